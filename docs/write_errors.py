@@ -18,6 +18,7 @@ GROUPS = {
     "B": "`msggen bump`",
     "C": "Settings and rules",
     "T": "Templates",
+    "L": "Running vehicles",
 }
 
 

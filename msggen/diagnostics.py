@@ -133,6 +133,9 @@ CODES: Mapping[str, Level] = MappingProxyType(
         "T208": Level.ERROR,
         "T209": Level.ERROR,
         "T210": Level.ERROR,
+        "L101": Level.ERROR,
+        "L102": Level.ERROR,
+        "L103": Level.ERROR,
     }
 )
 """The level of each code. Constructs that PX4 may add in its next release are warnings, so that it still builds.

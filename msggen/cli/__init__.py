@@ -34,6 +34,7 @@ _MODULES = {
     "bump": "bump",
     "render": "render",
     "docs": "docs",
+    "sim": "sim",
     "px4-generate": "px4_generate",
     "releases": "releases",
     "rules": "rules",

@@ -85,8 +85,12 @@ def command_line(name: str, choose: random.Random) -> list[str]:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", COMMANDS)
 def test_no_arguments_lead_to_a_trace_or_to_the_exit_code_of_findings(
-    name: str, working_folder: Path, capsys: pytest.CaptureFixture[str]
+    name: str, working_folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("msggen.live.sim.Simulator.serve", interrupt)  # `msggen sim` would not end by itself
     choose = random.Random(name)  # noqa: S311 - the same arguments in every run
     write_definitions(working_folder, FILES)
     for _ in range(ROUNDS):

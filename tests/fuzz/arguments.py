@@ -23,6 +23,9 @@ from support.scratch import inside, scratch_folder
 
 COUNT = 150
 
+COMMANDS = tuple(name for name in _MODULES if name != "sim")
+"""The commands that end by themselves."""
+
 Case = tuple[str, ...]
 """The arguments."""
 
@@ -87,7 +90,7 @@ def options(command: str) -> tuple[str, ...]:
 
 
 def case(chance: Random) -> Case:
-    command = chance.choice((*_MODULES, *LIKELY, *LIKELY, "--version", "buidl"))
+    command = chance.choice((*COMMANDS, *LIKELY, *LIKELY, "--version", "buidl"))
     words = list(LIKELY.get(command, ())) if chance.random() < 0.7 else []
     known = options(command) if command in _MODULES else ()
     for _ in range(chance.choice((0, 1, 1, 2, 3, 5))):

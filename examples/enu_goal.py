@@ -1,0 +1,23 @@
+"""Send the vehicle to a goal in ENU, as ROS programs have it, and show where it is in ENU. Stop with Ctrl-C.
+
+Usage: python enu_goal.py EAST NORTH UP [udp://127.0.0.1:8888]
+
+The vehicle must be in Offboard mode already, as after offboard.py has armed it.
+"""
+
+import sys
+from contextlib import suppress
+
+from msggen.live import Vehicle
+from px4_types import OffboardControlMode, TrajectorySetpoint, VehicleLocalPosition, frames
+
+goal = tuple(float(number) for number in sys.argv[1:4])
+setpoint = frames.from_ros(TrajectorySetpoint, position=goal)  # NED; all other values are NaN, "not controlled"
+
+with Vehicle(*sys.argv[4:]) as vehicle:
+    vehicle.wait_connected(30)
+    heartbeat = vehicle.every(10, OffboardControlMode(position=True))
+    with heartbeat, vehicle.every(20, setpoint), suppress(KeyboardInterrupt):
+        for count, message in enumerate(vehicle.subscribe(VehicleLocalPosition)):
+            if count % 10 == 0:
+                print("east {:.2f}, north {:.2f}, up {:.2f} m".format(*frames.to_ros(message, "xyz").value), flush=True)

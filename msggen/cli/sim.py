@@ -1,0 +1,365 @@
+"""`msggen sim`: simulate vehicles that connect to an agent."""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import os
+import re
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, non_empty
+from msggen.cli.printing import terminal_width
+from msggen.cli.values import convert_values, positive, share, whole
+from msggen.diagnostics import counted, input_error, suggestion
+from msggen.exit_codes import DONE
+
+if TYPE_CHECKING:
+    from msggen.live.sim import Options, Simulator
+
+_ADDRESS = "udp://127.0.0.1:8888"
+_SYNCS = ("px4", "short", "off")
+_MOST_KEYS = 255
+"""The largest key: it is also the system id of the vehicle, which is a uint8."""
+_NAMESPACE = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(?:/[A-Za-z_][A-Za-z0-9_]*)*")
+_REFRESH = 0.5
+"""The time in s after which news are printed."""
+_LONGEST_NAMESPACE = 100
+_BUILT = "msggen_sim_types"
+
+
+def add_to(commands: Commands) -> None:
+    """Add the command to the command line."""
+    parser = add_command(
+        commands,
+        "sim",
+        _sim,
+        help="simulate vehicles that connect to a program, for tests without PX4",
+        description="Simulate PX4's client: vehicles that fly, publish, and answer commands and format requests, for "
+        "programs that use msggen.live and for other agents of DDS-XRCE. By default, they have the messages of the "
+        "newest embedded release.",
+        epilog=f"Exit codes: 0 done, or vehicles ended by Ctrl-C, {FAILED_CODES}",
+    )
+    parser.add_argument(
+        "address",
+        metavar="ADDRESS",
+        nargs="?",
+        type=non_empty,
+        default=_ADDRESS,
+        help=f"of the agent: udp://HOST:PORT or serial://DEVICE?baud=N (default: {_ADDRESS})",
+    )
+    _add_vehicles(parser)
+    _add_misbehaviour(parser)
+    add_shared(parser, "-q, --quiet")
+
+
+def _add_vehicles(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("vehicles")
+    source = group.add_mutually_exclusive_group()
+    add_shared(source, "--px4", old="--release")
+    source.add_argument(
+        "--types", metavar="NAME|DIR", type=non_empty, help="package that msggen has generated, instead of --px4"
+    )
+    group.add_argument("--count", metavar="N", type=non_empty, default="1", help="number of vehicles (default: 1)")
+    group.add_argument(
+        "--namespace", metavar="NAME", type=non_empty, help="namespace, NAME_1, NAME_2, ... of several (default: uav)"
+    )
+    group.add_argument(
+        "--key",
+        metavar="N",
+        type=non_empty,
+        default="1",
+        help="key of the first vehicle, as UXRCE_DDS_KEY (default: 1)",
+    )
+    group.add_argument("--rate", metavar="HZ", type=non_empty, help="publish all topics at this rate")
+    group.add_argument(
+        "--sync",
+        choices=_SYNCS,
+        default=_SYNCS[0],
+        metavar="MODE",
+        help="time synchronisation: px4, which takes 5 s; short; off (default: px4)",
+    )
+    group.add_argument("--for", metavar="SECONDS", type=non_empty, help="end after this time")
+
+
+def _add_misbehaviour(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("misbehaviour", "SHARE is from 0 to 1, of the datagrams of both directions.")
+    for option, text in (
+        ("--drop", "lose datagrams"),
+        ("--reorder", "exchange datagrams with the next one"),
+        ("--duplicate", "repeat datagrams"),
+        ("--garbage", "send damaged and random datagrams too"),
+    ):
+        group.add_argument(option, metavar="SHARE", type=non_empty, default="0", help=text)
+    group.add_argument("--silent-after", metavar="SECONDS", type=non_empty, help="fall silent for good")
+    group.add_argument("--restart-every", metavar="SECONDS", type=non_empty, help="restart the client")
+    group.add_argument(
+        "--wrong-hash",
+        metavar="MESSAGE",
+        type=non_empty,
+        action="append",
+        default=[],
+        help="answer format requests with a wrong hash, as of another definition; repeatable",
+    )
+    group.add_argument(
+        "--version",
+        metavar="MESSAGE=N",
+        type=non_empty,
+        action="append",
+        default=[],
+        help="use another version suffix in the topics of a message; repeatable",
+    )
+    group.add_argument("--seed", metavar="N", type=non_empty, default="0", help="of all that is random (default: 0)")
+
+
+def _namespace(text: str) -> str:
+    if not _NAMESPACE.fullmatch(text) or len(text) > _LONGEST_NAMESPACE:
+        raise argparse.ArgumentTypeError(f"expected a name such as uav_1, found {text!r}")
+    return text
+
+
+def _version(text: str) -> tuple[str, int]:
+    name, mark, number = text.partition("=")
+    if not (mark and name and number.isascii() and number.isdecimal()):
+        raise argparse.ArgumentTypeError(f"expected a message and a version such as VehicleStatus=2, found {text!r}")
+    return name, int(number)
+
+
+_VALUES: Mapping[str, Callable[[str], Any]] = {
+    "count": whole(1, _MOST_KEYS),
+    "key": whole(1, _MOST_KEYS),
+    "namespace": _namespace,
+    "rate": positive,
+    "for": positive,
+    "drop": share,
+    "reorder": share,
+    "duplicate": share,
+    "garbage": share,
+    "silent_after": positive,
+    "restart_every": positive,
+    "seed": whole(0, 2**32),
+    "version": _version,
+}
+
+
+# The run
+
+
+def _sim(options: argparse.Namespace) -> int:
+    convert_values(options, _VALUES)
+    with ExitStack() as stack:
+        package, label = _package(options, stack)
+        _check_messages(options, package)
+        simulator = _open(options, package)
+        stack.callback(simulator.close)
+        gc.enable()  # unlike other commands, this one may run for days
+        if not options.quiet:
+            print(
+                f"{label}: {_contents(package)}; {counted(options.count, 'vehicle')} to {options.address}", flush=True
+            )
+        try:
+            _run(simulator, options)
+        except KeyboardInterrupt:
+            pass  # the usual end
+        finally:
+            seconds = (simulator.now - simulator.boot) / 1e6
+            simulator.close()
+        if not options.quiet:
+            print("\n".join(_summary(simulator, seconds)))
+    return DONE
+
+
+def _run(simulator: Simulator, options: argparse.Namespace) -> None:
+    """Run until the time is over, and print what happens."""
+    from msggen.live.link import LinkError
+
+    seconds = getattr(options, "for")  # a keyword
+    end = None if seconds is None else simulator.now + seconds * 1e6
+    output = None if options.quiet else _Output(simulator)
+    try:
+        while end is None or simulator.now < end:
+            simulator.serve(_REFRESH if end is None else min(_REFRESH, (end - simulator.now) / 1e6))
+            if output:
+                output.update()
+    except LinkError as error:
+        raise input_error(options.address, "L102", str(error), 0) from None
+    finally:
+        if output:
+            output.clear()
+
+
+class _Output:
+    """Lines that tell what has happened, and in a terminal a line below them with the present state."""
+
+    def __init__(self, simulator: Simulator) -> None:
+        self._simulator = simulator
+        self._is_terminal = sys.stdout.isatty() and os.environ.get("TERM") != "dumb"
+        self._counted = (simulator.now, 0, 0)
+
+    def update(self) -> None:
+        """Print what has happened since the last call. Lines are flushed, for programs that read them."""
+        self.clear()
+        start = self._simulator.boot
+        for vehicle in self._simulator.vehicles:
+            name = f"  {vehicle.options.namespace}" if vehicle.options.namespace else ""
+            while vehicle.changes:
+                change = vehicle.changes.popleft()
+                print(f"{(change.time - start) / 1e6:8.2f} s{name}  {change.text}")
+        if self._is_terminal:
+            print(self._state()[: terminal_width(80) - 1], end="")
+        print(end="", flush=True)
+
+    def clear(self) -> None:
+        """Remove the line with the state."""
+        if self._is_terminal:
+            print("\r\033[K", end="")
+
+    def _state(self) -> str:
+        vehicles, before = self._simulator.vehicles, self._counted
+        self._counted = now, sent, received = (self._simulator.now, *_totals(self._simulator))
+        seconds = max(now - before[0], 1) / 1e6
+        rates = f"{(sent - before[1]) / seconds:.0f} out, {(received - before[2]) / seconds:.0f} in a second"
+        connected = sum(vehicle.is_connected for vehicle in vehicles)
+        text = f"{(now - self._simulator.boot) / 1e6:8.2f} s  {connected} of {len(vehicles)} connected, {rates}"
+        height = f", {max(0.0, -vehicles[0].world.flight.position[2]):.1f} m above ground" if len(vehicles) == 1 else ""
+        return text + height
+
+
+def _totals(simulator: Simulator) -> tuple[int, int]:
+    """Return the numbers of samples sent and received."""
+    sent = sum(sum(vehicle.sent.values()) for vehicle in simulator.vehicles)
+    return sent, sum(sum(vehicle.received.values()) for vehicle in simulator.vehicles)
+
+
+def _summary(simulator: Simulator, seconds: float) -> Iterator[str]:
+    """Yield the number of samples, and the rates of the topics that a program has published."""
+    sent, received = _totals(simulator)
+    yield f"{counted(sent, 'sample')} sent, {received} received, in {seconds:.1f} s"
+    rows = [(name, number) for vehicle in simulator.vehicles for name, number in vehicle.received.items()]
+    width = max((len(name) for name, _ in rows), default=0)
+    for name, number in rows:
+        yield f"  {name:{width}}  {number:7}  {number / seconds:7.1f} Hz"
+    for vehicle in simulator.vehicles:
+        for reason, number in vehicle.refused.items():
+            yield f"  refused: {reason} ({number})"
+
+
+def _open(options: argparse.Namespace, package: ModuleType) -> Simulator:
+    from msggen.live.link import LinkError
+    from msggen.live.sim import Simulator
+
+    try:
+        return Simulator(package, options.address, list(_options_of_vehicles(options)))
+    except LinkError as error:
+        raise input_error(options.address, "L102", str(error), 0) from None
+    except ValueError as error:
+        raise input_error("ADDRESS", "L101", str(error), 0) from None
+
+
+def _options_of_vehicles(options: argparse.Namespace) -> Iterator[Options]:
+    from msggen.live.sim import Misbehaviour, Options
+
+    misbehaviour = Misbehaviour(
+        drop=options.drop,
+        reorder=options.reorder,
+        duplicate=options.duplicate,
+        garbage=options.garbage,
+        silent_after=options.silent_after,
+        restart_every=options.restart_every,
+        wrong_hashes=tuple(options.wrong_hash),
+        versions=dict(options.version),
+    )
+    if options.key + options.count - 1 > _MOST_KEYS:
+        options.parser.error(
+            f"--key {options.key}: the last of {options.count} vehicles needs a key up to {_MOST_KEYS}"
+        )
+    for number in range(options.count):
+        namespace = options.namespace or ("uav" if options.count > 1 else "")
+        yield Options(
+            key=options.key + number,
+            namespace=f"{namespace}_{number + 1}" if options.count > 1 else namespace,
+            rate=options.rate,
+            sync=options.sync,
+            seed=options.seed,
+            misbehaviour=misbehaviour,
+        )
+
+
+def _check_messages(options: argparse.Namespace, package: ModuleType) -> None:
+    """Refuse names of messages that no topic has."""
+    topics = _topics(package)
+    known = sorted({endpoint.message_name for endpoint in topics.ENDPOINTS})
+    versions = [name for name, _ in options.version]
+    for option, names in (("--wrong-hash", options.wrong_hash), ("--version", versions)):
+        for name in names:
+            if name not in known:
+                options.parser.error(f"argument {option}: no topic has a message '{name}'{suggestion(name, known)}")
+
+
+def _contents(package: ModuleType) -> str:
+    directions = [endpoint.direction for endpoint in _topics(package).ENDPOINTS]
+    return f"{directions.count('out')} topics out, {directions.count('in')} in"
+
+
+# The package
+
+
+def _package(options: argparse.Namespace, stack: ExitStack) -> tuple[ModuleType, str]:
+    """Return the package to simulate, and its name for people."""
+    if options.types:
+        found, label = _import(options.types), options.types
+    else:
+        found, label = _build(options.px4, stack)
+    if not getattr(_topics(found), "ENDPOINTS", ()):
+        raise input_error(options.types or options.px4, "L103", "no topics of the bridge: no dds_topics.yaml", 0)
+    return found, label
+
+
+def _build(px4: str | None, stack: ExitStack) -> tuple[ModuleType, str]:
+    """Build the types of a firmware in a folder that is removed at the end, and import them."""
+    from importlib import import_module
+    from tempfile import TemporaryDirectory
+
+    from msggen.firmware.sources import find_sources
+    from msggen.generate.build import Build
+
+    sources = find_sources(px4)
+    folder = stack.enter_context(TemporaryDirectory(prefix="msggen-sim-"))
+    Build(sources, folder, _BUILT).run(write=True)
+    sys.path.insert(0, folder)
+    stack.callback(sys.path.remove, folder)
+    stack.callback(_forget, _BUILT)
+    return import_module(_BUILT), sources.label
+
+
+def _forget(package: str) -> None:
+    for name in [name for name in sys.modules if name.partition(".")[0] == package]:
+        del sys.modules[name]
+
+
+def _import(text: str) -> ModuleType:
+    """Import a package by its name or by its folder."""
+    from importlib import import_module
+
+    path = os.path.abspath(text)
+    folder, name = os.path.split(path) if os.path.isdir(path) else (os.curdir, text)
+    sys.path.insert(0, os.path.abspath(folder))
+    try:
+        return import_module(name)
+    except (ImportError, ValueError) as error:
+        raise input_error(text, "L103", f"cannot be imported: {error}", 0) from None
+    finally:
+        sys.path.pop(0)
+
+
+def _topics(package: ModuleType) -> ModuleType:
+    from importlib import import_module
+
+    try:
+        return import_module(f"{package.__name__}.topics")
+    except ImportError:
+        raise input_error(package.__name__, "L103", "not a package that msggen has generated", 0) from None

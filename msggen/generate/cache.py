@@ -1,0 +1,96 @@
+"""Packages of embedded releases in the user's cache, each built when a program first asks for it."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import sys
+import tempfile
+from importlib.machinery import ModuleSpec
+from shutil import rmtree
+from types import ModuleType
+
+from msggen import __version__
+from msggen.diagnostics import input_error
+from msggen.firmware.embedded import unknown_release
+from msggen.firmware.sources import Sources, find_sources, with_archived
+from msggen.generate.build import Build
+
+_ARCHIVED_SINCE = "v1.16"
+"""The first release that has archived versions."""
+
+
+def package_of(release: str) -> ModuleType:
+    r"""Return the generated package of an embedded release, such as "v1.17", as the module `px4_v1_17`.
+
+    The package is built on the first call, in about a second, and kept in the user's cache: `$XDG_CACHE_HOME/msggen`,
+    by default `~/.cache/msggen`; on macOS `~/Library/Caches/msggen`, on Windows `%LOCALAPPDATA%\msggen`. Each
+    version of msggen has packages of its own. A package has the archived versions of its release.
+
+    Raises InputError for another name, and OSError if the cache cannot be written.
+    """
+    problem = unknown_release(release)
+    if problem:
+        raise input_error(release, "S105", problem, 0)
+    name = f"px4_{release.replace('.', '_')}"
+    found = sys.modules.get(name)
+    if found is not None:
+        return found
+    sources = find_sources(release)
+    folder = _built(with_archived(sources) if release >= _ARCHIVED_SINCE else sources, name)
+    return _imported(name, folder)
+
+
+def cache_folder() -> str:
+    """Return the folder for msggen's files that can be made again."""
+    if sys.platform == "win32":
+        root = os.environ.get("LOCALAPPDATA") or os.path.expanduser(r"~\AppData\Local")
+    elif sys.platform == "darwin":
+        root = os.path.expanduser("~/Library/Caches")
+    else:
+        root = os.environ.get("XDG_CACHE_HOME", "")
+        if not os.path.isabs(root):  # the XDG specification ignores a relative path
+            root = os.path.expanduser("~/.cache")
+    return os.path.join(root, "msggen")
+
+
+def _built(sources: Sources, name: str) -> str:
+    """Return the folder of a package, which is built there if it does not exist.
+
+    The digest of all that a package depends on is in the path. So a package never changes, and several versions of
+    msggen have their own. It is built beside its place and moved there: other processes see all of it or nothing.
+    """
+    root = cache_folder()
+    os.makedirs(root, mode=0o700, exist_ok=True)
+    made = tempfile.mkdtemp(prefix="new-", dir=root)
+    try:
+        build = Build(sources, made, name)
+        place = os.path.join(root, f"{__version__}-{build.inputs[:16]}")
+        folder = os.path.join(place, name)
+        if not os.path.isdir(folder):
+            build.run(write=True)
+            os.makedirs(place, mode=0o700, exist_ok=True)
+            try:
+                os.rename(os.path.join(made, name), folder)
+            except OSError:
+                if not os.path.isdir(folder):  # another process was faster
+                    raise
+        return folder
+    finally:
+        rmtree(made, ignore_errors=True)
+
+
+def _imported(name: str, folder: str) -> ModuleType:
+    """Return the package in a folder, imported under its name without a change of `sys.path`."""
+    path = os.path.join(folder, "__init__.py")
+    spec: ModuleSpec | None = importlib.util.spec_from_file_location(name, path, submodule_search_locations=[folder])
+    if spec is None or spec.loader is None:
+        raise ImportError(f"'{path}' cannot be imported")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[name]
+        raise
+    return module

@@ -1,0 +1,168 @@
+"""Addresses of links: `udp://127.0.0.1:8888`. The module of a transport is imported when an address names it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+from urllib.parse import parse_qsl, unquote
+
+from msggen.diagnostics import suggestion
+from msggen.live.link import Link, LinkError, Route
+
+FORMS = {
+    "udp": "udp://127.0.0.1:8888",
+    "serial": "serial:///dev/ttyUSB0?baud=921600",
+    "tap": "tap://127.0.0.1:8888?agent=127.0.0.1:8889",
+    "dds": "dds://0",
+}
+"""An example for each scheme."""
+
+QUERIES = {"udp": (), "serial": ("baud",), "tap": ("agent",), "dds": ()}
+"""The keys that an address may have after `?`."""
+
+PORT = 8888
+"""The port of PX4's client by default (parameter UXRCE_DDS_PRT)."""
+
+BAUD = 921600
+"""The rate of TELEM2 in PX4's guide, in bit/s."""
+
+_LINKS = {
+    "udp": ("UdpLink", ("host", "port"), ("allow", "keys", "known")),
+    "serial": ("SerialLink", ("path", "baud"), ("keys", "known")),
+    "tap": ("TapLink", ("host", "port"), ("agent", "allow", "known")),
+    "dds": ("DdsLink", ("domain",), ()),
+}
+"""The class of each link, its positional arguments from the address, and its options."""
+
+_PORTS = 65536
+_DOMAINS = 233
+
+
+class Address(NamedTuple):
+    """A parsed address. Attributes that its scheme does not have keep their defaults."""
+
+    scheme: str
+    host: str = "127.0.0.1"
+    port: int = PORT
+    path: str = ""
+    baud: int = BAUD
+    agent: tuple[str, int] = ("127.0.0.1", PORT + 1)
+    domain: int = 0
+
+    def __str__(self) -> str:
+        if self.scheme == "serial":
+            return f"serial://{self.path}?baud={self.baud}"
+        if self.scheme == "dds":
+            return f"dds://{self.domain}"
+        place = f"{self.scheme}://{_joined(self.host, self.port)}"
+        return f"{place}?agent={_joined(*self.agent)}" if self.scheme == "tap" else place
+
+
+def parse_address(text: str) -> Address:
+    """Return the parts of an address. Raises LinkError, which names the nearest right form."""
+    scheme, separator, rest = text.partition("://")
+    if not separator or scheme not in FORMS:
+        raise LinkError(f"'{text}' is not the address of a link{_nearest_form(text)}")
+    place, _, query = rest.partition("?")
+    values = _query(text, scheme, query)
+    if scheme == "serial":
+        return _serial(text, unquote(place), values)
+    if scheme == "dds":
+        domain = _number(text, place or "0", "a DDS domain", _DOMAINS)
+        return Address(scheme, domain=domain)
+    host, port = _place(text, place.rstrip("/"), PORT)
+    if scheme == "udp":
+        return Address(scheme, host, port)
+    agent = _place(text, values.get("agent", ""), PORT + 1)
+    if agent == (host, port):
+        raise LinkError(f"'{text}': the agent has the tap's own address: start the agent on another port, 8889")
+    return Address(scheme, host, port, agent=agent)
+
+
+def open_link(
+    address: Address, allow: Sequence[str | int] = (), known: Sequence[Route] = (), *, is_isolated: bool = False
+) -> Link:
+    """Return the link of an address, which is not started yet.
+
+    `allow` has IP addresses, networks and keys of clients. `known` has the routes of the expected firmware, with which
+    the session of an earlier program is continued. `is_isolated` runs it in a process of its own. Raises LinkError.
+    """
+    from importlib import import_module
+
+    keys = tuple(each for each in allow if not isinstance(each, str))
+    addresses = tuple(each for each in allow if isinstance(each, str))
+    given = {"allow": addresses, "keys": keys, "known": tuple(known), "agent": address.agent}
+    name, places, options = _LINKS[address.scheme]
+    for option, noun in (("allow", "addresses"), ("keys", "keys")):
+        if given[option] and option not in options:
+            raise LinkError(f"'{address}' has no {noun} that allow= could name: leave them out")
+    if is_isolated:
+        from msggen.live.isolated import IsolatedLink
+
+        return IsolatedLink(address, allow, known)
+    cls = getattr(import_module(f"msggen.live.{address.scheme}"), name)
+    arguments = [getattr(address, place) for place in places]
+    link: Link = cls(*arguments, **{option: given[option] for option in options})
+    return link
+
+
+def _joined(host: str, port: int) -> str:
+    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+
+
+def _query(text: str, scheme: str, query: str) -> dict[str, str]:
+    values = dict(parse_qsl(query, keep_blank_values=True))
+    for key in values:
+        if key not in QUERIES[scheme]:
+            known = suggestion(key, QUERIES[scheme]) or f": expected an address such as '{FORMS[scheme]}'"
+            raise LinkError(f"'{text}': unknown key '{key}'{known}")
+    return values
+
+
+def _serial(text: str, path: str, values: Mapping[str, str]) -> Address:
+    if not path:
+        raise LinkError(f"'{text}' has no device: expected an address such as '{FORMS['serial']}'")
+    if path.startswith("dev/"):
+        raise LinkError(f"'{text}' has no absolute path, did you mean 'serial:///{text.partition('://')[2]}'?")
+    baud = _number(text, values.get("baud", str(BAUD)), "a baud rate", 1 << 31, least=1)
+    return Address("serial", path=path, baud=baud)
+
+
+def _place(text: str, place: str, port: int) -> tuple[str, int]:
+    """Return host and port of `127.0.0.1:8888`, `[::1]:8888`, `127.0.0.1` and ``."""
+    found = re.fullmatch(r"(?:\[([^\]]+)\]|([^:/@]*))(?::([^:/]*))?", place)
+    if found is None:
+        scheme = text.partition("://")[0]
+        raise LinkError(f"'{text}': '{place}' is not a host and a port: expected an address such as '{FORMS[scheme]}'")
+    host = found[1] or found[2] or "127.0.0.1"
+    number = _number(text, found[3], "a port", _PORTS, least=1) if found[3] is not None else port
+    return host, number
+
+
+def _number(text: str, number: str, noun: str, end: int, least: int = 0) -> int:
+    if not re.fullmatch("[0-9]{1,10}", number) or not least <= int(number) < end:
+        raise LinkError(f"'{text}': '{number}' is not {noun}: expected a number from {least} to {end - 1}")
+    return int(number)
+
+
+def _nearest_form(text: str) -> str:
+    """Return the end of an error about a text that is no address."""
+    guess = _guess(text)
+    return f", did you mean '{guess}'?" if guess else f": expected one of {', '.join(FORMS.values())}"
+
+
+def _guess(text: str) -> str:
+    scheme, colon, rest = text.partition(":")
+    from difflib import get_close_matches
+
+    rest = rest.lstrip("/")
+    near = get_close_matches(scheme.lower(), FORMS, n=1)
+    if colon and near:
+        name = near[0]
+        return f"{name}:///{rest}" if name == "serial" and rest.startswith("dev/") else f"{name}://{rest}"
+    if text.startswith("/dev/") or re.fullmatch(r"COM[0-9]+", text):
+        return f"serial://{text}"
+    if re.fullmatch(r"[\w.-]+(:[0-9]+)?", text):
+        return f"udp://{text}" if not text.isdecimal() else f"dds://{text}"
+    return ""

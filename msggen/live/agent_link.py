@@ -1,0 +1,226 @@
+"""The common part of the links that answer PX4's client themselves: a thread around `xrce.agent.Agent`.
+
+The protocol has no input or output. This class gives it a thread, a lock and the time; `udp`, `serial` and `tap` give
+it datagrams.
+"""
+
+from __future__ import annotations
+
+import selectors
+import socket
+import threading
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
+
+from msggen.live.guard import Guard
+from msggen.live.link import LinkError, Listener, Remote, Route, Service, Statistics
+from msggen.live.xrce.agent import Address, Agent, Event, Sample, everybody
+
+TICK = 0.1
+"""The time in s between two calls of `Agent.tick`."""
+
+
+class AgentLink(ABC):
+    """A link with an agent of its own. One thread receives, and calls the listener; any thread sends."""
+
+    def __init__(
+        self,
+        *,
+        allow: Callable[[Address], bool] = everybody,
+        keys: Sequence[int] = (),
+        known: Iterable[Route] = (),
+    ) -> None:
+        """Make a link. Nothing is opened.
+
+        `keys` are the keys of clients (UXRCE_DDS_KEY) that may connect, all of them if there are none. `known` are the
+        routes of the expected firmware: with them, the session of an earlier program is continued.
+        """
+        self.agent = Agent(time.monotonic(), allow=allow, keys=frozenset(keys) or None, known=known)
+        self.lock = threading.Lock()
+        """Held while the agent is used, and while its datagrams are sent: they must leave in order."""
+        self.sent = 0
+        self._thread: threading.Thread | None = None
+        self._closing = False
+        self._released = False
+
+    # --- What a transport gives
+
+    @abstractmethod
+    def open(self, listener: Listener) -> None:
+        """Open the transport. Raises LinkError."""
+
+    @abstractmethod
+    def wait(self, seconds: float, listener: Listener) -> None:
+        """Wait at most some seconds for something to arrive, and give it to the agent and the listener."""
+
+    @abstractmethod
+    def wake(self) -> None:
+        """Let the thread look around, which ends. From any thread."""
+
+    @abstractmethod
+    def transmit(self, datagrams: list[tuple[bytes, Address]]) -> None:
+        """Send datagrams, or drop what cannot be sent at once. Never raises. The caller holds the lock."""
+
+    @abstractmethod
+    def release(self) -> None:
+        """Close the transport, as far as it is open."""
+
+    def look(self, now: float, listener: Listener) -> None:  # noqa: B027 - not every transport has something to do
+        """Do what time demands in the transport, every TICK seconds. `now` is of the monotonic clock."""
+
+    def dropped(self) -> int:
+        """Return `Statistics.dropped`."""
+        return 0
+
+    def receive_buffer(self) -> int:
+        """Return `Statistics.receive_buffer`."""
+        return 0
+
+    # --- Link
+
+    def start(self, listener: Listener) -> None:
+        """Open the link and start its thread. Raises LinkError."""
+        if self._thread is not None or self._closing:
+            raise LinkError("a link can be started once: make another one")
+        guard = Guard(listener)
+        try:
+            self.open(guard)
+        except BaseException:
+            self._closing = True
+            self._release()
+            raise
+        name = f"msggen-{type(self).__name__.removesuffix('Link').lower()}"
+        self._thread = threading.Thread(target=self._run, args=(guard,), name=name, daemon=True)
+        self._thread.start()
+
+    def publish(self, remote: Remote, route: Route, payload: bytes) -> None:
+        """Send a sample. From any thread. Raises LinkError."""
+        agent = self.agent
+        with self.lock:
+            agent.publish(remote.number, route.object_id, payload)
+            self.transmit(agent.take_outgoing())
+
+    def call(self, remote: Remote, service: Service, number: int, payload: bytes) -> None:
+        """Send a request. From any thread. Raises LinkError."""
+        agent = self.agent
+        with self.lock:
+            agent.call(remote.number, service.object_id, number, payload)
+            self.transmit(agent.take_outgoing())
+
+    def routes(self, remote: Remote) -> Sequence[Route | Service]:
+        """Return the routes and services of a connected vehicle, or none if it is not connected."""
+        with self.lock:
+            try:
+                return self.agent.routes(remote.number)
+            except LinkError:
+                return ()
+
+    def statistics(self) -> Statistics:
+        """Return the counters."""
+        with self.lock:
+            agent = self.agent
+            refused = sum(agent.refused.values())
+            return Statistics(agent.received, self.sent, refused, self.dropped(), agent.lost, self.receive_buffer())
+
+    def close(self) -> None:
+        """End the thread, and release everything. A callback may call it: then the thread ends after the callback."""
+        self._closing = True
+        thread = self._thread
+        if thread is threading.current_thread():
+            return
+        if thread is not None and thread.is_alive():
+            self.wake()
+            thread.join()
+        elif thread is not None:
+            self._release()  # the thread did not get here: this is a forked process
+
+    # --- The thread
+
+    def _run(self, listener: Listener) -> None:
+        reason = "the link was closed"
+        try:
+            self._serve(listener)
+        except Exception as error:  # noqa: BLE001 - told to the user, who would wait forever
+            reason = f"the link failed: {type(error).__name__}: {error}"
+            listener.warned(reason)
+        finally:
+            self._closing = True
+            with self.lock:
+                self.agent.close(reason)
+            self.flush(listener)
+            self._release()
+
+    def _serve(self, listener: Listener) -> None:
+        clock, wait = time.monotonic, self.wait
+        due = now = clock()
+        while not self._closing:
+            wait(max(0.0, due - now), listener)
+            now = clock()
+            if now >= due:
+                due = now + TICK
+                with self.lock:
+                    self.agent.tick(now)
+                self.look(now, listener)
+                self.flush(listener)
+
+    def flush(self, listener: Listener) -> None:
+        """Send what the agent has to send, and tell the listener what has happened. Without the lock."""
+        with self.lock:
+            events = self.settle()
+        deliver(events, listener)
+
+    def settle(self) -> list[Event]:
+        """Send what the agent has to send, and return what has happened. The caller holds the lock."""
+        outgoing = self.agent.take_outgoing()
+        if outgoing:
+            self.transmit(outgoing)
+        return self.agent.take_events()
+
+    def _release(self) -> None:
+        if self._released:
+            return
+        self._released = True
+        self.release()
+
+
+class SelectorLink(AgentLink):
+    """A link that waits for several files or sockets. Each is registered at `selector` with a function to call."""
+
+    def open(self, listener: Listener) -> None:  # noqa: ARG002
+        """Make the selector, and a pair of sockets to wake the thread."""
+        self.selector = selectors.DefaultSelector()
+        self._wake, self._woken = socket.socketpair()
+        self._wake.settimeout(0.0)
+        self._woken.settimeout(0.0)
+        self.selector.register(self._woken, selectors.EVENT_READ, self._drain)
+
+    def wait(self, seconds: float, listener: Listener) -> None:
+        """Wait, and call the functions of what is ready."""
+        for key, events in self.selector.select(seconds):
+            key.data(events, listener)
+
+    def wake(self) -> None:
+        """Send a byte to the thread."""
+        with suppress(OSError):  # it has been woken often enough, or has ended
+            self._wake.send(b"\0")
+
+    def _drain(self, _events: int, _listener: Listener) -> None:
+        with suppress(BlockingIOError):
+            self._woken.recv(4096)
+
+    def release(self) -> None:
+        """Close the selector and the pair of sockets."""
+        self.selector.close()
+        self._wake.close()
+        self._woken.close()
+
+
+def deliver(events: list[Event], listener: Listener) -> None:
+    """Tell a listener what has happened. The caller does not hold the lock: the listener may send."""
+    for event in events:
+        if type(event) is Sample:  # the frequent one
+            listener.sample(event.remote, event.route, event.payload, event.time)
+        else:
+            event.deliver(listener)

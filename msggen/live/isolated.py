@@ -1,0 +1,244 @@
+"""A link in a process of its own, for programs that hold Python's interpreter lock for long.
+
+PX4's client waits for answers of its agent, and a program that computes for seconds does not answer. The child process
+runs the link, and passes all on through two pipes. It ends when its parent does. If it is killed, it is started again.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from typing import Any
+
+from msggen.live.address import Address
+from msggen.live.link import LinkError, Listener, Remote, Route, Service, Statistics
+from msggen.live.pipe import CALL, EVENT, SAMPLE, KnownVehicle, Record, record_of, records_of
+
+_START_S = 60.0
+_END_S = 5.0
+_LOOK_S = 0.05
+_ATTEMPTS = 5
+"""How often in a row a process is started again that has lived for less than `_STABLE_S`."""
+_STABLE_S = 10.0
+_MAIN = "import sys; sys.path = {path!r}; from msggen.live.isolated_child import main; main()"
+"""The program of the process, which finds modules where its parent does."""
+
+NOTHING = Statistics(0, 0, 0, 0, 0, 0)
+
+
+class IsolatedLink:
+    """The Link of an address, run by a process of its own."""
+
+    def __init__(self, address: Address, allow: Sequence[str | int] = (), known: Sequence[Route] = ()) -> None:
+        self._setup = json.dumps({"address": str(address), "allow": list(allow), "known": list(known)}).encode()
+        self._address = address
+        self._process: subprocess.Popen[bytes] | None = None
+        self._thread: threading.Thread | None = None
+        self._lock = threading.Lock()
+        """Held while a record is written, so that records are whole."""
+        self._vehicles: dict[int, KnownVehicle] = {}
+        self._offset = self._last = 0
+        """The number of the last vehicle of the child processes before this one."""
+        self._is_closing = False
+        self._statistics = self._earlier = NOTHING
+
+    def start(self, listener: Listener) -> None:
+        """Start the process and its link. Raises LinkError."""
+        first = self._launch()
+        self._thread = threading.Thread(target=self._run, args=(listener, first), name="msggen-isolated", daemon=True)
+        self._thread.start()
+
+    def publish(self, remote: Remote, route: Route, payload: bytes) -> None:
+        """Send a sample. From any thread. Raises LinkError."""
+        number, vehicle = self._find(remote)
+        self._write(record_of(SAMPLE, payload, number, vehicle.indexes[route.name]))
+
+    def call(self, remote: Remote, service: Service, number: int, payload: bytes) -> None:
+        """Send a request. From any thread. Raises LinkError."""
+        own, vehicle = self._find(remote)
+        self._write(record_of(CALL, payload, own, vehicle.services.index(service), number))
+
+    def routes(self, remote: Remote) -> Sequence[Route | Service]:
+        """Return the routes and services of a connected vehicle, or none if it is not connected."""
+        found = self._vehicles.get(remote.number)
+        return (*found.routes, *found.services) if found else ()
+
+    def statistics(self) -> Statistics:
+        """Return the counters, of all processes. They are up to 0.2 s old."""
+        *counts, buffer = self._statistics
+        return Statistics._make([*map(sum, zip(counts, self._earlier[:-1], strict=True)), buffer])
+
+    def close(self) -> None:
+        """End the process, after the sessions of the vehicles. Can be repeated."""
+        self._is_closing = True
+        thread, deadline = self._thread, time.monotonic() + _END_S
+        while thread is not None and thread.is_alive():
+            process = self._process  # another one, if it has just been started again
+            assert process is not None  # noqa: S101 - `start` has set it
+            _end_input(process, self._lock)
+            if thread is threading.current_thread():
+                return
+            if time.monotonic() > deadline:
+                process.kill()
+            thread.join(_LOOK_S)
+
+    # the child process
+
+    def _launch(self) -> Iterator[Record]:
+        """Start a process, and return its records after the first one, which tells that its link is open."""
+        if not sys.executable:
+            raise LinkError("the program of Python is not known: use the link without isolated=True")
+        command = [sys.executable, "-I", "-c", _MAIN.format(path=sys.path)]
+        process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)  # noqa: S603
+        self._process = process
+        assert process.stdout is not None  # noqa: S101 - it is a pipe
+        timer = threading.Timer(_START_S, process.kill)
+        timer.daemon = True
+        timer.start()
+        try:
+            self._write(record_of(EVENT, self._setup))
+            records = records_of(process.stdout)
+            first = next(records, None)
+        except LinkError:
+            first = None
+        finally:
+            timer.cancel()
+        answer = json.loads(first[4]) if first else {"failed": "the process of the link ended at its start"}
+        if "failed" in answer:
+            _end(process)
+            raise LinkError(answer["failed"])
+        return records
+
+    def _run(self, listener: Listener, records: Iterator[Record]) -> None:
+        attempts = 0
+        while True:
+            started = time.monotonic()
+            for kind, number, index, when, body in records:
+                self._deliver(listener, kind, self._offset + number, index, when, body)
+            process = self._process
+            assert process is not None  # noqa: S101 - `start` has set it
+            _end(process)
+            reason = (
+                "the link was closed" if self._is_closing else f"the process of the link ended ({_status(process)})"
+            )
+            self._forget(listener, reason)
+            if self._is_closing:
+                return
+            attempts = 0 if time.monotonic() - started > _STABLE_S else attempts + 1
+            restarted = self._restarted(listener, reason, attempts)
+            if restarted is None:
+                return
+            records = restarted
+
+    def _restarted(self, listener: Listener, reason: str, attempts: int) -> Iterator[Record] | None:
+        problem = reason
+        for attempt in range(attempts, _ATTEMPTS):
+            listener.warned(f"{problem}, and is started again")
+            time.sleep(0.05 * 2**attempt)
+            if self._is_closing:
+                return None
+            try:
+                return self._launch()
+            except (LinkError, OSError) as error:
+                problem = str(error)
+        listener.warned(f"{problem}: the link to {self._address} stays closed, make a new Vehicle")
+        return None
+
+    def _deliver(self, listener: Listener, kind: int, number: int, index: int, when: int, body: bytes) -> None:  # noqa: PLR0913, PLR0917
+        """Tell the listener of a record."""
+        if kind == EVENT:
+            self._deliver_event(listener, json.loads(body))
+            return
+        vehicle = self._vehicles.get(number)
+        if vehicle is None:
+            return
+        if kind == SAMPLE:
+            listener.sample(vehicle.remote, vehicle.routes[index], body, when)
+        else:
+            listener.replied(vehicle.remote, vehicle.services[index], when, body)
+
+    def _deliver_event(self, listener: Listener, event: Mapping[str, Any]) -> None:
+        if "statistics" in event:
+            self._statistics = Statistics(*event["statistics"])
+        elif "warned" in event:
+            listener.warned(event["warned"])
+        elif "connected" in event:
+            number, *others = event["connected"]
+            self._last = self._offset + number
+            remote = Remote(self._last, *others)
+            self._vehicles[remote.number] = KnownVehicle(remote, [], [], {})
+            listener.connected(remote)
+        else:
+            number = self._offset + event["remote"]
+            remote, routes, services, indexes = self._vehicles[number]
+            if "route" in event:
+                route = Route(*event["route"])
+                indexes[route.name] = len(routes)
+                routes.append(route)
+                listener.opened(remote, route)
+            elif "service" in event:
+                services.append(Service(*event["service"]))
+                listener.opened(remote, services[-1])
+            elif "lost" in event:
+                listener.lost(remote, event["lost"])
+            else:
+                del self._vehicles[number]
+                listener.disconnected(remote, event["disconnected"])
+
+    def _forget(self, listener: Listener, reason: str) -> None:
+        """Tell the listener that all vehicles are gone with the process."""
+        for number, vehicle in tuple(self._vehicles.items()):
+            del self._vehicles[number]
+            listener.disconnected(vehicle.remote, reason)
+        self._offset = self._last
+        self._earlier, self._statistics = self.statistics(), NOTHING
+
+    def _find(self, remote: Remote) -> tuple[int, KnownVehicle]:
+        found = self._vehicles.get(remote.number)
+        if found is None:
+            raise LinkError(f"the vehicle at {remote.address} is no longer connected: wait until it is connected again")
+        return remote.number - self._offset, found
+
+    def _write(self, record: bytes) -> None:
+        process = self._process
+        if process is None or process.stdin is None:
+            raise LinkError("the link is not started")
+        try:
+            with self._lock:
+                process.stdin.write(record)
+                process.stdin.flush()
+        except (OSError, ValueError):
+            raise LinkError("the process of the link has ended: wait until the vehicle is connected again") from None
+
+
+def _end_input(process: subprocess.Popen[bytes], lock: threading.Lock) -> None:
+    """Close the input of the process, which then closes its link and ends."""
+    if process.stdin is not None and lock.acquire(timeout=_END_S):  # a writer may wait for a stopped process
+        try:
+            with suppress(OSError):
+                process.stdin.close()
+        finally:
+            lock.release()
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    """Wait for the end of the process, or kill it, and close its pipes."""
+    try:
+        process.wait(_END_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+    for pipe in (process.stdin, process.stdout):
+        if pipe is not None:
+            with suppress(OSError):
+                pipe.close()
+
+
+def _status(process: subprocess.Popen[bytes]) -> str:
+    code = process.returncode
+    return f"killed by signal {-code}" if code < 0 else f"exit code {code}"

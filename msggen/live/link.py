@@ -1,0 +1,123 @@
+"""The interface between a link and its user.
+
+A link carries samples between vehicles and this program: DDS-XRCE over UDP or a serial line, or DDS. A link knows
+names, types and bytes. Which class a sample belongs to, and what happens with it, is its user's task (`vehicle.py`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal, NamedTuple, Protocol
+
+
+class LinkError(RuntimeError):
+    """A link that cannot be opened, or that cannot do what it was asked. The text names the cure."""
+
+
+class Route(NamedTuple):
+    """An endpoint of a connected vehicle."""
+
+    name: str
+    """The name in ROS 2, with the namespace and the version suffix: `/uav_1/fmu/out/vehicle_status_v1`."""
+    ros_type: str
+    """The type in ROS 2: `px4_msgs/msg/VehicleStatus`."""
+    direction: Literal["out", "in"]
+    """`out` if PX4 publishes it, `in` if PX4 subscribes to it."""
+    object_id: int
+    """The number of the endpoint at the client: 12 bits (docs/xrce.md). -1 if the link has none."""
+
+
+class Service(NamedTuple):
+    """A service of a connected vehicle."""
+
+    name: str
+    """The name in ROS 2: `/fmu/vehicle_command`."""
+    request_type: str
+    """The type of requests in ROS 2: `px4_msgs/srv/VehicleCommand_Request`."""
+    reply_type: str
+    object_id: int
+
+
+class Remote(NamedTuple):
+    """A vehicle on a link. A vehicle that connects again is another Remote, with a new number."""
+
+    number: int
+    """Counts the vehicles that connected to this link, from 1."""
+    address: str
+    """`127.0.0.1:40123`, the path of a serial device, or `domain 0`."""
+    key: int
+    """The key of the client (parameter UXRCE_DDS_KEY), 0 on DDS."""
+    namespace: str
+    """The namespace without slashes at both ends: `uav_1`, or "" without one or if it is not known."""
+    adopted: bool
+    """Whether the link continues a session that an earlier program began. Services cannot be called then."""
+
+
+class Listener(Protocol):
+    """The user of a link. Its methods are called by the thread of the link, one at a time, and must return at once."""
+
+    def connected(self, remote: Remote) -> None:
+        """A vehicle has begun a session. Its routes follow."""
+
+    def opened(self, remote: Remote, route: Route | Service) -> None:
+        """A vehicle has a route or a service, from now on."""
+
+    def disconnected(self, remote: Remote, reason: str) -> None:
+        """A vehicle has ended its session, or has been silent for too long, or the link has failed."""
+
+    def sample(self, remote: Remote, route: Route, payload: bytes, time: int) -> None:
+        """A vehicle has published a sample.
+
+        `payload` starts with the 4 bytes of the encapsulation, as `decode` of a message takes it. `time` is the time
+        of its arrival in ns, of the clock `time.time_ns`.
+        """
+
+    def replied(self, remote: Remote, service: Service, number: int, payload: bytes) -> None:
+        """A vehicle has answered the request with a number. `payload` as for `sample`."""
+
+    def lost(self, remote: Remote, count: int) -> None:
+        """Samples of a vehicle did not arrive: their sequence numbers are missing."""
+
+    def warned(self, text: str) -> None:
+        """The link has something to tell the user, such as a vehicle that was refused."""
+
+
+class Statistics(NamedTuple):
+    """Counters of a link since it was opened."""
+
+    received: int
+    """Datagrams or frames from vehicles that were accepted."""
+    sent: int
+    refused: int
+    """Datagrams or frames that were malformed, or from an address or a key that is not allowed."""
+    dropped: int
+    """Datagrams that the kernel dropped because the receive buffer was full, or frames with a wrong checksum."""
+    lost: int
+    """Missing sequence numbers of all vehicles."""
+    receive_buffer: int
+    """The size of the receive buffer in bytes that the kernel granted, 0 if there is none."""
+
+
+class Link(Protocol):
+    """A connection to one or more vehicles."""
+
+    def start(self, listener: Listener) -> None:
+        """Open the link and start its thread. Raises LinkError."""
+
+    def publish(self, remote: Remote, route: Route, payload: bytes) -> None:
+        """Send a sample to a route of direction `in`. `payload` as for `Listener.sample`. From any thread.
+
+        Raises LinkError if the vehicle is no longer connected.
+        """
+
+    def call(self, remote: Remote, service: Service, number: int, payload: bytes) -> None:
+        """Send a request with a number that is unique for this remote. From any thread. Raises LinkError."""
+
+    def routes(self, remote: Remote) -> Sequence[Route | Service]:
+        """Return the routes and services of a connected vehicle."""
+
+    def statistics(self) -> Statistics:
+        """Return the counters."""
+
+    def close(self) -> None:
+        """End the sessions and the thread, and release socket or device. Returns when all is done. Can be repeated."""

@@ -1,0 +1,50 @@
+"""Which of the vehicles on a link is meant."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from msggen.live.link import Remote
+
+
+class Selection(NamedTuple):
+    """Which vehicle of a link is meant. None accepts any."""
+
+    key: int | None = None
+    namespace: str | None = None
+    address: str | None = None
+
+    @property
+    def is_any(self) -> bool:
+        """Whether every vehicle is accepted."""
+        return self == Selection()
+
+    def accepts(self, remote: Remote) -> bool:
+        """Whether a vehicle is meant. Key and namespace of an adopted session are not known."""
+        is_known = not remote.adopted
+        return (
+            (self.address in (None, remote.address, host_of(remote.address)))
+            and (self.key is None or (is_known and remote.key == self.key))
+            and (self.namespace is None or remote.namespace == self.namespace)
+        )
+
+
+def host_of(address: str) -> str:
+    """Return `127.0.0.1` of `127.0.0.1:40123`; other addresses as they are."""
+    host, colon, port = address.rpartition(":")
+    return host if colon and port.isdecimal() else address
+
+
+def is_same(earlier: Remote, later: Remote) -> bool:
+    """Whether `later` may be the vehicle `earlier` that has connected again, by what is known of both."""
+    if earlier.adopted or later.adopted:
+        return host_of(earlier.address) == host_of(later.address)
+    return (earlier.key, earlier.namespace) == (later.key, later.namespace)
+
+
+def shown(remote: Remote) -> str:
+    """Return a vehicle for messages to the user."""
+    if remote.adopted:
+        return f"the vehicle at {remote.address}"
+    namespace = f", namespace {remote.namespace}" if remote.namespace else ""
+    return f"the vehicle at {remote.address} (key {remote.key}{namespace})"

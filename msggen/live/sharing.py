@@ -1,0 +1,98 @@
+"""Links that are shared by the Vehicle objects of a program: opened for the first one, closed after the last one."""
+
+from __future__ import annotations
+
+import atexit
+import threading
+from collections.abc import Callable, Hashable, Sequence
+
+from msggen.live.address import open_link, parse_address
+from msggen.live.hub import Hub, Member
+from msggen.live.link import Link, LinkError
+from msggen.live.packages import Packages, known_routes
+
+_END_S = 5
+"""The longest wait in s for a link to be closed by another thread."""
+
+
+def link_of(
+    url: str | Link, allow: Sequence[str | int], packages: Packages, *, is_isolated: bool
+) -> tuple[str, Callable[[], Link]]:
+    """Return the name of a link, and a function that makes it. Raises LinkError for a wrong address."""
+    if not isinstance(url, str):
+        link = url
+        return f"{type(link).__name__} {id(link):#x}", lambda: link
+    address = parse_address(url)
+    name = f"{address} (isolated)" if is_isolated else str(address)
+    return name, lambda: open_link(address, allow, known_routes(packages), is_isolated=is_isolated)
+
+
+_hubs: dict[Hashable, tuple[Hub, threading.Event]] = {}
+_lock = threading.RLock()
+
+
+def join_hub(name: Hashable, open_link: Callable[[], Link], member: Member) -> Hub:
+    """Return the hub with this name, which all its members share, and open its link for the first one.
+
+    Raises LinkError if the link cannot be opened.
+    """
+    while True:
+        with _lock:
+            found = _hubs.get(name)
+            if found is None:
+                hub = Hub(open_link())
+                hub.join(member)
+                hub.link.start(hub)
+                _hubs[name] = hub, threading.Event()
+                return hub
+            hub, closed = found
+            if hub.members:
+                hub.join(member)
+                return hub
+        if not closed.wait(_END_S):  # another thread closes the link
+            raise LinkError(f"{name} is still being closed: close Vehicle objects before the program opens new ones")
+
+
+def leave_hub(name: Hashable, member: Member) -> None:
+    """Remove a member, and close the link after the last one. Can be repeated."""
+    with _lock:
+        found = _hubs.get(name)
+        if found is None or member not in found[0].members:
+            return
+        hub, closed = found
+        hub.leave(member)
+        if hub.members:
+            return
+    if hub.thread == threading.get_ident():  # a callback closes its own vehicle: the link waits for its thread to end
+        threading.Thread(target=_close, args=(name, hub, closed), name="msggen.live close", daemon=True).start()
+    else:
+        _close(name, hub, closed)
+
+
+def _close(name: Hashable, hub: Hub, closed: threading.Event) -> None:
+    try:
+        hub.link.close()
+    finally:
+        with _lock:
+            _hubs.pop(name, None)
+        closed.set()
+
+
+def leave_soon(name: Hashable, member: Member) -> None:
+    """Remove the member of a Vehicle that was forgotten.
+
+    The garbage collector can run in any thread and under any lock, so another thread closes the link.
+    """
+    try:
+        threading.Thread(target=leave_hub, args=(name, member), name="msggen.live close", daemon=True).start()
+    except RuntimeError:  # the interpreter is about to end: `_close_all` is called
+        return
+
+
+@atexit.register
+def _close_all() -> None:
+    """Close the links that are left at the end of the program."""
+    for name, (hub, closed) in tuple(_hubs.items()):
+        for member in hub.members:
+            leave_hub(name, member)
+        closed.wait(_END_S)  # another thread may close it

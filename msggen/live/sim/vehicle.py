@@ -1,0 +1,398 @@
+"""A simulated vehicle without input or output: a client, a world, and the messages between them.
+
+    vehicle.advance(now)
+    for data, connection in vehicle.take_outgoing():
+        ...
+    vehicle.receive(data, now)
+
+Times are in us since boot. The same options and the same calls give the same datagrams.
+"""
+
+from __future__ import annotations
+
+import heapq
+import random
+import re
+from collections import Counter, deque
+from collections.abc import Callable, Mapping
+from importlib import import_module
+from types import ModuleType
+from typing import Any, NamedTuple
+
+from msggen.live.sim.channel import Channel, Misbehaviour
+from msggen.live.sim.values import Clocks, Filler, Scene
+from msggen.live.sim.world import ACCEPTED, DENIED, TEMPORARILY_REJECTED, UNSUPPORTED, Home, World
+from msggen.live.xrce import client as xrce
+from msggen.live.xrce.client_entities import Reader, Server, Settings, Sync, Writer
+from msggen.live.xrce.wire import ENCAPSULATION
+
+_DEFAULT_INTERVAL = 4_000
+"""The interval in us of a topic without a limit."""
+
+_OWN_INTERVALS = {"arming_check_request": 300_000, "transponder_report": 1_000_000, "vtol_vehicle_status": 100_000}
+"""The interval in us at which PX4 itself publishes topics, where it is far longer than that of the bridge."""
+
+_ANSWERS = {
+    "config_overrides_confirm",
+    "message_format_response",
+    "mode_completed",
+    "register_ext_component_reply",
+    "setpoint_config_reply",
+    "vehicle_command_ack",
+}
+"""The topics that PX4 publishes as answers or when something happens, not at a rate."""
+
+_RESULTS = {
+    ACCEPTED: "accepted",
+    TEMPORARILY_REJECTED: "temporarily rejected",
+    DENIED: "denied",
+    UNSUPPORTED: "unsupported",
+}
+
+_SPREAD = 200
+"""The time in us between the first samples of two topics, so that they do not all come at once."""
+
+_SERVICE_NUMBER = 2048
+_EVENTS = 256
+
+
+class Options(NamedTuple):
+    """The options of a simulated vehicle."""
+
+    key: int = 1
+    """The key of the client and the system id of the vehicle: UXRCE_DDS_KEY and MAV_SYS_ID, from 1 to 255."""
+    namespace: str = ""
+    rate: float | None = None
+    """The rate in Hz at which all topics are published, None for the rate of each."""
+    sync: Sync = "px4"
+    seed: int = 0
+    """Of the noise of sensors and of what goes wrong."""
+    misbehaviour: Misbehaviour = Misbehaviour()
+    home: Home = Home()
+
+
+class Change(NamedTuple):
+    """Something that happened, for people to read."""
+
+    time: int
+    text: str
+
+
+class _Publication(NamedTuple):
+    number: int
+    interval: int
+    filler: Filler
+
+
+class SimulatedVehicle:
+    """A vehicle that publishes and accepts the endpoints of a generated package."""
+
+    def __init__(self, package: ModuleType, options: Options = Options()) -> None:  # noqa: B008 - it is immutable
+        self.options = options
+        self.world = World(options.home, options.key)
+        self.sent: Counter[str] = Counter()
+        """The number of samples published, by the name of the topic in ROS 2."""
+        self.received: Counter[str] = Counter()
+        """The number of samples received, by the name of the topic in ROS 2."""
+        self.refused: Counter[str] = Counter()
+        """Samples that could not be decoded, by topic, and datagrams that were refused, by reason."""
+        self.changes: deque[Change] = deque(maxlen=_EVENTS)
+        """What happened and was not yet taken."""
+        self._topics = import_module(f"{package.__name__}.topics")
+        self._services = getattr(package, "srv", None)
+        self._uorb = self._topics.UORB
+        self._now = 0
+        self._noise = random.Random(f"noise {options.seed} {options.key}")  # noqa: S311 - not for secrets
+        self._clocks = Clocks()
+        wrong = options.misbehaviour
+        self._to_agent = Channel(wrong, f"out {options.seed} {options.key}")
+        self._from_agent = Channel(wrong._replace(garbage=0.0), f"in {options.seed} {options.key}")
+        self._outgoing: list[tuple[bytes, int]] = []
+        self._read_topics()
+        self._due: list[tuple[int, int]] = []
+        self._settings = self._client_settings()
+        self._client = xrce.Client(self._settings)
+        self._client_start = 0
+        self._shown = (False, self.world.mode, False)
+
+    # What the transport calls
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether samples flow."""
+        return self._client.is_connected
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether the session has ended after `close`."""
+        return self._client.is_closed
+
+    @property
+    def offset(self) -> int:
+        """The agent's clock minus the vehicle's in us, which is added to timestamps."""
+        return self._client.offset
+
+    @property
+    def next_time(self) -> int:
+        """The time at which `advance` is to be called next."""
+        due = self._due[0][0] if self._due and self._client.is_ready else self._client.next_time
+        return min(due, self._client.next_time)
+
+    def advance(self, now: int) -> None:
+        """Move the vehicle and publish what is due."""
+        self._now = now
+        self._restart_if_due()
+        self._client.advance(now)
+        self._handle()
+        self.world.advance(now)
+        self._publish_due()
+        self._report()
+
+    def receive(self, data: bytes, now: int) -> None:
+        """Take a datagram of the newest connection, or the message of a frame. Never raises."""
+        self._now = now
+        if self._is_silent():
+            return
+        for arrived, _ in self._from_agent.carry([(data, 0)]):
+            self._client.receive(arrived, now)
+        self._handle()
+
+    def take_outgoing(self) -> list[tuple[bytes, int]]:
+        """Return the datagrams to send, each with the number of its connection: `Client.take_outgoing`."""
+        if self._is_silent():
+            self._client.take_outgoing()
+            return []
+        return self._to_agent.carry(self._client.take_outgoing())
+
+    def close(self, now: int) -> None:
+        """End the session."""
+        self._client.close(now)
+
+    # Endpoints
+
+    def _read_topics(self) -> None:
+        namespace = f"/{self.options.namespace}" if self.options.namespace else ""
+        versions = self.options.misbehaviour.versions or {}
+        self._names: dict[int, str] = {}
+        self._publications: list[_Publication] = []
+        self._by_topic: dict[str, _Publication] = {}
+        self._handlers: dict[int, tuple[Any, Callable[[Any], None]]] = {}
+        self._readers, self._writers = [], []
+        handlers: Mapping[str, Callable[[Any], None]] = {
+            "message_format_request": self._answer_format_request,
+            "offboard_control_mode": self._take_offboard_control_mode,
+            "trajectory_setpoint": self._take_trajectory_setpoint,
+            "vehicle_command": self._take_vehicle_command,
+        }
+        for endpoint in self._topics.ENDPOINTS:
+            name = namespace + _versioned(endpoint.ros_name, versions.get(endpoint.message_name))
+            number, dds_type = endpoint.object_id, endpoint.dds_type
+            if endpoint.direction == "in":
+                self._names[number] = name
+                self._readers.append(Reader(number, f"rt{name}", dds_type, endpoint.qos.reader.depth))
+                handler = handlers.get(endpoint.uorb_topic)
+                if handler:
+                    self._handlers[number] = (endpoint.message, handler)
+            else:
+                self._names[-number - 1] = name
+                self._writers.append(Writer(number, f"rt{name}", dds_type))
+                publication = _Publication(number, self._interval(endpoint), Filler(endpoint.message))
+                self._by_topic[endpoint.uorb_topic] = publication
+                if endpoint.uorb_topic not in _ANSWERS:
+                    self._publications.append(publication)
+
+    def _interval(self, endpoint: Any) -> int:
+        if self.options.rate:
+            return max(1, round(1e6 / self.options.rate))
+        return max(
+            (endpoint.publish_interval_ms or 0) * 1000 or _DEFAULT_INTERVAL, _OWN_INTERVALS.get(endpoint.uorb_topic, 0)
+        )
+
+    def _client_settings(self) -> Settings:
+        options = self.options
+        namespace = f"/{options.namespace}" if options.namespace else ""
+        servers = []
+        if self._services is not None:
+            service = self._services.VehicleCommand
+            topics = (f"rq{namespace}/fmu/vehicle_commandRequest", f"rr{namespace}/fmu/vehicle_commandReply")
+            types = (service.Request.__msg__.dds_type, service.Response.__msg__.dds_type)
+            servers.append(Server(_SERVICE_NUMBER, "vehicle_command", *types, *topics))
+        return Settings(
+            self._readers, self._writers, servers, key=options.key, namespace=options.namespace, sync=options.sync
+        )
+
+    # Publishing
+
+    def _publish_due(self) -> None:
+        due, now = self._due, self._now
+        if not self._client.is_ready:
+            return
+        scene = Scene(self.world, self._noise, self._clocks)
+        while due and due[0][0] <= now:
+            time, index = due[0]
+            publication = self._publications[index]
+            self._publish(publication, publication.filler.make(scene, now))
+            following = time + publication.interval
+            heapq.heapreplace(due, (following if following > now else now + publication.interval, index))
+
+    def _publish(self, publication: _Publication, message: Any) -> None:
+        """Send a message, with its times in the agent's clock (docs/time.md)."""
+        offset = self._client.offset
+        message.timestamp = max(0, message.timestamp + offset)
+        if publication.filler.is_sampled:
+            message.timestamp_sample = max(0, message.timestamp_sample + offset)
+        if self._client.write(publication.number, message.encode()[4:]):
+            self.sent[self._names[-publication.number - 1]] += 1
+
+    def _answer(self, topic: str, **values: Any) -> None:
+        """Publish a message on a topic, if the release has it."""
+        publication = self._by_topic.get(topic)
+        if publication:
+            self._publish(publication, publication.filler.message(timestamp=self._now, **values))
+
+    # What arrives
+
+    def _handle(self) -> None:
+        for event in self._client.take_events():
+            if isinstance(event, xrce.Received):
+                self._take_sample(event)
+            elif isinstance(event, xrce.Requested):
+                self._take_request(event)
+            elif isinstance(event, xrce.Connected):
+                self._tell("connected")
+                self._due = [(self._now + index * _SPREAD, index) for index in range(len(self._publications))]
+            else:
+                self._tell(f"disconnected: {event.reason}")
+        self._clocks = _clocks_of(self._client)
+        self.refused.update(self._client.refused)
+        self._client.refused.clear()
+
+    def _take_sample(self, event: xrce.Received) -> None:
+        name = self._names[event.number]
+        self.received[name] += 1
+        handler = self._handlers.get(event.number)
+        if handler:
+            try:
+                message = handler[0].decode(ENCAPSULATION + event.data)
+            except ValueError:  # DecodeError of the generated package
+                self.refused[f"{name}: not a {handler[0].__name__}"] += 1
+                return
+            handler[1](message)
+
+    def _local(self, timestamp: int) -> int:
+        """Return the time of a message in the vehicle's clock. 0 and times to come count as now, as in PX4."""
+        return min(timestamp - self._client.offset, self._now) if timestamp else self._now
+
+    def _take_offboard_control_mode(self, message: Any) -> None:
+        self.world.offboard(message, self._local(message.timestamp))
+
+    def _take_trajectory_setpoint(self, message: Any) -> None:
+        self.world.setpoint(message, self._local(message.timestamp))
+
+    def _take_vehicle_command(self, message: Any) -> None:
+        self._carry_out(message)
+
+    def _take_request(self, event: xrce.Requested) -> None:
+        assert self._services is not None  # noqa: S101 - for the type checker: without services there are no requests
+        service = self._services.VehicleCommand
+        try:
+            request = service.Request.decode(ENCAPSULATION + event.data).request
+        except ValueError:
+            self.refused["vehicle_command: not a VehicleCommand_Request"] += 1
+            return
+        self.received["vehicle_command (service)"] += 1
+        values = self._carry_out(request)
+        if values:
+            response = service.Response()
+            for name, value in {**values, "timestamp": self._now + self._client.offset}.items():
+                setattr(response.reply, name, value)
+            self._client.reply(event.number, event.identity, response.encode()[4:])
+
+    def _carry_out(self, command: Any) -> dict[str, int]:
+        """Carry out a command and publish its acknowledgement. Return its values, none for that of another vehicle."""
+        if command.target_system not in (0, self.world.system_id):
+            return {}
+        self.world.advance(self._now)
+        numbers = [getattr(command, f"param{number}") for number in range(1, 8)]
+        result = self.world.command(command.command, numbers)
+        reason = f": {self.world.reason}" if self.world.reason else ""
+        self._tell(f"{_command_name(command)} {_RESULTS[result]}{reason}")
+        values = {
+            "command": command.command,
+            "result": result,
+            "target_system": command.source_system,
+            "target_component": command.source_component,
+        }
+        self._answer("vehicle_command_ack", **values)
+        return values
+
+    def _answer_format_request(self, request: Any) -> None:
+        """Tell the hash of a topic's message. PX4 looks up what follows the last `/`, without a version suffix."""
+        latest = type(request).LATEST_PROTOCOL_VERSION
+        path = bytes(request.topic_name).partition(b"\0")[0].decode(errors="replace")
+        _, slash, name = path.rpartition("/")
+        found = bool(slash) and name in self._uorb and request.protocol_version == latest
+        message_hash = 0
+        if found:
+            topic = self._uorb[name]
+            message_hash = topic.message.__msg__.message_hash
+            if topic.message_name in self.options.misbehaviour.wrong_hashes:
+                message_hash ^= 1
+        self._answer(
+            "message_format_response",
+            protocol_version=latest,
+            topic_name=bytes(request.topic_name),
+            success=found,
+            message_hash=message_hash,
+        )
+
+    # Changes and misbehaviour
+
+    def _report(self) -> None:
+        """Publish and tell what the world has done by itself."""
+        world = self.world
+        while world.completed:
+            self._answer("mode_completed", result=0, nav_state=world.completed.popleft())
+        state = (world.is_armed, world.mode, world.failsafe)
+        if state != self._shown:
+            self._shown = state
+            failsafe = ", failsafe" if world.failsafe else ""
+            self._tell(f"{'armed' if world.is_armed else 'disarmed'}, {world.mode_name}{failsafe}")
+
+    def _tell(self, text: str) -> None:
+        self.changes.append(Change(self._now, text))
+
+    def _is_silent(self) -> bool:
+        after = self.options.misbehaviour.silent_after
+        return after is not None and self._now >= after * 1e6
+
+    def _restart_if_due(self) -> None:
+        every = self.options.misbehaviour.restart_every
+        if every is not None and self._now - self._client_start >= every * 1e6 and not self.is_closed:
+            connections = self._client.connections
+            self._client = xrce.Client(self._settings)
+            self._client.connections = connections + 1
+            self._client_start = self._now
+            self._tell("the client restarts")
+
+
+def _clocks_of(client: xrce.Client) -> Clocks:
+    """Return the last exchange of times, within the ranges of TimesyncStatus whatever the agent's clock is."""
+    agent, observed, round_trip = client.exchange
+    return Clocks(max(0, agent), -observed, -client.offset, min(round_trip, 0xFFFFFFFF))
+
+
+def _command_name(command: Any) -> str:
+    """Return the name of a VehicleCommand's command, such as DO_SET_MODE, or its number."""
+    found = (name for name, value in vars(type(command)).items() if value == command.command)
+    return next(
+        (name.removeprefix("VEHICLE_CMD_") for name in found if name.startswith("VEHICLE_CMD_")),
+        f"command {command.command}",
+    )
+
+
+def _versioned(name: str, version: int | None) -> str:
+    """Return the name of a topic with another version suffix. Version 0 has none."""
+    if version is None:
+        return name
+    return re.sub(r"_v\d+$", "", name) + (f"_v{version}" if version else "")

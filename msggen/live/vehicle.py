@@ -1,0 +1,392 @@
+"""A vehicle: subscribe to its messages, publish to it, call its service."""
+
+from __future__ import annotations
+
+import time
+import weakref
+from collections.abc import Callable, Sequence
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, Literal, overload
+
+from msggen.diagnostics import suggestion
+from msggen.live.errors import LinkTimeoutError, NotConnectedError, TopicError
+from msggen.live.feed import Feed, Options
+from msggen.live.hub import Entry, Member
+from msggen.live.link import Link, LinkError, Remote, Route, Service, Statistics
+from msggen.live.names import is_topic, stem_of
+from msggen.live.packages import (
+    Endpoint,
+    MessageT,
+    check_convertible,
+    check_sent,
+    find_topic,
+    package_of_class,
+    packages_of,
+    response_of,
+)
+from msggen.live.repeater import Repeater
+from msggen.live.selection import Selection, shown
+from msggen.live.sharing import join_hub, leave_hub, leave_soon, link_of
+from msggen.live.subscription import Subscription
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
+    from msggen.live.firmware import Firmware
+    from msggen.live.packages import Message, Packages, Target, Topic
+
+DEFAULT = "udp://127.0.0.1:8888"
+QUEUE = 1000
+"""The number of samples that a subscription keeps, by default."""
+
+
+class Vehicle:
+    """A vehicle on a link: `with Vehicle("udp://127.0.0.1:8888") as vehicle`.
+
+    `url` is `udp://HOST:PORT`, `serial:///dev/ttyUSB0?baud=921600`, `tap://HOST:PORT?agent=HOST:PORT` or `dds://DOMAIN`,
+    or a Link. Vehicles of one program with the same URL share the link.
+
+    `types` is a generated package, or several: the first one is preferred, and a topic whose definition is not that of
+    the first one is decoded with the others. Without it, the package follows from the classes in `subscribe` and
+    `publish`.
+
+    `key` (parameter UXRCE_DDS_KEY), `namespace` and `address` select a vehicle. Without them it is the first one that
+    connects. After that, only the same vehicle is accepted when it connects again.
+
+    `allow` has the addresses and keys of clients that may connect, for links that need it; see docs/links.md.
+    `queue` is the number of samples that a subscription keeps. With `isolated`, a process of its own runs the link.
+
+    Raises LinkError if the address is wrong or the link cannot be opened.
+    """
+
+    def __init__(  # noqa: PLR0913 - keywords, each of which has a default
+        self,
+        url: str | Link = DEFAULT,
+        types: ModuleType | Sequence[ModuleType] | None = None,
+        *,
+        key: int | None = None,
+        namespace: str | None = None,
+        address: str | None = None,
+        allow: str | int | Sequence[str | int] = (),
+        queue: int = QUEUE,
+        isolated: bool = False,
+    ) -> None:
+        if queue < 1:
+            raise ValueError(f"expected a queue of 1 sample or more, got {queue}")
+        self._queue = queue
+        self._packages: Packages = packages_of(types)
+        selection = Selection(key, None if namespace is None else namespace.strip("/"), address)
+        self._member = Member(selection, self._packages)
+        self._routes: dict[tuple[type, object], tuple[Entry, Route, object]] = {}
+        self._name, opened = link_of(
+            url, (allow,) if isinstance(allow, (str, int)) else allow, self._packages, is_isolated=isolated
+        )
+        self._hub = join_hub(self._name, opened, self._member)
+        self._repeaters: weakref.WeakSet[Repeater] = weakref.WeakSet()
+        weakref.finalize(self, leave_soon, self._name, self._member).atexit = False
+
+    def __repr__(self) -> str:
+        remote = self._member.entry.remote if self._member.entry else None
+        state = "closed" if self._member.is_closed else shown(remote) if remote else "not connected"
+        return f"<Vehicle on {self._name}: {state}>"
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End all subscriptions and repeaters, and close the link if no other Vehicle uses it. Can be repeated."""
+        for repeater in tuple(self._repeaters):
+            repeater.close()
+        leave_hub(self._name, self._member)
+
+    # the connection
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether a vehicle is connected, and its topics are known."""
+        entry = self._member.entry
+        return entry is not None and entry.is_ready
+
+    def wait_connected(self, timeout: float | None = None) -> Remote:
+        """Wait until a vehicle is connected and its topics are known, and return it. `timeout` is in s.
+
+        Raises LinkTimeoutError, and NotConnectedError if the Vehicle is closed.
+        """
+        member = self._member
+        if not self._hub.wait(lambda: self.is_connected or member.is_closed, timeout, 0.05):
+            raise LinkTimeoutError(self._absence(timeout))
+        return self.remote
+
+    def wait_disconnected(self, timeout: float | None = None) -> str:
+        """Wait until the vehicle is disconnected, and return the reason. `timeout` is in s.
+
+        Raises LinkTimeoutError.
+        """
+        if not self._hub.wait(lambda: self._member.entry is None, timeout):
+            raise LinkTimeoutError(f"{shown(self.remote)} is still connected")
+        return self._member.reason
+
+    @property
+    def remote(self) -> Remote:
+        """The vehicle that is connected: its address, key and namespace. Raises NotConnectedError."""
+        return self._entry().remote
+
+    @property
+    def routes(self) -> tuple[Route, ...]:
+        """The topics of the vehicle that is connected. Raises NotConnectedError."""
+        return tuple(self._entry().routes.values())
+
+    @property
+    def services(self) -> tuple[Service, ...]:
+        """The services of the vehicle that is connected. Raises NotConnectedError."""
+        return tuple(self._entry().services.values())
+
+    @property
+    def firmware(self) -> Firmware:
+        """The firmware of the vehicle, as far as it is known. `wait_firmware` waits for all of it.
+
+        Raises NotConnectedError.
+        """
+        return self._entry().firmware()
+
+    def wait_firmware(self, timeout: float | None = None) -> Firmware:
+        """Wait until the vehicle was asked for all its definitions, and return its firmware. `timeout` is in s.
+
+        The requests begin with the first sample of the vehicle, and take 1 to 2 s. Raises LinkTimeoutError, and
+        NotConnectedError if the vehicle disconnects.
+        """
+        entry = self._entry()
+        if not self._hub.wait(lambda: entry.check.is_complete or self._member.entry is not entry, timeout):
+            raise LinkTimeoutError(f"{shown(entry.remote)} has not answered for all its messages: {entry.firmware()}")
+        return self.firmware
+
+    @property
+    def lost(self) -> int:
+        """The samples of this session that did not arrive: their sequence numbers are missing."""
+        return self._entry().lost
+
+    @property
+    def statistics(self) -> Statistics:
+        """The counters of the link, for all vehicles on it."""
+        return self._hub.link.statistics()
+
+    @property
+    def time(self) -> int:
+        """The time for the field `timestamp` of a message to PX4, in us.
+
+        It is UTC since 1970, because PX4 subtracts the offset that its time synchronization measured
+        (docs/wire.md, section 14). A `timestamp` of 0 becomes the time of arrival, and so does a time in the future.
+        """
+        return time.time_ns() // 1000
+
+    # samples
+
+    @overload
+    def subscribe(
+        self,
+        topic: type[MessageT] | Endpoint[MessageT],
+        callback: Callable[[MessageT], object] | None = None,
+        *,
+        queue: int | None = None,
+        raw: Literal[False] = False,
+        convert: bool = False,
+    ) -> Subscription[MessageT]: ...
+    @overload
+    def subscribe(
+        self,
+        topic: str,
+        callback: Callable[[Any], object] | None = None,
+        *,
+        queue: int | None = None,
+        raw: Literal[False] = False,
+        convert: bool = False,
+    ) -> Subscription[Any]: ...
+    @overload
+    def subscribe(
+        self,
+        topic: type[Any] | Endpoint[Any] | str,
+        callback: Callable[[bytes], object] | None = None,
+        *,
+        queue: int | None = None,
+        raw: Literal[True],
+    ) -> Subscription[bytes]: ...
+
+    def subscribe(
+        self,
+        topic: Target,
+        callback: Callable[[Any], object] | None = None,
+        *,
+        queue: int | None = None,
+        raw: bool = False,
+        convert: bool = False,
+    ) -> Subscription[Any]:
+        """Return the samples of a topic, from now on and whenever the vehicle is connected.
+
+        `topic` is a message class, an endpoint such as `topics.out.vehicle_status`, or a name, with or without
+        namespace and version: "vehicle_status", "/fmu/out/vehicle_status_v1".
+
+        The thread of the link calls `callback` for each message; it must return at once. Without it, samples wait in a
+        queue of `queue` samples, which drops the oldest. With `raw`, the values are the bytes of CDR samples with their
+        headers, of any definition. With `convert`, messages of other versions are converted by `versions.convert`.
+
+        Raises TopicError. The readers of the subscription raise FormatError if the vehicle's definition differs.
+        """
+        found = find_topic(topic, "out", self._packages)
+        self._check_namespace(found)
+        if convert:
+            check_convertible(found, self._packages)
+        size = self._queue if queue is None else queue
+        if size < 1:
+            raise ValueError(f"expected a queue of 1 sample or more, got {size}")
+        self._check_open()
+        feed = Feed(found, size, callback, Options(raw, convert))
+        hub, member = self._hub, self._member
+
+        def attach(feed: Feed) -> None:
+            hub.attach(member, feed)
+
+        subscription: Subscription[Any] = Subscription(feed, attach, lambda feed: hub.detach(member, feed), self)
+        attach(feed)
+        return subscription
+
+    def publish(self, message: Message, topic: Endpoint[Any] | str | None = None) -> None:
+        """Send a message to the vehicle, once. From any thread.
+
+        `topic` is needed if several topics have messages of this class, and none of them is named after it. Raises
+        NotConnectedError, TopicError, FormatError if the vehicle's definition differs, and the package's EncodeError.
+        """
+        entry, route = self._route_to(message, topic)
+        payload = message.encode()
+        try:
+            self._hub.link.publish(entry.remote, route, payload)
+        except LinkError as error:
+            if self._member.entry is entry:
+                raise
+            raise NotConnectedError(str(error)) from None
+
+    def every(
+        self,
+        hz: float,
+        message: MessageT | Callable[[], MessageT | None],
+        topic: Endpoint[Any] | str | None = None,
+    ) -> Repeater:
+        """Publish a message at a rate, from a thread of its own, until `close` of the Repeater that is returned.
+
+        A callable makes each message, and returns None to send none. Nothing is filled in: a message goes out as it is,
+        with its `timestamp`. While no vehicle is connected, nothing is sent. `Repeater.jitter` has the delays.
+
+        Raises TopicError if the message has no topic to the vehicle, and ValueError for a rate of 0 or above 10000 Hz.
+        """
+        self._check_open()
+        if not callable(message):
+            find_topic(type(message) if topic is None else topic, "in", self._packages)
+        vehicle = weakref.ref(self)
+
+        def publish(each: Message) -> None:
+            found = vehicle()
+            if found is None:
+                raise ReferenceError
+            found.publish(each, topic)
+
+        repeater = Repeater(hz, message, publish)
+        self._repeaters.add(repeater)
+        return repeater
+
+    def call(self, request: Message, timeout: float = 5.0) -> Any:
+        """Send a request such as `srv.VehicleCommand.Request(...)`, and return the reply: `VehicleCommand.Response`.
+
+        Calls of several threads wait for each other, and one is on the wire at a time. `timeout` is in s, with the time
+        in the queue. PX4 replies when a module acknowledges the command; if none does, there is no reply.
+
+        Raises LinkTimeoutError, NotConnectedError, LinkError, and TopicError if the vehicle has no such service.
+        """
+        entry = self._entry()
+        response, service_name = response_of(request)
+        if entry.remote.adopted:
+            raise LinkError(
+                f"'{service_name}' cannot be called, because this session was begun by an earlier program: restart the "
+                "client on the vehicle (uxrce_dds_client stop, uxrce_dds_client start), or publish to 'vehicle_command'"
+            )
+        service = entry.services.get(type(request).__msg__.ros_type)
+        if service is None:
+            have = ", ".join(f"'{each.name}'" for each in entry.services.values()) or "no service"
+            raise TopicError(
+                f"{shown(entry.remote)} has no service '{service_name}': it has {have}; PX4 has one since v1.15"
+            )
+        payload = entry.calls.call(service, request.encode(), timeout)
+        return response.decode(payload)
+
+    def _check_open(self) -> None:
+        if self._member.is_closed:
+            raise NotConnectedError("the Vehicle is closed: make a new one")
+
+    def _entry(self) -> Entry:
+        self._check_open()
+        entry = self._member.entry
+        if entry is None:
+            last = self._member.last
+            if last is None:
+                raise NotConnectedError(f"no vehicle is connected to {self._name} yet: call wait_connected() first")
+            raise NotConnectedError(
+                f"{shown(last)} disconnected: {self._member.reason}; wait_connected() waits until it is back"
+            )
+        return entry
+
+    def _check_namespace(self, topic: Topic) -> None:
+        own = self._member.selection.namespace
+        if topic.namespace is not None and own is not None and topic.namespace != own:
+            text = f"'/{topic.namespace}{topic.stem}' is a topic of another vehicle: this one has the namespace '{own}'"
+            raise TopicError(text)
+
+    def _route_to(self, message: Message, topic: Endpoint[Any] | str | None) -> tuple[Entry, Route]:
+        entry = self._entry()
+        # an endpoint takes 15 us to hash; its id cannot become that of another one, because it is kept here
+        name = (type(message), topic if isinstance(topic, str) else id(topic))
+        found = self._routes.get(name)
+        if found is not None and found[0] is entry:
+            return entry, found[1]
+        route = self._find_route(entry, type(message), topic)
+        if (
+            entry.check.is_complete or route.ros_type in entry.check.hashes
+        ):  # before, the definition may turn out to differ
+            if len(self._routes) >= 1000:  # noqa: PLR2004 - endpoints made anew for each call
+                self._routes.clear()
+            self._routes[name] = entry, route, topic
+        return entry, route
+
+    def _find_route(self, entry: Entry, cls: type[Message], topic: Endpoint[Any] | str | None) -> Route:
+        package = package_of_class(cls)
+        found = find_topic(cls if topic is None else topic, "in", (*self._packages, package))
+        self._check_namespace(found)
+        if cls.__msg__.ros_type != found.message.__msg__.ros_type:
+            expected = found.message.__name__
+            raise TopicError(f"'{found.stem}' has messages of {expected}, not of {cls.__name__}")
+        for route in tuple(entry.routes.values()):
+            if route.direction == "in" and is_topic(route.name, found.stem, found.namespace):
+                check_sent(cls, route, entry.hash_of(route.ros_type))
+                return route
+        if not entry.is_ready:
+            raise NotConnectedError(f"{shown(entry.remote)} is still connecting: call wait_connected() first")
+        names = [stem_of(route.name) for route in entry.routes.values() if route.direction == "in"]
+        near = suggestion(found.stem, names)
+        raise TopicError(
+            f"{shown(entry.remote)} does not read '{found.stem}'{near or ': it is not in its dds_topics.yaml'}"
+        )
+
+    def _absence(self, timeout: float | None) -> str:
+        """Return the reason why no vehicle is connected, as far as it can be known."""
+        statistics = self._hub.link.statistics()
+        text = f"no vehicle connected to {self._name} within {timeout:g} s: "
+        if self._member.entry is not None:
+            return f"{text}{shown(self._member.entry.remote)} has not opened its topics yet"
+        others = [shown(entry.remote) for entry in self._hub.entries.values()]
+        if others:
+            return f"{text}{', '.join(others)} is not the vehicle that key=, namespace= or address= select"
+        if statistics.refused or statistics.dropped:
+            told = f"{statistics.refused} datagrams were refused and {statistics.dropped} dropped"
+            return f"{text}{told}: check allow= for the vehicle's address, and the baud rate of a serial line"
+        question = "is uxrce_dds_client running on the vehicle, with this computer's address (UXRCE_DDS_AG_IP) and port"
+        return f"{text}{question} (UXRCE_DDS_PRT), or on this serial line?"

@@ -1,0 +1,412 @@
+"""All clients of one transport, agent side: docs/xrce.md.
+
+No input, output, clock or thread: a transport gives datagrams and times, and takes datagrams and events. A transport
+that calls an agent from several threads holds a lock of its own. It takes datagrams and events after each call.
+
+    agent.receive(data, address, time.time_ns())
+    for data, address in agent.take_outgoing():
+        sock.sendto(data, address)
+    for event in agent.take_events():
+        event.deliver(listener)
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+import struct
+from collections import Counter
+from collections.abc import Callable, Container, Iterable, Sequence
+from typing import Final
+
+from msggen.live.link import LinkError, Route, Service
+from msggen.live.xrce import entities, wire
+from msggen.live.xrce.events import (
+    Address,
+    Connected,
+    Disconnected,
+    Event,
+    Lost,
+    Opened,
+    Outbox,
+    Replied,
+    Sample,
+    Warned,
+)
+from msggen.live.xrce.session import Limits, Session
+from msggen.live.xrce.wire import BEST_EFFORT, ENCAPSULATION, WRITE_DATA, WireError
+
+__all__ = [
+    "DEFAULTS",
+    "Address",
+    "Agent",
+    "Connected",
+    "Disconnected",
+    "Event",
+    "Limits",
+    "Lost",
+    "Opened",
+    "Replied",
+    "Sample",
+    "Warned",
+    "everybody",
+]
+
+DEFAULTS: Final = Limits()
+TICK: Final = 0.1
+"""Seconds between calls of `Agent.tick`."""
+
+_unpack_write = struct.Struct("<BBHBBH2x2s").unpack_from  # headers, request id and object id of a WRITE_DATA
+_LONGEST_STEP = 1.0  # seconds: a longer step is a process that slept, or a clock that jumped
+_REPEATED = 0.5  # seconds in which a second CREATE_CLIENT is the first one, doubled on its way
+_REMEMBERED = 10.0  # seconds in which an address whose session has ended begins no take-over
+_WARNINGS = 100
+
+
+def everybody(address: Address) -> bool:  # noqa: ARG001
+    """Allow every address."""
+    return True
+
+
+class Agent:
+    """All clients of one transport."""
+
+    def __init__(
+        self,
+        now: float,
+        *,
+        allow: Callable[[Address], bool] = everybody,
+        keys: Container[int] | None = None,
+        known: Iterable[Route] = (),
+        limits: Limits = DEFAULTS,
+    ) -> None:
+        """Make an agent.
+
+        `now` is the time of a monotonic clock, in seconds.
+
+        `allow` tells whether an address may talk to this agent. Other senders get no answer. `keys` are the keys of
+        clients that may begin a session, None for all of them.
+
+        `known` are the routes that a client of the expected firmware has. With them a session that an earlier program
+        began is continued (docs/xrce.md, 10), unless `keys` are given: a running session tells no key.
+        """
+        self._allow = allow
+        self._keys = keys
+        self._known = [route for route in known if keys is None and 0 <= route.object_id <= entities.LARGEST_NUMBER]
+        self._known_writers = {
+            entities.object_id(route.object_id, entities.WRITER) for route in self._known if route.direction == "out"
+        }
+        self._limits = limits
+        self._outbox = Outbox(limits.outgoing)
+        self._sessions: dict[Address, Session] = {}
+        self._connected: dict[int, Session] = {}
+        self._numbers = itertools.count(1)
+        self._guid = os.urandom(12)
+        self._last_tick = now
+        self._clock = 0.0  # the sum of steps, so that jumps of `now` do no harm
+        self._ended: dict[Address, float] = {}
+        self._warned: set[str] = set()
+        self._shared_keys: set[int] = set()  # of vehicles that send at the same time
+
+    @property
+    def received(self) -> int:
+        """Datagrams from clients that were accepted."""
+        return self._outbox.received
+
+    @property
+    def late(self) -> int:
+        """Datagrams of best-effort streams that were dropped: the same one, or a newer one, had been received."""
+        return self._outbox.late
+
+    @property
+    def lost(self) -> int:
+        """Missing sequence numbers of all clients."""
+        return self._outbox.lost
+
+    @property
+    def refused(self) -> Counter[str]:
+        """Refusals by reason: malformed, not allowed, or beyond a limit. The set of reasons is fixed."""
+        return self._outbox.refused
+
+    def receive(self, data: bytes, address: Address, time: int) -> None:
+        """Take a datagram, or the message of a frame. Never raises.
+
+        `time` is the time of its arrival in ns, of the clock that the vehicle is told: `time.time_ns`.
+        """
+        session = self._sessions.get(address)
+        if session is not None and len(data) >= 12:
+            session_id, stream, sequence, kind, flags, length, object_id = _unpack_write(data)
+            if kind == WRITE_DATA and stream == BEST_EFFORT and session_id == session.fast_id and flags == 1:
+                route = session.writers.get(object_id)
+                if route is not None and 4 <= length <= len(data) - 8 < length + 4:  # one submessage
+                    best_effort = session.best_effort
+                    missing = (sequence - best_effort.last - 1) & 0xFFFF
+                    outbox = self._outbox
+                    if missing >= 0x7FFF:
+                        outbox.late += 1
+                        return
+                    if missing:
+                        session.miss(missing)
+                    best_effort.last = sequence
+                    session.heard = True
+                    outbox.received += 1
+                    payload = ENCAPSULATION + data[12 : 8 + length]
+                    outbox.events.append(Sample(session.remote, route, payload, time))  # type: ignore[arg-type]
+                    return
+        self._receive(data, address, session, time)
+
+    def tick(self, now: float) -> None:
+        """Do what time demands: ask for missing acknowledgements, report silent clients. To be called every 0.1 s.
+
+        `now` is the time of a monotonic clock, in seconds.
+        """
+        self._clock += min(max(now - self._last_tick, 0.0), _LONGEST_STEP)
+        self._last_tick = now
+        for session in list(self._sessions.values()):
+            if session.heard:
+                session.heard = False
+                session.heard_at = self._clock
+            silence = self._clock - session.heard_at
+            if silence > self._limits.memory:
+                self._forget(session, "the vehicle is silent")
+            elif session.remote is None and session.inventory.namespace is not None:
+                continue  # it sleeps
+            elif silence > self._limits.silence:
+                self._disconnect(session, f"the vehicle has sent nothing for {self._limits.silence:g} s")
+            else:
+                session.tick(self._clock)
+        self._ended = {address: at for address, at in self._ended.items() if self._clock - at < _REMEMBERED}
+
+    def take_events(self) -> list[Event]:
+        """Return the events since the last call."""
+        outbox = self._outbox
+        events, outbox.events = outbox.events, []
+        return events
+
+    def take_outgoing(self) -> list[tuple[bytes, Address]]:
+        """Return the datagrams to send, with their destinations, since the last call."""
+        outbox = self._outbox
+        outgoing, outbox.outgoing = outbox.outgoing, []
+        return outgoing
+
+    def publish(self, number: int, object_id: int, payload: bytes) -> None:
+        """Send a sample to vehicle `Remote.number`, to its route of direction `in` with this `Route.object_id`.
+
+        `payload` is CDR with its encapsulation, which is little-endian.
+        Raises LinkError if the vehicle is not connected, has no such route, or if the payload does not fit.
+        """
+        self._find(number).publish(object_id, payload)
+
+    def call(self, number: int, object_id: int, request: int, payload: bytes) -> None:
+        """Send a request to vehicle `Remote.number`, to its service with this `Service.object_id`.
+
+        The answer is a Replied with the same number `request`, which is unique for this vehicle, from 1 to 2**63 - 1.
+        `payload` as for `publish`.
+        Raises LinkError if the vehicle is not connected or was adopted, has no such service, or leaves too many
+        requests without acknowledgement, or if the payload does not fit.
+        """
+        self._find(number).call(object_id, request, payload)
+
+    def routes(self, number: int) -> Sequence[Route | Service]:
+        """Return the routes and services of a connected vehicle. Raises LinkError if it is not connected."""
+        return self._find(number).inventory.routes()
+
+    def close(self, reason: str = "the link was closed") -> None:
+        """Forget all clients and report them as disconnected. The protocol has no message for it."""
+        for session in list(self._sessions.values()):
+            self._forget(session, reason)
+
+    def _find(self, number: int) -> Session:
+        session = self._connected.get(number)
+        if session is None:
+            raise LinkError(f"vehicle {number} is not connected any more; wait for it with wait_connected()")
+        return session
+
+    def _receive(self, data: bytes, address: Address, session: Session | None, time: int) -> None:
+        """Take any message."""
+        outbox = self._outbox
+        if session is None and not self._allow(address):
+            outbox.refuse("address that is not allowed")
+            self._warn(f"refused {_host(address)}: only allowed addresses may connect; add it to allow=")
+            return
+        try:
+            self._dispatch(data, address, session, time)
+        except WireError as error:
+            outbox.refuse(str(error))
+
+    def _dispatch(self, data: bytes, address: Address, session: Session | None, time: int) -> None:
+        if len(data) > self._limits.message:
+            raise WireError("message beyond the limit")
+        header = wire.parse_header(data)
+        body = data[4 + len(header.key) :]
+        if header.session_id in (wire.NO_SESSION, wire.NO_SESSION_WITH_KEY):
+            self._without_session(header, body, address, session)
+        elif session is None:
+            self._stranger(header, body, address, time)
+        elif header.session_id != session.session_id or header.key != session.key:
+            raise WireError("wrong session id or key")
+        else:
+            self._in_session(session, header, body, time)
+
+    def _in_session(self, session: Session, header: wire.Header, body: bytes, time: int) -> None:
+        is_asleep = session.remote is None and session.inventory.namespace is not None
+        if is_asleep and _first(body).id != wire.DELETE and not self._wake(session):
+            self._outbox.late += 1
+            return
+        session.receive(header, body, time)
+        if session.ended is not None:
+            self._forget(session, session.ended)
+
+    def _without_session(self, header: wire.Header, body: bytes, address: Address, session: Session | None) -> None:
+        """Take a ping or a CREATE_CLIENT."""
+        submessage = _first(body)
+        if submessage.id == wire.GET_INFO:
+            if session is not None:
+                session.pinged = True
+            self._send(header, wire.answer_info(submessage.payload, known=session is not None), address)
+        elif submessage.id == wire.CREATE_CLIENT:
+            self._create_client(header, wire.CreateClient.unpack(submessage.payload), address, session)
+        else:
+            raise WireError("submessage that needs a session")
+        self._outbox.received += 1
+
+    def _stranger(self, header: wire.Header, body: bytes, address: Address, time: int) -> None:
+        """Take a message of a session that this agent has not begun."""
+        submessage = _first(body)
+        if submessage.id == wire.GET_INFO:
+            self._send(header, wire.answer_info(submessage.payload, known=False), address)
+            self._outbox.received += 1
+        elif submessage.id == wire.DELETE and submessage.payload[2:4] == wire.CLIENT_ID:
+            self._send(header, wire.Status(submessage.payload[:2], wire.CLIENT_ID).pack(), address)
+            self._outbox.received += 1
+        elif self._may_adopt(header, submessage, address):
+            session = self._begin(wire.CreateClient(0, header.session_id), address)
+            session.adopt(self._known)
+            self._connect(session)
+            session.receive(header, body, time)
+        else:
+            raise WireError("message of an unknown session")
+
+    def _may_adopt(self, header: wire.Header, submessage: wire.Submessage, address: Address) -> bool:
+        """Whether a client has a complete session: it sends samples of a writer that the expected firmware has."""
+        return (
+            submessage.id == WRITE_DATA
+            and submessage.payload[2:4] in self._known_writers
+            and header.stream == BEST_EFFORT
+            and header.session_id > wire.NO_SESSION
+            and address not in self._ended
+            and self._has_room()
+        )
+
+    def _create_client(
+        self, header: wire.Header, create: wire.CreateClient, address: Address, session: Session | None
+    ) -> None:
+        status = wire.OK
+        if self._keys is not None and create.key not in self._keys:
+            self._warn(f"refused {_host(address)}: key {create.key} is not allowed; add it to the keys in allow=")
+            raise WireError("key that is not allowed")
+        if create.session_id in (wire.NO_SESSION, wire.NO_SESSION_WITH_KEY):
+            raise WireError("wrong session id or key")
+        if session is None or not self._is_doubled(session, create):
+            if session is not None:
+                self._forget(session, "the vehicle has begun another session")
+            if self._has_room():
+                self._begin(create, address)
+            else:
+                status = wire.ERR_RESOURCES
+                self._outbox.refuse("too many clients")
+                self._warn(f"refused {_host(address)}: {self._limits.clients} vehicles are connected")
+        key = wire.key_bytes(create.key) if create.session_id < 0x80 else b""
+        self._send(header._replace(session_id=create.session_id, key=key), wire.StatusAgent(status).pack(), address)
+
+    def _is_doubled(self, session: Session, create: wire.CreateClient) -> bool:
+        """Whether a CREATE_CLIENT is the one that began the session, doubled on its way."""
+        is_soon = self._clock - session.begun_at < _REPEATED
+        return create == session.create and is_soon and not session.pinged
+
+    def _has_room(self) -> bool:
+        """Whether a session can begin. Forget one that is not connected, if that is needed."""
+        if len(self._sessions) >= self._limits.clients:
+            idle = [session for session in self._sessions.values() if session.remote is None]
+            if not idle:
+                return False
+            self._forget(min(idle, key=lambda session: session.heard_at), "")
+        return True
+
+    def _begin(self, create: wire.CreateClient, address: Address) -> Session:
+        session = Session(create, address, self._outbox, self._limits, self._named)
+        session.heard_at = session.begun_at = self._clock
+        self._sessions[address] = session
+        return session
+
+    def _named(self, session: Session) -> None:
+        """Take a client that has told its namespace: the same client may have had a session at another address."""
+        key = session.create.key
+        for other in list(self._connected.values()):
+            if (
+                other.create.key == key
+                and other.inventory.namespace == session.inventory.namespace
+                and key not in self._shared_keys
+            ):
+                self._disconnect(other, f"the vehicle has begun another session, at {_name(session.address)}")
+                other.replaced_at = self._clock
+        self._connect(session)
+
+    def _wake(self, session: Session) -> bool:
+        """Continue a session that was silent, or that another one seemed to replace. Return whether it goes on."""
+        if session.replaced_at is not None:
+            if self._clock - session.replaced_at < _REPEATED:
+                return False
+            key = session.create.key
+            if len(self._shared_keys) >= self._limits.clients:
+                self._shared_keys.clear()
+            self._shared_keys.add(key)
+            self._warn(f"two vehicles have the key {key}: set the parameter UXRCE_DDS_KEY of one to another number")
+            session.replaced_at = None
+        self._connect(session)
+        return True
+
+    def _connect(self, session: Session) -> None:
+        number = next(self._numbers)
+        self._connected[number] = session
+        session.connect(number, _name(session.address), self._guid)
+
+    def _disconnect(self, session: Session, reason: str) -> None:
+        if session.remote is not None:
+            del self._connected[session.remote.number]
+        session.disconnect(reason)
+
+    def _forget(self, session: Session, reason: str) -> None:
+        self._disconnect(session, reason)
+        del self._sessions[session.address]
+        if len(self._ended) >= self._limits.clients:
+            del self._ended[next(iter(self._ended))]
+        self._ended[session.address] = self._clock
+
+    def _send(self, header: wire.Header, submessage: bytes, address: Address) -> None:
+        """Send a submessage outside of streams, with the session id and key of a header."""
+        self._outbox.send(wire.HEADER.pack(header.session_id, 0, 0) + header.key + submessage, address)
+
+    def _warn(self, text: str) -> None:
+        """Tell the user, each text once."""
+        if text not in self._warned and len(self._warned) < _WARNINGS:
+            self._warned.add(text)
+            self._outbox.events.append(Warned(text))
+
+
+def _first(body: bytes) -> wire.Submessage:
+    for submessage in wire.submessages(body):
+        return submessage
+    raise WireError("message without a submessage")
+
+
+def _name(address: Address) -> str:
+    """Return an address as text: `127.0.0.1:40123`, `[::1]:40123`, or the path of a device."""
+    if isinstance(address, str):
+        return address
+    host = _host(address)
+    return f"[{host}]:{address[1]}" if ":" in host else f"{host}:{address[1]}"
+
+
+def _host(address: Address) -> str:
+    return address if isinstance(address, str) else str(address[0])

@@ -1,0 +1,399 @@
+"""The client side of a session, as PX4's client behaves: docs/xrce.md.
+
+No input, output, clock or thread. Times are in us since the start of the client, which is the clock that it tells its
+agent. A transport gives datagrams and times, and takes datagrams and events:
+
+    client.advance(now)
+    for data, connection in client.take_outgoing():
+        sockets[connection].send(data)
+    client.receive(sock.recv(4096), now)
+
+PX4's client is one loop, which waits at many places. Here this loop is a generator, which yields the time until which
+it waits, and continues at that time or after a datagram.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Generator
+from typing import Final, NamedTuple, TypeAlias
+
+from msggen.live.xrce import wire
+from msggen.live.xrce.client_entities import (
+    Creation,
+    Settings,
+    create_participant,
+    create_reader,
+    create_server,
+    create_writer,
+)
+from msggen.live.xrce.client_streams import ClientStreams
+from msggen.live.xrce.entities import READER, REPLIER, WRITER, object_id, object_number
+from msggen.live.xrce.offset import OffsetFilter
+
+_Steps: TypeAlias = "Generator[int, None, None]"
+_Outcome: TypeAlias = "Generator[int, None, bool]"
+
+_SECOND: Final = 1_000_000
+_PING_ID: Final = b"\x00\x0a"
+_DELETE_ID: Final = b"\x00\x02"
+_ATTEMPTS: Final = 10
+"""How often CREATE_CLIENT is sent, and how many TIMESTAMPs in a row may stay without an answer."""
+_EXCHANGES: Final = {"px4": 500, "short": 20, "off": 0}
+_SYNC_PAUSE: Final = {"px4": 10_000, "short": 100, "off": 0}
+_SYNC_WAIT: Final = 10_000
+_STATUSES: Final = 16
+"""The number of STATUS that are kept. PX4's client waits for three at a time."""
+_PINGS: Final = 3
+"""The pings without an answer after which the next one ends the session."""
+_SILENCE: Final = 3 * _SECOND
+"""The time without a sample from the vehicle after which it ends the session: UXRCE_DDS_TX_TO."""
+
+
+class Connected(NamedTuple):
+    """The entities are created, and samples flow."""
+
+
+class Disconnected(NamedTuple):
+    """The session has ended. The client starts again, on a new connection."""
+
+    reason: str
+
+
+class Received(NamedTuple):
+    """A sample for a reader. `data` is CDR without encapsulation, with up to 3 bytes of padding."""
+
+    number: int
+    data: bytes
+
+
+class Requested(NamedTuple):
+    """A request to a service. The reply has the same 24 bytes of identity."""
+
+    number: int
+    identity: bytes
+    data: bytes
+
+
+class Exchange(NamedTuple):
+    """An exchange of times with the agent, in us."""
+
+    agent: int
+    """The agent's time."""
+    observed: int
+    """The agent's clock minus the client's, as this exchange tells it."""
+    round_trip: int
+
+
+Event: TypeAlias = Connected | Disconnected | Received | Requested
+
+
+class Client:
+    """A client. It begins to look for its agent at the first call of `advance`."""
+
+    def __init__(self, settings: Settings) -> None:
+        self.settings = settings
+        self.is_connected = False
+        """Whether all entities exist and samples flow."""
+        self.is_closed = False
+        """Whether the client has ended after `close`."""
+        self.exchange = Exchange(0, 0, 0)
+        """The last exchange of times."""
+        self.refused: Counter[str] = Counter()
+        """Datagrams that were refused, by reason."""
+        self.connections = 0
+        """The number of the newest connection."""
+        self._now = 0
+        self._until = 0
+        self._outgoing: list[tuple[bytes, int]] = []  # of earlier connections
+        self._events: list[Event] = []
+        self._readers = {object_id(each.number, READER) for each in settings.readers}
+        self._servers = {object_id(each.number, REPLIER) for each in settings.servers}
+        self._is_waiting = False
+        self._steps = self._live()
+        self._reset()
+
+    def _reset(self) -> None:
+        """Forget a session."""
+        self.clock = OffsetFilter(_EXCHANGES[self.settings.sync])
+        self._streams = ClientStreams(self.refused)
+        self._info: wire.Info | None = None
+        self._agent: wire.StatusAgent | None = None
+        self._reply: wire.TimestampReply | None = None
+        self._statuses: dict[bytes, int] = {}
+        self._last_write = self._now
+        self._written = self._read = 0
+
+    # What the transport calls
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether `write` sends. PX4's client sends nothing while it waits for a ping or a time."""
+        return self.is_connected and not self._is_waiting
+
+    @property
+    def offset(self) -> int:
+        """The agent's clock minus the client's in us, 0 if it is not known."""
+        return self.clock.offset
+
+    @property
+    def next_time(self) -> int:
+        """The time at which `advance` is to be called next."""
+        heartbeat_time = self._streams.heartbeat_time
+        return self._until if heartbeat_time is None else min(self._until, heartbeat_time)
+
+    def take_outgoing(self) -> list[tuple[bytes, int]]:
+        """Return the datagrams to send, each with the number of its connection.
+
+        A new number means a new socket: the earlier ones are closed after their datagrams were sent.
+        """
+        self._collect_outgoing()
+        taken, self._outgoing = self._outgoing, []
+        return taken
+
+    def take_events(self) -> list[Event]:
+        """Return the events since the last call."""
+        taken, self._events = self._events, []
+        return taken
+
+    def advance(self, now: int) -> None:
+        """Do what is due."""
+        self._now = max(now, self._now)
+        self._streams.advance(self._now)
+        if self._now >= self._until:
+            self._continue()
+
+    def receive(self, data: bytes, now: int) -> None:
+        """Take a datagram, or the message of a frame. Never raises."""
+        self._now = max(now, self._now)
+        for submessage in self._streams.receive(data, self._now):
+            try:
+                self._take(submessage)
+            except wire.WireError as error:
+                self.refused[str(error)] += 1
+        self._continue()
+
+    def write(self, number: int, data: bytes) -> bool:
+        """Send a sample, CDR without encapsulation. Return whether the client is ready."""
+        if not self.is_ready:
+            return False
+        self._streams.write(object_id(number, WRITER), data)
+        self._last_write = self._now
+        self._written += len(data)
+        return True
+
+    def reply(self, number: int, identity: bytes, data: bytes) -> None:
+        """Answer a request to a service, CDR without encapsulation."""
+        if self.is_connected:
+            sample = wire.Sample(self._streams.next_request(), object_id(number, REPLIER), identity + data)
+            self._streams.collect(sample.pack(wire.WRITE_DATA))
+            self._streams.flush(self._now)
+
+    def close(self, now: int) -> None:
+        """End the session. The client is closed when the agent has answered, or after 1 s."""
+        self._now = max(now, self._now)
+        if self.is_closed:
+            return
+        self.is_connected = False
+        self._steps = self._end()
+        self._continue()
+
+    # The loop of PX4's client
+
+    def _continue(self) -> None:
+        self._until = next(self._steps)
+
+    def _live(self) -> _Steps:
+        while True:
+            yield from self._find_agent()
+            reason = "the agent did not create a session"
+            if (yield from self._open_session()):
+                self._streams.is_open = True
+                reason = yield from self._set_up()
+                if not reason:
+                    reason = yield from self._serve()
+                self._streams.send(wire.Delete(_DELETE_ID).pack())
+            self.is_connected = False
+            self._events.append(Disconnected(reason))
+            self._collect_outgoing()
+            self._reset()
+            self.connections += 1
+
+    def _end(self) -> _Steps:
+        if self._streams.is_open:
+            self._statuses.pop(_DELETE_ID, None)
+            self._streams.send(wire.Delete(_DELETE_ID).pack())
+            yield from self._wait(lambda: _DELETE_ID in self._statuses, _SECOND)
+        self._collect_outgoing()
+        self._reset()
+        self.is_closed = True
+        while True:
+            yield self._now + 3600 * _SECOND
+
+    def _wait(self, is_done: Callable[[], bool], time: int) -> _Outcome:
+        """Wait until something is done. Return False if it is not in time."""
+        end = self._now + time
+        self._is_waiting = True
+        while not is_done():
+            if self._now >= end:
+                self._is_waiting = False
+                return False
+            yield end
+        self._is_waiting = False
+        return True
+
+    def _find_agent(self) -> _Steps:
+        while True:
+            self._info = None
+            self._streams.send(wire.GetInfo(_PING_ID).pack(), wire.NO_SESSION)
+            yield from self._wait(lambda: self._info is not None, _SECOND)
+            if self._info is not None and self._info.available:
+                return
+            yield from self._wait(lambda: False, _SECOND if self._info else 0)
+
+    def _open_session(self) -> _Outcome:
+        create = wire.CreateClient(self.settings.key)
+        for _ in range(_ATTEMPTS):
+            self._streams.send(create.pack(), wire.NO_SESSION)
+            if (yield from self._wait(lambda: self._agent is not None, _SECOND)):
+                return self._agent is not None and self._agent.status == wire.OK
+        return False
+
+    def _set_up(self) -> Generator[int, None, str]:
+        """Synchronise the clocks and create all entities. Return why that failed, or ""."""
+        if not (yield from self._create(create_participant(self.settings))):
+            return "the agent refused the participant"
+        if not (yield from self._synchronise()):
+            return "the agent did not answer TIMESTAMP"
+        for reader in self.settings.readers:
+            if (yield from self._create(*create_reader(reader))):
+                identity = object_id(reader.number, READER)
+                self._streams.collect(wire.ReadData(self._streams.next_request(), identity).pack())
+        for writer in self.settings.writers:
+            if not (yield from self._create(*create_writer(writer))):
+                return f"the agent refused the writer of {writer.name}"
+        for server in self.settings.servers:
+            identity = object_id(server.number, REPLIER)
+            if (yield from self._create(create_server(server))):
+                self._streams.collect(wire.ReadData(self._streams.next_request(), identity, wire.RELIABLE).pack())
+        self._streams.flush(self._now)
+        return ""
+
+    def _create(self, *entities: Creation) -> _Outcome:
+        """Create entities, each an object id and a representation. Return whether the agent made all of them in 1 s."""
+        self._statuses.clear()
+        requests = []
+        for identity, representation in entities:
+            requests.append(self._streams.next_request())
+            self._streams.collect(wire.Create(requests[-1], identity, representation).pack())
+        self._streams.flush(self._now)
+        wanted = frozenset(requests)
+        yield from self._wait(lambda: wanted <= self._statuses.keys(), _SECOND)
+        return all(self._statuses.get(request) == wire.OK for request in requests)
+
+    def _serve(self) -> Generator[int, None, str]:
+        """Keep the session alive. Return why it ended."""
+        self._last_write = self._now
+        self._written = self._read = 0
+        self.is_connected = True
+        self._events.append(Connected())
+        sync_time = ping_time = self._now + _SECOND
+        missed, is_answered = 0, True
+        while True:
+            if self._now - self._last_write >= _SILENCE:
+                return f"no sample was sent for {_SILENCE // _SECOND} s"
+            if self.clock.window and self._now >= sync_time:
+                is_done = yield from self._exchange(_SYNC_WAIT)
+                sync_time = self._now + (_SECOND if is_done and self.clock.is_converged else 1)
+            if self._now >= ping_time:
+                if self._written and self._read:
+                    missed, is_answered = 0, True
+                else:
+                    missed, is_answered = 0 if is_answered else missed + 1, False
+                    is_answered = yield from self._ping()
+                    if missed >= _PINGS:
+                        return "the agent does not know this session, or does not answer"
+                self._written = self._read = 0
+                ping_time = max(ping_time + _SECOND, self._now + 1)
+            next_time = min(ping_time, self._last_write + _SILENCE)
+            yield min(next_time, sync_time) if self.clock.window else next_time
+
+    def _ping(self) -> _Outcome:
+        """Return whether the agent answers within 1 s, and knows this session."""
+        self._info = None
+        self._streams.send(wire.GetInfo(_PING_ID).pack())
+        yield from self._wait(lambda: self._info is not None, _SECOND)
+        return self._info is not None and self._info.known
+
+    def _synchronise(self) -> _Outcome:
+        """Estimate the offset. Return False if the agent does not answer."""
+        missed = 0
+        while not self.clock.is_converged:
+            if (yield from self._exchange(_SECOND)):
+                missed = 0
+            else:
+                missed += 1
+                if missed > _ATTEMPTS:
+                    return False
+            if not self.clock.is_converged:
+                yield from self._wait(lambda: False, _SYNC_PAUSE[self.settings.sync])
+        return True
+
+    def _exchange(self, time: int) -> _Outcome:
+        """Ask for the agent's time, and return whether it answers in time."""
+        self._reply = None
+        self._streams.send(wire.Timestamp(self._now * 1000).pack())
+        yield from self._wait(lambda: self._reply is not None, time)
+        reply = self._reply
+        if reply is None:
+            return False
+        sent, agent = reply.originated // 1000, reply.transmitted // 1000
+        if 0 <= sent <= self._now:
+            self.clock.add(sent, agent, self._now)
+            self.exchange = Exchange(agent, agent - (sent + self._now) // 2, self._now - sent)
+        return True
+
+    def _collect_outgoing(self) -> None:
+        self._outgoing += [(message, self.connections) for message in self._streams.outgoing]
+        self._streams.outgoing.clear()
+
+    # Receiving
+
+    def _take(self, submessage: wire.Submessage) -> None:
+        take = _TAKE.get(submessage.id)
+        if take is None:
+            raise wire.WireError("submessage that no agent sends")
+        take(self, submessage)
+
+    def _take_info(self, submessage: wire.Submessage) -> None:
+        self._info = wire.Info.unpack(submessage.payload)
+
+    def _take_status_agent(self, submessage: wire.Submessage) -> None:
+        self._agent = wire.StatusAgent.unpack(submessage.payload)
+
+    def _take_status(self, submessage: wire.Submessage) -> None:
+        status = wire.Status.unpack(submessage.payload)
+        if len(self._statuses) < _STATUSES:
+            self._statuses[status.request_id] = status.status
+
+    def _take_timestamp_reply(self, submessage: wire.Submessage) -> None:
+        self._reply = wire.TimestampReply.unpack(submessage.payload)
+
+    def _take_data(self, submessage: wire.Submessage) -> None:
+        sample = wire.Sample.unpack(submessage.payload, submessage.flags)
+        number = object_number(sample.object_id)
+        self._read += len(sample.data)
+        if sample.object_id in self._readers:
+            self._events.append(Received(number, sample.data))
+        elif sample.object_id in self._servers:
+            wire.Identity.unpack(sample.data)
+            self._events.append(Requested(number, sample.data[:24], sample.data[24:]))
+
+
+_TAKE: Final = {
+    wire.INFO: Client._take_info,  # noqa: SLF001 - a table of the methods above
+    wire.STATUS_AGENT: Client._take_status_agent,  # noqa: SLF001
+    wire.STATUS: Client._take_status,  # noqa: SLF001
+    wire.TIMESTAMP_REPLY: Client._take_timestamp_reply,  # noqa: SLF001
+    wire.DATA: Client._take_data,  # noqa: SLF001
+}

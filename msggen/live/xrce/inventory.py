@@ -1,0 +1,167 @@
+"""The entities of one client, and the routes and services that they make. docs/xrce.md, 4."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from typing import NamedTuple
+
+from msggen.live.link import Route, Service
+from msggen.live.xrce import entities, wire
+from msggen.live.xrce.entities import Endpoint, Entity, Participant, RefusedError, Replier, Topic
+from msggen.live.xrce.wire import WireError
+
+_NAME = re.compile(r"[A-Za-z0-9_/:~]+")
+_PARTICIPANT = re.compile(r"/*([A-Za-z0-9_/]*?)/*px4_micro_xrce_dds")
+_PARENTS = {
+    entities.TOPIC: entities.PARTICIPANT,
+    entities.PUBLISHER: entities.PARTICIPANT,
+    entities.SUBSCRIBER: entities.PARTICIPANT,
+    entities.REPLIER: entities.PARTICIPANT,
+    entities.WRITER: entities.PUBLISHER,
+    entities.READER: entities.SUBSCRIBER,
+}
+
+
+class Reading(NamedTuple):
+    """A READ_DATA: where samples or requests go."""
+
+    route: Route | Service
+    request_id: bytes
+    stream: int
+
+
+class Inventory:
+    """The entities of one client."""
+
+    def __init__(self, most: int, longest: int) -> None:
+        """Make an empty inventory for up to `most` entities with names of up to `longest` characters."""
+        self.namespace: str | None = None
+        """The namespace of the first participant: empty if it tells none, None before there is one."""
+        self.writers: dict[bytes, Route] = {}
+        self.services: dict[bytes, Service] = {}
+        self.readings: dict[bytes, Reading] = {}
+        """What the client has asked for, by the object ids of readers and repliers."""
+        self._readers: dict[bytes, Route] = {}
+        self._entities: dict[bytes, Entity] = {}
+        self._most = most
+        self._longest = longest
+
+    def __len__(self) -> int:
+        return len(self._entities)
+
+    def routes(self) -> list[Route | Service]:
+        """Return what the client publishes, and what it has asked for."""
+        return [*self.writers.values(), *(reading.route for reading in self.readings.values())]
+
+    def adopt(self, known: Iterable[Route]) -> None:
+        """Take routes for those of a client that has created them before."""
+        self.namespace = ""
+        for route in known:
+            if route.direction == "out":
+                self.writers[entities.object_id(route.object_id, entities.WRITER)] = route
+            else:
+                reader = entities.object_id(route.object_id, entities.READER)
+                self.readings[reader] = Reading(route, wire.NO_REQUEST, wire.BEST_EFFORT)
+
+    def create(self, create: wire.Create) -> Route | None:
+        """Make an entity; return the route that it opens. Raises RefusedError and WireError."""
+        entity = entities.parse(create)
+        object_id = create.object_id
+        old = self._entities.get(object_id)
+        if old is None and len(self._entities) >= self._most:
+            raise RefusedError("too many entities", wire.ERR_RESOURCES)
+        if old is not None and not create.flags & wire.REPLACE:
+            if create.flags & wire.REUSE and entity == old:
+                return None
+            raise RefusedError("entity that exists", wire.ERR_ALREADY_EXISTS)
+        if not isinstance(entity, Participant):
+            kind = _PARENTS[entities.object_kind(object_id)]
+            if entity.parent not in self._entities or entities.object_kind(entity.parent) != kind:
+                raise RefusedError("entity of an unknown parent", wire.ERR_UNKNOWN_REFERENCE)
+        route = self._make(object_id, entity)
+        self._entities[object_id] = entity
+        return route
+
+    def read(self, read: wire.ReadData) -> Route | Service | None:
+        """Take a READ_DATA; return the route or service that it opens. Raises RefusedError."""
+        route = self._readers.get(read.object_id) or self.services.get(read.object_id)
+        if route is None:
+            raise RefusedError("READ_DATA of an unknown entity", wire.ERR_UNKNOWN_REFERENCE)
+        if read.stream not in (wire.BEST_EFFORT, wire.RELIABLE):
+            raise RefusedError("unknown stream", wire.ERR_INVALID_DATA)
+        is_new = read.object_id not in self.readings
+        self.readings[read.object_id] = Reading(route, read.request_id, read.stream)
+        return route if is_new else None
+
+    def delete(self, object_id: bytes) -> None:
+        """Remove an entity and those that are part of it. Raises RefusedError."""
+        if object_id not in self._entities:
+            raise RefusedError("DELETE of an unknown entity", wire.ERR_UNKNOWN_REFERENCE)
+        for child in [child for child, entity in self._entities.items() if _parent(entity) == object_id]:
+            self.delete(child)
+        del self._entities[object_id]
+        self.writers.pop(object_id, None)
+        self.services.pop(object_id, None)
+        self.readings.pop(object_id, None)
+        self._readers.pop(object_id, None)
+
+    def _make(self, object_id: bytes, entity: Entity) -> Route | None:
+        if isinstance(entity, Participant):
+            if self.namespace is None:
+                found = _PARTICIPANT.fullmatch(entity.name[: self._longest])
+                self.namespace = found[1] if found else ""
+        elif isinstance(entity, Topic):
+            self._check(entity.name, entity.type)
+        elif isinstance(entity, Replier):
+            self._check(*entity[:5])
+            self.services[object_id] = _service(object_id, entity)
+        elif isinstance(entity, Endpoint):
+            return self._endpoint(object_id, entity)
+        return None
+
+    def _endpoint(self, object_id: bytes, endpoint: Endpoint) -> Route | None:
+        names = endpoint.topic
+        if isinstance(names, bytes):
+            topic = self._entities.get(names)
+            if not isinstance(topic, Topic):
+                raise RefusedError("endpoint of an unknown topic", wire.ERR_UNKNOWN_REFERENCE)
+            names = topic.name, topic.type
+        self._check(*names)
+        name, ros_type, number = _ros_name(names[0]), _ros_type(names[1]), entities.object_number(object_id)
+        if endpoint.kind == entities.READER:
+            self._readers[object_id] = Route(name, ros_type, "in", number)
+            self.readings.pop(object_id, None)  # until the client asks for its samples
+            return None
+        route = Route(name, ros_type, "out", number)
+        is_new = self.writers.get(object_id) != route
+        self.writers[object_id] = route
+        return route if is_new else None
+
+    def _check(self, *names: str) -> None:
+        for name in names:
+            if len(name) > self._longest or not _NAME.fullmatch(name):
+                raise WireError("name with unexpected characters, or too long")
+
+
+def _parent(entity: Entity) -> bytes | None:
+    return None if isinstance(entity, Participant) else entity.parent
+
+
+def _service(object_id: bytes, replier: Replier) -> Service:
+    """Return a service with its names in ROS 2: `rq/fmu/vehicle_commandRequest` is `/fmu/vehicle_command`."""
+    name = _ros_name(replier.request_topic).removesuffix("Request")
+    types = _ros_type(replier.request_type), _ros_type(replier.reply_type)
+    return Service(name, *types, entities.object_number(object_id))
+
+
+def _ros_name(topic: str) -> str:
+    """Return a topic's name in ROS 2: `rt/fmu/out/vehicle_status` is `/fmu/out/vehicle_status`."""
+    return topic[2:] if topic.startswith(("rt/", "rq/")) else topic
+
+
+def _ros_type(dds_type: str) -> str:
+    """Return a type's name in ROS 2: `px4_msgs::msg::dds_::VehicleStatus_` is `px4_msgs/msg/VehicleStatus`."""
+    if "::dds_::" in dds_type:
+        dds_type = dds_type.replace("::dds_::", "::").removesuffix("_")
+    return dds_type.replace("::", "/")

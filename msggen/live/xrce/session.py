@@ -1,0 +1,367 @@
+"""One client of an agent: its streams, entities, samples and requests. docs/xrce.md."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import ClassVar, Final, NamedTuple
+
+from msggen.live.link import LinkError, Remote, Route, Service
+from msggen.live.xrce import entities, wire
+from msggen.live.xrce.entities import RefusedError
+from msggen.live.xrce.events import Address, Connected, Disconnected, Lost, Opened, Outbox, Replied, Sample
+from msggen.live.xrce.inventory import Inventory, Reading
+from msggen.live.xrce.streams import BestEffortInput, Fragments, ReliableInput, ReliableOutput
+from msggen.live.xrce.wire import BEST_EFFORT, RELIABLE, Submessage, WireError
+
+HEARTBEAT_PERIOD: Final = 0.1
+"""Seconds without acknowledgement after which a HEARTBEAT asks for it."""
+REPLY_TICKS: Final = 50
+"""Ticks after a request in which a lost reply is asked for: 5 s."""
+
+
+class Limits(NamedTuple):
+    """Bounds of an agent."""
+
+    clients: int = 64
+    """Sessions, with those that are silent."""
+    message: int = 4096
+    """Bytes of a message from a client. PX4's client sends up to 508."""
+    fragments: int = 65536
+    """Bytes of a client's joined fragments."""
+    entities: int = 1024
+    """Entities of a client. PX4's client has about 200."""
+    text: int = 255
+    """Characters of a topic's or a type's name."""
+    outgoing: int = 4096
+    """Datagrams that wait for `take_outgoing`."""
+    silence: float = 5.0
+    """Seconds after which a silent client is reported as disconnected. PX4's client sends every second."""
+    memory: float = 60.0
+    """Seconds after which a silent client is forgotten. Until then it continues its session if it sends again."""
+
+
+class Session:
+    """One client, agent side. The agent decides when it begins, sleeps and ends."""
+
+    def __init__(
+        self,
+        create: wire.CreateClient,
+        address: Address,
+        outbox: Outbox,
+        limits: Limits,
+        named: Callable[[Session], None],
+    ) -> None:
+        """Begin the session that a CREATE_CLIENT asks for. `named` is called when the client has told its namespace."""
+        self.create = create
+        self.address = address
+        self.session_id = create.session_id
+        self.remote: Remote | None = None
+        """The vehicle, while it is reported as connected."""
+        self.ended: str | None = None
+        """The reason why the session has ended."""
+        self.heard = True
+        """Whether a message has arrived since the agent has looked last."""
+        self.heard_at = 0.0
+        self.begun_at = 0.0
+        self.replaced_at: float | None = None
+        """The time at which another session with this key and namespace began, until this one sends again."""
+        self.pinged = False
+        """Whether the client has sent a ping outside of a session, as it does before it begins one."""
+        self.adopted = False
+        self.inventory = Inventory(limits.entities, limits.text)
+        self.writers = self.inventory.writers
+        self.fast_id = -1
+        """The session id, if a WRITE_DATA of stream 1 can be taken without a look at streams: the session is awake."""
+        self._guid = bytes(16)
+        self.key = wire.key_bytes(create.key) if create.session_id < 0x80 else b""
+        self._outbox = outbox
+        self._limits = limits
+        self._named = named
+        self._stream = wire.NO_STREAM  # of the message that is being taken, and its time
+        self._time = 0
+        self._reset()
+
+    def _reset(self) -> None:
+        """Begin all streams."""
+        self.best_effort = BestEffortInput()
+        self.input = ReliableInput()
+        self._output = ReliableOutput()
+        self._next = 0  # the number of the next best-effort message
+        self._beat_at: float | None = None
+        self._request = 0  # the number of the last request, and the ticks in which its reply is still asked for
+        self._reply_ticks = 0
+        self._fragments = Fragments(self._limits.fragments)
+
+    # Life
+
+    def connect(self, number: int, name: str, guid: bytes) -> None:
+        """Report the client as connected, with the routes it has. `name` is its address as text."""
+        self.remote = Remote(number, name, self.create.key, self.inventory.namespace or "", self.adopted)
+        self._guid = guid + (number & 0xFFFFFF).to_bytes(3, "big") + b"\x03"
+        self._outbox.events.append(Connected(self.remote))
+        self._outbox.events += [Opened(self.remote, route) for route in self.inventory.routes()]
+        self._open_fast_path()
+
+    def disconnect(self, reason: str) -> None:
+        """Report the client as disconnected. It keeps its state, and may connect again."""
+        if self.remote is not None:
+            self._outbox.events.append(Disconnected(self.remote, reason))
+        self.remote = None
+        self.fast_id = -1
+        self.best_effort.last = None
+
+    def adopt(self, known: Iterable[Route]) -> None:
+        """Take over a session that an earlier program began: docs/xrce.md, 10."""
+        self.adopted = True
+        self.inventory.adopt(known)
+        self.best_effort = BestEffortInput(None)
+        self.input = ReliableInput(None)
+        for number in (*range(0, 0x10000, 0x2000), 0):
+            self._next = number
+            self._send_data(BEST_EFFORT, bytes(4), b"")
+
+    def tick(self, now: float) -> None:
+        """Ask for acknowledgements that are due, and for a reply that may be lost."""
+        self._ask_for_reply()
+        beat = self._output.heartbeat()
+        if beat is None:
+            self._beat_at = None
+        elif self._beat_at is None:
+            self._beat_at = now + HEARTBEAT_PERIOD
+        elif now >= self._beat_at:
+            self._beat_at = now + HEARTBEAT_PERIOD
+            self._send(wire.NO_STREAM, wire.Heartbeat(*beat).pack())
+
+    def _ask_for_reply(self) -> None:
+        """Report the next reliable message as missing: PX4's client repeats it if it was sent (docs/xrce.md, 6)."""
+        state = self.input.acknack()
+        if self._reply_ticks and state is not None:
+            self._reply_ticks -= 1
+            self._send(wire.NO_STREAM, wire.AckNack(state[0], state[1] | 1).pack())
+
+    # To the client
+
+    def publish(self, object_id: int, payload: bytes) -> None:
+        """Send a sample: `Agent.publish`."""
+        reader, reading = self._find(object_id, entities.READER)
+        if reading is None:
+            raise LinkError(f"the vehicle does not read object {object_id}; routes() has those of direction 'in'")
+        self._send_data(reading.stream, reading.request_id + reader, self._cut(payload))
+
+    def call(self, object_id: int, request: int, payload: bytes) -> None:
+        """Send a request: `Agent.call`."""
+        if self.adopted:
+            raise LinkError(
+                "services cannot be called in a session that an earlier program began; "
+                "restart uxrce_dds_client on the vehicle"
+            )
+        replier, reading = self._find(object_id, entities.REPLIER)
+        if reading is None:
+            raise LinkError(f"the vehicle has no service with object {object_id}; routes() has its services")
+        data = wire.Identity(self._guid, request).pack() + self._cut(payload)
+        self._send_data(reading.stream, reading.request_id + replier, data)
+        self._request, self._reply_ticks = request, REPLY_TICKS
+
+    def _find(self, number: int, kind: int) -> tuple[bytes, Reading | None]:
+        if not 0 <= number <= entities.LARGEST_NUMBER:
+            return b"", None
+        object_id = entities.object_id(number, kind)
+        return object_id, self.inventory.readings.get(object_id)
+
+    def _cut(self, payload: bytes) -> bytes:
+        """Return a payload without its encapsulation."""
+        if payload[:2] != wire.ENCAPSULATION[:2]:
+            raise LinkError("the payload is not little-endian CDR with an encapsulation; use encode() of a message")
+        room = self.create.mtu - 12 - len(self.key)  # headers of message and submessage, request id and object id
+        if len(payload) - 4 > room:
+            raise LinkError(f"the payload has {len(payload) - 4} bytes, and the vehicle takes up to {room}")
+        return payload[4:]
+
+    def _send_data(self, stream: int, ids: bytes, data: bytes) -> None:
+        """Send DATA. `ids` are request id and object id."""
+        if stream == RELIABLE and self._output.is_full:
+            raise LinkError("the vehicle does not acknowledge what it gets; wait for replies before further requests")
+        self._send(stream, wire.SUBMESSAGE.pack(wire.DATA, wire.LITTLE_ENDIAN, len(data) + 4) + ids + data)
+
+    def _send(self, stream: int, submessage: bytes) -> None:
+        """Send a submessage in a message of its own."""
+        sequence = 0
+        if stream == BEST_EFFORT:
+            sequence = self._next
+            self._next = (sequence + 1) & 0xFFFF
+        elif stream == RELIABLE:
+            if self._output.is_full:
+                self._outbox.refuse("too many messages without acknowledgement")
+                return
+            sequence = self._output.send(submessage)
+        self._post(stream, sequence, submessage)
+
+    def _post(self, stream: int, sequence: int, submessage: bytes) -> None:
+        message = wire.HEADER.pack(self.session_id, stream, sequence) + self.key + submessage
+        self._outbox.send(message, self.address)
+
+    # From the client
+
+    def receive(self, header: wire.Header, body: bytes, time: int) -> None:
+        """Take a message of this session. `header` has been compared with the session's id and key."""
+        self.heard = True
+        self._time = time
+        if header.stream == RELIABLE:
+            self._take(self.input.receive(header.sequence, body))
+            self._acknowledge()
+        elif header.stream == wire.NO_STREAM:
+            self._submessages(body, wire.NO_STREAM)
+        elif header.stream == BEST_EFFORT:
+            missing = self.best_effort.accept(header.sequence)
+            if missing is None:
+                self._outbox.late += 1
+                return
+            self.miss(missing)
+            self._open_fast_path()
+            self._submessages(body, BEST_EFFORT)
+        else:
+            self._outbox.refuse("unknown stream")
+            return
+        self._outbox.received += 1
+
+    def miss(self, count: int) -> None:
+        """Report missing messages of the best-effort stream."""
+        if count and self.remote is not None:
+            self._outbox.lost += count
+            self._outbox.events.append(Lost(self.remote, count))
+
+    def _open_fast_path(self) -> None:
+        if self.remote is not None and not self.key and self.best_effort.last is not None:
+            self.fast_id = self.session_id
+
+    def _take(self, messages: list[bytes]) -> None:
+        for message in messages:
+            self._submessages(message, RELIABLE)
+
+    def _acknowledge(self) -> None:
+        state = self.input.acknack()
+        if state is not None:
+            self._send(wire.NO_STREAM, wire.AckNack(*state).pack())
+
+    def _submessages(self, body: bytes, stream: int) -> None:
+        try:
+            for submessage in wire.submessages(body):
+                self._stream = stream
+                if submessage.id == wire.FRAGMENT:
+                    self._fragment(submessage)
+                else:
+                    if stream == RELIABLE and self._fragments.is_begun:
+                        self._fragments.clear()
+                        self._outbox.refuse("fragments without an end")
+                    self._submessage(submessage)
+                if self.ended is not None:
+                    return
+        except WireError as error:
+            self._outbox.refuse(str(error))
+
+    def _fragment(self, submessage: Submessage) -> None:
+        if self._stream != RELIABLE:
+            raise WireError("fragment outside of a reliable stream")
+        whole = self._fragments.add(submessage.payload, last=bool(submessage.flags & wire.LAST_FRAGMENT))
+        for joined in wire.submessages(whole or b""):
+            self._submessage(joined)
+
+    def _submessage(self, submessage: Submessage) -> None:
+        handler = self._handlers.get(submessage.id)
+        if handler is None:
+            raise WireError("submessage that an agent does not take")
+        handler(self, submessage)
+
+    def _write(self, submessage: Submessage) -> None:
+        sample = wire.Sample.unpack(submessage.payload, submessage.flags)
+        route = self.writers.get(sample.object_id)
+        service = self.inventory.services.get(sample.object_id)
+        if self.remote is None or (route is None and service is None):
+            raise WireError("data of an unknown entity")
+        if route is not None:
+            payload = wire.ENCAPSULATION + sample.data
+            self._outbox.events.append(Sample(self.remote, route, payload, self._time))
+        elif service is not None:
+            identity = wire.Identity.unpack(sample.data)
+            if identity.writer != self._guid:
+                raise WireError("reply to a request of another program")
+            if identity.number == self._request:
+                self._reply_ticks = 0
+            payload = wire.ENCAPSULATION + sample.data[24:]
+            self._outbox.events.append(Replied(self.remote, service, identity.number, payload))
+
+    def _create(self, submessage: Submessage) -> None:
+        create = wire.Create.unpack(submessage.payload, submessage.flags)
+        if self.adopted:
+            self.ended = "the vehicle had not created all of its topics, so it has to connect again"
+            return
+        status = self._try(lambda: self._open(self.inventory.create(create)))
+        self._send(self._stream, wire.Status(create.request_id, create.object_id, status).pack())
+        if self.remote is None and self.inventory.namespace is not None:
+            self._named(self)
+
+    def _read(self, submessage: Submessage) -> None:
+        read = wire.ReadData.unpack(submessage.payload)
+        status = self._try(lambda: self._open(self.inventory.read(read)))
+        if status != wire.OK:
+            self._send(self._stream, wire.Status(read.request_id, read.object_id, status).pack())
+
+    def _delete(self, submessage: Submessage) -> None:
+        delete = wire.Delete.unpack(submessage.payload)
+        status = wire.OK
+        if delete.object_id == wire.CLIENT_ID:
+            self.ended = "the vehicle has ended the session"
+        else:
+            status = self._try(lambda: self.inventory.delete(delete.object_id))
+        self._send(self._stream, wire.Status(delete.request_id, delete.object_id, status).pack())
+
+    def _try(self, action: Callable[[], None]) -> int:
+        """Return the status of an action, and count it if it is refused."""
+        try:
+            action()
+        except WireError as error:
+            self._outbox.refuse(str(error))
+            return wire.ERR_INVALID_DATA
+        except RefusedError as error:
+            self._outbox.refuse(str(error))
+            return error.status
+        return wire.OK
+
+    def _open(self, route: Route | Service | None) -> None:
+        if route is not None and self.remote is not None:
+            self._outbox.events.append(Opened(self.remote, route))
+
+    def _get_info(self, submessage: Submessage) -> None:
+        self._send(wire.NO_STREAM, wire.answer_info(submessage.payload, known=True))
+
+    def _acknack(self, submessage: Submessage) -> None:
+        state = wire.AckNack.unpack(submessage.payload)
+        if state.stream != RELIABLE:
+            raise WireError("unknown stream")
+        for sequence, body in self._output.acknack(state.first, state.missing):
+            self._post(RELIABLE, sequence, body)
+
+    def _heartbeat(self, submessage: Submessage) -> None:
+        beat = wire.Heartbeat.unpack(submessage.payload)
+        if beat.stream != RELIABLE:
+            raise WireError("unknown stream")
+        self._take(self.input.heartbeat(beat.first, beat.last))
+        self._acknowledge()
+
+    def _timestamp(self, submessage: Submessage) -> None:
+        self._send(wire.NO_STREAM, wire.answer_timestamp(submessage.payload, self._time))
+
+    def _restart(self, submessage: Submessage) -> None:  # noqa: ARG002
+        self._reset()
+
+    _handlers: ClassVar[dict[int, Callable[[Session, Submessage], None]]] = {
+        wire.CREATE: _create,
+        wire.GET_INFO: _get_info,
+        wire.DELETE: _delete,
+        wire.WRITE_DATA: _write,
+        wire.READ_DATA: _read,
+        wire.ACKNACK: _acknack,
+        wire.HEARTBEAT: _heartbeat,
+        wire.RESET: _restart,
+        wire.TIMESTAMP: _timestamp,
+    }

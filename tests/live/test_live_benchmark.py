@@ -1,0 +1,37 @@
+"""Tests of benchmarks/link.py: what is sent arrives and is shown, over UDP and DDS."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+pytest.importorskip("cyclonedds")
+
+import link
+from link_sender import Load
+
+
+@pytest.mark.parametrize(
+    ("measure", "load"),
+    [
+        (link.measure_udp, Load("udp", 0, 3, 4, 600, 0.2)),
+        (link.measure_dds, Load("dds", link.DOMAIN, 1, 2, 200, 0.2)),
+        (link.measure_typed, Load("typed", link.DOMAIN, 1, 1, 200, 0.2)),
+    ],
+)
+def test_samples_are_sent_and_measured(measure: Callable[[Load], link.Result], load: Load) -> None:
+    result = measure(load)
+    assert result.sent == load.rate * load.seconds
+    assert 0 < result.received <= result.sent
+    assert len(result.latencies) == result.received
+    assert result.latencies[0] > 0
+    assert result.cpu > 0
+
+
+def test_a_row_shows_loss_latency_and_cpu_time() -> None:
+    result = link.Result(200, 100, list(range(1000, 101_000, 1000)), 0.002)
+    assert result.row("name") == ["name", "200", "50 %", "51", "100", "20"]
+    assert result._replace(sent=100).row("name")[2] == "0"
+    assert link.Result(200, 0, [], 0.0).row("name") == ["name", "200", "100 %", "", "", ""]
+    assert len(link.HEAD) == len(result.row("name"))

@@ -1,0 +1,108 @@
+"""The examples that talk to a vehicle, run as programs of their own against simulated vehicles."""
+
+from __future__ import annotations
+
+import json
+import re
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+from IPython.core import interactiveshell
+
+from msggen.cli import main
+from msggen.live.sim import Options, Simulator
+from support.example_program import EXAMPLES, LONGEST, Program, interrupted
+from support.repository import ROOT
+
+
+@pytest.fixture
+def address() -> str:
+    """An address for an example, whose port nobody uses."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as each:
+        each.bind(("127.0.0.1", 0))
+        return f"udp://127.0.0.1:{each.getsockname()[1]}"
+
+
+@pytest.fixture
+def run() -> Iterator[type[Program]]:
+    """Programs that are ended with the test."""
+    started: list[Program] = []
+
+    class Started(Program):
+        def __init__(self, *arguments: str, packages: Path = ROOT / "generated") -> None:
+            super().__init__(*arguments, packages=packages)
+            started.append(self)
+
+    yield Started
+    for program in started:
+        program.process.kill()
+        program.end()
+
+
+SOON = Options(sync="short")
+
+
+def test_listener(px4_types: ModuleType, address: str, run: type[Program]) -> None:
+    program = run("listener.py", address)
+    with Simulator(px4_types, address, [SOON]):
+        program.wait_for(r"m/s\^2", r"m/s\^2")
+    interrupted(program)
+
+
+def test_advertiser(tmp_path: Path, address: str, run: type[Program]) -> None:
+    topics = (ROOT / "dds_topics.yaml").read_text(encoding="utf-8")
+    more = "subscriptions:\n  - topic: /fmu/in/debug_vect\n    type: px4_msgs::msg::DebugVect\n"
+    (tmp_path / "dds_topics.yaml").write_text(topics.replace("subscriptions:\n", more), encoding="utf-8")
+    main(["build", "-q", "--topics", str(tmp_path / "dds_topics.yaml"), "-o", str(tmp_path)])
+    program = run("advertiser.py", address, packages=tmp_path)
+    simulator = run("-m", "msggen", "sim", address, "--types", str(tmp_path / "px4_types"), "--sync=short", "--for=5")
+    program.wait_for("Jitter")
+    interrupted(program)
+    simulator.wait_for(r"/fmu/in/debug_vect +\d ")
+    assert simulator.end() == 0
+
+
+@pytest.mark.slow
+def test_offboard(px4_types: ModuleType, address: str, run: type[Program]) -> None:
+    program = run("offboard.py", address)
+    with Simulator(px4_types, address, [SOON]):
+        program.wait_for("connected: ", r"at \(5.0, 5.0, 3.0\)", r"at \(0.0, 0.0, 3.0\)", "landed")
+        assert program.process.wait(LONGEST) == 0
+
+
+def test_two_vehicles(px4_types: ModuleType, address: str, run: type[Program]) -> None:
+    program = run("two_vehicles.py", address)
+    vehicles = [Options(sync="short", key=key, namespace=f"uav_{key}") for key in (1, 2)]
+    with Simulator(px4_types, address, vehicles):
+        program.wait_for("key=1", "key=2", "heights: .* m, .* m")
+    interrupted(program)
+
+
+def test_asyncio(px4_types: ModuleType, address: str, run: type[Program]) -> None:
+    program = run("asyncio_listener.py", address)
+    with Simulator(px4_types, address, [SOON]):
+        program.wait_for("mode: ", "battery: ")
+    interrupted(program)
+
+
+def test_enu_goal(px4_types: ModuleType, address: str, run: type[Program]) -> None:
+    program = run("enu_goal.py", "1", "2", "3", address)
+    with Simulator(px4_types, address, [SOON]) as simulator:
+        program.wait_for("east 0.00, north 0.00", "east")
+        assert simulator.vehicles[0].received["/fmu/in/trajectory_setpoint"] > 0
+    interrupted(program)
+
+
+def test_notebook(px4_types: ModuleType, address: str, capsys: pytest.CaptureFixture[str]) -> None:
+    shell = interactiveshell.InteractiveShell.instance()
+    notebook = json.loads((EXAMPLES / "flight.ipynb").read_text(encoding="utf-8"))
+    cells = ["".join(cell["source"]) for cell in notebook["cells"] if cell["cell_type"] == "code"]
+    with Simulator(px4_types, address, [SOON]):
+        for cell in cells:
+            shell.run_cell(cell.replace("udp://127.0.0.1:8888", address).replace("sleep(5)", "sleep(1)")).raise_error()
+    printed = capsys.readouterr().out
+    assert re.search(r"\d{3,} samples, \d+ Hz", printed)
+    assert "mean in m/s^2" in printed

@@ -1,0 +1,245 @@
+"""Tests of several vehicles on one link: who gets which, and when the link is closed."""
+
+from __future__ import annotations
+
+import gc
+import subprocess
+import sys
+import threading
+from typing import Any
+
+import pytest
+
+from msggen.live import LinkError, LinkTimeoutError, NotConnectedError, Vehicle
+from support.fake_link import FakeLink
+from support.repository import ROOT
+
+WAIT = 10.0
+
+
+@pytest.fixture
+def link(px4_types: Any) -> FakeLink:
+    return FakeLink(px4_types)
+
+
+def test_vehicles_are_selected_by_key_namespace_and_address(link: FakeLink, px4_types: Any) -> None:
+    with (
+        Vehicle(link, key=2) as by_key,
+        Vehicle(link, namespace="/uav_3/") as by_namespace,
+        Vehicle(link, address="10.0.0.4") as by_host,
+        Vehicle(link, address="10.0.0.4:5") as by_address,
+    ):
+        remotes = [
+            link.connect(2),
+            link.connect(3, "uav_3", "127.0.0.1:3"),
+            link.connect(4, "", "10.0.0.4:4"),
+            link.connect(5, "", "10.0.0.4:5"),
+        ]
+        vehicles = [by_key, by_namespace, by_host, by_address]
+        assert [vehicle.remote for vehicle in vehicles] == remotes
+        subscriptions = [vehicle.subscribe(px4_types.VehicleStatus) for vehicle in vehicles]
+        for number, remote in enumerate(remotes):
+            link.sample(remote, px4_types.VehicleStatus(timestamp=number))
+        found = [
+            [message.timestamp for message in map(px4_types.VehicleStatus.decode, payloads)]
+            for payloads in [[item[0] for item in subscription._feed.queue] for subscription in subscriptions]
+        ]
+        assert found == [[0], [1], [2], [3]]
+        assert link.starts == 1
+        by_key.close()
+        by_host.close()
+        by_namespace.close()
+        assert not link.closed.is_set()
+    assert link.closed.is_set()
+
+
+def test_the_first_vehicle_is_taken_and_the_second_is_told_once(
+    link: FakeLink, caplog: pytest.LogCaptureFixture
+) -> None:
+    with Vehicle(link) as vehicle:
+        first = link.connect(1)
+        for key in (2, 3, 3):
+            link.connect(key, address=f"127.0.0.1:{key}")
+        assert vehicle.remote == first
+    own = "the vehicle at 127.0.0.1:40000 (key 1)"
+    text = f"the vehicle at 127.0.0.1:2 (key 2) connected too and is ignored, as this Vehicle has {own}"
+    assert caplog.messages == [f"{text}: select one by key=, namespace= or address="]
+
+
+def test_two_vehicles_for_two_objects_are_not_told(link: FakeLink, caplog: pytest.LogCaptureFixture) -> None:
+    with Vehicle(link, key=1), Vehicle(link, key=2):
+        link.connect(1)
+        link.connect(2)
+    assert caplog.messages == []
+
+
+def test_a_vehicle_is_found_that_connected_before(link: FakeLink) -> None:
+    with Vehicle(link, key=1) as first:
+        remotes = [link.connect(1), link.connect(2)]
+        with Vehicle(link, key=2) as second:
+            assert [first.remote, second.remote] == remotes
+            assert len(second.routes) == len(link.routes(remotes[1])) - 1
+            assert [service.name for service in second.services] == ["/fmu/vehicle_command"]
+
+
+def test_only_the_same_vehicle_is_taken_again(link: FakeLink) -> None:
+    with Vehicle(link) as vehicle:
+        first = link.connect(1)
+        link.connect(2)
+        link.disconnect(first)
+        assert not vehicle.is_connected, "the other vehicle is not taken"
+        link.connect(3)
+        assert not vehicle.is_connected
+        again = link.connect(1, address="127.0.0.1:50000")
+        assert vehicle.remote == again
+
+
+def test_a_vehicle_that_restarts_may_connect_before_its_old_session_ends(link: FakeLink, px4_types: Any) -> None:
+    with Vehicle(link) as vehicle:
+        old = link.connect(1, address="127.0.0.1:1")
+        link.sample(old, px4_types.VehicleStatus(), when=1)
+        new = link.connect(1, address="127.0.0.1:2")
+        assert vehicle.remote == old
+        link.disconnect(old)
+        assert vehicle.remote == new
+
+
+def test_a_vehicle_that_restarts_often_leaves_nothing(link: FakeLink, px4_types: Any) -> None:
+    with Vehicle(link) as vehicle:
+        subscription = vehicle.subscribe(px4_types.VehicleStatus)
+        for number in range(50):
+            remote = link.connect(address=f"127.0.0.1:{40000 + number}")
+            link.sample(remote, px4_types.VehicleStatus(timestamp=number))
+            link.answer(remote, most=3)
+            link.disconnect(remote)
+        assert vehicle._hub.entries == {}
+        assert vehicle._member.entry is None
+        assert subscription.received == 50
+
+
+def test_another_vehicle_with_the_same_key_is_not_a_restarted_one(link: FakeLink, px4_types: Any) -> None:
+    with Vehicle(link) as vehicle:
+        first = link.connect(1, address="127.0.0.1:1")
+        link.connect(1, address="127.0.0.1:2")
+        link.sample(first, px4_types.VehicleStatus())  # heard after the other one connected
+        link.disconnect(first)
+        assert not vehicle.is_connected
+
+
+def test_an_adopted_session_belongs_to_a_vehicle_by_its_address(link: FakeLink) -> None:
+    with Vehicle(link, key=1) as by_key, Vehicle(link, address="127.0.0.1") as by_address, Vehicle(link) as by_any:
+        remote = link.connect(0, adopted=True)
+        assert [by_address.remote, by_any.remote] == [remote, remote]
+        with pytest.raises(NotConnectedError):
+            _ = by_key.remote
+        link.disconnect(remote)
+        again = link.connect(1)
+        assert [vehicle.remote for vehicle in (by_key, by_address, by_any)] == [again] * 3
+
+
+def test_an_adopted_session_that_no_selection_accepts_is_told(link: FakeLink, caplog: pytest.LogCaptureFixture) -> None:
+    with Vehicle(link, key=1):
+        link.connect(0, adopted=True)
+    assert "continues an earlier session" in caplog.text
+
+
+def test_a_wrong_selection_is_told(link: FakeLink) -> None:
+    with Vehicle(link, key=7) as vehicle:
+        link.connect(1)
+        with pytest.raises(
+            LinkTimeoutError, match=r"\(key 1\) is not the vehicle that key=, namespace= or address= se"
+        ):
+            vehicle.wait_connected(0.01)
+
+
+def test_a_link_that_cannot_be_opened_leaves_nothing(link: FakeLink) -> None:
+    link.error = LinkError("port 8888 is in use")
+    with pytest.raises(LinkError, match="in use"):
+        Vehicle(link)
+    link.error = None
+    with Vehicle(link):
+        assert link.starts == 2
+
+
+def test_a_link_can_be_opened_again_after_it_was_closed(link: FakeLink) -> None:
+    for number in range(3):
+        with Vehicle(link):
+            assert link.starts == number + 1
+
+
+def test_vehicles_join_and_leave_from_many_threads(link: FakeLink, px4_types: Any) -> None:
+    errors: list[BaseException] = []
+
+    def run() -> None:
+        try:
+            for _ in range(50):
+                with Vehicle(link) as vehicle:
+                    vehicle.subscribe(px4_types.VehicleStatus).close()
+        except BaseException as error:  # noqa: BLE001
+            errors.append(error)
+
+    threads = [threading.Thread(target=run) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(60)
+    assert errors == []
+    assert link.closed.is_set()
+    gc.collect()
+
+
+END = """
+import sys
+sys.path[:0] = [{root!r}, {tests!r}]
+from msggen.live import Vehicle
+from support.fake_link import FakeLink
+
+class Link(FakeLink):
+    def close(self):
+        print("closed")
+
+vehicle = Vehicle(Link())
+{end}
+"""
+
+
+@pytest.mark.parametrize("end", ["", "raise SystemExit(0)", "del vehicle", "def f(): raise ZeroDivisionError\n"])
+def test_the_link_is_closed_when_the_program_ends(end: str) -> None:
+    source = END.format(root=str(ROOT), tests=str(ROOT / "tests"), end=end)
+    done = subprocess.run([sys.executable, "-c", source], capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout == "closed\n"
+
+
+INTERRUPT = """
+import _thread, sys, threading
+sys.path[:0] = [{root!r}, {tests!r}, {generated!r}]
+from msggen.live import Vehicle
+from support.fake_link import FakeLink
+import px4_types
+
+link = FakeLink(px4_types)
+with Vehicle(link) as vehicle:
+    subscription = vehicle.subscribe(px4_types.VehicleStatus)
+    threading.Timer(0.3, lambda: __import__("os").kill(__import__("os").getpid(), 2)).start()
+    try:
+        {wait}
+    except KeyboardInterrupt:
+        print("interrupted")
+print(link.closed.is_set())
+"""
+
+
+@pytest.mark.parametrize(
+    "wait",
+    [
+        "next(iter(subscription))",
+        "subscription.wait_for(bool)",
+        "vehicle.wait_connected()",
+        "__import__('asyncio').run(subscription.__aiter__().__anext__())",
+    ],
+)
+def test_ctrl_c_ends_a_wait(wait: str) -> None:
+    places = {"root": str(ROOT), "tests": str(ROOT / "tests"), "generated": str(ROOT / "generated")}
+    source = INTERRUPT.format(wait=wait, **places)
+    done = subprocess.run([sys.executable, "-c", source], capture_output=True, text=True, timeout=60, check=False)
+    assert (done.stdout, done.returncode) == ("interrupted\nTrue\n", 0), done.stderr

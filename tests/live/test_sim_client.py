@@ -1,0 +1,469 @@
+"""Tests of the client: its datagrams are those of PX4's client, and it behaves as that one when things go wrong."""
+
+from __future__ import annotations
+
+import gzip
+import itertools
+import json
+import random
+import struct
+from collections import Counter
+from collections.abc import Callable
+from types import ModuleType
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from msggen.live.sim import Options, SimulatedVehicle
+from msggen.live.xrce import wire
+from msggen.live.xrce.client import Client, Connected, Disconnected, Event, Received, Requested
+from msggen.live.xrce.client_entities import Reader, Server, Settings, Writer
+from msggen.live.xrce.offset import OffsetFilter
+from support.repository import ROOT, shared
+from support.simulation import SECOND, built
+from support.xrce_agent import EPOCH, SmallAgent
+
+CAPTURES = ROOT / "tests" / "live" / "captures"
+BOOT = 1_000_100
+"""The time since boot at the first datagram of session-udp, in us: its TIMESTAMPs tell it."""
+
+
+@pytest.fixture(scope="module")
+def v1_17(tmp_path_factory: pytest.TempPathFactory) -> ModuleType:
+    """The types of the release whose client was captured."""
+    return built("v1.17", tmp_path_factory.mktemp("types"))
+
+
+def capture(name: str) -> list[tuple[int, str, bytes]]:
+    """Return the datagrams of a captured session: time in us, sender, bytes."""
+    path = CAPTURES / f"{name}.json.gz"
+    with gzip.open(path if path.exists() else shared(f"oracles/xrce/{path.name}")) as file:
+        return [(round(row[0] * SECOND), row[1], bytes.fromhex(row[2])) for row in json.load(file)]
+
+
+def padding(message: bytes) -> set[int]:
+    """Return the places of padding in a message with a header, in which PX4's client leaves stale memory."""
+    found: set[int] = set()
+    at = 4
+    while at < len(message):
+        kind, _, size = struct.unpack_from("<BBH", message, at)
+        if kind == wire.CREATE:
+            found |= {at + 4 + place for place in padding_of_create(message[at + 4 : at + 4 + size])}
+        end = at + 4 + size
+        at = end + -end % 4
+        found |= {*range(end, at)}
+    return found
+
+
+def padding_of_create(payload: bytes) -> set[int]:
+    """Return the places of padding in the payload of a CREATE."""
+    kind, form, size = payload[4], payload[5], struct.unpack_from("<I", payload, 8)[0]
+    places = [12 + place for place in padding_of_representation(kind, payload[12 : 12 + size])] if form == 3 else []
+    return {6, 7, *places, *([12 + size] if kind == 1 and size % 2 else [])}
+
+
+def padding_of_representation(kind: int, data: bytes) -> list[int]:
+    """Return the places of padding in a binary representation."""
+    at = 0
+    places: list[int] = []
+    for step in {2: "s..s", 8: "sss.s.s"}.get(kind, ""):  # strings, and flags between them
+        if step == ".":
+            at += 1
+        else:
+            places += range(at, at + -at % 4)
+            at += -at % 4
+            at += 4 + struct.unpack_from("<I", data, at)[0]
+    return places + ([3] if kind in (5, 6) else []) + ([7] if kind == 6 else [])
+
+
+def masked(message: bytes) -> bytes:
+    """Return a message with zeros in its padding."""
+    places = padding(message)
+    return bytes(0 if place in places else byte for place, byte in enumerate(message))
+
+
+def replay(client: Client, rows: list[tuple[int, str, bytes]], boot: int = 0) -> tuple[list[bytes], list[Event]]:
+    """Give a client the answers of a captured agent. Return its datagrams and events."""
+    sent: list[bytes] = []
+    for time, sender, data in rows:
+        client.advance(boot + time)
+        if sender == "agent":
+            client.receive(data, boot + time)
+        sent += [message for message, _ in client.take_outgoing()]
+    return sent, client.take_events()
+
+
+SESSIONS = {
+    "session-udp": Options(sync="px4"),
+    "session-namespace": Options(sync="off", namespace="uav_1"),
+    "session-service": Options(sync="off"),
+    "session-fragment": Options(sync="off", namespace="a" * 40),
+}
+
+
+def settings_of(package: ModuleType, options: Options, name: str = "") -> Settings:
+    settings = SimulatedVehicle(package, options)._client.settings
+    return settings._replace(localhost=name == "session-fragment")
+
+
+@pytest.mark.parametrize("name", SESSIONS)
+def test_the_creation_is_that_of_px4(name: str, v1_17: ModuleType) -> None:
+    """The same datagrams in the same order, byte by byte but for padding, with the acknowledgements between them."""
+    rows = capture(name)
+    client = Client(settings_of(v1_17, SESSIONS[name], name))
+    sent, events = replay(client, rows, BOOT)
+    theirs = [data for _, sender, data in rows if sender == "client"]
+    created = [masked(data) for data in theirs if data[1] == wire.RELIABLE and data[4] != wire.WRITE_DATA]
+    assert [masked(data) for data in sent if data[1] == wire.RELIABLE] == created
+    assert len(created) == (69 if name == "session-fragment" else 68)
+    acknowledged = [data for data in theirs if data[4] == wire.ACKNACK]
+    assert [data for data in sent if data[4] == wire.ACKNACK] == acknowledged
+    assert sent[:2] == theirs[:2], "GET_INFO and CREATE_CLIENT"
+    assert isinstance(events[0], Connected)
+    assert not client.refused
+
+
+def test_the_samples_that_px4_received_arrive(v1_17: ModuleType) -> None:
+    rows = capture("session-udp")
+    _, events = replay(Client(settings_of(v1_17, SESSIONS["session-udp"])), rows, BOOT)
+    sent = [data[12:] for _, sender, data in rows if sender == "agent" and data[4] == wire.DATA]
+    assert [event.data for event in events if isinstance(event, Received)] == sent
+    assert len(sent) == 87
+
+
+def test_the_clock_is_that_of_the_agent_after_500_exchanges(v1_17: ModuleType) -> None:
+    rows = [row for row in capture("session-udp") if row[0] < 5.2 * SECOND]
+    client = Client(settings_of(v1_17, SESSIONS["session-udp"]))
+    sent, _ = replay(client, rows, BOOT)
+    assert sum(data[4] == wire.TIMESTAMP for data in sent) == 500
+    (stamp,) = [wire.TimestampReply.unpack(data[8:]) for _, _, data in rows if data[4] == wire.TIMESTAMP_REPLY][-1:]
+    observed = (stamp.transmitted - stamp.originated) // 1000
+    assert abs(client.offset - observed) < 1000
+
+
+def test_requests_have_the_bytes_of_their_caller_and_replies_repeat_them(v1_17: ModuleType) -> None:
+    rows = capture("session-service")
+    client = Client(settings_of(v1_17, SESSIONS["session-service"]))
+    replies = [data for _, sender, data in rows if sender == "client" and data[1] == wire.RELIABLE and data[4] == 7]
+    sent: list[bytes] = []
+    for time, sender, data in rows:
+        client.advance(time)
+        if sender == "agent":
+            client.receive(data, time)
+            for event in client.take_events():
+                if isinstance(event, Requested):
+                    reply = next(each for each in replies if each[12:36] == event.identity)
+                    size = int.from_bytes(reply[6:8], "little") - 28
+                    client.reply(event.number, event.identity, reply[36 : 36 + size])
+        sent += [message for message, _ in client.take_outgoing()]
+    ours = [data for data in sent if data[1] == wire.RELIABLE and data[4] == wire.WRITE_DATA]
+    assert [data[:8] + data[10:36] for data in ours] == [data[:8] + data[10:36] for data in replies]
+    assert len(ours) == 3
+
+
+# --- behaviour on a virtual clock
+
+ONE = Settings(
+    [Reader(2048, "rt/fmu/in/a", "px4_msgs::msg::dds_::A_", 2)],
+    [Writer(7, "rt/fmu/out/b", "px4_msgs::msg::dds_::B_")],
+    [Server(2048, "s", "q_", "r_", "rq/fmu/sRequest", "rr/fmu/sReply")],
+    sync="short",
+)
+
+
+class Line:
+    """A client and a small agent with a delay, through functions that decide what arrives."""
+
+    def __init__(self, settings: Settings = ONE, delay: int = 100) -> None:
+        self.client = Client(settings)
+        self.answers: list[tuple[int, bytes]] = []
+        self.delay = delay
+        self.agent = SmallAgent(lambda data: self.answers.append((self.now + delay, data)))
+        self.now = self.due = 0
+        self.sent: list[tuple[int, bytes, int]] = []
+        self.events: list[tuple[int, Event]] = []
+        self.arrives: Callable[[bytes, str], bool] = lambda data, sender: True  # noqa: ARG005
+
+    def run(self, seconds: float, write_every: int = 0) -> None:
+        end = self.now + round(seconds * SECOND)
+        while self.now < end:
+            self.client.advance(self.now)
+            if write_every and self.now >= self.due and self.client.write(7, b"\1\2\3\4"):
+                self.due = self.now + write_every
+            self._carry()
+            self.now += 100
+            if self.now % 200_000 == 0:
+                self.agent.tick()
+            due = [data for time, data in self.answers if time <= self.now]
+            self.answers = [each for each in self.answers if each[0] > self.now]
+            for data in due:
+                if self.arrives(data, "agent"):
+                    self.client.receive(data, self.now)
+            self._carry()
+
+    def _carry(self) -> None:
+        for data, connection in self.client.take_outgoing():
+            self.sent.append((self.now, data, connection))
+            if self.arrives(data, "client"):
+                self.agent.receive(data, self.now)
+        self.events += [(self.now, event) for event in self.client.take_events()]
+
+    def times(self, kind: int, start: int = 0) -> list[float]:
+        """Return when the client sent submessages of a kind, in s."""
+        return [time / SECOND for time, data, _ in self.sent if data[4] == kind and time >= start]
+
+    def reasons(self) -> list[str]:
+        return [event.reason for _, event in self.events if isinstance(event, Disconnected)]
+
+
+def test_it_asks_for_an_agent_once_a_second() -> None:
+    line = Line()
+    line.agent.is_away = True
+    line.run(3.5)
+    assert line.times(wire.GET_INFO) == [0.0, 1.0, 2.0, 3.0]
+    line.agent.is_away = False
+    line.run(1.0)
+    assert line.client.is_connected
+    assert line.times(wire.CREATE_CLIENT) == pytest.approx([4.0], abs=0.001)
+
+
+def test_create_client_is_sent_ten_times() -> None:
+    line = Line()
+    line.arrives = lambda data, sender: data[4] != wire.CREATE_CLIENT  # noqa: ARG005
+    line.run(9.9)
+    assert len(line.times(wire.CREATE_CLIENT)) == 10
+    line.run(0.5)
+    assert line.reasons() == ["the agent did not create a session"]
+
+
+def test_samples_count_their_sequence_numbers_around() -> None:
+    line = Line(ONE._replace(sync="off"))
+    line.run(0.1)
+    start = len(line.sent)
+    for _ in range(65540):
+        assert line.client.write(7, b"1234")
+    sequences = [struct.unpack_from("<H", data, 2)[0] for data, _ in line.client.take_outgoing()]
+    assert sequences == [number & 0xFFFF for number in range(65540)]
+    assert start
+
+
+def test_requests_count_from_10_and_around() -> None:
+    line = Line(ONE._replace(sync="off"))
+    line.run(0.1)
+    for _ in range(65540):
+        line.client.write(7, b"1234")
+    requests = [int.from_bytes(data[8:10], "big") for data, _ in line.client.take_outgoing()]
+    turn = requests.index(0xFFFF)
+    assert requests[turn + 1] == 10
+    assert {b - a for a, b in itertools.pairwise(requests[: turn + 1])} == {1}
+
+
+def test_four_pings_without_an_answer_end_the_session() -> None:
+    line = Line()
+    line.run(2.5, write_every=50_000)
+    line.agent.is_away = True
+    away = line.now
+    line.run(6.0, write_every=50_000)
+    pings = line.times(wire.GET_INFO, away)
+    (deleted,) = line.times(wire.DELETE)
+    before = [time for time in pings if time < deleted]
+    assert len(before) == 4
+    assert deleted == pytest.approx(before[-1] + 1.0, abs=0.001)
+    after = [(data[0], connection) for time, data, connection in line.sent if time / SECOND >= deleted]
+    assert after[0] == (wire.PX4_SESSION, 0), "DELETE by the old connection"
+    assert after[1] == (wire.NO_SESSION, 1), "GET_INFO by a new one"
+    line.agent.is_away = False
+    line.run(2.0)
+    assert line.client.is_connected
+
+
+def test_an_agent_that_lost_its_session_is_left_after_four_pings() -> None:
+    line = Line()
+    line.run(1.5, write_every=50_000)
+    line.agent.reset()
+    line.run(4.0, write_every=50_000)
+    assert line.reasons() == ["the agent does not know this session, or does not answer"]
+    assert line.client.is_connected
+
+
+def test_a_ping_blocks_samples_until_it_is_answered() -> None:
+    line = Line(ONE._replace(sync="off"))
+    line.run(1.5, write_every=50_000)
+    line.agent.is_away = True
+    away = line.now
+    line.run(2.6, write_every=50_000)
+    assert len(line.times(wire.WRITE_DATA, away)) < 20, "20 a second without the pings"
+
+
+def test_there_are_no_pings_while_samples_flow_both_ways() -> None:
+    line = Line(ONE._replace(sync="off"))
+    line.run(0.5)
+    start = line.now
+    for _ in range(40):
+        line.agent.publish("rt/fmu/in/a", bytes(8))
+        line.run(0.1, write_every=50_000)
+    assert line.times(wire.GET_INFO, start) == []
+
+
+def test_three_seconds_without_a_sample_end_the_session() -> None:
+    line = Line(ONE._replace(sync="off"))
+    line.run(4.0)
+    assert line.reasons() == ["no sample was sent for 3 s"]
+
+
+def test_a_writer_that_is_refused_starts_the_session_again_and_a_reader_is_skipped() -> None:
+    line = Line(ONE._replace(sync="off"))
+    line.agent.status = wire.ERR_DDS_ERROR
+    line.run(0.05)
+    assert line.reasons()[0] == "the agent refused the participant"
+    line.agent.status = wire.OK
+    line.run(1.2)
+    assert line.client.is_connected
+
+
+def test_an_agent_that_is_slower_than_10_ms_never_gets_further_than_the_time() -> None:
+    line = Line(delay=11_000)
+    line.run(3.0)
+    assert len(line.times(wire.TIMESTAMP)) > 100
+    assert line.times(wire.READ_DATA) == []
+    assert not line.client.is_connected
+
+
+def test_an_agent_without_time_ends_the_session() -> None:
+    line = Line()
+    line.agent.answers_time = False
+    line.run(12.5)
+    assert line.reasons() == ["the agent did not answer TIMESTAMP"]
+
+
+def test_the_time_is_asked_for_once_a_second() -> None:
+    line = Line()
+    line.run(0.5, write_every=50_000)
+    assert abs(line.client.offset - EPOCH) < 200
+    start = line.now
+    line.run(3.0, write_every=50_000)
+    assert len(line.times(wire.TIMESTAMP, start)) == 3
+
+
+def test_the_clocks_are_synchronised_anew_in_each_session() -> None:
+    line = Line()
+    line.run(0.5)
+    assert len(line.times(wire.TIMESTAMP)) == 20
+    line.agent.reset()
+    line.run(4.0, write_every=50_000)
+    assert line.client.is_connected
+    restarted = next(time for time, _, connection in line.sent if connection == 1)
+    assert len(line.times(wire.TIMESTAMP, restarted)) == 20
+
+
+def test_a_normal_end_waits_for_the_status() -> None:
+    line = Line()
+    line.run(0.5)
+    line.client.close(line.now)
+    assert not line.client.is_closed
+    line.run(0.01)
+    assert line.client.is_closed
+    assert not line.agent.is_in_session
+    line.run(3.0)
+    assert len(line.times(wire.DELETE)) == 1
+
+
+def test_an_end_without_an_agent_takes_a_second() -> None:
+    line = Line()
+    line.run(0.5)
+    line.agent.is_away = True
+    line.client.close(line.now)
+    line.run(0.99)
+    assert not line.client.is_closed
+    line.run(0.02)
+    assert line.client.is_closed
+
+
+def test_four_replies_wait_for_acknowledgement_and_the_others_for_room() -> None:
+    line = Line(ONE._replace(sync="off"))
+    line.run(0.1)
+    line.arrives = lambda data, sender: sender == "client" or data[4] != wire.ACKNACK
+    start = len(line.sent)
+    for number in range(10):
+        line.client.reply(2048, wire.Identity(bytes(16), number).pack(), b"abcd")
+    line.run(0.05)
+    replies = [data for _, data, _ in line.sent[start:] if data[4] == wire.WRITE_DATA]
+    assert len(replies) == 4
+    line.arrives = lambda data, sender: True  # noqa: ARG005
+    line.run(1.0, write_every=50_000)
+    assert [number for number, _ in line.agent.replies] == [*range(10)]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_session_is_created_and_replies_arrive_with_10_percent_of_loss_both_ways(seed: int) -> None:
+    chance = random.Random(seed)  # noqa: S311 - for repetition
+    line = Line(ONE._replace(sync="off"))  # a lost TIMESTAMP would cost a second
+    line.arrives = lambda data, sender: chance.random() > 0.1  # noqa: ARG005
+    line.run(8.0, write_every=50_000)
+    assert line.client.is_connected
+    start = len(line.agent.samples)
+    for number in range(8):
+        line.agent.call(number, bytes(8))
+    for _ in range(30):
+        line.run(0.1, write_every=50_000)
+        for _, event in line.events:
+            if isinstance(event, Requested):
+                line.client.reply(event.number, event.identity, b"done")
+        line.events.clear()
+    assert sorted(number for number, _ in line.agent.replies) == [*range(8)]
+    assert len(line.agent.samples) > start
+    assert line.agent.lost > 0
+
+
+def test_a_message_that_the_agent_no_longer_has_is_given_up() -> None:
+    line = Line(ONE._replace(sync="off"))
+    line.run(0.1)
+    expected = line.client._streams._received.expected or 0
+    line.client.receive(wire.pack_message(0x81, 0, 0, wire.Heartbeat(expected + 2, expected + 3).pack()), line.now)
+    (answer, _) = line.client.take_outgoing()[-1]
+    assert wire.AckNack.unpack(answer[8:]) == wire.AckNack(expected + 2, 0b11)
+
+
+@given(st.lists(st.binary(max_size=60), max_size=20))
+def test_no_bytes_raise(datagrams: list[bytes]) -> None:
+    line = Line()
+    line.run(0.05)
+    for data in datagrams:
+        line.client.receive(data, line.now)
+        line.client.receive(b"\x81\x80\0\0" + data, line.now)
+        line.client.receive(b"\x81\0\0\0" + data, line.now)
+    assert len(line.client._streams._received._waiting) <= 4
+    assert len(line.client._statuses) <= 16
+
+
+# --- the offset
+
+
+def test_the_offset_follows_a_jump_of_the_agents_clock() -> None:
+    clock = OffsetFilter(20)
+    for number in range(25):
+        clock.add(number * 1000, number * 1000 + 500, number * 1000 + 100)
+    assert clock.offset == pytest.approx(450, abs=1)
+    for number in range(40):
+        clock.add(number * 1000, number * 1000 + 10**7, number * 1000 + 100)
+    assert clock.is_converged
+    assert clock.offset == pytest.approx(10**7 - 50, abs=1)
+
+
+@given(st.lists(st.tuples(st.integers(0, 9_999), st.integers(-40_000, 40_000)), min_size=1, max_size=200))
+def test_the_offset_is_within_what_was_observed(samples: list[tuple[int, int]]) -> None:
+    clock = OffsetFilter(1)
+    for number, (trip, error) in enumerate(samples):
+        clock.add(number * SECOND, number * SECOND + trip // 2 + error, number * SECOND + trip)
+    errors = [error for _, error in samples]
+    assert min(errors) - 1 <= clock.offset <= max(errors) + 1
+
+
+def test_what_is_counted_as_sent_is_what_was_sent(v1_17: ModuleType) -> None:
+    rows = capture("session-namespace")
+    sent, _ = replay(Client(settings_of(v1_17, SESSIONS["session-namespace"])), rows)
+    theirs: Counter[int] = Counter(data[4] for _, sender, data in rows if sender == "client")
+    ours: Counter[int] = Counter(data[4] for data in sent)
+    for kind in (wire.CREATE, wire.READ_DATA, wire.ACKNACK, wire.CREATE_CLIENT):
+        assert ours[kind] == theirs[kind]
