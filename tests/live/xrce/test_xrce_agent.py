@@ -572,6 +572,9 @@ def test_what_does_not_fit_is_an_error() -> None:
             agent.call(1, object_id, 1, LE)
     with pytest.raises(LinkError, match="vehicle 2 is not connected"):
         agent.call(2, SERVICE, 1, LE)
+    agent._find(1).create = agent._find(1).create._replace(mtu=0xFFFF)
+    with pytest.raises(LinkError, match="the vehicle takes up to 4084"):  # a frame of a serial line holds no more
+        agent.publish(1, 2, LE + bytes(4085))
     world.clients = []
     for number in range(OUTPUT_WINDOW):
         agent.call(1, SERVICE, number, LE)
@@ -695,6 +698,19 @@ def test_entities_are_bounded() -> None:
     world.settle()
     assert client.statuses()[8:] == [wire.OK, wire.OK, *[wire.ERR_RESOURCES] * 3]
     assert world.agent.refused == {"too many entities": 3}
+
+
+def test_routes_of_deleted_entities_are_bounded() -> None:
+    """A listener keeps the routes of a session, also those whose entities are gone."""
+    world, client = connected(limits=Limits(entities=20))
+    before = len(world.all(Opened))
+    for number in range(100):
+        client.publish(9, f"fmu/out/{number}")
+        client.delete(entities.object_id(9, entities.PUBLISHER))
+        client.delete(entities.object_id(9, entities.TOPIC))
+        world.settle()
+    assert 5 < len(world.all(Opened)) - before < 4 * 20
+    assert world.agent.refused["too many entities"] > 100
 
 
 @pytest.mark.parametrize("name", ["a\nb", "x" * 300, "\x1b[31m", "a b", "ä"])
