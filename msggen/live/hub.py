@@ -242,8 +242,11 @@ class Hub:
             feed.close()
 
     def attach(self, member: Member, feed: Feed) -> None:
-        """Begin a subscription."""
+        """Begin a subscription, which ends at once if the member has left."""
         with self.changed:
+            if member.is_closed:
+                feed.close()
+                return
             member.feeds = (*member.feeds, feed)
             entry = member.entry
             if entry is None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import gc
 import logging
+import sys
 import threading
 from collections.abc import Iterator
 from typing import Any
@@ -179,6 +180,25 @@ def test_a_callback_gets_each_message_and_its_errors_are_told(
     assert "ZeroDivisionError: odd" in caplog.text
     with pytest.raises(TopicError, match="a subscription with a callback has no queue"):
         next(iter(subscription))
+
+
+def test_a_callback_that_exits_does_not_end_the_link(
+    link: FakeLink, vehicle: Vehicle, px4_types: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    subscription = vehicle.subscribe(px4_types.VehicleStatus, lambda _: sys.exit("done"))
+    remote = link.connect()
+    for number in range(2):
+        link.sample(remote, status(px4_types, number))
+    assert subscription.callback_errors == 2
+    assert "SystemExit: done" in caplog.text
+
+
+def test_a_subscription_of_a_vehicle_that_another_thread_closes_ends(
+    link: FakeLink, vehicle: Vehicle, px4_types: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(vehicle, "_check_open", vehicle.close)  # just after the check
+    assert link.starts == 1
+    assert list(vehicle.subscribe(px4_types.VehicleStatus)) == []
 
 
 def test_a_callback_may_close_its_vehicle(link: FakeLink, px4_types: Any) -> None:
