@@ -93,8 +93,9 @@ def _without_filters(folder: str) -> list[str]:
 def _finish(process: subprocess.Popen[bytes]) -> tuple[int, bytes]:
     """Return the exit code of git and all that it prints. Raises GitError if it prints too much, or takes too long."""
     clock = Timer(SECONDS, process.kill)
-    clock.start()
+    clock.daemon = True  # at Ctrl-C before `cancel`, Python would wait for its end
     try:
+        clock.start()
         with process.stdout or TemporaryFile() as stream:
             answer = _read(stream)
         code = process.wait()

@@ -179,10 +179,14 @@ class DdsLink:
     def close(self) -> None:
         """Leave the domain."""
         self._closing = True
-        if self._participant is not None and self._thread is not None and self._thread.is_alive():
-            self._participant.wake()
-            if threading.current_thread() is not self._thread:
-                self._thread.join()
+        thread = self._thread
+        if thread is None or not thread.is_alive():
+            return
+        with self._lock:  # the thread may be about to close the participant
+            if self._participant is not None:
+                self._participant.wake()
+        if threading.current_thread() is not thread:
+            thread.join()
 
     def _vehicle(self, remote: Remote) -> _Vehicle:
         vehicle = self._by_remote.get(remote.number)
@@ -221,7 +225,9 @@ class DdsLink:
             for vehicle in list(self._vehicles.values()):
                 self._disconnect(vehicle, participant, listener, reason)
             self._vehicles.clear()
-            participant.close()
+            with self._lock:
+                self._participant = None
+                participant.close()
 
     def _turn(self, participant: Participant, listener: Listener) -> None:
         """Wait for something, and deal with it."""

@@ -5,6 +5,7 @@ import shutil
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
+from threading import Timer
 
 import pytest
 
@@ -191,3 +192,21 @@ def test_a_pipe_in_place_of_the_configuration_stops_git(tmp_path: Path, monkeypa
     monkeypatch.setattr("msggen.disk.git.SECONDS", 1)
     with pytest.raises(GitError, match="does not finish within 1 s"):
         status(str(tmp_path))
+
+
+def test_an_interruption_does_not_wait_for_the_time_limit(mark: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ctrl-C can come at once after the clock has started. The program would then last until the limit."""
+    started: list[Timer] = []
+
+    class Interrupted(Timer):
+        def start(self) -> None:
+            super().start()
+            started.append(self)
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("msggen.disk.git.Timer", Interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        status(str(mark.parent))
+    (clock,) = started
+    assert clock.daemon
+    assert clock.finished.is_set()
