@@ -281,9 +281,10 @@ def difference(ros_name: str, theirs: int | None, own_name: str, own: int) -> st
 def known_routes(packages: Packages) -> tuple[Route, ...]:
     """Return the routes of the first package: those of a vehicle that has its firmware."""
     return tuple(
-        Route(endpoint.ros_name, endpoint.message.__msg__.ros_type, endpoint.direction, endpoint.object_id)
+        Route(endpoint.ros_name, info.ros_type, endpoint.direction, endpoint.object_id, info.cdr_size or -1)
         for package in packages[:1]
         for endpoint in package.topics.ENDPOINTS
+        for info in (endpoint.message.__msg__,)
     )
 
 

@@ -79,7 +79,7 @@ class Vehicle:
         self._member = Member(selection, self._packages)
         self._routes: dict[tuple[type, object], tuple[Entry, Route, object]] = {}
         allowed = (allow,) if isinstance(allow, (str, int)) else tuple(allow)
-        self._name, opened = link_of(url, allowed, self._packages, is_isolated=isolated)
+        self._name, opened = link_of(url, allowed, self._packages, selection, is_isolated=isolated)
         self._hub = join_hub(self._name, opened, self._member, allowed)
         self._repeaters: weakref.WeakSet[Repeater] = weakref.WeakSet()
         weakref.finalize(self, leave_soon, self._name, self._member).atexit = False

@@ -278,6 +278,9 @@ class Session:
         route = self.writers.get(sample.object_id)
         service = self.inventory.services.get(sample.object_id)
         if self.remote is None or (route is None and service is None):
+            if self.adopted:
+                self.ended = "its topics are not those of types=, so it has to connect again"
+                return
             raise WireError("data of an unknown entity")
         if route is not None:
             payload = wire.ENCAPSULATION + sample.data

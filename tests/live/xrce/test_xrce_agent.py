@@ -881,9 +881,55 @@ def test_a_client_in_the_middle_of_creation_is_not_taken_over() -> None:
     client.send(0, wire.Timestamp(1).pack())
     client.write(9, b"not known")
     world.settle()
-    assert world.events == []
+    assert all(isinstance(event, Warned) for event in world.events)
     assert [wire.Info.unpack(payload).known for payload in client.all(wire.INFO)] == [False]
     assert client.statuses() == []
+
+
+FIVE = [Route(f"/fmu/out/a{number}", "px4_msgs/msg/A", "out", number, 4 * number) for number in range(1, 7)]
+
+
+def newcomer() -> tuple[World, Client]:
+    """Return a client in the middle of a session, and an agent that knows six topics, whose samples have a size."""
+    _, client = connected()
+    client.outgoing.clear()
+    client.received.clear()
+    return World(Agent(0.0, known=[*FIVE, READ]), client), client
+
+
+def test_five_topics_of_the_right_size_prove_the_firmware() -> None:
+    world, client = newcomer()
+    for number in (1, 2, 1, 3, 4):
+        client.write(number, bytes(4 * number))
+        world.settle()
+    assert (world.events, client.received) == ([], [])
+    client.write(5, bytes(20))
+    world.settle()
+    assert [type(event) for event in world.events] == [Connected, *[Opened] * 7, Sample]
+
+
+@pytest.mark.parametrize(("writer", "size"), [(5, 24), (5, 16), (6, 20), (7, 20)])
+def test_one_sample_of_another_firmware_ends_the_attempt_before_anything_is_sent(writer: int, size: int) -> None:
+    world, client = newcomer()
+    for number, length in ((1, 4), (2, 8), (3, 12), (4, 16), (writer, size), (5, 20), (6, 24)):
+        client.write(number, bytes(length))
+    client.ping(in_session=True)
+    world.settle()
+    assert [type(event) for event in world.events] == [Warned]
+    assert client.all(wire.DATA) == []
+    assert [wire.Info.unpack(payload).known for payload in client.all(wire.INFO)] == [False]
+
+
+def test_a_further_topic_ends_a_session_that_was_taken_over() -> None:
+    world, client = newcomer()
+    for number in range(1, 6):
+        client.write(number, bytes(4 * number))
+    client.write(7, bytes(4))
+    client.write(1, bytes(4))
+    world.settle()
+    (ended,) = [event for event in world.events if isinstance(event, Disconnected)]
+    assert ended.reason == "its topics are not those of types=, so it has to connect again"
+    assert world.events[-1] == ended
 
 
 def test_a_session_that_turns_out_to_be_incomplete_is_given_up() -> None:
