@@ -220,7 +220,7 @@ class DdsLink:
                 self._turn(participant, listener)
         except Exception as error:  # noqa: BLE001 - told to the user, who would wait forever
             reason = f"the link failed: {type(error).__name__}: {error}"
-            listener.warned(reason)
+            listener.warned(f"{reason}; close it, and open another one")
         finally:
             for vehicle in list(self._vehicles.values()):
                 self._disconnect(vehicle, participant, listener, reason)

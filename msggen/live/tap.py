@@ -116,7 +116,9 @@ class TapLink(SelectorLink):
         try:
             self.agent_address = (socket.gethostbyname(self.agent_address[0]), self.agent_address[1])
         except OSError as error:
-            raise LinkError(f"'{self.agent_address[0]}' is no IPv4 address and no name of an agent") from error
+            raise LinkError(
+                f"'{self.agent_address[0]}' is no IPv4 address and no known name: use 127.0.0.1 if the agent runs here"
+            ) from error
         if self.agent_address[1] == self.port and _is_at(self.agent_address[0], self.host):
             raise LinkError(
                 f"the tap and the agent cannot both be at {self.host}:{self.port}: start the agent with another port, "

@@ -17,7 +17,7 @@ class Case(NamedTuple):
     """A sequence of datagrams, which follows from a seed."""
 
     seed: int
-    count: int
+    size: int
 
 
 def case(chance: Random) -> Case:
@@ -27,6 +27,6 @@ def case(chance: Random) -> Case:
 
 def check(case: Case) -> None:
     """Give them to an agent, which must not raise, and check its limits."""
-    result = attack(case.count, case.seed)
+    result = attack(case.size, case.seed)
     assert result["accepted"]
     assert result["events"]

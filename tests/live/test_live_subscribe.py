@@ -244,7 +244,7 @@ def test_wait_for_returns_the_newest_or_a_later_message(link: FakeLink, vehicle:
     for number in (1, 2):
         link.sample(remote, status(px4_types, number))
     assert subscription.wait_for(lambda message: message.timestamp == 2, WAIT).timestamp == 2
-    with pytest.raises(LinkTimeoutError, match="within the given time"):
+    with pytest.raises(LinkTimeoutError, match="no new sample of '/fmu/out/vehicle_status' arrived in the given time"):
         subscription.wait_for(lambda message: message.timestamp == 1, 0.01)
     asked = threading.Event()
 
@@ -261,6 +261,16 @@ def test_wait_for_returns_the_newest_or_a_later_message(link: FakeLink, vehicle:
     thread.join(WAIT)
     assert stamps(found) == [5]
     assert len(subscription) == 6
+
+
+def test_wait_for_ends_in_time_although_samples_arrive_all_the_time(
+    link: FakeLink, vehicle: Vehicle, px4_types: Any
+) -> None:
+    subscription = vehicle.subscribe(px4_types.VehicleStatus)
+    remote = link.connect()
+    link.sample(remote, status(px4_types, 2))
+    with pytest.raises(LinkTimeoutError, match=r"none of \d+ samples of '/fmu/out/vehicle_status' in the given"):
+        subscription.wait_for(lambda _: link.sample(remote, status(px4_types, 2)), 0.05)
 
 
 def test_wait_for_ends_when_the_subscription_is_closed(link: FakeLink, vehicle: Vehicle, px4_types: Any) -> None:

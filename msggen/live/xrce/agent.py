@@ -342,7 +342,9 @@ class Agent:
             else:
                 status = wire.ERR_RESOURCES
                 self._outbox.refuse("too many clients")
-                self._warn(f"refused {_host(address)}: {self._limits.clients} vehicles are connected")
+                self._warn(
+                    f"refused {_host(address)}: {self._limits.clients} vehicles are connected, the most for a port"
+                )
         key = wire.key_bytes(create.key) if create.session_id < 0x80 else b""
         self._send(header._replace(session_id=create.session_id, key=key), wire.StatusAgent(status).pack(), address)
 

@@ -681,7 +681,9 @@ def test_clients_are_bounded() -> None:
     assert len(world.all(Connected)) == 3
     assert world.agent.refused["too many clients"] == 2
     assert wire.StatusAgent.unpack(world.clients[-1].all(wire.STATUS_AGENT)[0]).status == wire.ERR_RESOURCES
-    assert [event.text for event in world.all(Warned)] == ["refused 127.0.0.1: 3 vehicles are connected"]
+    assert [event.text for event in world.all(Warned)] == [
+        "refused 127.0.0.1: 3 vehicles are connected, the most for a port"
+    ]
     world.run(6)  # silent clients make room
     client = Client(50010, key=10)
     world.clients = [client]
