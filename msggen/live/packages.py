@@ -108,6 +108,14 @@ def packages_of(types: ModuleType | Sequence[ModuleType] | None) -> Packages:
     return packages
 
 
+def check_message(value: object) -> None:
+    """Raise TypeError if `value` is not a message."""
+    if isinstance(value, type) and hasattr(value, "__msg__"):
+        raise TypeError(f"expected a message, got the class {value.__name__}: call it to make one, {value.__name__}()")
+    if not hasattr(value, "__msg__"):
+        raise TypeError(f"expected a message, got an object of type {type(value).__name__}")
+
+
 def package_of_class(cls: type) -> ModuleType:
     """Return the generated package of a message class. Raises TypeError if it is not one."""
     for base in cls.__mro__:

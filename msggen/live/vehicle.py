@@ -18,6 +18,7 @@ from msggen.live.packages import (
     Endpoint,
     MessageT,
     check_convertible,
+    check_message,
     check_sent,
     find_topic,
     package_of_class,
@@ -257,6 +258,7 @@ class Vehicle:
         `topic` is needed if several topics have messages of this class, and none of them is named after it. Raises
         NotConnectedError, TopicError, FormatError if the vehicle's definition differs, and the package's EncodeError.
         """
+        check_message(message)
         entry, route = self._route_to(message, topic)
         payload = message.encode()
         try:
@@ -280,7 +282,10 @@ class Vehicle:
         Raises TopicError if the message has no topic to the vehicle, and ValueError for a rate of 0 or above 10000 Hz.
         """
         self._check_open()
+        if isinstance(message, type):
+            check_message(message)
         if not callable(message):
+            check_message(message)
             find_topic(type(message) if topic is None else topic, "in", self._packages)
         vehicle = weakref.ref(self)
 
