@@ -77,5 +77,7 @@ def main() -> None:
 if __name__ == "__main__":
     try:
         main()
+    except KeyboardInterrupt:
+        sys.exit("interrupted: without the heartbeat, PX4 leaves Offboard mode")
     except (LinkError, RuntimeError) as error:
         sys.exit(str(error))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 from urllib.parse import parse_qsl, unquote
 
@@ -59,11 +59,11 @@ class Address(NamedTuple):
         return f"{place}?agent={_joined(*self.agent)}" if self.scheme == "tap" else place
 
 
-def parse_address(text: str) -> Address:
-    """Return the parts of an address. Raises LinkError, which names the nearest right form."""
+def parse_address(text: str, schemes: Collection[str] = tuple(FORMS)) -> Address:
+    """Return the parts of an address with one of some schemes. Raises LinkError, which names the nearest right form."""
     scheme, separator, rest = text.partition("://")
-    if not separator or scheme not in FORMS:
-        raise LinkError(f"'{text}' is not the address of a link{_nearest_form(text)}")
+    if not separator or scheme not in schemes:
+        raise LinkError(f"'{text}' is not the address of a link{_nearest_form(text, schemes)}")
     place, _, query = rest.partition("?")
     values = _query(text, scheme, query)
     if scheme == "serial":
@@ -146,18 +146,20 @@ def _number(text: str, number: str, noun: str, end: int, least: int = 0) -> int:
     return int(number)
 
 
-def _nearest_form(text: str) -> str:
+def _nearest_form(text: str, schemes: Collection[str]) -> str:
     """Return the end of an error about a text that is no address."""
-    guess = _guess(text)
-    return f", did you mean '{guess}'?" if guess else f": expected one of {', '.join(FORMS.values())}"
+    guess = _guess(text, schemes)
+    if guess.partition("://")[0] in schemes:
+        return f", did you mean '{guess}'?"
+    return f": expected one of {', '.join(FORMS[scheme] for scheme in schemes)}"
 
 
-def _guess(text: str) -> str:
+def _guess(text: str, schemes: Collection[str]) -> str:
     scheme, colon, rest = text.partition(":")
     from difflib import get_close_matches
 
     rest = rest.lstrip("/")
-    near = get_close_matches(scheme.lower(), FORMS, n=1)
+    near = get_close_matches(scheme.lower(), schemes, n=1)
     if colon and near:
         name = near[0]
         return f"{name}:///{rest}" if name == "serial" and rest.startswith("dev/") else f"{name}://{rest}"

@@ -144,7 +144,7 @@ class AgentLink(ABC):
             self._serve(listener)
         except Exception as error:  # noqa: BLE001 - told to the user, who would wait forever
             reason = f"the link failed: {type(error).__name__}: {error}"
-            listener.warned(reason)
+            listener.warned(f"{reason}; close it, and open another one")
         finally:
             self._closing = True
             with self.lock:

@@ -34,7 +34,8 @@ PATIENCE = 0.5
 """The longest time in s until the thread looks around without having been woken."""
 MAX_VEHICLES = 100
 MAX_ENDPOINTS = 1000
-"""The endpoints of a vehicle that are kept. A vehicle has about 70."""
+"""The endpoints of a vehicle that are kept, and its routes and services, which stay open until it disconnects.
+A vehicle has about 70."""
 
 _TOPIC = re.compile(r"rt/(?:(.+)/)?(fmu/(in|out)/.+)")
 _SERVICE = re.compile(r"(rq|rr)/(?:(.+)/)?(fmu/.+?)(Request|Reply)")
@@ -219,7 +220,7 @@ class DdsLink:
                 self._turn(participant, listener)
         except Exception as error:  # noqa: BLE001 - told to the user, who would wait forever
             reason = f"the link failed: {type(error).__name__}: {error}"
-            listener.warned(reason)
+            listener.warned(f"{reason}; close it, and open another one")
         finally:
             for vehicle in list(self._vehicles.values()):
                 self._disconnect(vehicle, participant, listener, reason)
@@ -298,6 +299,8 @@ class DdsLink:
 
     def _open(self, vehicle: _Vehicle, handle: int, participant: Participant, listener: Listener) -> None:
         """Make what an endpoint of a vehicle needs on this side, if it is new."""
+        if len(vehicle.readers) + len(vehicle.writers) + len(vehicle.exchanges) >= MAX_ENDPOINTS:
+            return
         endpoint, event = vehicle.found[handle]
         made: Route | Service | None
         if endpoint.role == "out":

@@ -65,7 +65,7 @@ class Feed:
         was_inside, _callbacks.is_inside = _callbacks.is_inside, True
         try:
             callback(value)
-        except Exception:
+        except (Exception, SystemExit):  # sys.exit() would end the thread of the link without a word
             self.callback_errors += 1
             if _is_told(self.callback_errors):
                 text = "error %d in the callback of '%s', which is still called"

@@ -242,8 +242,11 @@ class Hub:
             feed.close()
 
     def attach(self, member: Member, feed: Feed) -> None:
-        """Begin a subscription."""
+        """Begin a subscription, which ends at once if the member has left."""
         with self.changed:
+            if member.is_closed:
+                feed.close()
+                return
             member.feeds = (*member.feeds, feed)
             entry = member.entry
             if entry is None:
@@ -340,8 +343,7 @@ class Hub:
             is_converted = feed.options.is_converted
             return decoding_of(feed.topic, route.name, member.packages, known, is_converted=is_converted)
         except UnknownFormatError as error:
-            own, release = feed.topic.package.__name__, entry.firmware().release or "v1.17"
-            feed.fail(FormatError(f"{error}: give types of its release too, types=({own}, package_of('{release}'))"))
+            feed.fail(FormatError(f"{error}: {_cure(feed.topic.package.__name__, route, entry.firmware())}"))
         except FormatError as error:
             feed.fail(error)
         return None
@@ -353,3 +355,11 @@ class Hub:
 
 
 _NOT_DECODED = Decoding(object, bytes)  # type: ignore[arg-type]
+
+
+def _cure(own: str, route: Route, firmware: Firmware) -> str:
+    """Return how to get types with the vehicle's definition of a route."""
+    if not firmware.release or route.ros_type.rpartition("/")[2] in firmware.differing:
+        return "build types of the vehicle's own firmware, msggen build --px4 PX4-Autopilot"
+    types = f"types=({own}, package_of('{firmware.release}'))"
+    return f"give types of its release too, {types}, with package_of from msggen.generate.cache"

@@ -16,6 +16,7 @@ from contextlib import suppress
 from typing import Any
 
 from msggen.live.address import Address
+from msggen.live.guard import Guard
 from msggen.live.link import LinkError, Listener, Remote, Route, Service, Statistics
 from msggen.live.pipe import CALL, EVENT, SAMPLE, KnownVehicle, Record, record_of, records_of
 
@@ -27,6 +28,8 @@ _ATTEMPTS = 5
 _STABLE_S = 10.0
 _MAIN = "import sys; sys.path = {path!r}; from msggen.live.isolated_child import main; main()"
 """The program of the process, which finds modules where its parent does."""
+
+_CURE = ": its errors are above; without isolated=True, this process runs the link"
 
 NOTHING = Statistics(0, 0, 0, 0, 0, 0)
 
@@ -50,7 +53,9 @@ class IsolatedLink:
     def start(self, listener: Listener) -> None:
         """Start the process and its link. Raises LinkError."""
         first = self._launch()
-        self._thread = threading.Thread(target=self._run, args=(listener, first), name="msggen-isolated", daemon=True)
+        self._thread = threading.Thread(
+            target=self._run, args=(Guard(listener), first), name="msggen-isolated", daemon=True
+        )
         self._thread.start()
 
     def publish(self, remote: Remote, route: Route, payload: bytes) -> None:
@@ -108,7 +113,7 @@ class IsolatedLink:
             first = None
         finally:
             timer.cancel()
-        answer = json.loads(first[4]) if first else {"failed": "the process of the link ended at its start"}
+        answer = json.loads(first[4]) if first else {"failed": f"the process of the link ended at its start{_CURE}"}
         if "failed" in answer:
             _end(process)
             raise LinkError(answer["failed"])
@@ -146,7 +151,7 @@ class IsolatedLink:
                 return self._launch()
             except (LinkError, OSError) as error:
                 problem = str(error)
-        listener.warned(f"{problem}: the link to {self._address} stays closed, make a new Vehicle")
+        listener.warned(f"{problem}: the link to {self._address} stays closed: close the Vehicle and make a new one")
         return None
 
     def _deliver(self, listener: Listener, kind: int, number: int, index: int, when: int, body: bytes) -> None:  # noqa: PLR0913, PLR0917
@@ -175,6 +180,8 @@ class IsolatedLink:
             listener.connected(remote)
         else:
             number = self._offset + event["remote"]
+            if number not in self._vehicles:
+                return  # samples of a vehicle that has disconnected were lost
             remote, routes, services, indexes = self._vehicles[number]
             if "route" in event:
                 route = Route(*event["route"])

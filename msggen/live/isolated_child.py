@@ -16,7 +16,14 @@ from msggen.live.link import Link, LinkError, Remote, Route, Service, Statistics
 from msggen.live.pipe import CALL, EVENT, HEADER, SAMPLE, KnownVehicle, Record, record_of, records_of
 
 BACKLOG = 16 << 20
-"""The size in bytes of what may wait for the parent. Samples that exceed it are dropped and counted."""
+"""The size in bytes of what may wait for the parent. Samples and replies that exceed it are dropped and counted."""
+
+LIMIT = 2 * BACKLOG
+"""The size at which the process ends: somebody sends events without an end, and the parent does not read. It is started
+again when the parent reads on."""
+
+TOLD = 100
+"""The number of different errors that the parent is told."""
 
 _BEAT_S = 0.2
 """The time between two reports of the counters, in s."""
@@ -32,6 +39,9 @@ class Child:
         self._lock = threading.Lock()
         self._filled = threading.Event()
         self._dropped = 0
+        self._lost: dict[int, int] = {}
+        """Counts of lost samples that the parent was not told yet, by vehicle."""
+        self._told: set[str] = set()
         self._is_ended = False
 
     def connected(self, remote: Remote) -> None:
@@ -52,25 +62,41 @@ class Child:
 
     def disconnected(self, remote: Remote, reason: str) -> None:
         """Pass on."""
+        self._tell_lost()
         self._vehicles.pop(remote.number, None)
         self.tell(remote=remote.number, disconnected=reason)
 
     def sample(self, remote: Remote, route: Route, payload: bytes, time: int) -> None:
         """Pass on, unless too much waits for the parent."""
-        if self._size > BACKLOG:
-            self._dropped += 1
+        if self._is_full():
             return
         index = self._vehicles[remote.number].indexes[route.name]
         self._put(HEADER.pack(SAMPLE, remote.number, index, time, len(payload)) + payload)
 
     def replied(self, remote: Remote, service: Service, number: int, payload: bytes) -> None:
-        """Pass on."""
+        """Pass on, unless too much waits for the parent."""
+        if self._is_full():
+            return
         index = self._vehicles[remote.number].services.index(service)
         self._put(record_of(CALL, payload, remote.number, index, number))
 
     def lost(self, remote: Remote, count: int) -> None:
-        """Pass on."""
-        self.tell(remote=remote.number, lost=count)
+        """Pass on the sum with the next records: a sender can leave out any number of sequence numbers."""
+        with self._lock:
+            self._lost[remote.number] = self._lost.get(remote.number, 0) + count
+
+    def _tell_lost(self) -> None:
+        with self._lock:
+            lost, self._lost = self._lost, {}
+        for number, count in lost.items():
+            self.tell(remote=number, lost=count)
+
+    def _is_full(self) -> bool:
+        """Whether too much waits for the parent for another sample, which is then counted."""
+        if self._size <= BACKLOG:
+            return False
+        self._dropped += 1
+        return True
 
     def warned(self, text: str) -> None:
         """Pass on."""
@@ -84,19 +110,34 @@ class Child:
         with self._lock:
             self._queue.append(record)
             self._size += len(record)
+        if self._size > LIMIT:
+            os._exit(1)  # the main thread waits for the pipe
         self._filled.set()
 
     def obey(self, link: Link, records: Iterator[Record]) -> None:
         """Do what the parent asks for, until it closes its end of the pipe."""
-        for kind, number, index, when, body in records:
-            with suppress(LinkError, LookupError):  # the vehicle has just disconnected, which the parent will be told
-                vehicle = self._vehicles[number]
-                if kind == SAMPLE:
-                    link.publish(vehicle.remote, vehicle.routes[index], body)
-                elif kind == CALL:
-                    link.call(vehicle.remote, vehicle.services[index], when, body)
-        self._is_ended = True
-        self._filled.set()
+        try:
+            for record in records:
+                self._obey(link, record)
+        finally:
+            self._is_ended = True
+            self._filled.set()
+
+    def _obey(self, link: Link, record: Record) -> None:
+        kind, number, index, when, body = record
+        try:
+            vehicle = self._vehicles[number]
+            if kind == SAMPLE:
+                link.publish(vehicle.remote, vehicle.routes[index], body)
+            elif kind == CALL:
+                link.call(vehicle.remote, vehicle.services[index], when, body)
+        except LookupError:  # the vehicle has just disconnected, which the parent will be told
+            return
+        except LinkError as error:
+            text = str(error)
+            if text not in self._told and len(self._told) < TOLD:
+                self._told.add(text)
+                self.warned(text)
 
     def send(self, link: Link, output: IO[bytes]) -> None:
         """Write records until the parent has closed the other pipe, and the counters of the link now and then."""
@@ -109,6 +150,7 @@ class Child:
             if counters != last:
                 last = counters
                 self.tell(statistics=counters)
+            self._tell_lost()
             self.flush(output)
 
     def flush(self, output: IO[bytes]) -> None:

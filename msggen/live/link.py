@@ -25,6 +25,8 @@ class Route(NamedTuple):
     """`out` if PX4 publishes it, `in` if PX4 subscribes to it."""
     object_id: int
     """The number of the endpoint at the client: 12 bits (docs/xrce.md). -1 if the link has none."""
+    size: int = -1
+    """The bytes of a sample without the encapsulation. -1 if the link does not know it, or if it varies."""
 
 
 class Service(NamedTuple):

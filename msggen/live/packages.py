@@ -108,6 +108,14 @@ def packages_of(types: ModuleType | Sequence[ModuleType] | None) -> Packages:
     return packages
 
 
+def check_message(value: object) -> None:
+    """Raise TypeError if `value` is not a message."""
+    if isinstance(value, type) and hasattr(value, "__msg__"):
+        raise TypeError(f"expected a message, got the class {value.__name__}: call it to make one, {value.__name__}()")
+    if not hasattr(value, "__msg__"):
+        raise TypeError(f"expected a message, got an object of type {type(value).__name__}")
+
+
 def package_of_class(cls: type) -> ModuleType:
     """Return the generated package of a message class. Raises TypeError if it is not one."""
     for base in cls.__mro__:
@@ -281,9 +289,10 @@ def difference(ros_name: str, theirs: int | None, own_name: str, own: int) -> st
 def known_routes(packages: Packages) -> tuple[Route, ...]:
     """Return the routes of the first package: those of a vehicle that has its firmware."""
     return tuple(
-        Route(endpoint.ros_name, endpoint.message.__msg__.ros_type, endpoint.direction, endpoint.object_id)
+        Route(endpoint.ros_name, info.ros_type, endpoint.direction, endpoint.object_id, info.cdr_size or -1)
         for package in packages[:1]
         for endpoint in package.topics.ENDPOINTS
+        for info in (endpoint.message.__msg__,)
     )
 
 

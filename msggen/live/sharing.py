@@ -4,38 +4,55 @@ from __future__ import annotations
 
 import atexit
 import threading
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
+from typing import NamedTuple
 
 from msggen.live.address import open_link, parse_address
 from msggen.live.hub import Hub, Member
 from msggen.live.link import Link, LinkError
 from msggen.live.packages import Packages, known_routes
+from msggen.live.selection import Selection
 
 _END_S = 5
 """The longest wait in s for a link to be closed by another thread."""
 
 
 def link_of(
-    url: str | Link, allow: Sequence[str | int], packages: Packages, *, is_isolated: bool
+    url: str | Link, allow: Sequence[str | int], packages: Packages, selection: Selection, *, is_isolated: bool
 ) -> tuple[str, Callable[[], Link]]:
-    """Return the name of a link, and a function that makes it. Raises LinkError for a wrong address."""
+    """Return the name of a link, and a function that makes it. Raises LinkError for a wrong address.
+
+    A session of an earlier program tells no key and no namespace. If they select, every vehicle has to connect again.
+    """
     if not isinstance(url, str):
         link = url
+        if allow:
+            raise LinkError("allow= is for addresses: give it to the Link itself, such as UdpLink(allow=...)")
         return f"{type(link).__name__} {id(link):#x}", lambda: link
     address = parse_address(url)
     name = f"{address} (isolated)" if is_isolated else str(address)
-    return name, lambda: open_link(address, allow, known_routes(packages), is_isolated=is_isolated)
+    known = known_routes(packages) if selection.key is None and selection.namespace is None else ()
+    return name, lambda: open_link(address, allow, known, is_isolated=is_isolated)
 
 
-_hubs: dict[Hashable, tuple[Hub, threading.Event]] = {}
+class _Shared(NamedTuple):
+    """A hub of a link, who may connect to it, and whether the link is closed."""
+
+    hub: Hub
+    allow: frozenset[str | int]
+    closed: threading.Event
+
+
+_hubs: dict[Hashable, _Shared] = {}
 _lock = threading.RLock()
 
 
-def join_hub(name: Hashable, open_link: Callable[[], Link], member: Member) -> Hub:
+def join_hub(name: Hashable, open_link: Callable[[], Link], member: Member, allow: Iterable[str | int] = ()) -> Hub:
     """Return the hub with this name, which all its members share, and open its link for the first one.
 
-    Raises LinkError if the link cannot be opened.
+    Raises LinkError if the link cannot be opened, or is open for others than `allow`.
     """
+    allowed = frozenset(allow)
     while True:
         with _lock:
             found = _hubs.get(name)
@@ -43,10 +60,12 @@ def join_hub(name: Hashable, open_link: Callable[[], Link], member: Member) -> H
                 hub = Hub(open_link())
                 hub.join(member)
                 hub.link.start(hub)
-                _hubs[name] = hub, threading.Event()
+                _hubs[name] = _Shared(hub, allowed, threading.Event())
                 return hub
-            hub, closed = found
+            hub, others, closed = found
             if hub.members:
+                if others != allowed:
+                    raise LinkError(f"{name} is open with another allow=: give its Vehicle objects the same one")
                 hub.join(member)
                 return hub
         if not closed.wait(_END_S):  # another thread closes the link
@@ -57,9 +76,9 @@ def leave_hub(name: Hashable, member: Member) -> None:
     """Remove a member, and close the link after the last one. Can be repeated."""
     with _lock:
         found = _hubs.get(name)
-        if found is None or member not in found[0].members:
+        if found is None or member not in found.hub.members:
             return
-        hub, closed = found
+        hub, _, closed = found
         hub.leave(member)
         if hub.members:
             return
@@ -92,7 +111,7 @@ def leave_soon(name: Hashable, member: Member) -> None:
 @atexit.register
 def _close_all() -> None:
     """Close the links that are left at the end of the program."""
-    for name, (hub, closed) in tuple(_hubs.items()):
+    for name, (hub, _, closed) in tuple(_hubs.items()):
         for member in hub.members:
             leave_hub(name, member)
         closed.wait(_END_S)  # another thread may close it

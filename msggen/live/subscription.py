@@ -168,6 +168,8 @@ class Subscription(Generic[Value]):
                 if value is not None and predicate(value):
                     found: Value = value
                     return found
+                if item is not None and deadline is not None and time.monotonic() >= deadline:
+                    raise LinkTimeoutError(_absence(watch))  # samples arrive faster than the condition is computed
         finally:
             feed.remove_waker(watch.wake)
             self._detach(watch)
@@ -233,7 +235,7 @@ class Subscription(Generic[Value]):
                     return item
                 rest = SLICE if deadline is None else deadline - time.monotonic()
                 if rest <= 0:
-                    raise LinkTimeoutError(f"no such sample of '{self._feed.topic.stem}' within the given time")
+                    raise LinkTimeoutError(_absence(self._feed))
                 event.wait(min(rest, SLICE))
         finally:
             self._feed.remove_waker(event.set)
@@ -256,6 +258,16 @@ class Subscription(Generic[Value]):
 
 def _deadline(timeout: float | None) -> float | None:
     return None if timeout is None else time.monotonic() + timeout
+
+
+def _absence(feed: Feed) -> str:
+    """Return why a wait for a sample ends without one."""
+    if feed.received:
+        return f"none of {feed.received} samples of '{feed.topic.stem}' in the given time met the condition"
+    return (
+        f"no new sample of '{feed.topic.stem}' arrived in the given time: check that the vehicle is connected, "
+        "and that its dds_topics.yaml has the topic"
+    )
 
 
 def _call_soon(loop: Any, call: Waker) -> None:

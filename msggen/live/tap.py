@@ -16,6 +16,7 @@ import selectors
 import socket
 import time
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from typing import NoReturn
 
 from msggen.live.agent_link import SelectorLink
@@ -115,8 +116,10 @@ class TapLink(SelectorLink):
         try:
             self.agent_address = (socket.gethostbyname(self.agent_address[0]), self.agent_address[1])
         except OSError as error:
-            raise LinkError(f"'{self.agent_address[0]}' is no IPv4 address and no name of an agent") from error
-        if self.agent_address == (self.host, self.port):
+            raise LinkError(
+                f"'{self.agent_address[0]}' is no IPv4 address and no known name: use 127.0.0.1 if the agent runs here"
+            ) from error
+        if self.agent_address[1] == self.port and _is_at(self.agent_address[0], self.host):
             raise LinkError(
                 f"the tap and the agent cannot both be at {self.host}:{self.port}: start the agent with another port, "
                 f"MicroXRCEAgent udp4 -p {AGENT_PORT}, and use tap://{self.host}:{self.port}?agent=127.0.0.1:{AGENT_PORT}"
@@ -266,3 +269,13 @@ class TapLink(SelectorLink):
             client.socket.close()
         self._clients.clear()
         super().release()
+
+
+def _is_at(host: str, listening: str) -> bool:
+    """Whether a socket that listens on an address of this computer gets what is sent to a host."""
+    if listening != "0.0.0.0":  # noqa: S104 - all addresses
+        return host == listening
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock, suppress(OSError):
+        sock.bind((host, 0))
+        return True
+    return False

@@ -216,5 +216,7 @@ def _why(error: OSError, host: str, port: int) -> str:
     if error.errno == errno.EACCES:
         return f"no permission for UDP port {port}: use one above 1023"
     if isinstance(error, socket.gaierror):
-        return f"'{host}' is no IPv4 address and no name that this computer knows"
+        return (
+            f"'{host}' is no IPv4 address and no name that this computer knows: use 127.0.0.1, or an address of its own"
+        )
     return f"cannot listen on UDP port {port} of {host}: {error}"

@@ -18,6 +18,7 @@ from msggen.live.packages import (
     Endpoint,
     MessageT,
     check_convertible,
+    check_message,
     check_sent,
     find_topic,
     package_of_class,
@@ -53,7 +54,7 @@ class Vehicle:
     `key` (parameter UXRCE_DDS_KEY), `namespace` and `address` select a vehicle. Without them it is the first one that
     connects. After that, only the same vehicle is accepted when it connects again.
 
-    `allow` has the addresses and keys of clients that may connect, for links that need it; see docs/links.md.
+    `allow` has the addresses and keys of clients that may connect, the same for all that share a link; docs/links.md.
     `queue` is the number of samples that a subscription keeps. With `isolated`, a process of its own runs the link.
 
     Raises LinkError if the address is wrong or the link cannot be opened.
@@ -78,10 +79,9 @@ class Vehicle:
         selection = Selection(key, None if namespace is None else namespace.strip("/"), address)
         self._member = Member(selection, self._packages)
         self._routes: dict[tuple[type, object], tuple[Entry, Route, object]] = {}
-        self._name, opened = link_of(
-            url, (allow,) if isinstance(allow, (str, int)) else allow, self._packages, is_isolated=isolated
-        )
-        self._hub = join_hub(self._name, opened, self._member)
+        allowed = (allow,) if isinstance(allow, (str, int)) else tuple(allow)
+        self._name, opened = link_of(url, allowed, self._packages, selection, is_isolated=isolated)
+        self._hub = join_hub(self._name, opened, self._member, allowed)
         self._repeaters: weakref.WeakSet[Repeater] = weakref.WeakSet()
         weakref.finalize(self, leave_soon, self._name, self._member).atexit = False
 
@@ -258,6 +258,7 @@ class Vehicle:
         `topic` is needed if several topics have messages of this class, and none of them is named after it. Raises
         NotConnectedError, TopicError, FormatError if the vehicle's definition differs, and the package's EncodeError.
         """
+        check_message(message)
         entry, route = self._route_to(message, topic)
         payload = message.encode()
         try:
@@ -281,7 +282,10 @@ class Vehicle:
         Raises TopicError if the message has no topic to the vehicle, and ValueError for a rate of 0 or above 10000 Hz.
         """
         self._check_open()
+        if isinstance(message, type):
+            check_message(message)
         if not callable(message):
+            check_message(message)
             find_topic(type(message) if topic is None else topic, "in", self._packages)
         vehicle = weakref.ref(self)
 
@@ -312,7 +316,7 @@ class Vehicle:
             )
         service = entry.services.get(type(request).__msg__.ros_type)
         if service is None:
-            have = ", ".join(f"'{each.name}'" for each in entry.services.values()) or "no service"
+            have = ", ".join(f"'{each.name}'" for each in tuple(entry.services.values())) or "no service"
             raise TopicError(
                 f"{shown(entry.remote)} has no service '{service_name}': it has {have}; PX4 has one since v1.15"
             )
@@ -370,7 +374,7 @@ class Vehicle:
                 return route
         if not entry.is_ready:
             raise NotConnectedError(f"{shown(entry.remote)} is still connecting: call wait_connected() first")
-        names = [stem_of(route.name) for route in entry.routes.values() if route.direction == "in"]
+        names = [stem_of(route.name) for route in tuple(entry.routes.values()) if route.direction == "in"]
         near = suggestion(found.stem, names)
         raise TopicError(
             f"{shown(entry.remote)} does not read '{found.stem}'{near or ': it is not in its dds_topics.yaml'}"
@@ -382,7 +386,7 @@ class Vehicle:
         text = f"no vehicle connected to {self._name} within {timeout:g} s: "
         if self._member.entry is not None:
             return f"{text}{shown(self._member.entry.remote)} has not opened its topics yet"
-        others = [shown(entry.remote) for entry in self._hub.entries.values()]
+        others = [shown(entry.remote) for entry in tuple(self._hub.entries.values())]
         if others:
             return f"{text}{', '.join(others)} is not the vehicle that key=, namespace= or address= select"
         if statistics.refused or statistics.dropped:

@@ -29,6 +29,7 @@ NAMES = (
     "faults",
     "strangers",
     "arguments",
+    "datagrams",
 )
 """The campaigns, each a module of this package."""
 

@@ -100,6 +100,7 @@ PLANTED: dict[str, tuple[str, Any]] = {
     "faults": ("msggen.generate.build.write_output", write_in_place),
     "strangers": ("msggen.generate.build.write_output", write_in_place),
     "arguments": ("msggen.firmware.sources.near_release", fail),
+    "datagrams": ("msggen.live.xrce.wire.WireError", KeyError),
 }
 """An error for each campaign: the function or the number that is replaced, and by what."""
 

@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -149,6 +150,23 @@ def test_namespaces_are_vehicles_and_two_vehicles_in_one_are_told() -> None:
         (warning,) = records.warnings
         assert "/one/fmu/out/wind" in warning
         assert "namespace of its own" in warning
+
+
+def test_routes_of_a_vehicle_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A participant may make and delete any number of writers, and the routes stay."""
+    from msggen.live.cyclone import Found
+
+    monkeypatch.setattr("msggen.live.dds.MAX_ENDPOINTS", 10)
+    link, records = DdsLink(0), Records()
+    participant: Any = SimpleNamespace(reader=lambda *_, **__: object())
+    for number in range(50):
+        topic = f"rt/fmu/out/topic_{number}"
+        found = Found(number, is_writer=True, participant="px4", topic=topic, type="px4_msgs::msg::dds_::A_")
+        link._found(found, participant, records)
+        if number:
+            link._gone(number, participant, records)
+    assert len(records.opened_routes) == len(link._sources) == 10
+    assert records.gone == []
 
 
 def test_two_links_share_a_domain_and_one_outlives_the_other() -> None:

@@ -192,7 +192,7 @@ def test_a_topic_that_differs_raises_from_the_iterator_and_ends_callbacks(
         text = (
             "the vehicle's definition of '/fmu/out/vehicle_status_v4' has the hash 0x00001234, and "
             f"px4_types.VehicleStatus has {own:#010x}: "
-            "give types of its release too, types=(px4_types, package_of('v1.18'))"
+            "build types of the vehicle's own firmware, msggen build --px4 PX4-Autopilot"
         )
         for read in (lambda: next(iter(subscription)), subscription.latest, subscription.drain):
             with pytest.raises(FormatError) as raised:

@@ -12,6 +12,7 @@ import pytest
 
 from msggen.live import LinkError, LinkTimeoutError, NotConnectedError, Vehicle
 from support.fake_link import FakeLink
+from support.ports import free_port
 from support.repository import ROOT
 
 WAIT = 10.0
@@ -159,6 +160,22 @@ def test_a_link_that_cannot_be_opened_leaves_nothing(link: FakeLink) -> None:
     link.error = None
     with Vehicle(link):
         assert link.starts == 2
+
+
+def test_vehicles_that_share_a_link_allow_the_same() -> None:
+    """Otherwise a Vehicle would get strangers that it does not allow, or never its own vehicle."""
+    url = f"udp://127.0.0.1:{free_port()}"
+    with Vehicle(url, allow=("127.0.0.1", "10.8.0.0/24")):
+        for allow in ((), "127.0.0.1", ("127.0.0.1", "10.8.0.0/24", 7)):
+            with pytest.raises(LinkError, match="is open with another allow=: give its Vehicle objects the same one"):
+                Vehicle(url, allow=allow)
+        Vehicle(url, allow=["10.8.0.0/24", "127.0.0.1"]).close()
+
+
+def test_a_link_object_has_its_own_allow(link: FakeLink) -> None:
+    with pytest.raises(LinkError, match="give it to the Link itself"):
+        Vehicle(link, allow="127.0.0.1")
+    assert link.starts == 0
 
 
 def test_a_link_can_be_opened_again_after_it_was_closed(link: FakeLink) -> None:

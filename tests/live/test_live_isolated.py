@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import io
+import json
 import os
 import signal
 import socket
 import subprocess
 import sys
 import time
+from collections import deque
 from collections.abc import Iterator
 from typing import Any
 
@@ -23,7 +25,8 @@ from msggen.live.isolated_child import BACKLOG, Child
 from msggen.live.link import Remote, Route
 from msggen.live.pipe import EVENT, SAMPLE, record_of, records_of
 from msggen.live.sim import Options, Simulator
-from support.link_records import nothing_is_left
+from support.fake_link import FakeLink
+from support.link_records import Records, nothing_is_left
 from support.ports import free_port
 from support.repository import ROOT
 
@@ -169,6 +172,71 @@ def test_samples_that_exceed_the_backlog_are_dropped_and_events_are_not() -> Non
     child.sample(remote, route, payload, 0)
     child.flush(again := io.BytesIO())
     assert len(list(pieces(again.getvalue()))) == 3
+
+
+REMOTE = Remote(1, "127.0.0.1:1", 1, "", adopted=False)
+
+
+def test_lost_samples_are_told_as_one_sum() -> None:
+    """A sender that leaves out sequence numbers cannot fill the queue."""
+    child = Child()
+    child.connected(REMOTE)
+    for _ in range(10_000):
+        child.lost(REMOTE, 2)
+    child.disconnected(REMOTE, "gone")
+    child.flush(output := io.BytesIO())
+    told = [json.loads(body) for _, body in pieces(output.getvalue())]
+    assert told[1:] == [{"remote": 1, "lost": 20_000}, {"remote": 1, "disconnected": "gone"}]
+
+
+def test_a_process_whose_parent_does_not_read_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Vehicles that connect again and again are events, which are not dropped."""
+
+    def end(code: int) -> None:
+        raise SystemExit(code)
+
+    monkeypatch.setattr("msggen.live.isolated_child.LIMIT", 100_000)
+    monkeypatch.setattr("os._exit", end)
+    child = Child()
+    remotes = [REMOTE._replace(number=number) for number in range(10_000)]
+    with pytest.raises(SystemExit):
+        deque(map(child.connected, remotes), maxlen=0)
+    assert child._size < 101_000
+
+
+class Refusing(FakeLink):
+    def publish(self, remote: Remote, route: Route, payload: bytes) -> None:  # noqa: ARG002
+        raise LinkError("the payload has 9 bytes, and the vehicle takes up to 8")
+
+
+def test_the_parent_is_told_once_what_the_link_refuses() -> None:
+    child = Child()
+    child.connected(REMOTE)
+    child.opened(REMOTE, Route("/fmu/in/a", "px4_msgs/msg/A", "in", 1))
+    child.flush(io.BytesIO())
+    unknown = SAMPLE, 2, 0, 0, b""
+    child.obey(Refusing(), iter([(SAMPLE, 1, 0, 0, b"")] * 3 + [unknown]))
+    child.flush(output := io.BytesIO())
+    assert [json.loads(body) for _, body in pieces(output.getvalue())] == [
+        {"warned": "the payload has 9 bytes, and the vehicle takes up to 8"}
+    ]
+
+
+class Raising(Records):
+    def sample(self, remote: Remote, route: Route, payload: bytes, time: int) -> None:
+        super().sample(remote, route, payload, time)
+        raise ZeroDivisionError
+
+
+def test_an_error_of_the_listener_is_told_and_the_link_goes_on(url: str, px4_types: Any) -> None:
+    link, records = IsolatedLink(parse_address(url)), Raising()
+    link.start(records)
+    try:
+        with Simulator(px4_types, url, OPTIONS):
+            records.wait(lambda: len(records.samples) > 5)
+    finally:
+        link.close()
+    assert [text for text in records.warnings if "ZeroDivisionError" in text]
 
 
 def pieces(data: bytes) -> Iterator[tuple[int, bytes]]:

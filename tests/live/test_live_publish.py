@@ -60,6 +60,17 @@ def test_the_topic_that_is_named_after_the_message_is_meant(link: FakeLink, vehi
     assert [name for name, _ in sent(link)] == ["/fmu/in/vehicle_command", "/fmu/in/vehicle_command_mode_executor"]
 
 
+def test_a_class_is_no_message(link: FakeLink, vehicle: Vehicle, px4_types: Any) -> None:
+    link.connect()
+    text = r"got the class OffboardControlMode: call it to make one, OffboardControlMode\(\)"
+    with pytest.raises(TypeError, match=text):
+        vehicle.publish(px4_types.OffboardControlMode)
+    with pytest.raises(TypeError, match=text):
+        vehicle.every(10, px4_types.OffboardControlMode)
+    with pytest.raises(TypeError, match="expected a message, got an object of type dict"):
+        vehicle.publish({})  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize(
     ("message", "topic", "error"),
     [

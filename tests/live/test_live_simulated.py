@@ -118,6 +118,7 @@ def test_loss_in_both_directions_is_counted_and_calls_arrive(px4_types: Any) -> 
     wrong = Misbehaviour(drop=0.1, duplicate=0.05, reorder=0.05, garbage=0.02)
     bad = FEW._replace(misbehaviour=wrong)
     with line("udp") as (link, address), started(link) as records, Simulator(px4_types, address, [bad]):
+        records.wait(lambda: any(isinstance(route, Service) for _, route in records.opened_routes), 120)
         service = records.route(SERVICE)
         assert isinstance(service, Service)
         request = px4_types.srv.VehicleCommand.Request(request=px4_types.VehicleCommand(command=400, param1=1.0))

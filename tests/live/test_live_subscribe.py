@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import gc
 import logging
+import sys
 import threading
 from collections.abc import Iterator
 from typing import Any
@@ -181,6 +182,25 @@ def test_a_callback_gets_each_message_and_its_errors_are_told(
         next(iter(subscription))
 
 
+def test_a_callback_that_exits_does_not_end_the_link(
+    link: FakeLink, vehicle: Vehicle, px4_types: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    subscription = vehicle.subscribe(px4_types.VehicleStatus, lambda _: sys.exit("done"))
+    remote = link.connect()
+    for number in range(2):
+        link.sample(remote, status(px4_types, number))
+    assert subscription.callback_errors == 2
+    assert "SystemExit: done" in caplog.text
+
+
+def test_a_subscription_of_a_vehicle_that_another_thread_closes_ends(
+    link: FakeLink, vehicle: Vehicle, px4_types: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(vehicle, "_check_open", vehicle.close)  # just after the check
+    assert link.starts == 1
+    assert list(vehicle.subscribe(px4_types.VehicleStatus)) == []
+
+
 def test_a_callback_may_close_its_vehicle(link: FakeLink, px4_types: Any) -> None:
     vehicle = Vehicle(link)
     vehicle.subscribe(px4_types.VehicleStatus, lambda _: vehicle.close())
@@ -224,7 +244,7 @@ def test_wait_for_returns_the_newest_or_a_later_message(link: FakeLink, vehicle:
     for number in (1, 2):
         link.sample(remote, status(px4_types, number))
     assert subscription.wait_for(lambda message: message.timestamp == 2, WAIT).timestamp == 2
-    with pytest.raises(LinkTimeoutError, match="within the given time"):
+    with pytest.raises(LinkTimeoutError, match="no new sample of '/fmu/out/vehicle_status' arrived in the given time"):
         subscription.wait_for(lambda message: message.timestamp == 1, 0.01)
     asked = threading.Event()
 
@@ -241,6 +261,16 @@ def test_wait_for_returns_the_newest_or_a_later_message(link: FakeLink, vehicle:
     thread.join(WAIT)
     assert stamps(found) == [5]
     assert len(subscription) == 6
+
+
+def test_wait_for_ends_in_time_although_samples_arrive_all_the_time(
+    link: FakeLink, vehicle: Vehicle, px4_types: Any
+) -> None:
+    subscription = vehicle.subscribe(px4_types.VehicleStatus)
+    remote = link.connect()
+    link.sample(remote, status(px4_types, 2))
+    with pytest.raises(LinkTimeoutError, match=r"none of \d+ samples of '/fmu/out/vehicle_status' in the given"):
+        subscription.wait_for(lambda _: link.sample(remote, status(px4_types, 2)), 0.05)
 
 
 def test_wait_for_ends_when_the_subscription_is_closed(link: FakeLink, vehicle: Vehicle, px4_types: Any) -> None:

@@ -241,6 +241,8 @@ def test_tap_and_agent_at_one_address_are_an_error() -> None:
         TapLink(port=agent.port, agent=("127.0.0.1", agent.port)).start(Records())
     with nothing_is_left(), pytest.raises(LinkError, match="cannot both be at"):
         TapLink(port=agent.port, agent=("127.0.0.1", agent.port)).start(Records())
+    with nothing_is_left(), pytest.raises(LinkError, match=r"cannot both be at 0\.0\.0\.0"):  # it would send to itself
+        TapLink("0.0.0.0", port=agent.port, agent=("127.0.0.1", agent.port)).start(Records())  # noqa: S104
     with nothing_is_left(), pytest.raises(LinkError, match="no IPv4 address"):
         TapLink(port=0, agent=("no such host", 1)).start(Records())
 

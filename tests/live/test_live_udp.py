@@ -393,7 +393,7 @@ def test_an_error_inside_the_link_is_told_and_ends_it(monkeypatch: pytest.Monkey
         monkeypatch.setattr(link.agent, "tick", fail)
         records.wait(lambda: records.gone)
         assert records.gone[0][1] == "the link failed: ZeroDivisionError: inside"
-        assert records.warnings == [records.gone[0][1]]
+        assert records.warnings == [f"{records.gone[0][1]}; close it, and open another one"]
 
 
 KILLED = """

@@ -42,7 +42,7 @@ class Simulator:
         it cannot be opened.
         """
         agent = read_address(address)
-        if agent.kind == "serial" and len(options) > 1:
+        if agent.scheme == "serial" and len(options) > 1:
             raise LinkError("a serial line has one vehicle: give every vehicle a line, or use udp://")
         self.vehicles = tuple(SimulatedVehicle(package, each) for each in options)
         self._start = time.monotonic_ns() // 1000 - self.boot

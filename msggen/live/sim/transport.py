@@ -5,45 +5,24 @@ from __future__ import annotations
 import os
 import socket
 from contextlib import suppress
-from typing import Any, NamedTuple, Protocol
-from urllib.parse import parse_qs, urlsplit
+from typing import Any, Protocol
 
+from msggen.live.address import FORMS, Address, parse_address
 from msggen.live.link import LinkError
+from msggen.live.serial import close_line, open_line
 from msggen.live.xrce.framing import AGENT, CLIENT, Deframer, pack_frame
 
-DEFAULT_ADDRESS = "udp://127.0.0.1:8888"
-_PORT = 8888
-_BAUD = 921_600
+DEFAULT_ADDRESS = FORMS["udp"]
+_SCHEMES = ("udp", "serial")
 _LONGEST = 65_536
-_EXAMPLES = f"expected an address such as {DEFAULT_ADDRESS} or serial:///dev/ttyUSB0?baud={_BAUD}"
-
-
-class Address(NamedTuple):
-    """The address of an agent."""
-
-    kind: str
-    """`udp` or `serial`."""
-    place: str
-    """A host, or the path of a device."""
-    number: int
-    """A port, or the speed in baud."""
 
 
 def read_address(text: str) -> Address:
-    """Return the address in a text. Raises ValueError, which tells what is wrong."""
+    """Return the address of an agent in a text. Raises ValueError, which tells what is wrong."""
     try:
-        parts = urlsplit(text)
-        port = parts.port
-        options = parse_qs(parts.query, strict_parsing=bool(parts.query))
-    except ValueError:
-        raise ValueError(f"'{text}': {_EXAMPLES}") from None
-    if parts.scheme == "udp" and parts.hostname and not parts.path.strip("/") and not options:
-        return Address("udp", parts.hostname, _PORT if port is None else port)
-    if parts.scheme == "serial" and parts.path and not parts.netloc and not options.keys() - {"baud"}:
-        baud = options.get("baud", [str(_BAUD)])[-1]
-        if baud.isascii() and baud.isdecimal() and int(baud) > 0:
-            return Address("serial", parts.path, int(baud))
-    raise ValueError(f"'{text}': {_EXAMPLES}")
+        return parse_address(text, _SCHEMES)
+    except LinkError as error:
+        raise ValueError(str(error)) from None
 
 
 class Transport(Protocol):
@@ -67,9 +46,10 @@ class Udp:
 
     def __init__(self, address: Address) -> None:
         try:
-            found = socket.getaddrinfo(address.place, address.number, type=socket.SOCK_DGRAM)
+            found = socket.getaddrinfo(address.host, address.port, type=socket.SOCK_DGRAM)
         except (OSError, UnicodeError) as error:
-            raise LinkError(f"'{address.place}': {error}, {_EXAMPLES}") from None
+            text = f"no address is known for '{address.host}': {error}; give the IP address of the agent's computer"
+            raise LinkError(text) from None
         self._family: int = found[0][0]
         self._agent: tuple[Any, ...] = found[0][4]
         self._connection = -1
@@ -119,16 +99,8 @@ class Serial:
     """A serial device or a pseudo terminal."""
 
     def __init__(self, address: Address) -> None:
-        try:
-            self._device = os.open(address.place, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
-        except OSError as error:
-            raise LinkError(f"{address.place}: {error.strerror}") from None
-        try:
-            _make_raw(self._device, address.number)
-        except LinkError as error:
-            os.close(self._device)
-            raise LinkError(f"{address.place}: {error}") from None
-        self._path = address.place
+        self._device = open_line(address.path, address.baud)
+        self._path = address.path
         self._frames = Deframer(CLIENT)
 
     def fileno(self) -> int:
@@ -154,28 +126,9 @@ class Serial:
 
     def close(self) -> None:
         """Close the device."""
-        os.close(self._device)
-
-
-def _make_raw(device: int, baud: int) -> None:
-    """Set a speed, and pass all bytes unchanged. Raises LinkError."""
-    try:
-        import termios
-        import tty
-    except ImportError:
-        raise LinkError("serial devices need Linux or macOS") from None
-    speed = getattr(termios, f"B{baud}", None)
-    if speed is None:
-        raise LinkError(f"{baud} baud is not a speed of this system: use 57600, 115200 or 921600")
-    try:
-        tty.setraw(device)
-        settings = termios.tcgetattr(device)
-        settings[4] = settings[5] = speed
-        termios.tcsetattr(device, termios.TCSANOW, settings)
-    except termios.error:
-        raise LinkError("not a serial device") from None
+        close_line(self._device)
 
 
 def open_transport(address: Address) -> Transport:
     """Return a new connection to the agent. Raises LinkError."""
-    return Udp(address) if address.kind == "udp" else Serial(address)
+    return Udp(address) if address.scheme == "udp" else Serial(address)

@@ -59,6 +59,7 @@ TICK: Final = 0.1
 _unpack_write = struct.Struct("<BBHBBH2x2s").unpack_from  # headers, request id and object id of a WRITE_DATA
 _LONGEST_STEP = 1.0  # seconds: a longer step is a process that slept, or a clock that jumped
 _REPEATED = 0.5  # seconds in which a second CREATE_CLIENT is the first one, doubled on its way
+_PROOFS = 5  # topics that must have samples of the expected size before a session is continued
 _REMEMBERED = 10.0  # seconds in which an address whose session has ended begins no take-over
 _WARNINGS = 100
 
@@ -93,9 +94,12 @@ class Agent:
         self._allow = allow
         self._keys = keys
         self._known = [route for route in known if keys is None and 0 <= route.object_id <= entities.LARGEST_NUMBER]
-        self._known_writers = {
-            entities.object_id(route.object_id, entities.WRITER) for route in self._known if route.direction == "out"
+        self._known_sizes = {
+            entities.object_id(route.object_id, entities.WRITER): route.size
+            for route in self._known
+            if route.direction == "out"
         }
+        self._proofs: dict[Address, set[bytes]] = {}
         self._limits = limits
         self._outbox = Outbox(limits.outgoing)
         self._sessions: dict[Address, Session] = {}
@@ -280,23 +284,46 @@ class Agent:
             self._send(header, wire.Status(submessage.payload[:2], wire.CLIENT_ID).pack(), address)
             self._outbox.received += 1
         elif self._may_adopt(header, submessage, address):
-            session = self._begin(wire.CreateClient(0, header.session_id), address)
-            session.adopt(self._known)
-            self._connect(session)
-            session.receive(header, body, time)
+            if self._is_proved(submessage, address) and self._has_room():
+                session = self._begin(wire.CreateClient(0, header.session_id), address)
+                session.adopt(self._known)
+                self._connect(session)
+                session.receive(header, body, time)
         else:
             raise WireError("message of an unknown session")
 
     def _may_adopt(self, header: wire.Header, submessage: wire.Submessage, address: Address) -> bool:
-        """Whether a client has a complete session: it sends samples of a writer that the expected firmware has."""
+        """Whether a message may belong to a session that can be continued: it is a sample."""
         return (
-            submessage.id == WRITE_DATA
-            and submessage.payload[2:4] in self._known_writers
+            bool(self._known_sizes)
+            and submessage.id == WRITE_DATA
             and header.stream == BEST_EFFORT
             and header.session_id > wire.NO_SESSION
             and address not in self._ended
-            and self._has_room()
         )
+
+    def _is_proved(self, submessage: wire.Submessage, address: Address) -> bool:
+        """Whether a client has the expected firmware, as far as the samples so far show.
+
+        With other definitions, object ids mean other topics: samples of this program would reach a wrong one.
+        """
+        size = self._known_sizes.get(submessage.payload[2:4])
+        if size is None or size not in (-1, len(submessage.payload) - 4):
+            self._proofs.pop(address, None)
+            self._end(address)
+            self._warn(
+                f"{_host(address)} has a session of an earlier program whose topics are not those of types=: "
+                "it is not continued, and the vehicle connects again in a few seconds"
+            )
+            raise WireError("sample of another firmware than the expected one")
+        if address not in self._proofs and len(self._proofs) >= self._limits.clients:
+            del self._proofs[next(iter(self._proofs))]
+        proofs = self._proofs.setdefault(address, set())
+        proofs.add(submessage.payload[2:4])
+        if len(proofs) < min(_PROOFS, len(self._known_sizes)):
+            return False
+        del self._proofs[address]
+        return True
 
     def _create_client(
         self, header: wire.Header, create: wire.CreateClient, address: Address, session: Session | None
@@ -315,7 +342,9 @@ class Agent:
             else:
                 status = wire.ERR_RESOURCES
                 self._outbox.refuse("too many clients")
-                self._warn(f"refused {_host(address)}: {self._limits.clients} vehicles are connected")
+                self._warn(
+                    f"refused {_host(address)}: {self._limits.clients} vehicles are connected, the most for a port"
+                )
         key = wire.key_bytes(create.key) if create.session_id < 0x80 else b""
         self._send(header._replace(session_id=create.session_id, key=key), wire.StatusAgent(status).pack(), address)
 
@@ -379,9 +408,13 @@ class Agent:
     def _forget(self, session: Session, reason: str) -> None:
         self._disconnect(session, reason)
         del self._sessions[session.address]
+        self._end(session.address)
+
+    def _end(self, address: Address) -> None:
+        """Begin no take-over for a while."""
         if len(self._ended) >= self._limits.clients:
             del self._ended[next(iter(self._ended))]
-        self._ended[session.address] = self._clock
+        self._ended[address] = self._clock
 
     def _send(self, header: wire.Header, submessage: bytes, address: Address) -> None:
         """Send a submessage outside of streams, with the session id and key of a header."""

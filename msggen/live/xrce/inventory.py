@@ -22,6 +22,10 @@ _PARENTS = {
     entities.READER: entities.SUBSCRIBER,
 }
 
+ROUNDS = 4
+"""How often a client may create all its entities in one session. PX4's client creates each once. The routes of deleted
+entities stay with the listener until the session ends, so their number needs a bound too."""
+
 
 class Reading(NamedTuple):
     """A READ_DATA: where samples or requests go."""
@@ -35,7 +39,10 @@ class Inventory:
     """The entities of one client."""
 
     def __init__(self, most: int, longest: int) -> None:
-        """Make an empty inventory for up to `most` entities with names of up to `longest` characters."""
+        """Make an empty inventory for up to `most` entities with names of up to `longest` characters.
+
+        Entities that replace others, or deleted ones, count too, up to ROUNDS times `most`.
+        """
         self.namespace: str | None = None
         """The namespace of the first participant: empty if it tells none, None before there is one."""
         self.writers: dict[bytes, Route] = {}
@@ -45,6 +52,7 @@ class Inventory:
         self._readers: dict[bytes, Route] = {}
         self._entities: dict[bytes, Entity] = {}
         self._most = most
+        self._left = ROUNDS * most
         self._longest = longest
 
     def __len__(self) -> int:
@@ -69,7 +77,7 @@ class Inventory:
         entity = entities.parse(create)
         object_id = create.object_id
         old = self._entities.get(object_id)
-        if old is None and len(self._entities) >= self._most:
+        if (old is None and len(self._entities) >= self._most) or not self._left:
             raise RefusedError("too many entities", wire.ERR_RESOURCES)
         if old is not None and not create.flags & wire.REPLACE:
             if create.flags & wire.REUSE and entity == old:
@@ -81,6 +89,7 @@ class Inventory:
                 raise RefusedError("entity of an unknown parent", wire.ERR_UNKNOWN_REFERENCE)
         route = self._make(object_id, entity)
         self._entities[object_id] = entity
+        self._left -= 1
         return route
 
     def read(self, read: wire.ReadData) -> Route | Service | None:

@@ -25,7 +25,7 @@ class Limits(NamedTuple):
     clients: int = 64
     """Sessions, with those that are silent."""
     message: int = 4096
-    """Bytes of a message from a client. PX4's client sends up to 508."""
+    """Bytes of a message from or to a client. PX4's client sends and takes up to 508."""
     fragments: int = 65536
     """Bytes of a client's joined fragments."""
     entities: int = 1024
@@ -172,7 +172,8 @@ class Session:
         """Return a payload without its encapsulation."""
         if payload[:2] != wire.ENCAPSULATION[:2]:
             raise LinkError("the payload is not little-endian CDR with an encapsulation; use encode() of a message")
-        room = self.create.mtu - 12 - len(self.key)  # headers of message and submessage, request id and object id
+        longest = min(self.create.mtu, self._limits.message)
+        room = longest - 12 - len(self.key)  # headers of message and submessage, request id and object id
         if len(payload) - 4 > room:
             raise LinkError(f"the payload has {len(payload) - 4} bytes, and the vehicle takes up to {room}")
         return payload[4:]
@@ -277,6 +278,9 @@ class Session:
         route = self.writers.get(sample.object_id)
         service = self.inventory.services.get(sample.object_id)
         if self.remote is None or (route is None and service is None):
+            if self.adopted:
+                self.ended = "its topics are not those of types=, so it has to connect again"
+                return
             raise WireError("data of an unknown entity")
         if route is not None:
             payload = wire.ENCAPSULATION + sample.data

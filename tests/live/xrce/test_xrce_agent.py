@@ -572,6 +572,9 @@ def test_what_does_not_fit_is_an_error() -> None:
             agent.call(1, object_id, 1, LE)
     with pytest.raises(LinkError, match="vehicle 2 is not connected"):
         agent.call(2, SERVICE, 1, LE)
+    agent._find(1).create = agent._find(1).create._replace(mtu=0xFFFF)
+    with pytest.raises(LinkError, match="the vehicle takes up to 4084"):  # a frame of a serial line holds no more
+        agent.publish(1, 2, LE + bytes(4085))
     world.clients = []
     for number in range(OUTPUT_WINDOW):
         agent.call(1, SERVICE, number, LE)
@@ -678,7 +681,9 @@ def test_clients_are_bounded() -> None:
     assert len(world.all(Connected)) == 3
     assert world.agent.refused["too many clients"] == 2
     assert wire.StatusAgent.unpack(world.clients[-1].all(wire.STATUS_AGENT)[0]).status == wire.ERR_RESOURCES
-    assert [event.text for event in world.all(Warned)] == ["refused 127.0.0.1: 3 vehicles are connected"]
+    assert [event.text for event in world.all(Warned)] == [
+        "refused 127.0.0.1: 3 vehicles are connected, the most for a port"
+    ]
     world.run(6)  # silent clients make room
     client = Client(50010, key=10)
     world.clients = [client]
@@ -695,6 +700,19 @@ def test_entities_are_bounded() -> None:
     world.settle()
     assert client.statuses()[8:] == [wire.OK, wire.OK, *[wire.ERR_RESOURCES] * 3]
     assert world.agent.refused == {"too many entities": 3}
+
+
+def test_routes_of_deleted_entities_are_bounded() -> None:
+    """A listener keeps the routes of a session, also those whose entities are gone."""
+    world, client = connected(limits=Limits(entities=20))
+    before = len(world.all(Opened))
+    for number in range(100):
+        client.publish(9, f"fmu/out/{number}")
+        client.delete(entities.object_id(9, entities.PUBLISHER))
+        client.delete(entities.object_id(9, entities.TOPIC))
+        world.settle()
+    assert 5 < len(world.all(Opened)) - before < 4 * 20
+    assert world.agent.refused["too many entities"] > 100
 
 
 @pytest.mark.parametrize("name", ["a\nb", "x" * 300, "\x1b[31m", "a b", "ä"])
@@ -865,9 +883,55 @@ def test_a_client_in_the_middle_of_creation_is_not_taken_over() -> None:
     client.send(0, wire.Timestamp(1).pack())
     client.write(9, b"not known")
     world.settle()
-    assert world.events == []
+    assert all(isinstance(event, Warned) for event in world.events)
     assert [wire.Info.unpack(payload).known for payload in client.all(wire.INFO)] == [False]
     assert client.statuses() == []
+
+
+FIVE = [Route(f"/fmu/out/a{number}", "px4_msgs/msg/A", "out", number, 4 * number) for number in range(1, 7)]
+
+
+def newcomer() -> tuple[World, Client]:
+    """Return a client in the middle of a session, and an agent that knows six topics, whose samples have a size."""
+    _, client = connected()
+    client.outgoing.clear()
+    client.received.clear()
+    return World(Agent(0.0, known=[*FIVE, READ]), client), client
+
+
+def test_five_topics_of_the_right_size_prove_the_firmware() -> None:
+    world, client = newcomer()
+    for number in (1, 2, 1, 3, 4):
+        client.write(number, bytes(4 * number))
+        world.settle()
+    assert (world.events, client.received) == ([], [])
+    client.write(5, bytes(20))
+    world.settle()
+    assert [type(event) for event in world.events] == [Connected, *[Opened] * 7, Sample]
+
+
+@pytest.mark.parametrize(("writer", "size"), [(5, 24), (5, 16), (6, 20), (7, 20)])
+def test_one_sample_of_another_firmware_ends_the_attempt_before_anything_is_sent(writer: int, size: int) -> None:
+    world, client = newcomer()
+    for number, length in ((1, 4), (2, 8), (3, 12), (4, 16), (writer, size), (5, 20), (6, 24)):
+        client.write(number, bytes(length))
+    client.ping(in_session=True)
+    world.settle()
+    assert [type(event) for event in world.events] == [Warned]
+    assert client.all(wire.DATA) == []
+    assert [wire.Info.unpack(payload).known for payload in client.all(wire.INFO)] == [False]
+
+
+def test_a_further_topic_ends_a_session_that_was_taken_over() -> None:
+    world, client = newcomer()
+    for number in range(1, 6):
+        client.write(number, bytes(4 * number))
+    client.write(7, bytes(4))
+    client.write(1, bytes(4))
+    world.settle()
+    (ended,) = [event for event in world.events if isinstance(event, Disconnected)]
+    assert ended.reason == "its topics are not those of types=, so it has to connect again"
+    assert world.events[-1] == ended
 
 
 def test_a_session_that_turns_out_to_be_incomplete_is_given_up() -> None:

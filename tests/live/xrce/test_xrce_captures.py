@@ -257,7 +257,7 @@ def test_a_running_session_is_continued() -> None:
     done.feed(after)
     assert done.all(Connected) == [Connected(Remote(1, "127.0.0.1:50001", 0, "", adopted=True))]
     written = [row.data for row in after if row.sender == "client" and row.data[4] == wire.WRITE_DATA]
-    assert len(done.all(Sample)) == len(written) > 200
+    assert len(done.all(Sample)) == len(written) - 4 > 200, "those that proved the firmware"
     assert done.all(Lost) == []
     pings = [row for row in after if row.data[4] == wire.GET_INFO and row.sender == "client"]
     infos = [data for data, _ in done.answers if data[4] == wire.INFO]
