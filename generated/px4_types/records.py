@@ -161,6 +161,16 @@ def _format(part: Part, high: int) -> tuple[Any, int]:
     # Each element includes the padding after it, or the padding before it if the sample ends with the last element.
     begin = min(starts[0], high - length * stride)
     types = [_dtype(element, begin + n * stride, begin + (n + 1) * stride) for n, element in enumerate(part.elements)]
-    if any(type_ != types[0] for type_ in types):
+    if any(type_ != types[0] for type_ in types) or (length > 1 and _overlaps(types[0])):
         raise _NoTypeError
     return (types[0], (length,)), begin
+
+
+def _overlaps(dtype: Any) -> bool:
+    """Whether fields overlap: numpy copies wrong values from an array of such elements to another dtype."""
+    end = 0
+    for type_, offset, *_ in sorted(dtype.fields.values(), key=lambda field: field[1]):
+        if offset < end or (type_.base.names is not None and _overlaps(type_.base)):
+            return True
+        end = offset + type_.itemsize
+    return False

@@ -29,7 +29,7 @@ from numpy.lib import recfunctions
 from msggen.firmware.catalog import read_catalog
 from msggen.firmware.sources import find_sources
 from msggen.model import Catalog
-from support.catalogs import import_package
+from support.catalogs import catalog_of, import_package
 from support.reference import HEADERS
 from support.repository import ROOT, SOME, every_message, shared
 from support.samples import (
@@ -221,6 +221,24 @@ def test_random_messages_are_what_decode_gives(files: dict[str, str], data: st.D
         for encoding in ENCODINGS:
             check_decoding(cls, samples[encoding])
         check_encoding(cls, samples[USUAL])
+
+
+def test_arrays_of_arrays_of_messages_are_copied_right(tmp_path: Path) -> None:
+    """The padding that the last Inner lacks has fields of Middle. numpy copies an array of such elements wrongly."""
+    files = {
+        "msg/Inner.msg": "uint64 timestamp\nbool flag\n",
+        "msg/Middle.msg": "Inner[2] inner\nbool flag\nuint64 timestamp\n",
+        "msg/Outer.msg": "Middle[2] middle\nMiddle last\nfloat32 number\nuint64 timestamp\n",
+    }
+    package = import_package(catalog_of(tmp_path, files), tmp_path)
+    numbers = iter(range(1, 1000))
+
+    def middle() -> Any:
+        inner = tuple(package.Inner(timestamp=next(numbers)) for _ in range(2))
+        return package.Middle(inner=inner, timestamp=next(numbers))
+
+    messages = [package.Outer(middle=(middle(), middle()), last=middle()) for _ in range(2)]
+    check_encoding(package.Outer, [message.encode() for message in messages])
 
 
 @pytest.mark.slow
