@@ -100,7 +100,8 @@ class Decoding(NamedTuple):
 
 def packages_of(types: ModuleType | Sequence[ModuleType] | None) -> Packages:
     """Return the given packages. Raises TypeError if one of them is not a generated package."""
-    packages = () if types is None else (types,) if isinstance(types, ModuleType) else tuple(types)
+    is_several = isinstance(types, (list, tuple))
+    packages = () if types is None else tuple(types) if is_several else (types,)
     for package in packages:
         if not (isinstance(package, ModuleType) and hasattr(package, "topics") and hasattr(package, "by_type")):
             shown = package.__name__ if isinstance(package, (type, ModuleType)) else repr(package)

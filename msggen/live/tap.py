@@ -227,7 +227,8 @@ class TapLink(SelectorLink):
     def _miss_agent(self, listener: Listener) -> None:
         if not self._has_told_of_agent:
             self._has_told_of_agent = True
-            listener.warned(f"no agent answers at {self._agent_name()}: start it with MicroXRCEAgent udp4 -p PORT")
+            port = self.agent_address[1]
+            listener.warned(f"no agent answers at {self._agent_name()}: start it with MicroXRCEAgent udp4 -p {port}")
 
     def _agent_name(self) -> str:
         return f"{self.agent_address[0]}:{self.agent_address[1]}"

@@ -72,8 +72,12 @@ class Vehicle:
         queue: int = QUEUE,
         isolated: bool = False,
     ) -> None:
-        if queue < 1:
-            raise ValueError(f"expected a queue of 1 sample or more, got {queue}")
+        if not isinstance(url, str) and not hasattr(url, "start"):
+            raise TypeError(f"expected an address such as '{DEFAULT}', or a Link, got {url!r}")
+        if key is not None and not (isinstance(key, int) and 0 < key < 1 << 32):
+            raise ValueError(f"expected a key from 1 to {(1 << 32) - 1} (UXRCE_DDS_KEY), got {key!r}")
+        if not isinstance(queue, int) or queue < 1:
+            raise ValueError(f"expected a queue of 1 sample or more, got {queue!r}")
         self._queue = queue
         self._packages: Packages = packages_of(types)
         selection = Selection(key, None if namespace is None else namespace.strip("/"), address)
@@ -234,6 +238,8 @@ class Vehicle:
 
         Raises TopicError. The readers of the subscription raise FormatError if the vehicle's definition differs.
         """
+        if callback is not None and not callable(callback):
+            raise TypeError(f"expected a function as callback, got {callback!r}: the size of the queue is queue=")
         found = find_topic(topic, "out", self._packages)
         self._check_namespace(found)
         if convert:

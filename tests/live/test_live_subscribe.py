@@ -116,6 +116,26 @@ def test_something_else_than_a_package_is_refused(link: FakeLink) -> None:
         Vehicle(link, asyncio)
 
 
+@pytest.mark.parametrize(
+    ("arguments", "error"),
+    [
+        ({"url": 8888}, "expected an address such as 'udp://127.0.0.1:8888', or a Link, got 8888"),
+        ({"key": "1"}, r"expected a key from 1 to 4294967295 \(UXRCE_DDS_KEY\), got '1'"),
+        ({"key": 0}, "expected a key from 1 to 4294967295"),
+        ({"queue": "10"}, "expected a queue of 1 sample or more, got '10'"),
+        ({"types": "px4_types"}, "expected a generated package such as px4_types, got 'px4_types'"),
+    ],
+)
+def test_a_wrong_argument_is_named(link: FakeLink, arguments: dict[str, Any], error: str) -> None:
+    with pytest.raises((TypeError, ValueError), match=error):
+        Vehicle(**{"url": link, **arguments})
+
+
+def test_a_callback_is_a_function(vehicle: Vehicle, px4_types: Any) -> None:
+    with pytest.raises(TypeError, match="expected a function as callback, got 5: the size of the queue is queue="):
+        vehicle.subscribe(px4_types.VehicleStatus, 5)  # type: ignore[call-overload]
+
+
 def test_a_full_queue_drops_the_oldest_and_counts_it(link: FakeLink, vehicle: Vehicle, px4_types: Any) -> None:
     subscription = vehicle.subscribe(px4_types.VehicleStatus, queue=3)
     remote = link.connect()
