@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 
 _VERSION = re.compile("_v([0-9]+)$")
-_WORD = re.compile("(?<!^)(?=[A-Z])")
 
 
 def stem_of(ros_name: str) -> str:
@@ -19,9 +18,9 @@ def version_of(ros_name: str) -> int:
     return int(found[1]) if found else 0
 
 
-def default_topic(message: str) -> str:
-    """Return the uORB topic that is named after a message: `vehicle_command` (docs/wire.md, section 1)."""
-    return _WORD.sub("_", message).lower()
+def is_named_after(ros_name: str, message: str) -> bool:
+    """Whether a topic is named after a message: `vehicle_command` after VehicleCommand (docs/wire.md, section 1)."""
+    return stem_of(ros_name).rpartition("/")[2].replace("_", "") == message.lower()
 
 
 def is_topic(ros_name: str, stem: str, namespace: str | None = None) -> bool:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, Protocol, 
 
 from msggen.live.errors import FormatError, TopicError
 from msggen.live.link import Route
-from msggen.live.names import default_topic, stem_of, version_of
+from msggen.live.names import is_named_after, stem_of, version_of
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -158,7 +158,7 @@ def _by_class(cls: type[Message], way: Way) -> Topic:
         if issubclass(cls, endpoint.message)
     ]
     found = [endpoint for endpoint in every if endpoint.direction == way]
-    named = [endpoint for endpoint in found if stem_of(endpoint.ros_name).rpartition("/")[2] == default_topic(name)]
+    named = [endpoint for endpoint in found if is_named_after(endpoint.ros_name, name)]
     if len(named) == 1:
         found = named
     if len(found) == 1:

@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 
 LOGGER = getLogger("msggen.live")
 
+_thread = threading.local()
+"""Has the attribute `repeats` in the threads of repeaters."""
+
 
 class Jitter(NamedTuple):
     """How punctual a repeater is."""
@@ -70,9 +73,12 @@ class Repeater:
         return Jitter(count, self._late, self._skipped, self._worst, self._total / count if count else 0.0)
 
     def close(self) -> None:
-        """End the repeater. Can be repeated, also from its own callable. No message is published after it returns."""
+        """End the repeater. Can be repeated. No message is published after it returns.
+
+        Callables of repeaters can call it. It does not wait in them: two would wait for each other.
+        """
         self._ended.set()
-        if threading.current_thread() is not self._thread:
+        if not hasattr(_thread, "repeats"):
             self._thread.join()
 
     def __enter__(self) -> Self:
@@ -82,6 +88,7 @@ class Repeater:
         self.close()
 
     def _run(self) -> None:
+        _thread.repeats = True
         due = time.monotonic()
         while not self._ended.is_set():
             delay = time.monotonic() - due

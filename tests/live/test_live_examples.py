@@ -62,7 +62,7 @@ def test_advertiser(tmp_path: Path, address: str, run: type[Program]) -> None:
     program.wait_for("Jitter")
     interrupted(program)
     simulator.wait_for(r"/fmu/in/debug_vect +\d ")
-    assert simulator.end() == 0
+    assert simulator.process.wait(LONGEST) == 0
 
 
 @pytest.mark.slow

@@ -375,3 +375,17 @@ def test_a_call_that_cannot_be_made_names_the_cure(link: FakeLink, vehicle: Vehi
         TypeError, match=r"expected a request such as srv.VehicleCommand.Request\(...\), got VehicleComm"
     ):
         vehicle.call(px4_types.VehicleCommand())
+
+
+def test_two_repeaters_that_close_the_vehicle_do_not_wait_for_each_other(link: FakeLink, vehicle: Vehicle) -> None:
+    link.connect()
+    both = threading.Barrier(2)
+
+    def close() -> None:
+        both.wait(WAIT)
+        vehicle.close()
+
+    repeaters = [vehicle.every(100, close) for _ in range(2)]
+    for repeater in repeaters:
+        repeater._thread.join(WAIT)
+        assert (repeater.is_running, repeater.error) == (False, None)
