@@ -18,7 +18,8 @@ from msggen.location import Location
 class Settings(NamedTuple):
     """The settings. A setting that is not set is None or empty. `origin` is the path of the file with the settings.
 
-    `package` is the Python package for `build`, `ros_package` the ROS package for `sync`.
+    `package` is the Python package for `build`, `ros_package` the ROS package for `sync`. `link` is the address of a
+    link to a vehicle, `types` the name or the folder of the generated package with the vehicle's messages.
     """
 
     px4: str | None = None
@@ -31,6 +32,8 @@ class Settings(NamedTuple):
     ros_package: str | None = None
     archived: bool | None = None
     strict: bool | None = None
+    link: str | None = None
+    types: str | None = None
     select: tuple[str, ...] | None = None
     ignore: tuple[str, ...] = ()
     per_message_ignores: Mapping[str, tuple[str, ...]] = MappingProxyType({})
@@ -144,10 +147,17 @@ def _value(field: str, value: object, base: str, text: str, path: str) -> Any:
         return value
     if not isinstance(value, str) or not value:
         _fail(path, "C103", f"'{key}': expected a string, found {value!r}", *place)
-    if field not in _PATHS and not (field == "board" and BoardOption(value).is_path):
-        return value
     joined = os.path.join(base, os.path.expanduser(value))
-    return value if field == "px4" and names_release(value) and not os.path.exists(joined) else joined
+    return joined if _is_path(field, value, joined) else value
+
+
+def _is_path(field: str, value: str, joined: str) -> bool:
+    """Whether the value of a setting is a path. `joined` is that path from the current folder."""
+    if field == "px4":
+        return os.path.exists(joined) or not names_release(value)
+    if field == "types":
+        return os.path.isdir(joined)
+    return field in _PATHS or (field == "board" and BoardOption(value).is_path)
 
 
 def _folder(text: str, base: str, place: Location) -> str:

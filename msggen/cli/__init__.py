@@ -35,6 +35,7 @@ _MODULES = {
     "render": "render",
     "docs": "docs",
     "sim": "sim",
+    "topic": "topic",
     "px4-generate": "px4_generate",
     "releases": "releases",
     "rules": "rules",

@@ -13,6 +13,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, non_empty
+from msggen.cli.packages import import_package, topics_of
 from msggen.cli.printing import terminal_width
 from msggen.cli.values import convert_values, positive, share, whole
 from msggen.diagnostics import counted, input_error, suggestion
@@ -291,7 +292,7 @@ def _options_of_vehicles(options: argparse.Namespace) -> Iterator[Options]:
 
 def _check_messages(options: argparse.Namespace, package: ModuleType) -> None:
     """Refuse names of messages that no topic has."""
-    topics = _topics(package)
+    topics = topics_of(package)
     known = sorted({endpoint.message_name for endpoint in topics.ENDPOINTS})
     versions = [name for name, _ in options.version]
     for option, names in (("--wrong-hash", options.wrong_hash), ("--version", versions)):
@@ -301,7 +302,7 @@ def _check_messages(options: argparse.Namespace, package: ModuleType) -> None:
 
 
 def _contents(package: ModuleType) -> str:
-    directions = [endpoint.direction for endpoint in _topics(package).ENDPOINTS]
+    directions = [endpoint.direction for endpoint in topics_of(package).ENDPOINTS]
     return f"{directions.count('out')} topics out, {directions.count('in')} in"
 
 
@@ -311,10 +312,10 @@ def _contents(package: ModuleType) -> str:
 def _package(options: argparse.Namespace, stack: ExitStack) -> tuple[ModuleType, str]:
     """Return the package to simulate, and its name for people."""
     if options.types:
-        found, label = _import(options.types), options.types
+        found, label = import_package(options.types), options.types
     else:
         found, label = _build(options.px4, stack)
-    if not getattr(_topics(found), "ENDPOINTS", ()):
+    if not getattr(topics_of(found), "ENDPOINTS", ()):
         raise input_error(options.types or options.px4, "L103", "no topics of the bridge: no dds_topics.yaml", 0)
     return found, label
 
@@ -339,27 +340,3 @@ def _build(px4: str | None, stack: ExitStack) -> tuple[ModuleType, str]:
 def _forget(package: str) -> None:
     for name in [name for name in sys.modules if name.partition(".")[0] == package]:
         del sys.modules[name]
-
-
-def _import(text: str) -> ModuleType:
-    """Import a package by its name or by its folder."""
-    from importlib import import_module
-
-    path = os.path.abspath(text)
-    folder, name = os.path.split(path) if os.path.isdir(path) else (os.curdir, text)
-    sys.path.insert(0, os.path.abspath(folder))
-    try:
-        return import_module(name)
-    except (ImportError, ValueError) as error:
-        raise input_error(text, "L103", f"cannot be imported: {error}", 0) from None
-    finally:
-        sys.path.pop(0)
-
-
-def _topics(package: ModuleType) -> ModuleType:
-    from importlib import import_module
-
-    try:
-        return import_module(f"{package.__name__}.topics")
-    except ImportError:
-        raise input_error(package.__name__, "L103", "not a package that msggen has generated", 0) from None

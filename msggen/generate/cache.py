@@ -41,6 +41,14 @@ def package_of(release: str) -> ModuleType:
     return _imported(name, folder)
 
 
+def package_from(sources: Sources, name: str = "px4_types") -> ModuleType:
+    """Return the generated package of any sources, built into the user's cache if it is not there.
+
+    Raises InputError for errors in the sources, and OSError if the cache cannot be written.
+    """
+    return _imported(name, _built(sources, name))
+
+
 def cache_folder() -> str:
     """Return the folder for msggen's files that can be made again."""
     if sys.platform == "win32":

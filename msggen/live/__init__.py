@@ -15,6 +15,7 @@ __all__ = [
     "Subscription",
     "TopicError",
     "Vehicle",
+    "Watch",
 ]
 
 TYPE_CHECKING = False
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from msggen.live.repeater import Repeater
     from msggen.live.subscription import Subscription
     from msggen.live.vehicle import Vehicle
+    from msggen.live.watch import Watch
 else:  # hidden from type checkers, which would accept any attribute of a module that has __getattr__
     _MODULES = {
         "errors": ("FormatError", "LinkTimeoutError", "NotConnectedError", "TopicError"),
@@ -33,6 +35,7 @@ else:  # hidden from type checkers, which would accept any attribute of a module
         "repeater": ("Repeater",),
         "subscription": ("Subscription",),
         "vehicle": ("Vehicle",),
+        "watch": ("Watch",),
     }
     """The public names that each module defines."""
 

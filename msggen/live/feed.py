@@ -62,16 +62,10 @@ class Feed:
         value = self.decoded(item)
         if value is None:
             return
-        was_inside, _callbacks.is_inside = _callbacks.is_inside, True
-        try:
-            callback(value)
-        except (Exception, SystemExit):  # sys.exit() would end the thread of the link without a word
+        error = run_callback(callback, value)
+        if error is not None:
             self.callback_errors += 1
-            if _is_told(self.callback_errors):
-                text = "error %d in the callback of '%s', which is still called"
-                LOGGER.exception(text, self.callback_errors, self.topic.stem)
-        finally:
-            _callbacks.is_inside = was_inside
+            tell_callback_error(error, self.callback_errors, f"the callback of '{self.topic.stem}'")
 
     def decoded(self, item: Item) -> Any:
         """Return the message in a sample, or None if it cannot be decoded, which is counted and told."""
@@ -137,13 +131,26 @@ def check_outside_callback() -> None:
         raise LinkError("a callback cannot wait for the vehicle, because its thread receives: use another thread")
 
 
+def run_callback(callback: Callable[..., object], *values: object) -> BaseException | None:
+    """Call a user's function, and return the exception that it raises: it must not end the thread of the link."""
+    was_inside, _callbacks.is_inside = _callbacks.is_inside, True
+    try:
+        callback(*values)
+    except (Exception, SystemExit) as error:  # noqa: BLE001 - sys.exit() would end the thread without a word
+        return error
+    finally:
+        _callbacks.is_inside = was_inside
+    return None
+
+
+def tell_callback_error(error: BaseException, count: int, noun: str) -> None:
+    """Log the error with this number of a user's function: the 1st, 10th, 100th, and so on."""
+    if str(count).strip("0") == "1":
+        LOGGER.error("error %d in %s, which is still called", count, noun, exc_info=error)
+
+
 class Options(NamedTuple):
     """How a subscription delivers samples."""
 
     is_raw: bool = False
     is_converted: bool = False
-
-
-def _is_told(count: int) -> bool:
-    """Whether to log the error with this number: the 1st, 10th, 100th, and so on."""
-    return str(count).strip("0") == "1"

@@ -15,6 +15,7 @@ from msggen.live.link import Link, Remote, Route, Service
 from msggen.live.names import is_topic, stem_of
 from msggen.live.packages import Decoding, Packages, Topic, UnknownFormatError, decoding_of
 from msggen.live.selection import Selection, is_same, shown
+from msggen.live.watch import Watch
 
 LOGGER = getLogger("msggen.live")
 
@@ -87,6 +88,7 @@ class Member:
         self.entry: Entry | None = None
         self.last: Remote | None = None
         self.feeds: tuple[Feed, ...] = ()
+        self.watches: tuple[Watch, ...] = ()
         self.reason = ""
         self.is_closed = False
         self.has_told_of_another = False
@@ -233,7 +235,7 @@ class Hub:
         """Remove a member, and end its subscriptions."""
         with self.changed:
             self.members = tuple(each for each in self.members if each is not member)
-            feeds, member.feeds, member.is_closed = member.feeds, (), True
+            feeds, member.feeds, member.watches, member.is_closed = member.feeds, (), (), True
             entry, member.entry = member.entry, None
             if entry is not None:
                 self._rebuild(entry)
@@ -263,6 +265,20 @@ class Hub:
         with self.changed:
             member.feeds = tuple(each for each in member.feeds if each is not feed)
             member.told.discard(id(feed))
+            if member.entry is not None:
+                self._rebuild(member.entry)
+
+    def add_watch(self, member: Member, watch: Watch) -> None:
+        """Give all samples to a watch."""
+        with self.changed:
+            member.watches = (*member.watches, watch)
+            if member.entry is not None:
+                self.evaluate(member.entry, None)
+
+    def remove_watch(self, member: Member, watch: Watch) -> None:
+        """End a watch. Can be repeated."""
+        with self.changed:
+            member.watches = tuple(each for each in member.watches if each is not watch)
             if member.entry is not None:
                 self._rebuild(member.entry)
 
@@ -331,6 +347,8 @@ class Hub:
                     decoding = self._decoding(member, feed, entry, route)
                     if decoding is not None:
                         rows.append((feed.push, decoding))
+            if route.direction == "out":
+                rows += [(watch.of(route), _NOT_DECODED) for watch in member.watches]
         entry.table = {**entry.table, route.name: tuple(rows)}
 
     def _decoding(self, member: Member, feed: Feed, entry: Entry, route: Route) -> Decoding | None:

@@ -29,6 +29,7 @@ from msggen.live.repeater import Repeater
 from msggen.live.selection import Selection, shown
 from msggen.live.sharing import join_hub, leave_hub, leave_soon, link_of
 from msggen.live.subscription import Subscription
+from msggen.live.watch import Watch, Watcher
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -257,6 +258,19 @@ class Vehicle:
         subscription: Subscription[Any] = Subscription(feed, attach, lambda feed: hub.detach(member, feed), self)
         attach(feed)
         return subscription
+
+    def watch(self, watcher: Watcher) -> Watch:
+        """Call `watcher(route, payload, time)` for each sample of all topics, also of unknown ones, undecoded.
+
+        The thread of the link calls it; it must return at once. `payload` are the bytes of a CDR sample with its
+        header, and `time` is that of its arrival in ns, of the clock `time.time_ns`. Goes on when the vehicle connects
+        again, until `close` of the Watch that is returned. Raises NotConnectedError if the Vehicle is closed.
+        """
+        self._check_open()
+        hub, member = self._hub, self._member
+        watch = Watch(watcher, lambda watch: hub.remove_watch(member, watch))
+        hub.add_watch(member, watch)
+        return watch
 
     def publish(self, message: Message, topic: Endpoint[Any] | str | None = None) -> None:
         """Send a message to the vehicle, once. From any thread.

@@ -47,6 +47,8 @@ package = "vehicle_types"
 ros-package = "vehicle_msgs"
 archived = true
 strict = true
+link = "udp://127.0.0.1:9999"
+types = "vehicle_types"
 select = "WIRE"
 ignore = ["FIELD_ADDED", "DRIFT"]
 per-message-ignores = { "Debug*" = ["WIRE", "HASH"] }
@@ -63,6 +65,8 @@ per-message-ignores = { "Debug*" = ["WIRE", "HASH"] }
         "vehicle_msgs",
         True,  # noqa: FBT003 - all settings in order
         True,  # noqa: FBT003
+        "udp://127.0.0.1:9999",
+        "vehicle_types",
         ("WIRE",),
         ("FIELD_ADDED", "DRIFT"),
         {"Debug*": ("WIRE", "HASH")},

@@ -1,0 +1,182 @@
+"""The link of commands that talk to a vehicle: its options, and the vehicle that they name."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from hashlib import blake2b
+from types import ModuleType
+from typing import TYPE_CHECKING, NamedTuple
+
+from msggen.cli.options import add_shared, non_empty
+from msggen.cli.packages import import_package, topics_of
+from msggen.cli.values import convert_values, positive, whole
+from msggen.diagnostics import input_error
+from msggen.firmware.embedded import EMBEDDED
+from msggen.firmware.sources import find_sources
+from msggen.generate.cache import cache_folder, package_from, package_of
+from msggen.location import Location
+from msggen.settings import read_settings
+
+if TYPE_CHECKING:
+    from msggen.live import Vehicle
+
+DEFAULT = "udp://127.0.0.1:8888"
+PATIENCE = 30.0
+"""How long to wait for a vehicle, in s: PX4's client takes up to 14 s to notice that a program has ended."""
+
+_NOTICE = 2.0
+"""How long to wait in s before saying so."""
+_LONGEST = 20
+"""The most characters of a release."""
+
+
+class Connection(NamedTuple):
+    """A connected vehicle, and the generated package with its messages.
+
+    `link` is the address. `label` names the package for people: its release, or the value of --types.
+    """
+
+    vehicle: Vehicle
+    package: ModuleType
+    link: str
+    label: str
+
+
+def add_link(parser: argparse.ArgumentParser) -> None:
+    """Add the options that name a link, the vehicle on it, and the types of its messages."""
+    group = parser.add_argument_group("link")
+    group.add_argument(
+        "--link",
+        metavar="URL",
+        type=non_empty,
+        help="udp://HOST:PORT, serial://DEVICE?baud=N, tap://HOST:PORT?agent=HOST:PORT or dds://DOMAIN "
+        f"(default: the setting `link`, or {DEFAULT})",
+    )
+    source = group.add_mutually_exclusive_group()
+    source.add_argument(
+        "--types",
+        metavar="NAME|DIR",
+        type=non_empty,
+        help="generated package with the vehicle's messages (default: the setting `types`, or the embedded release "
+        "that the vehicle has)",
+    )
+    add_shared(source, "--px4")
+    group.add_argument("--key", metavar="N", type=non_empty, help="key of the vehicle, its UXRCE_DDS_KEY")
+    group.add_argument("--namespace", metavar="NAME", type=non_empty, help="namespace of the vehicle")
+    group.add_argument(
+        "--allow",
+        metavar="ADDRESS",
+        type=non_empty,
+        action="append",
+        default=[],
+        help="address of a vehicle that may connect, if the link is open to a network; repeatable",
+    )
+    group.add_argument(
+        "--wait", metavar="SECONDS", type=non_empty, help=f"wait this long for a vehicle (default: {PATIENCE:g})"
+    )
+
+
+@contextmanager
+def connection(options: argparse.Namespace) -> Iterator[Connection]:
+    """Connect to the vehicle that the options of `add_link` name, and close the link at the end.
+
+    Says on stderr that it waits, if nothing connects for a while. Raises InputError if the link cannot be opened, or
+    nothing connects.
+
+    A session that an earlier command began can be continued only if its types are known before the link is opened.
+    So the release of the last vehicle on each link is remembered; a wrong one is not used (docs/links.md).
+    """
+    from msggen.live import LinkError, Vehicle
+
+    link = link_of(options)
+    given = given_package(options)
+    expected = given or package_of(_remembered(link))
+    selection = {"namespace": options.namespace, "key": options.key, "allow": options.allow}
+    try:
+        with Vehicle(link, expected, **selection) as vehicle:
+            _wait(vehicle, link, options.wait or PATIENCE)
+            release = vehicle.firmware.release
+            if given is not None or not release:
+                yield Connection(vehicle, expected, link, options.types or options.px4 or expected.__name__)
+                return
+            _remember(link, release)
+            with Vehicle(link, package_of(release), **selection) as same:  # on the link that is open
+                same.wait_connected(PATIENCE)
+                vehicle.close()
+                yield Connection(same, package_of(release), link, release)
+    except LinkError as error:
+        raise input_error(link, "L102", str(error), 0) from None
+
+
+def link_of(options: argparse.Namespace) -> str:
+    """Convert the values of the options, and return the address of the link. A wrong value ends the process.
+
+    Raises InputError if the address is wrong.
+    """
+    from msggen.live.address import parse_address
+    from msggen.live.link import LinkError
+
+    convert_values(options, {"key": whole(1, (1 << 32) - 1), "wait": positive})
+    settings = read_settings(os.curdir)
+    link = str(options.link or settings.link or DEFAULT)
+    try:
+        return str(parse_address(link))
+    except LinkError as error:
+        place = Location("--link", 0) if options.link else settings.place("link")
+        raise input_error(place.path, "L101", str(error), place.line, place.column) from None
+
+
+def given_package(options: argparse.Namespace) -> ModuleType | None:
+    """Return the package that the options or the settings name, or None. Raises InputError if it cannot be used."""
+    if options.px4:
+        found = package_from(find_sources(options.px4))
+    else:
+        types = options.types or read_settings(os.curdir).types
+        if types is None:
+            return None
+        found = import_package(types)
+    if not getattr(topics_of(found), "ENDPOINTS", ()):
+        raise input_error(found.__name__, "L103", "no topics of the bridge: no dds_topics.yaml", 0)
+    return found
+
+
+def _wait(vehicle: Vehicle, link: str, patience: float) -> None:
+    """Wait for the vehicle. Raises LinkTimeoutError."""
+    from msggen.live import LinkTimeoutError
+
+    if patience > _NOTICE:
+        with suppress(LinkTimeoutError):
+            vehicle.wait_connected(_NOTICE)
+            return
+        print(f"waiting for a vehicle on {link}", file=sys.stderr, flush=True)
+    vehicle.wait_connected(patience)
+
+
+# The release of the last vehicle on a link
+
+
+def _remembered(link: str) -> str:
+    """Return the release of the last vehicle on a link, or else the newest one."""
+    with suppress(OSError, ValueError), open(_memory(link), encoding="ascii") as file:
+        found = file.read(_LONGEST)
+        return found if found in EMBEDDED else EMBEDDED[0]
+    return EMBEDDED[0]
+
+
+def _remember(link: str, release: str) -> None:
+    """Write the release of a vehicle. A cache that cannot be written remembers nothing."""
+    path = _memory(link)
+    with suppress(OSError):
+        os.makedirs(os.path.dirname(path), mode=0o700, exist_ok=True)
+        with tempfile.NamedTemporaryFile("w", dir=os.path.dirname(path), delete=False, encoding="ascii") as file:
+            file.write(release)
+        os.replace(file.name, path)
+
+
+def _memory(link: str) -> str:
+    return os.path.join(cache_folder(), "links", blake2b(link.encode(), digest_size=8).hexdigest())

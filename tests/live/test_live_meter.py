@@ -1,0 +1,48 @@
+"""Tests of the meter of topics, against a slow computation of the same."""
+
+from __future__ import annotations
+
+import math
+import statistics
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from msggen.live.link import Route
+from msggen.live.meter import Meter
+
+ROUTE = Route("/fmu/out/vehicle_status_v1", "px4_msgs/msg/VehicleStatus", "out", 1)
+SECOND = 1_000_000_000
+
+arrivals = st.lists(st.integers(1, 8 * SECOND), min_size=1, max_size=40, unique=True).map(sorted)
+
+
+@given(arrivals, st.integers(0, 8 * SECOND), st.data())
+def test_rates_are_those_of_the_window(times: list[int], later: int, data: st.DataObject) -> None:
+    sizes = data.draw(st.lists(st.integers(4, 1000), min_size=len(times), max_size=len(times)))
+    meter, now = Meter(window=2.0), times[-1] + later
+    for time, size in zip(times, sizes, strict=True):
+        meter(ROUTE, bytes(size), time)
+    (flow,) = meter.flows(now)
+    assert (flow.route, flow.count, flow.size, flow.total) == (ROUTE, len(times), sizes[-1], sum(sizes))
+    assert (flow.first, flow.last, flow.payload) == (times[0], times[-1], bytes(sizes[-1]))
+    recent = [(time / SECOND, size) for time, size in zip(times, sizes, strict=True) if now - time <= 2 * SECOND]
+    if len(recent) < 2:
+        assert math.isnan(flow.rate)
+        assert math.isnan(flow.bandwidth)
+        return
+    span = recent[-1][0] - recent[0][0]
+    gaps = [recent[index + 1][0] - recent[index][0] for index in range(len(recent) - 1)]
+    assert math.isclose(flow.rate, (len(recent) - 1) / span, rel_tol=1e-6)
+    assert math.isclose(flow.bandwidth, sum(size for _, size in recent[1:]) / span, rel_tol=1e-6)
+    assert math.isclose(flow.shortest, min(gaps), rel_tol=1e-6, abs_tol=1e-9)
+    assert math.isclose(flow.longest, max(gaps), rel_tol=1e-6)
+    assert math.isclose(flow.deviation, statistics.pstdev(gaps), rel_tol=1e-6, abs_tol=1e-8)
+
+
+def test_topics_come_in_the_order_of_their_first_samples() -> None:
+    meter = Meter()
+    names = ["/fmu/out/b", "/fmu/out/a", "/fmu/out/b"]
+    for time, name in enumerate(names):
+        meter(ROUTE._replace(name=name), b"\0\1\0\0", time)
+    assert [flow.route.name for flow in meter.flows(3)] == ["/fmu/out/b", "/fmu/out/a"]
