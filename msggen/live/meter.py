@@ -21,7 +21,7 @@ class Flow(NamedTuple):
     """What a meter knows of a topic. Rates are those of the window, and NaN with fewer than two samples in it."""
 
     route: Route
-    count: int
+    samples: int
     """The samples since the meter began."""
     size: int
     """The bytes of the newest sample, with the encapsulation."""
@@ -94,7 +94,7 @@ class Meter:
             shortest, longest, deviation = min(gaps), max(gaps), _deviation(gaps)
         return Flow(
             route=topic.route,
-            count=topic.count,
+            samples=topic.count,
             size=size,
             total=topic.total,
             first=topic.first,

@@ -24,7 +24,7 @@ def test_rates_are_those_of_the_window(times: list[int], later: int, data: st.Da
     for time, size in zip(times, sizes, strict=True):
         meter(ROUTE, bytes(size), time)
     (flow,) = meter.flows(now)
-    assert (flow.route, flow.count, flow.size, flow.total) == (ROUTE, len(times), sizes[-1], sum(sizes))
+    assert (flow.route, flow.samples, flow.size, flow.total) == (ROUTE, len(times), sizes[-1], sum(sizes))
     assert (flow.first, flow.last, flow.payload) == (times[0], times[-1], bytes(sizes[-1]))
     recent = [(time / SECOND, size) for time, size in zip(times, sizes, strict=True) if now - time <= 2 * SECOND]
     if len(recent) < 2:
