@@ -136,7 +136,9 @@ def _misplaced(text: str, values: Mapping[str, str]) -> str:
     given = {key: value for key, value in values.items() if key in _ARGUMENTS}
     shown = [f"{key}={value if value.isdecimal() or key == 'types' else repr(value)}" for key, value in given.items()]
     place = text.partition("?")[0]
-    return f"'{next(iter(given))}' is not part of an address: give it to Vehicle, Vehicle('{place}', {', '.join(shown)})"
+    return (
+        f"'{next(iter(given))}' is not part of an address: give it to Vehicle, Vehicle('{place}', {', '.join(shown)})"
+    )
 
 
 def _serial(text: str, path: str, values: Mapping[str, str]) -> Address:
@@ -182,20 +184,16 @@ def _guess(text: str, schemes: Collection[str]) -> str:
     from difflib import get_close_matches
 
     found = re.fullmatch("([A-Za-z]+)(?::/*|//+)(.*)", text)
-    if found:
-        scheme, rest = found[1].lower(), found[2]
-        near = get_close_matches(scheme, schemes, n=1)
-        if near:
-            return f"{near[0]}:///{rest}" if near[0] == "serial" and rest.startswith("dev/") else f"{near[0]}://{rest}"
-        if "://" in text:
-            place = rest.partition("?")[0].rstrip("/")
-            return f"udp://{place}" if re.fullmatch(_HOST, place) else ""
+    near = get_close_matches(found[1].lower(), schemes, n=1) if found else []
+    if found and near:
+        front = "/" if near[0] == "serial" and found[2].startswith("dev/") else ""
+        return f"{near[0]}://{front}{found[2]}"
+    if "://" in text:
+        place = text.partition("://")[2].partition("?")[0].rstrip("/")
+        return f"udp://{place}" if re.fullmatch(_HOST, place) else ""
     if text.startswith("/dev/") or re.fullmatch("COM[0-9]+", text):
         return f"serial://{text}"
-    if re.fullmatch(r"tty[A-Z][\w.-]*", text):
-        return f"serial:///dev/{text}"
-    if re.fullmatch("[0-9]{1,3}", text) and int(text) < _DOMAINS and "dds" in schemes:
-        return f"dds://{text}"
-    if re.fullmatch("[1-9][0-9]{1,4}", text):
-        return f"udp://127.0.0.1:{text}"
-    return f"udp://{text}" if re.fullmatch(_HOST, text) else ""
+    if re.fullmatch("[0-9]{1,5}", text):
+        return f"dds://{text}" if int(text) < _DOMAINS else f"udp://127.0.0.1:{text}"
+    front = "serial:///dev/" if re.match("tty[A-Z]", text) else "udp://"
+    return f"{front}{text}" if re.fullmatch(_HOST, text) else ""

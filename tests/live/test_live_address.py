@@ -99,7 +99,7 @@ def test_any_text_is_an_address_or_an_error(text: str) -> None:
 
 @pytest.mark.parametrize("scheme", ["tap", "tcp", "dds"])
 def test_an_address_with_another_scheme_is_suggested_with_one_that_fits(scheme: str) -> None:
-    with pytest.raises(LinkError, match="is not the address of a link, did you mean 'udp://127.0.0.1:8888'"):
+    with pytest.raises(LinkError, match=r"is not the address of a link, did you mean 'udp://127\.0\.0\.1:8888'"):
         parse_address(f"{scheme}://127.0.0.1:8888?agent=127.0.0.1:8889", ("udp", "serial"))
 
 

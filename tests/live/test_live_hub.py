@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from msggen.live import LinkError, LinkTimeoutError, NotConnectedError, Vehicle
+from msggen.live import vehicle as vehicle_module
 from support.fake_link import FakeLink
 from support.ports import free_port
 from support.repository import ROOT
@@ -151,6 +152,31 @@ def test_a_wrong_selection_is_told(link: FakeLink) -> None:
             LinkTimeoutError, match=r"\(key 1\) is not the vehicle that key=, namespace= or address= se"
         ):
             vehicle.wait_connected(0.01)
+
+
+@pytest.mark.parametrize("link_name", ["dds://0", "udp://127.0.0.1:8888"])
+def test_a_wait_without_a_limit_tells_once_what_to_check(
+    link_name: str, link: FakeLink, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(vehicle_module, "PATIENCE", 0.05)
+    with Vehicle(link) as vehicle:
+        vehicle._name = link_name
+        timer = threading.Timer(0.6, link.connect)
+        timer.start()
+        vehicle.wait_connected()
+    (told,) = [record for record in caplog.records if "no vehicle connected" in record.message]
+    assert told.levelname == "WARNING"
+    assert told.message.startswith(f"no vehicle connected to {link_name} within 0.05 s: ")
+    assert ("is an agent running" if link_name == "dds://0" else "is uxrce_dds_client running") in told.message
+
+
+def test_time_limits_are_told(link: FakeLink) -> None:
+    with Vehicle(link) as vehicle:
+        link.connect()
+        with pytest.raises(LinkTimeoutError, match=r"is still connected after 0\.01 s"):
+            vehicle.wait_disconnected(0.01)
+        with pytest.raises(LinkTimeoutError, match=r"has not answered for all its messages within 0\.01 s: "):
+            vehicle.wait_firmware(0.01)
 
 
 def test_a_link_that_cannot_be_opened_leaves_nothing(link: FakeLink) -> None:
