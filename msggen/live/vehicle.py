@@ -333,7 +333,7 @@ class Vehicle:
         """
         entry = self._entry()
         response, service_name = response_of(request)
-        if entry.remote.adopted:
+        if entry.remote.continued:
             raise LinkError(
                 f"'{service_name}' cannot be called, because this session was begun by an earlier program: restart the "
                 "client on the vehicle (uxrce_dds_client stop, uxrce_dds_client start), or publish to 'vehicle_command'"

@@ -128,9 +128,9 @@ def test_another_vehicle_with_the_same_key_is_not_a_restarted_one(link: FakeLink
         assert not vehicle.is_connected
 
 
-def test_an_adopted_session_belongs_to_a_vehicle_by_its_address(link: FakeLink) -> None:
+def test_a_continued_session_belongs_to_a_vehicle_by_its_address(link: FakeLink) -> None:
     with Vehicle(link, key=1) as by_key, Vehicle(link, address="127.0.0.1") as by_address, Vehicle(link) as by_any:
-        remote = link.connect(0, adopted=True)
+        remote = link.connect(0, continued=True)
         assert [by_address.remote, by_any.remote] == [remote, remote]
         with pytest.raises(NotConnectedError):
             _ = by_key.remote
@@ -139,9 +139,9 @@ def test_an_adopted_session_belongs_to_a_vehicle_by_its_address(link: FakeLink) 
         assert [vehicle.remote for vehicle in (by_key, by_address, by_any)] == [again] * 3
 
 
-def test_an_adopted_session_that_no_selection_accepts_is_told(link: FakeLink, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_continued_session_that_no_selection_accepts_is_told(link: FakeLink, caplog: pytest.LogCaptureFixture) -> None:
     with Vehicle(link, key=1):
-        link.connect(0, adopted=True)
+        link.connect(0, continued=True)
     assert "continues an earlier session" in caplog.text
 
 

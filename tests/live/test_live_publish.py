@@ -364,7 +364,7 @@ def test_a_call_that_cannot_be_made_names_the_cure(link: FakeLink, vehicle: Vehi
     request = px4_types.srv.VehicleCommand.Request()
     with pytest.raises(NotConnectedError, match="no vehicle is connected"):
         vehicle.call(request)
-    remote = link.connect(adopted=True)
+    remote = link.connect(continued=True)
     with pytest.raises(LinkError, match="restart the client on the vehicle"):
         vehicle.call(request)
     link.disconnect(remote)

@@ -38,7 +38,7 @@ def test_messages_come_and_go_over_udp(url: str, px4_types: Any) -> None:
     with Vehicle(url) as vehicle, simulated(px4_types, url, namespace="uav_1", rate=50.0) as simulated_vehicle:
         status = vehicle.subscribe(px4_types.VehicleStatus)
         remote = vehicle.wait_connected(WAIT)
-        assert (remote.key, remote.namespace, remote.adopted) == (1, "uav_1", False)
+        assert (remote.key, remote.namespace, remote.continued) == (1, "uav_1", False)
         assert len(vehicle.routes) == len(px4_types.topics.ENDPOINTS)
         assert type(status.wait_for(lambda _: True, WAIT)) is px4_types.VehicleStatus
         for _ in range(3):
@@ -122,7 +122,7 @@ def test_a_program_that_restarts_continues_the_session(url: str, px4_types: Any)
         with Vehicle(url, px4_types) as vehicle:
             remote = vehicle.wait_connected(WAIT)
             vehicle.subscribe("vehicle_status").wait_for(bool, WAIT)
-            assert remote.adopted
+            assert remote.continued
             with pytest.raises(LinkError, match="restart the client on the vehicle"):
                 vehicle.call(px4_types.srv.VehicleCommand.Request())
             assert str(vehicle.wait_firmware(WAIT)) == "v1.18"
