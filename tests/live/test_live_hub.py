@@ -139,7 +139,9 @@ def test_a_continued_session_belongs_to_a_vehicle_by_its_address(link: FakeLink)
         assert [vehicle.remote for vehicle in (by_key, by_address, by_any)] == [again] * 3
 
 
-def test_a_continued_session_that_no_selection_accepts_is_told(link: FakeLink, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_continued_session_that_no_selection_accepts_is_told(
+    link: FakeLink, caplog: pytest.LogCaptureFixture
+) -> None:
     with Vehicle(link, key=1):
         link.connect(0, continued=True)
     assert "continues an earlier session" in caplog.text
