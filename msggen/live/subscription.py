@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import threading
 import time
 import weakref
@@ -87,7 +86,7 @@ class Subscription(Generic[Value]):
     def timed(self) -> Iterator[tuple[Value, int]]:
         """Yield each message with the time of its arrival in ns since 1970, of the clock `time.time_ns`."""
         while True:
-            item = self._next()
+            item = self._next(None)
             if item is None:
                 return
             value = self._feed.decoded(item)
@@ -168,15 +167,13 @@ class Subscription(Generic[Value]):
                 return newest
             while not feed.is_closed:
                 self._check()
-                item = watcher._next(timeout, deadline, lambda: feed.is_closed)
+                item = watcher._next(deadline, lambda: feed.is_closed)
                 value = None if item is None else watch.decoded(item)
                 if value is not None and predicate(value):
                     found: Value = value
                     return found
-                if item is not None and deadline is not None and time.monotonic() >= deadline:
-                    raise LinkTimeoutError(
-                        _absence(watch, timeout)
-                    )  # samples arrive faster than the condition is computed
+                if deadline is not None and time.monotonic() >= deadline and not feed.is_closed:
+                    raise LinkTimeoutError(_absence(watch, timeout))
         finally:
             feed.remove_waker(watch.wake)
             self._detach(watch)
@@ -225,19 +222,14 @@ class Subscription(Generic[Value]):
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _next(
-        self, timeout: float | None = None, deadline: float | None = None, is_ended: Callable[[], bool] = lambda: False
-    ) -> Item | None:
-        """Return the next sample, or None at the end.
-
-        Raises LinkTimeoutError at the deadline, which is that of a wait of `timeout` seconds.
-        """
+    def _next(self, deadline: float | None, is_ended: Callable[[], bool] = lambda: False) -> Item | None:
+        """Return the next sample, or None at the end or at the deadline."""
         self._check_reader()
         item = self._pop()
         if item is not None:
             return item
         check_outside_callback()
-        event, told_at = threading.Event(), time.monotonic() + PATIENCE
+        event, start = threading.Event(), time.monotonic()
         self._feed.add_waker(event.set)
         try:
             while True:
@@ -247,10 +239,9 @@ class Subscription(Generic[Value]):
                     return item
                 rest = SLICE if deadline is None else deadline - time.monotonic()
                 if rest <= 0:
-                    raise LinkTimeoutError(_absence(self._feed, timeout))
-                if deadline is None and time.monotonic() > told_at:
+                    return None
+                if deadline is None and time.monotonic() - start > PATIENCE:
                     self._tell_absence()
-                    told_at = math.inf
                 event.wait(min(rest, SLICE))
         finally:
             self._feed.remove_waker(event.set)
