@@ -290,7 +290,7 @@ class DdsLink:
 
     def _connect(self, vehicle: _Vehicle, participant: Participant, listener: Listener) -> None:
         self._count += 1
-        remote = Remote(self._count, f"domain {self._domain}", 0, vehicle.namespace, adopted=False)
+        remote = Remote(self._count, f"domain {self._domain}", 0, vehicle.namespace, continued=False)
         vehicle.remote = remote
         self._by_remote[remote.number] = vehicle
         listener.connected(remote)

@@ -310,7 +310,7 @@ class Hub:
             member.has_told_of_another = True
             text = "%s connected too and is ignored, as this Vehicle has %s: select one by key=, namespace= or address="
             LOGGER.warning(text, shown(remote), shown(own))
-        elif remote.adopted and not selection.accepts(remote):
+        elif remote.continued and not selection.accepts(remote):
             member.has_told_of_another = True
             text = "%s continues an earlier session, so its key and namespace are not known: select it with address="
             LOGGER.warning(text, shown(remote))

@@ -15,7 +15,7 @@ class LinkError(RuntimeError):
 
 
 class Route(NamedTuple):
-    """An endpoint of a connected vehicle."""
+    """A topic of a connected vehicle, as the link carries it. The registry of a package has endpoints instead."""
 
     name: str
     """The name in ROS 2, with the namespace and the version suffix: `/uav_1/fmu/out/vehicle_status_v1`."""
@@ -51,7 +51,7 @@ class Remote(NamedTuple):
     """The key of the client (parameter UXRCE_DDS_KEY), 0 on DDS."""
     namespace: str
     """The namespace without slashes at both ends: `uav_1`, or "" without one or if it is not known."""
-    adopted: bool
+    continued: bool
     """Whether the link continues a session that an earlier program began. Services cannot be called then."""
 
 

@@ -8,6 +8,7 @@ import weakref
 from collections.abc import AsyncIterator, Callable, Iterator
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
+from msggen.live.absence import PATIENCE
 from msggen.live.errors import FormatError, LinkTimeoutError, TopicError
 from msggen.live.feed import LOGGER, Feed, Item, Waker, check_outside_callback
 
@@ -33,10 +34,11 @@ class Subscription(Generic[Value]):
     """
 
     def __init__(
-        self, feed: Feed, attach: Callable[[Feed], None], detach: Callable[[Feed], None], owner: object = None
+        self, feed: Feed, attach: Callable[[Feed], None], detach: Callable[[Feed], None], tell_absence: Waker
     ) -> None:
+        """Make a subscription. `tell_absence` is called if no sample arrives for long; it may warn the user."""
         self._feed = feed
-        self._owner = owner  # a subscription keeps its Vehicle open
+        self._tell_absence = tell_absence  # a method of its Vehicle, which this keeps open
         self._attach, self._detach = attach, detach
         self._latest: tuple[Item, Value] | None = None
         if feed.callback is None:  # nothing would read the queue of a forgotten subscription
@@ -111,6 +113,7 @@ class Subscription(Generic[Value]):
 
         self._check_reader()
         self._feed.add_waker(wake)
+        reminder = loop.call_later(PATIENCE, self._tell_absence)
         try:
             while True:
                 event.clear()
@@ -127,6 +130,7 @@ class Subscription(Generic[Value]):
                 else:
                     await event.wait()
         finally:
+            reminder.cancel()
             self._feed.remove_waker(wake)
 
     def latest(self) -> Value | None:
@@ -155,7 +159,7 @@ class Subscription(Generic[Value]):
         deadline = _deadline(timeout)
         watch = Feed(feed.topic, max(feed.size, 256), None, feed.options)
         self._attach(watch)
-        watcher: Subscription[Value] = Subscription(watch, self._attach, self._detach)
+        watcher: Subscription[Value] = Subscription(watch, self._attach, self._detach, self._tell_absence)
         feed.add_waker(watch.wake)  # for its end
         try:
             newest = self.latest()
@@ -168,8 +172,8 @@ class Subscription(Generic[Value]):
                 if value is not None and predicate(value):
                     found: Value = value
                     return found
-                if item is not None and deadline is not None and time.monotonic() >= deadline:
-                    raise LinkTimeoutError(_absence(watch))  # samples arrive faster than the condition is computed
+                if deadline is not None and time.monotonic() >= deadline and not feed.is_closed:
+                    raise LinkTimeoutError(_absence(watch, timeout))
         finally:
             feed.remove_waker(watch.wake)
             self._detach(watch)
@@ -219,13 +223,13 @@ class Subscription(Generic[Value]):
         self.close()
 
     def _next(self, deadline: float | None, is_ended: Callable[[], bool] = lambda: False) -> Item | None:
-        """Return the next sample, or None at the end. Raises LinkTimeoutError at the deadline."""
+        """Return the next sample, or None at the end or at the deadline."""
         self._check_reader()
         item = self._pop()
         if item is not None:
             return item
         check_outside_callback()
-        event = threading.Event()
+        event, start = threading.Event(), time.monotonic()
         self._feed.add_waker(event.set)
         try:
             while True:
@@ -235,7 +239,9 @@ class Subscription(Generic[Value]):
                     return item
                 rest = SLICE if deadline is None else deadline - time.monotonic()
                 if rest <= 0:
-                    raise LinkTimeoutError(_absence(self._feed))
+                    return None
+                if deadline is None and time.monotonic() - start > PATIENCE:
+                    self._tell_absence()
                 event.wait(min(rest, SLICE))
         finally:
             self._feed.remove_waker(event.set)
@@ -260,12 +266,13 @@ def _deadline(timeout: float | None) -> float | None:
     return None if timeout is None else time.monotonic() + timeout
 
 
-def _absence(feed: Feed) -> str:
-    """Return why a wait for a sample ends without one."""
+def _absence(feed: Feed, timeout: float | None) -> str:
+    """Return why a wait of `timeout` seconds for a sample ends without one."""
+    waited = f"within {timeout or 0:g} s"
     if feed.received:
-        return f"none of {feed.received} samples of '{feed.topic.stem}' in the given time met the condition"
+        return f"none of {feed.received} samples of '{feed.topic.stem}' met the condition {waited}"
     return (
-        f"no new sample of '{feed.topic.stem}' arrived in the given time: check that the vehicle is connected, "
+        f"no new sample of '{feed.topic.stem}' arrived {waited}: check that the vehicle is connected, "
         "and that its dds_topics.yaml has the topic"
     )
 

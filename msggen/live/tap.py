@@ -173,7 +173,7 @@ class TapLink(SelectorLink):
     def _answer(self) -> None:
         """Throw answers away, since the agent gives them, but for the ones that continue the session of an earlier tap.
 
-        Those make the client take any number for a new one (docs/xrce.md, "Take-over").
+        Those make the client take any number for a new one (docs/xrce.md, "Continued sessions").
         """
         for data, address in self.agent.take_outgoing():
             client = self._clients.get(address)

@@ -172,10 +172,7 @@ def allowed(networks: Sequence[str]) -> Callable[[Address], bool]:
     """Return a function that tells whether an address is in one of some networks. Raises LinkError."""
     if isinstance(networks, str):
         networks = (networks,)
-    try:
-        parsed = [ipaddress.ip_network(network, strict=False) for network in networks]
-    except ValueError as error:
-        raise LinkError(f"cannot allow {error}: expected addresses or networks, such as '192.168.0.0/24'") from error
+    parsed = [_network(each) for each in networks]
 
     @lru_cache(maxsize=1024)
     def is_allowed(host: str) -> bool:
@@ -183,6 +180,14 @@ def allowed(networks: Sequence[str]) -> Callable[[Address], bool]:
         return not parsed or any(address in network for network in parsed)
 
     return lambda address: is_allowed(address[0])
+
+
+def _network(text: str) -> ipaddress.IPv4Network | ipaddress.IPv6Network:
+    try:
+        return ipaddress.ip_network(text, strict=False)
+    except ValueError:
+        expected = "expected one such as '192.168.0.7' or '192.168.0.0/24'"
+        raise LinkError(f"'{text}' in allow= is not an IP address or a network: {expected}") from None
 
 
 def bound(host: str, port: int) -> socket.socket:

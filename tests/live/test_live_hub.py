@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from msggen.live import LinkError, LinkTimeoutError, NotConnectedError, Vehicle
+from msggen.live import vehicle as vehicle_module
 from support.fake_link import FakeLink
 from support.ports import free_port
 from support.repository import ROOT
@@ -127,9 +128,9 @@ def test_another_vehicle_with_the_same_key_is_not_a_restarted_one(link: FakeLink
         assert not vehicle.is_connected
 
 
-def test_an_adopted_session_belongs_to_a_vehicle_by_its_address(link: FakeLink) -> None:
+def test_a_continued_session_belongs_to_a_vehicle_by_its_address(link: FakeLink) -> None:
     with Vehicle(link, key=1) as by_key, Vehicle(link, address="127.0.0.1") as by_address, Vehicle(link) as by_any:
-        remote = link.connect(0, adopted=True)
+        remote = link.connect(0, continued=True)
         assert [by_address.remote, by_any.remote] == [remote, remote]
         with pytest.raises(NotConnectedError):
             _ = by_key.remote
@@ -138,9 +139,11 @@ def test_an_adopted_session_belongs_to_a_vehicle_by_its_address(link: FakeLink) 
         assert [vehicle.remote for vehicle in (by_key, by_address, by_any)] == [again] * 3
 
 
-def test_an_adopted_session_that_no_selection_accepts_is_told(link: FakeLink, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_continued_session_that_no_selection_accepts_is_told(
+    link: FakeLink, caplog: pytest.LogCaptureFixture
+) -> None:
     with Vehicle(link, key=1):
-        link.connect(0, adopted=True)
+        link.connect(0, continued=True)
     assert "continues an earlier session" in caplog.text
 
 
@@ -151,6 +154,31 @@ def test_a_wrong_selection_is_told(link: FakeLink) -> None:
             LinkTimeoutError, match=r"\(key 1\) is not the vehicle that key=, namespace= or address= se"
         ):
             vehicle.wait_connected(0.01)
+
+
+@pytest.mark.parametrize("link_name", ["dds://0", "udp://127.0.0.1:8888"])
+def test_a_wait_without_a_limit_tells_once_what_to_check(
+    link_name: str, link: FakeLink, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(vehicle_module, "PATIENCE", 0.05)
+    with Vehicle(link) as vehicle:
+        vehicle._name = link_name
+        timer = threading.Timer(0.6, link.connect)
+        timer.start()
+        vehicle.wait_connected()
+    (told,) = [record for record in caplog.records if "no vehicle connected" in record.message]
+    assert told.levelname == "WARNING"
+    assert told.message.startswith(f"no vehicle connected to {link_name} within 0.05 s: ")
+    assert ("is an agent running" if link_name == "dds://0" else "is uxrce_dds_client running") in told.message
+
+
+def test_time_limits_are_told(link: FakeLink) -> None:
+    with Vehicle(link) as vehicle:
+        link.connect()
+        with pytest.raises(LinkTimeoutError, match=r"is still connected after 0\.01 s"):
+            vehicle.wait_disconnected(0.01)
+        with pytest.raises(LinkTimeoutError, match=r"has not answered for all its messages within 0\.01 s: "):
+            vehicle.wait_firmware(0.01)
 
 
 def test_a_link_that_cannot_be_opened_leaves_nothing(link: FakeLink) -> None:

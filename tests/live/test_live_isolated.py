@@ -152,7 +152,7 @@ def test_records_come_out_as_they_went_in(records: list[Any], cut: int) -> None:
 
 
 def test_samples_that_exceed_the_backlog_are_dropped_and_events_are_not() -> None:
-    child, remote = Child(), Remote(1, "127.0.0.1:1", 1, "", adopted=False)
+    child, remote = Child(), Remote(1, "127.0.0.1:1", 1, "", continued=False)
     route = Route("/fmu/out/a", "px4_msgs/msg/A", "out", 1)
     child.connected(remote)
     child.opened(remote, route)
@@ -174,7 +174,7 @@ def test_samples_that_exceed_the_backlog_are_dropped_and_events_are_not() -> Non
     assert len(list(pieces(again.getvalue()))) == 3
 
 
-REMOTE = Remote(1, "127.0.0.1:1", 1, "", adopted=False)
+REMOTE = Remote(1, "127.0.0.1:1", 1, "", continued=False)
 
 
 def test_lost_samples_are_told_as_one_sum() -> None:

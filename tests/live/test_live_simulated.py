@@ -152,7 +152,7 @@ def test_a_link_that_is_opened_again_goes_on_with_the_session(kind: str, px4_typ
         with started(again) as others:
             others.wait(lambda: others.samples)
             (remote,) = others.remotes
-            assert remote.adopted
+            assert remote.continued
             records.samples.clear()
             arm(again, others, px4_types, remote._replace(key=1))
             assert [found.number for found in others.remotes] == [1], "the vehicle did not connect again"

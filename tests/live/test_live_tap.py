@@ -169,7 +169,7 @@ def test_a_tap_that_restarts_goes_on_with_the_session() -> None:
         client.play(running)
         ours.wait(lambda: len(ours.samples) >= 490)
         (remote,) = ours.remotes
-        assert remote.adopted
+        assert remote.continued
         assert theirs.remotes == []
         link.publish(remote, in_route(ours), b"\0\1\0\0" + b"1" * 8)
         numbers = [int.from_bytes(data[2:4], "little") for data in client.received() if kind(data) == DATA]

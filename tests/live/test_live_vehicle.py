@@ -16,7 +16,7 @@ from msggen.live import FormatError, LinkError, LinkTimeoutError, Vehicle
 from msggen.live.sim import Options, Simulator
 from support.link_records import nothing_is_left
 from support.ports import free_port
-from support.replay import DELETE, Client, kind, sent
+from support.replay import DELETE, GET_INFO, Client, kind, sent
 
 WAIT = 20.0
 
@@ -38,7 +38,7 @@ def test_messages_come_and_go_over_udp(url: str, px4_types: Any) -> None:
     with Vehicle(url) as vehicle, simulated(px4_types, url, namespace="uav_1", rate=50.0) as simulated_vehicle:
         status = vehicle.subscribe(px4_types.VehicleStatus)
         remote = vehicle.wait_connected(WAIT)
-        assert (remote.key, remote.namespace, remote.adopted) == (1, "uav_1", False)
+        assert (remote.key, remote.namespace, remote.continued) == (1, "uav_1", False)
         assert len(vehicle.routes) == len(px4_types.topics.ENDPOINTS)
         assert type(status.wait_for(lambda _: True, WAIT)) is px4_types.VehicleStatus
         for _ in range(3):
@@ -84,6 +84,34 @@ def test_a_vehicle_that_is_not_allowed_is_refused(url: str, px4_types: Any) -> N
         vehicle.wait_connected(0.3)
 
 
+@pytest.mark.parametrize("is_isolated", [False, True])
+def test_a_tap_without_an_agent_says_so(px4_types: Any, *, is_isolated: bool) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as silent:
+        silent.bind(("127.0.0.1", 0))
+        agent = f"127.0.0.1:{silent.getsockname()[1]}"
+        url = f"127.0.0.1:{free_port()}"
+        expected = f"datagrams? of a client arrived, but no agent answers at {agent}: start it with MicroXRCEAgent"
+        tap = Vehicle(f"tap://{url}?agent={agent}", isolated=is_isolated)
+        client = simulated(px4_types, f"udp://{url}")
+        with tap as vehicle, client, pytest.raises(LinkTimeoutError, match=expected):
+            vehicle.wait_connected(1.5)
+
+
+def test_a_vehicle_that_has_not_opened_its_topics_yet_is_told(url: str, px4_types: Any) -> None:
+    client = Simulator(px4_types, url, [Options(sync="px4")])
+    with Vehicle(url) as vehicle, client, pytest.raises(LinkTimeoutError, match="has not opened its topics yet, which"):
+        vehicle.wait_connected(0.5)
+
+
+def test_a_client_without_a_session_is_told(url: str) -> None:
+    with Vehicle(url) as vehicle, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client:
+        ping = next(data for data in sent("session-udp") if kind(data) == GET_INFO)
+        timer = threading.Timer(0.1, client.sendto, (ping, ("127.0.0.1", int(url.rpartition(":")[2]))))
+        timer.start()
+        with pytest.raises(LinkTimeoutError, match="1 datagram of a client arrived, but it has not begun a session"):
+            vehicle.wait_connected(0.5)
+
+
 def test_a_program_that_restarts_continues_the_session(url: str, px4_types: Any) -> None:
     with simulated(px4_types, url, rate=50.0) as simulated_vehicle:
         with Vehicle(url, px4_types) as vehicle:
@@ -94,7 +122,7 @@ def test_a_program_that_restarts_continues_the_session(url: str, px4_types: Any)
         with Vehicle(url, px4_types) as vehicle:
             remote = vehicle.wait_connected(WAIT)
             vehicle.subscribe("vehicle_status").wait_for(bool, WAIT)
-            assert remote.adopted
+            assert remote.continued
             with pytest.raises(LinkError, match="restart the client on the vehicle"):
                 vehicle.call(px4_types.srv.VehicleCommand.Request())
             assert str(vehicle.wait_firmware(WAIT)) == "v1.18"

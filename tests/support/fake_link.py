@@ -80,13 +80,13 @@ class FakeLink:
         namespace: str = "",
         address: str = "127.0.0.1:40000",
         *,
-        adopted: bool = False,
+        continued: bool = False,
         routes: Iterable[Route] | None = None,
         is_open: bool = True,
     ) -> Remote:
         """Let a vehicle connect and open the routes, by default those of the package, and the service."""
         self._numbers += 1
-        remote = Remote(self._numbers, address, key, namespace, adopted)
+        remote = Remote(self._numbers, address, key, namespace, continued)
         self.opened[remote.number] = []
         self.user().connected(remote)
         if is_open:

@@ -112,6 +112,7 @@ class SimulatedVehicle:
         self._due: list[tuple[int, int]] = []
         self._settings = self._client_settings()
         self._client = xrce.Client(self._settings)
+        self._start: int | None = None
         self._client_start = 0
         self._shown = (False, self.world.mode, False)
 
@@ -139,8 +140,10 @@ class SimulatedVehicle:
         return min(due, self._client.next_time)
 
     def advance(self, now: int) -> None:
-        """Move the vehicle and publish what is due."""
+        """Move the vehicle and publish what is due. The intervals of misbehaviour count from the first call."""
         self._now = now
+        if self._start is None:
+            self._start = self._client_start = now
         self._restart_if_due()
         self._client.advance(now)
         self._handle()
@@ -364,7 +367,7 @@ class SimulatedVehicle:
 
     def _is_silent(self) -> bool:
         after = self.options.misbehaviour.silent_after
-        return after is not None and self._now >= after * 1e6
+        return after is not None and self._start is not None and self._now - self._start >= after * 1e6
 
     def _restart_if_due(self) -> None:
         every = self.options.misbehaviour.restart_every

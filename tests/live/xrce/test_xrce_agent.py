@@ -1,4 +1,4 @@
-"""Sessions of clients with an agent: life, streams both ways, loss, limits, strangers and take-over."""
+"""Sessions of clients with an agent: life, streams both ways, loss, limits, strangers and continued sessions."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SERVED = Service("/fmu/s", "px4_msgs/srv/S_Request", "px4_msgs/srv/S_Response", 
 
 def test_a_client_connects_and_opens_its_routes() -> None:
     world, client = connected()
-    remote = Remote(1, "127.0.0.1:50001", 1, "", adopted=False)
+    remote = Remote(1, "127.0.0.1:50001", 1, "", continued=False)
     assert world.events == [
         Connected(remote),
         Opened(remote, ROUTE),
@@ -115,7 +115,7 @@ def test_a_silent_client_is_disconnected_and_forgotten() -> None:
         world.agent.publish(1, 2, LE)
     client.write(1, b"a")  # the session is still there, and continues
     world.settle()
-    remote = Remote(2, "127.0.0.1:50001", 1, "", adopted=False)
+    remote = Remote(2, "127.0.0.1:50001", 1, "", continued=False)
     assert world.events[5:] == [
         Connected(remote),
         *(Opened(remote, r) for r in (ROUTE, READ, SERVED)),
@@ -817,7 +817,7 @@ def test_a_stranger_that_is_malformed_is_refused_with_a_reason(text: str, reason
     assert (agent.take_events(), agent.take_outgoing(), agent._sessions) == ([], [], {})
 
 
-# --- take-over
+# --- continued sessions
 
 
 def running(**options: object) -> tuple[World, Client]:
@@ -837,7 +837,7 @@ def test_a_session_is_taken_over(last: int) -> None:
     client.write(1, b"new")
     client.ping(in_session=True)
     world.settle()
-    remote = Remote(1, "127.0.0.1:50001", 0, "", adopted=True)
+    remote = Remote(1, "127.0.0.1:50001", 0, "", continued=True)
     sample = Sample(remote, ROUTE, LE + b"new", 0)
     assert world.events == [Connected(remote), Opened(remote, ROUTE), Opened(remote, READ), sample]
     assert [wire.Info.unpack(payload).known for payload in client.all(wire.INFO)] == [True]
@@ -976,6 +976,6 @@ def test_a_client_that_was_taken_over_may_begin_a_session() -> None:
     world.clients.append(client)
     start(client)
     world.settle()
-    assert [event.remote.adopted for event in world.all(Connected)] == [True, False]
+    assert [event.remote.continued for event in world.all(Connected)] == [True, False]
     answer = [event for event in world.all(Opened) if isinstance(event.route, Service)]
     assert len(answer) == 1
