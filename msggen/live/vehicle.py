@@ -321,6 +321,7 @@ class Vehicle:
 
         repeater = Repeater(hz, message, publish)
         self._repeaters.add(repeater)
+        repeater.start()  # now that `close` knows it, because its callable may close this Vehicle
         return repeater
 
     def call(self, request: Message, timeout: float = 5.0) -> Any:
