@@ -92,6 +92,10 @@ class Meter:
         """Print a warning."""
         print(text)
 
+    def failed(self, reason: str) -> None:
+        """Print the reason."""
+        print(reason)
+
 
 def measure_link(link: Link, place: Callable[[], int], load: Load) -> Result:
     """Measure a link. `place` returns the port or the domain when the link is started."""

@@ -99,7 +99,7 @@ class Member:
 
 
 class Hub:
-    """The listener of a link. `closed` is called once the link is closed."""
+    """The listener of a link."""
 
     def __init__(self, link: Link) -> None:
         self.link = link
@@ -108,6 +108,10 @@ class Hub:
         self.entries: dict[int, Entry] = {}
         self.members: tuple[Member, ...] = ()
         self.thread: int | None = None
+        self.failure = ""
+        """The error that has ended the link."""
+        self.closed = threading.Event()
+        """Set when the link was closed after the last member has left."""
 
     # the thread of the link
 
@@ -181,6 +185,16 @@ class Hub:
         """Tell the user."""
         LOGGER.warning("%s", text)
 
+    def failed(self, reason: str) -> None:
+        """Tell everybody who waits that nothing follows."""
+        LOGGER.error("%s; close the Vehicle, and make a new one", reason)
+        with self.changed:
+            self.failure = reason
+            for member in self.members:
+                for feed in member.feeds:
+                    feed.close(reason)
+            self.changed.notify_all()
+
     def tick(self, entry: Entry, now: int) -> None:
         """Do what is due: ask for definitions, and tell of topics that the vehicle does not have.
 
@@ -242,10 +256,10 @@ class Hub:
             feed.close()
 
     def attach(self, member: Member, feed: Feed) -> None:
-        """Begin a subscription, which ends at once if the member has left."""
+        """Begin a subscription, which ends at once if the member has left or the link has failed."""
         with self.changed:
-            if member.is_closed:
-                feed.close()
+            if member.is_closed or self.failure:
+                feed.close(self.failure)
                 return
             member.feeds = (*member.feeds, feed)
             entry = member.entry

@@ -65,7 +65,7 @@ class Listener(Protocol):
         """A vehicle has a route or a service, from now on."""
 
     def disconnected(self, remote: Remote, reason: str) -> None:
-        """A vehicle has ended its session, or has been silent for too long, or the link has failed."""
+        """A vehicle has ended its session, or has been silent for too long, or the link has ended."""
 
     def sample(self, remote: Remote, route: Route, payload: bytes, time: int) -> None:
         """A vehicle has published a sample.
@@ -82,6 +82,9 @@ class Listener(Protocol):
 
     def warned(self, text: str) -> None:
         """The link has something to tell the user, such as a vehicle that was refused."""
+
+    def failed(self, reason: str) -> None:
+        """An error has ended the link. Its vehicles are disconnected, all is released, and nothing follows."""
 
 
 class Statistics(NamedTuple):

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from msggen.live.errors import FormatError, LinkTimeoutError, TopicError
 from msggen.live.feed import LOGGER, Feed, Item, Waker, check_outside_callback
+from msggen.live.link import LinkError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -76,7 +77,7 @@ class Subscription(Generic[Value]):
     def __iter__(self) -> Iterator[Value]:
         """Yield each message, and wait for the next one, until the subscription or the vehicle is closed.
 
-        Raises FormatError if the definition of the vehicle differs.
+        Raises FormatError if the definition of the vehicle differs, and LinkError if the link has failed.
         """
         for value, _ in self.timed():
             yield value
@@ -86,6 +87,7 @@ class Subscription(Generic[Value]):
         while True:
             item = self._next(None)
             if item is None:
+                self._check_link()
                 return
             value = self._feed.decoded(item)
             if value is not None:
@@ -123,6 +125,7 @@ class Subscription(Generic[Value]):
                     if run % RUN == 0:  # a queue that never empties must not stop the other tasks
                         await sleep(0)
                 elif self._feed.is_closed:
+                    self._check_link()
                     return
                 else:
                     await event.wait()
@@ -149,7 +152,7 @@ class Subscription(Generic[Value]):
         """Return the newest message if `predicate` is true for it, or else the first one for which it is.
 
         Messages that arrived before the newest one are not considered. The queue keeps all messages. `timeout` is in s.
-        Raises LinkTimeoutError, TopicError if the subscription is closed, and FormatError.
+        Raises LinkTimeoutError, TopicError if the subscription is closed, FormatError, and LinkError.
         """
         feed = self._feed
         deadline = _deadline(timeout)
@@ -173,6 +176,7 @@ class Subscription(Generic[Value]):
         finally:
             feed.remove_waker(watch.wake)
             self._detach(watch)
+        self._check_link()
         raise TopicError(f"the subscription of '{feed.topic.stem}' was closed")
 
     def drain(self) -> NDArray[np.void]:
@@ -250,6 +254,10 @@ class Subscription(Generic[Value]):
     def _check(self) -> None:
         if self._feed.error is not None:
             raise FormatError(str(self._feed.error))
+
+    def _check_link(self) -> None:
+        if self._feed.failure:
+            raise LinkError(self._feed.failure)
 
     def _check_reader(self) -> None:
         if self._feed.callback is not None:

@@ -112,6 +112,8 @@ class TapLink(SelectorLink):
         """Bind the socket that clients send to."""
         super().open(listener)
         self._bound = Bound(self.host, self.port)
+        self.resources.callback(self._bound.close)
+        self.resources.callback(self._close_clients)
         self.host, self.port = self._bound.host, self._bound.port
         try:
             self.agent_address = (socket.gethostbyname(self.agent_address[0]), self.agent_address[1])
@@ -262,14 +264,10 @@ class TapLink(SelectorLink):
         """Return the size of the receive buffer in bytes that the kernel granted."""
         return self._bound.receive_buffer if self._bound else 0
 
-    def release(self) -> None:
-        """Close all sockets."""
-        if self._bound is not None:
-            self._bound.close()
+    def _close_clients(self) -> None:
         for client in self._clients.values():
             client.socket.close()
         self._clients.clear()
-        super().release()
 
 
 def _is_at(host: str, listening: str) -> bool:

@@ -87,11 +87,12 @@ class Vehicle:
         self._name, opened = link_of(url, allowed, self._packages, selection, is_isolated=isolated)
         self._hub = join_hub(self._name, opened, self._member, allowed)
         self._repeaters: weakref.WeakSet[Repeater] = weakref.WeakSet()
-        weakref.finalize(self, leave_soon, self._name, self._member).atexit = False
+        weakref.finalize(self, leave_soon, self._name, self._hub, self._member).atexit = False
 
     def __repr__(self) -> str:
         remote = self._member.entry.remote if self._member.entry else None
-        state = "closed" if self._member.is_closed else shown(remote) if remote else "not connected"
+        absence = self._hub.failure or "not connected"
+        state = "closed" if self._member.is_closed else shown(remote) if remote else absence
         return f"<Vehicle on {self._name}: {state}>"
 
     def __enter__(self) -> Self:
@@ -104,7 +105,7 @@ class Vehicle:
         """End all subscriptions and repeaters, and close the link if no other Vehicle uses it. Can be repeated."""
         for repeater in tuple(self._repeaters):
             repeater.close()
-        leave_hub(self._name, self._member)
+        leave_hub(self._name, self._hub, self._member)
 
     # the connection
 
@@ -117,10 +118,10 @@ class Vehicle:
     def wait_connected(self, timeout: float | None = None) -> Remote:
         """Wait until a vehicle is connected and its topics are known, and return it. `timeout` is in s.
 
-        Raises LinkTimeoutError, and NotConnectedError if the Vehicle is closed.
+        Raises LinkTimeoutError, NotConnectedError if the Vehicle is closed, and LinkError if the link has failed.
         """
-        member = self._member
-        if not self._hub.wait(lambda: self.is_connected or member.is_closed, timeout, 0.05):
+        hub, member = self._hub, self._member
+        if not hub.wait(lambda: self.is_connected or member.is_closed or bool(hub.failure), timeout, 0.05):
             raise LinkTimeoutError(self._absence(timeout))
         return self.remote
 
@@ -332,6 +333,8 @@ class Vehicle:
     def _check_open(self) -> None:
         if self._member.is_closed:
             raise NotConnectedError("the Vehicle is closed: make a new one")
+        if self._hub.failure:
+            raise LinkError(f"{self._hub.failure}; close the Vehicle, and make a new one")
 
     def _entry(self) -> Entry:
         self._check_open()
