@@ -132,6 +132,23 @@ def test_another_vehicle_with_the_same_key_is_not_a_restarted_one(link: FakeLink
         assert not vehicle.is_connected
 
 
+@pytest.mark.parametrize("step", [-(10**18), 0, 10**18])
+def test_a_clock_that_is_set_changes_nothing(link: FakeLink, px4_types: Any, step: int) -> None:
+    """Whether a vehicle was heard after another one connected does not depend on the time of day."""
+    with Vehicle(link) as vehicle:
+        now = time.time_ns()
+        first = link.connect(1, address="127.0.0.1:1")
+        link.sample(first, px4_types.VehicleStatus(), when=now)
+        again = link.connect(1, address="127.0.0.1:2")
+        link.sample(again, px4_types.VehicleStatus(), when=now + step)
+        link.disconnect(first)
+        assert vehicle.remote == again
+        link.connect(1, address="127.0.0.1:3")
+        link.sample(again, px4_types.VehicleStatus(), when=now - step)
+        link.disconnect(again)
+        assert not vehicle.is_connected
+
+
 def test_an_adopted_session_belongs_to_a_vehicle_by_its_address(link: FakeLink) -> None:
     with Vehicle(link, key=1) as by_key, Vehicle(link, address="127.0.0.1") as by_address, Vehicle(link) as by_any:
         remote = link.connect(0, adopted=True)

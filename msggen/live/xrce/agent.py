@@ -34,6 +34,7 @@ from msggen.live.xrce.events import (
     Warned,
 )
 from msggen.live.xrce.session import Limits, Session
+from msggen.live.xrce.streams import NEAR
 from msggen.live.xrce.wire import BEST_EFFORT, ENCAPSULATION, WRITE_DATA, WireError
 
 __all__ = [
@@ -57,11 +58,13 @@ TICK: Final = 0.1
 """Seconds between calls of `Agent.tick`."""
 
 _unpack_write = struct.Struct("<BBHBBH2x2s").unpack_from  # headers, request id and object id of a WRITE_DATA
+_MOST_MISSING = NEAR - 1
 _LONGEST_STEP = 1.0  # seconds: a longer step is a process that slept, or a clock that jumped
 _REPEATED = 0.5  # seconds in which a second CREATE_CLIENT is the first one, doubled on its way
 _PROOFS = 5  # topics that must have samples of the expected size before a session is continued
 _REMEMBERED = 10.0  # seconds in which an address whose session has ended begins no take-over
-_WARNINGS = 100
+_WARNINGS = 20  # of a kind in a minute: a hostile sender can provoke any number of some kinds
+_MINUTE = 60.0
 
 
 def everybody(address: Address) -> bool:  # noqa: ARG001
@@ -109,7 +112,7 @@ class Agent:
         self._last_tick = now
         self._clock = 0.0  # the sum of steps, so that jumps of `now` do no harm
         self._ended: dict[Address, float] = {}
-        self._warned: set[str] = set()
+        self._warned: dict[str, tuple[float, set[str]]] = {}  # by kind, the texts since a time
         self._shared_keys: set[int] = set()  # of vehicles that send at the same time
 
     @property
@@ -119,7 +122,9 @@ class Agent:
 
     @property
     def late(self) -> int:
-        """Datagrams of best-effort streams that were dropped: the same one, or a newer one, had been received."""
+        """Datagrams of best-effort streams that were dropped, because the same one or a newer one had been received, or
+        because their sequence number was far from the last one.
+        """
         return self._outbox.late
 
     @property
@@ -142,13 +147,15 @@ class Agent:
             session_id, stream, sequence, kind, flags, length, object_id = _unpack_write(data)
             if kind == WRITE_DATA and stream == BEST_EFFORT and session_id == session.fast_id and flags == 1:
                 route = session.writers.get(object_id)
-                if route is not None and 4 <= length <= len(data) - 8 < length + 4:  # one submessage
-                    best_effort = session.best_effort
-                    missing = (sequence - best_effort.last - 1) & 0xFFFF
+                best_effort = session.best_effort
+                missing = (sequence - best_effort.last - 1) & 0xFFFF
+                if (
+                    route is not None
+                    and missing < _MOST_MISSING
+                    and 4 <= length <= len(data) - 8 < length + 4  # one submessage
+                    and (route.size < 0 or route.size == length - 4)
+                ):
                     outbox = self._outbox
-                    if missing >= 0x7FFF:
-                        outbox.late += 1
-                        return
                     if missing:
                         session.miss(missing)
                     best_effort.last = sequence
@@ -231,7 +238,7 @@ class Agent:
         outbox = self._outbox
         if session is None and not self._allow(address):
             outbox.refuse("address that is not allowed")
-            self._warn(f"refused {_host(address)}: only allowed addresses may connect; add it to allow=")
+            self._warn("address", f"refused {_host(address)}: only allowed addresses may connect; add it to allow=")
             return
         try:
             self._dispatch(data, address, session, time)
@@ -312,8 +319,9 @@ class Agent:
             self._proofs.pop(address, None)
             self._end(address)
             self._warn(
+                "session",
                 f"{_host(address)} has a session of an earlier program whose topics are not those of types=: "
-                "it is not continued, and the vehicle connects again in a few seconds"
+                "it is not continued, and the vehicle connects again in a few seconds",
             )
             raise WireError("sample of another firmware than the expected one")
         if address not in self._proofs and len(self._proofs) >= self._limits.clients:
@@ -330,7 +338,8 @@ class Agent:
     ) -> None:
         status = wire.OK
         if self._keys is not None and create.key not in self._keys:
-            self._warn(f"refused {_host(address)}: key {create.key} is not allowed; add it to the keys in allow=")
+            text = f"refused {_host(address)}: key {create.key} is not allowed; add it to the keys in allow="
+            self._warn("key", text)
             raise WireError("key that is not allowed")
         if create.session_id in (wire.NO_SESSION, wire.NO_SESSION_WITH_KEY):
             raise WireError("wrong session id or key")
@@ -343,7 +352,8 @@ class Agent:
                 status = wire.ERR_RESOURCES
                 self._outbox.refuse("too many clients")
                 self._warn(
-                    f"refused {_host(address)}: {self._limits.clients} vehicles are connected, the most for a port"
+                    "room",
+                    f"refused {_host(address)}: {self._limits.clients} vehicles are connected, the most for a port",
                 )
         key = wire.key_bytes(create.key) if create.session_id < 0x80 else b""
         self._send(header._replace(session_id=create.session_id, key=key), wire.StatusAgent(status).pack(), address)
@@ -390,7 +400,8 @@ class Agent:
             if len(self._shared_keys) >= self._limits.clients:
                 self._shared_keys.clear()
             self._shared_keys.add(key)
-            self._warn(f"two vehicles have the key {key}: set the parameter UXRCE_DDS_KEY of one to another number")
+            text = f"two vehicles have the key {key}: set the parameter UXRCE_DDS_KEY of one to another number"
+            self._warn("two", text)
             session.replaced_at = None
         self._connect(session)
         return True
@@ -420,10 +431,13 @@ class Agent:
         """Send a submessage outside of streams, with the session id and key of a header."""
         self._outbox.send(wire.HEADER.pack(header.session_id, 0, 0) + header.key + submessage, address)
 
-    def _warn(self, text: str) -> None:
-        """Tell the user, each text once."""
-        if text not in self._warned and len(self._warned) < _WARNINGS:
-            self._warned.add(text)
+    def _warn(self, kind: str, text: str) -> None:
+        """Tell the user, each text once, as long as there are few texts of its kind."""
+        since, told = self._warned.setdefault(kind, (self._clock, set()))
+        if len(told) >= _WARNINGS and self._clock - since > _MINUTE:
+            since, told = self._warned[kind] = self._clock, set()
+        if text not in told and len(told) < _WARNINGS:
+            told.add(text)
             self._outbox.events.append(Warned(text))
 
 

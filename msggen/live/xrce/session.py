@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterable
 from typing import ClassVar, Final, NamedTuple
 
@@ -10,7 +11,7 @@ from msggen.live.xrce import entities, wire
 from msggen.live.xrce.entities import RefusedError
 from msggen.live.xrce.events import Address, Connected, Disconnected, Lost, Opened, Outbox, Replied, Sample
 from msggen.live.xrce.inventory import Inventory, Reading
-from msggen.live.xrce.streams import BestEffortInput, Fragments, ReliableInput, ReliableOutput
+from msggen.live.xrce.streams import NEAR, BestEffortInput, Fragments, ReliableInput, ReliableOutput
 from msggen.live.xrce.wire import BEST_EFFORT, RELIABLE, Submessage, WireError
 
 HEARTBEAT_PERIOD: Final = 0.1
@@ -83,7 +84,7 @@ class Session:
 
     def _reset(self) -> None:
         """Begin all streams."""
-        self.best_effort = BestEffortInput()
+        self.best_effort = BestEffortInput(near=NEAR)
         self.input = ReliableInput()
         self._output = ReliableOutput()
         self._next = 0  # the number of the next best-effort message
@@ -114,7 +115,7 @@ class Session:
         """Take over a session that an earlier program began: docs/xrce.md, 10."""
         self.adopted = True
         self.inventory.adopt(known)
-        self.best_effort = BestEffortInput(None)
+        self.best_effort = BestEffortInput(None, NEAR)
         self.input = ReliableInput(None)
         for number in (*range(0, 0x10000, 0x2000), 0):
             self._next = number
@@ -213,17 +214,28 @@ class Session:
         elif header.stream == wire.NO_STREAM:
             self._submessages(body, wire.NO_STREAM)
         elif header.stream == BEST_EFFORT:
-            missing = self.best_effort.accept(header.sequence)
-            if missing is None:
-                self._outbox.late += 1
+            if not self._advance(header.sequence, body):
                 return
-            self.miss(missing)
-            self._open_fast_path()
             self._submessages(body, BEST_EFFORT)
         else:
             self._outbox.refuse("unknown stream")
             return
         self._outbox.received += 1
+
+    def _advance(self, sequence: int, body: bytes) -> bool:
+        """Take the number of a message of the best-effort stream. Return whether the message is to be taken, too."""
+        try:
+            deque(wire.submessages(body), maxlen=0)  # the number of a damaged message counts for nothing
+        except WireError as error:
+            self._outbox.refuse(str(error))
+            return False
+        missing = self.best_effort.accept(sequence)
+        if missing is None:
+            self._outbox.late += 1
+            return False
+        self.miss(missing)
+        self._open_fast_path()
+        return True
 
     def miss(self, count: int) -> None:
         """Report missing messages of the best-effort stream."""
@@ -277,10 +289,11 @@ class Session:
         sample = wire.Sample.unpack(submessage.payload, submessage.flags)
         route = self.writers.get(sample.object_id)
         service = self.inventory.services.get(sample.object_id)
-        if self.remote is None or (route is None and service is None):
-            if self.adopted:
-                self.ended = "its topics are not those of types=, so it has to connect again"
-                return
+        is_known = self.remote is not None and (route is not None or service is not None)
+        if self.adopted and not (is_known and route is not None and route.size in {-1, len(sample.data)}):
+            self.ended = "its topics are not those of types=, so it has to connect again"
+            return
+        if self.remote is None or not is_known:
             raise WireError("data of an unknown entity")
         if route is not None:
             payload = wire.ENCAPSULATION + sample.data
