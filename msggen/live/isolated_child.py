@@ -42,6 +42,7 @@ class Child:
         self._lost: dict[int, int] = {}
         """Counts of lost samples that the parent was not told yet, by vehicle."""
         self._told: set[str] = set()
+        self._reported: Statistics | None = None
         self._is_ended = False
         self.has_failed = False
 
@@ -154,17 +155,25 @@ class Child:
 
     def send(self, link: Link, output: IO[bytes]) -> None:
         """Write records until the parent has closed the other pipe, and the counters of the link now and then."""
-        last: Statistics | None = None
         while not self._is_ended:
             self._filled.wait(_BEAT_S)
             self._filled.clear()
-            counters = link.statistics()
-            counters = counters._replace(dropped=counters.dropped + self._dropped)
-            if counters != last:
-                last = counters
-                self.tell(statistics=counters)
+            self._report(link)
             self._tell_lost()
             self.flush(output)
+
+    def _report(self, link: Link) -> None:
+        """Tell the counters of the link, if they have changed."""
+        counters = link.statistics()
+        counters = counters._replace(dropped=counters.dropped + self._dropped)
+        if counters != self._reported:
+            self._reported = counters
+            self.tell(statistics=counters)
+
+    def finish(self, link: Link, output: IO[bytes]) -> None:
+        """Write what the closed link has told last, and its last counters."""
+        self._report(link)
+        self.flush(output)
 
     def flush(self, output: IO[bytes]) -> None:
         """Write the records that wait."""
@@ -199,6 +208,6 @@ def _serve(setup: Mapping[str, Any], records: Iterator[Record], output: IO[bytes
         child.send(link, output)
     finally:
         link.close()
-    child.flush(output)
+    child.finish(link, output)
     if child.has_failed:
         sys.exit(1)

@@ -96,7 +96,8 @@ class Statistics(NamedTuple):
     refused: int
     """Datagrams or frames that were malformed, or from an address or a key that is not allowed."""
     dropped: int
-    """Datagrams that the kernel dropped because the receive buffer was full, or frames with a wrong checksum."""
+    """Datagrams that the kernel dropped because the receive buffer was full, frames with a wrong checksum, and samples
+    that a program with an isolated link did not read in time."""
     lost: int
     """Missing sequence numbers of all vehicles."""
     receive_buffer: int
