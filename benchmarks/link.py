@@ -27,7 +27,6 @@ from rich.console import Console
 
 from environment import HERE, ROOT
 from link_sender import Load, endpoints, sensor_combined
-from msggen.live import Vehicle
 from msggen.live.dds import LOOPBACK, DdsLink
 from msggen.live.link import Link, Remote, Route, Service
 from msggen.live.udp import UdpLink
@@ -227,6 +226,8 @@ def tables(seconds: float, *, is_quick: bool) -> Iterator[Table]:
 
 def soak(seconds: float) -> Iterator[str]:
     """Run a Vehicle with 24 topics at 100 Hz, half of them read by threads, and yield its memory and its counters."""
+    from msggen.live import Vehicle
+
     link, topics, told = UdpLink(port=0), endpoints(24), list[tuple[float, int]]()
     with Vehicle(link) as vehicle:
         subscriptions = [vehicle.subscribe(each, lambda _: None) for each in topics[::2]]

@@ -66,7 +66,7 @@ def datagrams(random: Random) -> Iterator[tuple[bytes, tuple[str, int]]]:
 def check(agent: Agent, limits: Limits) -> None:
     """Check that the state of an agent is within its limits."""
     assert len(agent._sessions) <= limits.clients
-    assert len(agent._ended) <= limits.clients
+    assert len(agent._take_over._ended) <= limits.clients
     assert len(agent._connected) <= limits.clients
     assert len(agent._warned) <= 100
     assert len(agent.refused) < 50

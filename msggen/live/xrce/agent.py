@@ -20,7 +20,7 @@ from collections.abc import Callable, Container, Iterable, Sequence
 from typing import Final
 
 from msggen.live.link import LinkError, Route, Service
-from msggen.live.xrce import entities, wire
+from msggen.live.xrce import wire
 from msggen.live.xrce.events import (
     Address,
     Connected,
@@ -35,6 +35,7 @@ from msggen.live.xrce.events import (
 )
 from msggen.live.xrce.session import Limits, Session
 from msggen.live.xrce.streams import NEAR
+from msggen.live.xrce.takeover import TakeOver
 from msggen.live.xrce.wire import BEST_EFFORT, ENCAPSULATION, WRITE_DATA, WireError
 
 __all__ = [
@@ -61,8 +62,6 @@ _unpack_write = struct.Struct("<BBHBBH2x2s").unpack_from  # headers, request id 
 _MOST_MISSING = NEAR - 1
 _LONGEST_STEP = 1.0  # seconds: a longer step is a process that slept, or a clock that jumped
 _REPEATED = 0.5  # seconds in which a second CREATE_CLIENT is the first one, doubled on its way
-_PROOFS = 5  # topics that must have samples of the expected size before a session is continued
-_REMEMBERED = 10.0  # seconds in which an address whose session has ended begins no take-over
 _WARNINGS = 20  # of a kind in a minute: a hostile sender can provoke any number of some kinds
 _MINUTE = 60.0
 
@@ -96,13 +95,7 @@ class Agent:
         """
         self._allow = allow
         self._keys = keys
-        self._known = [route for route in known if keys is None and 0 <= route.object_id <= entities.LARGEST_NUMBER]
-        self._known_sizes = {
-            entities.object_id(route.object_id, entities.WRITER): route.size
-            for route in self._known
-            if route.direction == "out"
-        }
-        self._proofs: dict[Address, set[bytes]] = {}
+        self._take_over = TakeOver(known if keys is None else (), limits.clients)
         self._limits = limits
         self._outbox = Outbox(limits.outgoing)
         self._sessions: dict[Address, Session] = {}
@@ -111,7 +104,6 @@ class Agent:
         self._guid = os.urandom(12)
         self._last_tick = now
         self._clock = 0.0  # the sum of steps, so that jumps of `now` do no harm
-        self._ended: dict[Address, float] = {}
         self._warned: dict[str, tuple[float, set[str]]] = {}  # by kind, the texts since a time
         self._shared_keys: set[int] = set()  # of vehicles that send at the same time
 
@@ -186,7 +178,7 @@ class Agent:
                 self._disconnect(session, f"the vehicle has sent nothing for {self._limits.silence:g} s")
             else:
                 session.tick(self._clock)
-        self._ended = {address: at for address, at in self._ended.items() if self._clock - at < _REMEMBERED}
+        self._take_over.tick(self._clock)
 
     def take_events(self) -> list[Event]:
         """Return the events since the last call."""
@@ -290,48 +282,27 @@ class Agent:
         elif submessage.id == wire.DELETE and submessage.payload[2:4] == wire.CLIENT_ID:
             self._send(header, wire.Status(submessage.payload[:2], wire.CLIENT_ID).pack(), address)
             self._outbox.received += 1
-        elif self._may_adopt(header, submessage, address):
-            if self._is_proved(submessage, address) and self._has_room():
-                session = self._begin(wire.CreateClient(0, header.session_id), address)
-                session.adopt(self._known)
-                self._connect(session)
-                session.receive(header, body, time)
+        elif self._take_over.may_continue(header, submessage, address):
+            self._continue(header, body, address, time)
         else:
             raise WireError("message of an unknown session")
 
-    def _may_adopt(self, header: wire.Header, submessage: wire.Submessage, address: Address) -> bool:
-        """Whether a message may belong to a session that can be continued: it is a sample."""
-        return (
-            bool(self._known_sizes)
-            and submessage.id == WRITE_DATA
-            and header.stream == BEST_EFFORT
-            and header.session_id > wire.NO_SESSION
-            and address not in self._ended
-        )
-
-    def _is_proved(self, submessage: wire.Submessage, address: Address) -> bool:
-        """Whether a client has the expected firmware, as far as the samples so far show.
-
-        With other definitions, object ids mean other topics: samples of this program would reach a wrong one.
-        """
-        size = self._known_sizes.get(submessage.payload[2:4])
-        if size is None or size not in (-1, len(submessage.payload) - 4):
-            self._proofs.pop(address, None)
-            self._end(address)
+    def _continue(self, header: wire.Header, body: bytes, address: Address, time: int) -> None:
+        """Take a sample of a session that an earlier program began, and continue the session if it is safe."""
+        submessage = _first(body)
+        if not self._take_over.fits(submessage):
+            self._take_over.end(address, self._clock)
             self._warn(
                 "session",
                 f"{_host(address)} has a session of an earlier program whose topics are not those of types=: "
                 "it is not continued, and the vehicle connects again in a few seconds",
             )
             raise WireError("sample of another firmware than the expected one")
-        if address not in self._proofs and len(self._proofs) >= self._limits.clients:
-            del self._proofs[next(iter(self._proofs))]
-        proofs = self._proofs.setdefault(address, set())
-        proofs.add(submessage.payload[2:4])
-        if len(proofs) < min(_PROOFS, len(self._known_sizes)):
-            return False
-        del self._proofs[address]
-        return True
+        if self._take_over.is_proved(submessage, address) and self._has_room():
+            session = self._begin(wire.CreateClient(0, header.session_id), address)
+            session.adopt(self._take_over.known)
+            self._connect(session)
+            session.receive(header, body, time)
 
     def _create_client(
         self, header: wire.Header, create: wire.CreateClient, address: Address, session: Session | None
@@ -419,13 +390,7 @@ class Agent:
     def _forget(self, session: Session, reason: str) -> None:
         self._disconnect(session, reason)
         del self._sessions[session.address]
-        self._end(session.address)
-
-    def _end(self, address: Address) -> None:
-        """Begin no take-over for a while."""
-        if len(self._ended) >= self._limits.clients:
-            del self._ended[next(iter(self._ended))]
-        self._ended[address] = self._clock
+        self._take_over.end(session.address, self._clock)
 
     def _send(self, header: wire.Header, submessage: bytes, address: Address) -> None:
         """Send a submessage outside of streams, with the session id and key of a header."""

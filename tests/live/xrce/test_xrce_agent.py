@@ -223,7 +223,7 @@ def test_a_client_that_restarts_fifty_times_leaves_nothing() -> None:
     assert [event.remote.number for event in world.all(Disconnected)] == list(range(1, 51))
     assert list(world.agent._connected) == [51]
     world.run(70)
-    assert (world.agent._sessions, world.agent._connected, world.agent._ended) == ({}, {}, {})
+    assert (world.agent._sessions, world.agent._connected, world.agent._take_over._ended) == ({}, {}, {})
     assert world.all(Warned) == []
 
 
