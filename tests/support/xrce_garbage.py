@@ -68,7 +68,7 @@ def check(agent: Agent, limits: Limits) -> None:
     assert len(agent._sessions) <= limits.clients
     assert len(agent._take_over._ended) <= limits.clients
     assert len(agent._connected) <= limits.clients
-    assert len(agent._warned) <= 100
+    assert all(len(told) <= 20 for _, told in agent._warned.values())
     assert len(agent.refused) < 50
     assert len(agent._shared_keys) <= limits.clients
     for session in agent._sessions.values():
