@@ -24,7 +24,7 @@ from msggen.live.isolated import IsolatedLink
 from msggen.live.isolated_child import BACKLOG, Child
 from msggen.live.link import Remote, Route
 from msggen.live.pipe import EVENT, SAMPLE, record_of, records_of
-from msggen.live.sim import Misbehaviour, Options, Simulator
+from msggen.live.sim import Options, Simulator
 from support.fake_link import FakeLink
 from support.link_records import Records, nothing_is_left
 from support.ports import free_port
@@ -242,15 +242,15 @@ def test_a_process_whose_parent_does_not_read_ends(monkeypatch: pytest.MonkeyPat
     assert child._size < 101_000
 
 
-def test_the_counters_are_complete_when_the_link_is_closed(url: str, px4_types: Any) -> None:
+def test_the_counters_are_complete_when_the_link_is_closed() -> None:
     """They are told every 0.2 s, and once more at the end."""
-    options = [OPTIONS[0]._replace(misbehaviour=Misbehaviour(drop=0.2))]
-    with Vehicle(url, px4_types, isolated=True) as vehicle, Simulator(px4_types, url, options):
-        vehicle.subscribe(px4_types.VehicleStatus).wait_for(bool, WAIT)
-        time.sleep(0.3)
-        lost = vehicle.lost
-        link = vehicle._hub.link
-    assert 0 < lost <= link.statistics().lost
+    child, link, output = Child(), FakeLink(), io.BytesIO()
+    child.obey(link, iter(()))
+    child.send(link, output)  # returns at once
+    link.published.append((REMOTE, Route("/fmu/in/a", "px4_msgs/msg/A", "in", 1), b""))
+    child.finish(link, output)
+    child.finish(link, output)
+    assert [json.loads(body) for _, body in pieces(output.getvalue())] == [{"statistics": [0, 1, 0, 0, 0, 0]}]
 
 
 class Refusing(FakeLink):
