@@ -2,6 +2,7 @@
 
     python benchmarks/link.py            everything, in 4 minutes; docs/links.md shows the tables
     python benchmarks/link.py --quick    checks in a minute that it works
+    python benchmarks/link.py --soak     a Vehicle with 24 topics at 100 Hz for 10 minutes, and its memory, on Linux
 
 The vehicle is another process on this computer. CPU time is that of the process with the link, with its part of the
 kernel, and includes decoding and encoding. Needs the packages of the extra `test`.
@@ -17,7 +18,9 @@ import subprocess
 import sys
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from rich.console import Console
@@ -91,6 +94,10 @@ class Meter:
     def warned(self, text: str) -> None:
         """Print a warning."""
         print(text)
+
+    def failed(self, reason: str) -> None:
+        """Print the reason."""
+        print(reason)
 
 
 def measure_link(link: Link, place: Callable[[], int], load: Load) -> Result:
@@ -259,11 +266,48 @@ def tables(seconds: float, *, is_quick: bool) -> Iterator[Table]:
     yield Table("DDS without an agent: DdsLink and cyclonedds with its own Python types", HEAD, rows)
 
 
+def soak(seconds: float) -> Iterator[str]:
+    """Run a Vehicle with 24 topics at 100 Hz, half of them read by threads, and yield its memory and its counters."""
+    from msggen.live import Vehicle
+
+    link, topics, told = UdpLink(port=0), endpoints(24), list[tuple[float, int]]()
+    with Vehicle(link) as vehicle:
+        subscriptions = [vehicle.subscribe(each, lambda _: None) for each in topics[::2]]
+        queued = [vehicle.subscribe(each) for each in topics[1::2]]
+        for each in queued:
+            threading.Thread(target=deque, args=(each, 0)).start()
+        with sender(Load("udp", link.port, 1, len(topics), 100 * len(topics), seconds)) as process:
+            vehicle.wait_connected(30)
+            timers = [threading.Timer(at, lambda at=at: told.append((at, memory()))) for at in (30.0, seconds - 30)]
+            for timer in timers:
+                timer.start()
+            if process.stdin:
+                process.stdin.write("go\n")
+                process.stdin.flush()
+            sent = int(line(process))
+            time.sleep(SETTLE)
+        received = sum(each.received for each in (*subscriptions, *queued))
+        dropped = sum(each.dropped for each in queued)
+        yield from (f"{kilobytes:,} kB after {at:g} s" for at, kilobytes in told)
+        yield f"{sent:,} samples sent, {received:,} received, {dropped} dropped by queues; {vehicle.statistics}"
+
+
+def memory() -> int:
+    """Return the resident memory of this process in kB."""
+    status = Path("/proc/self/status").read_text(encoding="utf-8")
+    return int(status.partition("VmRSS:")[2].split()[0])
+
+
 def main() -> None:
     """Measure and print tables, as Markdown if the output is not a terminal."""
     parser = argparse.ArgumentParser(description="Measure the links to a vehicle.")
     parser.add_argument("--quick", action="store_true", help="less than a second for each measurement")
+    parser.add_argument("--soak", action="store_true", help="10 minutes of a Vehicle, and its memory")
     options = parser.parse_args()
+    if options.soak:
+        for text in soak(600):
+            print(text)
+        return
     console = Console()
     for table in tables(0.3 if options.quick else 10, is_quick=options.quick):
         if sys.stdout.isatty():

@@ -60,9 +60,10 @@ class UdpLink(AgentLink):
     def open(self, listener: Listener) -> None:
         """Bind the socket."""
         self.bound = Bound(self.host, self.port)
+        self.resources.callback(self.bound.close)
         self.host, self.port = self.bound.host, self.bound.port
         self.bound.warn(listener, is_open_to_all=self._is_open_to_all)
-        self._waits = self.bound.socket.dup()  # the same socket, with another time-out
+        self._waits = self.resources.enter_context(self.bound.socket.dup())  # the same socket, with another time-out
 
     def wait(self, seconds: float, listener: Listener) -> None:
         """Give the agent what arrives.
@@ -115,12 +116,6 @@ class UdpLink(AgentLink):
     def receive_buffer(self) -> int:
         """Return the size of the receive buffer in bytes that the kernel granted."""
         return self.bound.receive_buffer if self.bound else 0
-
-    def release(self) -> None:
-        """Close the socket."""
-        if self.bound is not None:
-            self._waits.close()
-            self.bound.close()
 
 
 class Bound:

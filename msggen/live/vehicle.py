@@ -89,11 +89,12 @@ class Vehicle:
         self._hub = join_hub(self._name, opened, self._member, allowed)
         self._has_told_of_absence = False
         self._repeaters: weakref.WeakSet[Repeater] = weakref.WeakSet()
-        weakref.finalize(self, leave_soon, self._name, self._member).atexit = False
+        weakref.finalize(self, leave_soon, self._name, self._hub, self._member).atexit = False
 
     def __repr__(self) -> str:
         remote = self._member.entry.remote if self._member.entry else None
-        state = "closed" if self._member.is_closed else shown(remote) if remote else "not connected"
+        absence = self._hub.failure or "not connected"
+        state = "closed" if self._member.is_closed else shown(remote) if remote else absence
         return f"<Vehicle on {self._name}: {state}>"
 
     def __enter__(self) -> Self:
@@ -106,7 +107,7 @@ class Vehicle:
         """End all subscriptions and repeaters, and close the link if no other Vehicle uses it. Can be repeated."""
         for repeater in tuple(self._repeaters):
             repeater.close()
-        leave_hub(self._name, self._member)
+        leave_hub(self._name, self._hub, self._member)
 
     # the connection
 
@@ -121,16 +122,20 @@ class Vehicle:
 
         Without a `timeout`, a warning in the log says after 12 s what to check.
 
-        Raises LinkTimeoutError, and NotConnectedError if the Vehicle is closed.
+        Raises LinkTimeoutError, NotConnectedError if the Vehicle is closed, and LinkError if the link has failed.
         """
         hub, member, received = self._hub, self._member, self.statistics.received
         seconds = PATIENCE if timeout is None else timeout
-        if not hub.wait(lambda: self.is_connected or member.is_closed, seconds, 0.05):
+
+        def is_over() -> bool:
+            return self.is_connected or member.is_closed or bool(hub.failure)
+
+        if not hub.wait(is_over, seconds, 0.05):
             text = absence(self._name, hub, member, seconds, received)
             if timeout is not None:
                 raise LinkTimeoutError(text)
             LOGGER.warning("%s", text)
-            hub.wait(lambda: self.is_connected or member.is_closed, None, 0.05)
+            hub.wait(is_over, None, 0.05)
         return self.remote
 
     def _tell_absence(self) -> None:
@@ -351,6 +356,8 @@ class Vehicle:
     def _check_open(self) -> None:
         if self._member.is_closed:
             raise NotConnectedError("the Vehicle is closed: make a new one")
+        if self._hub.failure:
+            raise LinkError(f"{self._hub.failure}; close the Vehicle, and make a new one")
 
     def _entry(self) -> Entry:
         self._check_open()

@@ -510,7 +510,7 @@ def test_a_topic_that_the_vehicle_does_not_have_is_told(
 def test_a_wait_leaves_nothing_behind(link: FakeLink, vehicle: Vehicle, px4_types: Any) -> None:
     subscription = vehicle.subscribe(px4_types.VehicleStatus)
     remote = link.connect()
-    iterator = iter(subscription)
+    iterator: Any = iter(subscription)
     for number in range(3):
         timer = threading.Timer(0.01, link.sample, (remote, status(px4_types, number)))
         timer.start()
@@ -527,6 +527,7 @@ def test_a_wait_leaves_nothing_behind(link: FakeLink, vehicle: Vehicle, px4_type
         await reader.aclose()  # type: ignore[attr-defined]
 
     asyncio.run(read())
+    iterator.close()
     assert subscription._feed._wakers == ()
     assert vehicle._member.feeds == (subscription._feed,)
 

@@ -14,6 +14,7 @@ import pytest
 
 from msggen.live import FormatError, LinkError, LinkTimeoutError, Vehicle
 from msggen.live.sim import Options, Simulator
+from support.lines import joined
 from support.link_records import nothing_is_left
 from support.ports import free_port
 from support.replay import DELETE, GET_INFO, Client, kind, sent
@@ -34,8 +35,28 @@ def simulated(package: Any, url: str, **options: Any) -> Iterator[Any]:
         yield simulator.vehicles[0]
 
 
-def test_messages_come_and_go_over_udp(url: str, px4_types: Any) -> None:
-    with Vehicle(url) as vehicle, simulated(px4_types, url, namespace="uav_1", rate=50.0) as simulated_vehicle:
+@contextmanager
+def addresses(scheme: str) -> Iterator[tuple[str, str]]:
+    """Yield the address for a Vehicle and the one for its simulated vehicle. An agent is behind a tap."""
+    udp = f"udp://127.0.0.1:{free_port()}"
+    if scheme == "serial":
+        with joined() as (ours, theirs):
+            yield f"serial://{ours}?baud=115200", f"serial://{theirs}?baud=115200"
+    elif scheme == "tap":
+        with Vehicle(f"udp://127.0.0.1:{free_port()}") as agent:
+            yield f"{udp.replace('udp', 'tap')}?agent={agent._name.removeprefix('udp://')}", udp
+    else:
+        yield udp, udp
+
+
+@pytest.mark.parametrize("scheme", ["udp", "serial", "tap"])
+def test_messages_come_and_go(scheme: str, px4_types: Any) -> None:
+    with (
+        nothing_is_left(),
+        addresses(scheme) as (url, other),
+        Vehicle(url) as vehicle,
+        simulated(px4_types, other, namespace="uav_1", rate=20.0) as simulated_vehicle,
+    ):
         status = vehicle.subscribe(px4_types.VehicleStatus)
         remote = vehicle.wait_connected(WAIT)
         assert (remote.key, remote.namespace, remote.continued) == (1, "uav_1", False)
@@ -46,15 +67,45 @@ def test_messages_come_and_go_over_udp(url: str, px4_types: Any) -> None:
         command = px4_types.VehicleCommand(
             command=px4_types.VehicleCommand.VEHICLE_CMD_REQUEST_MESSAGE, target_system=1, target_component=1
         )
-        reply = vehicle.call(px4_types.srv.VehicleCommand.Request(request=command), WAIT)
-        assert type(reply) is px4_types.srv.VehicleCommand.Response
-        assert reply.reply.command == command.command
+        request = px4_types.srv.VehicleCommand.Request(request=command)
+        if scheme == "tap":
+            with pytest.raises(LinkError, match="cannot be called through a tap"):
+                vehicle.call(request, WAIT)
+        else:
+            reply = vehicle.call(request, WAIT)
+            assert type(reply) is px4_types.srv.VehicleCommand.Response
+            assert reply.reply.command == command.command
         assert str(vehicle.wait_firmware(WAIT)) == "v1.18"
         assert vehicle.firmware.is_complete
         assert len(vehicle.firmware.hashes) == len({each.message for each in px4_types.topics.ENDPOINTS})
         assert (vehicle.lost, status.undecodable) == (0, 0)
         assert vehicle.statistics.received > 0
     assert simulated_vehicle.received["/uav_1/fmu/in/trajectory_setpoint"] == 3
+
+
+def test_a_tap_and_its_agent_serve_one_vehicle(url: str, px4_types: Any) -> None:
+    """The agent's program does all that it does without a tap, and the tap's program reads and publishes beside it."""
+    tap = f"tap://127.0.0.1:{free_port()}"
+    with (
+        Vehicle(url) as agent,
+        Vehicle(f"{tap}?agent={url.removeprefix('udp://')}") as vehicle,
+        simulated(px4_types, tap.replace("tap", "udp"), rate=50.0) as simulated_vehicle,
+    ):
+        subscriptions = [each.subscribe(px4_types.VehicleStatus) for each in (agent, vehicle)]
+        for each, subscription in zip((agent, vehicle), subscriptions, strict=True):
+            assert each.wait_connected(WAIT).key == 1
+            subscription.wait_for(bool, WAIT)
+        for _ in range(10):
+            agent.publish(px4_types.TrajectorySetpoint())
+            vehicle.publish(px4_types.OffboardControlMode())
+        command = px4_types.VehicleCommand(command=400, param1=1.0, target_system=1)
+        assert agent.call(px4_types.srv.VehicleCommand.Request(request=command), WAIT).reply.result == 0
+        subscriptions[1].wait_for(lambda message: message.arming_state == message.ARMING_STATE_ARMED, WAIT)
+        vehicle.publish(px4_types.VehicleCommand(command=400, param1=0.0, target_system=1))
+        subscriptions[0].wait_for(lambda message: message.arming_state != message.ARMING_STATE_ARMED, WAIT)
+        assert (agent.lost, vehicle.lost) == (0, 0)
+        assert simulated_vehicle.received["/fmu/in/trajectory_setpoint"] == 10
+        assert simulated_vehicle.received["/fmu/in/offboard_control_mode"] == 10
 
 
 def test_two_vehicles_share_a_port(url: str, px4_types: Any) -> None:
