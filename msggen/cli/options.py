@@ -97,9 +97,9 @@ def add_command(
 
 
 def add_shared(group: Group, *names: str, **more: Any) -> None:
-    """Add options of `SHARED` by their keys, with further arguments of this command in `more`."""
+    """Add options of `SHARED` by their keys, with arguments of this command in `more`."""
     for name in names:
-        add_option(group, *name.split(", "), **SHARED[name], **more)
+        add_option(group, *name.split(", "), **{**SHARED[name], **more})
 
 
 def add_option(group: Group, *names: str, old: str = "", **about: Any) -> None:

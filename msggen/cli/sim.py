@@ -55,7 +55,7 @@ def add_to(commands: Commands) -> None:
     )
     _add_vehicles(parser)
     _add_misbehaviour(parser)
-    add_shared(parser, "-q, --quiet")
+    add_shared(parser, "-q, --quiet", help="print only errors")
 
 
 def _add_vehicles(parser: argparse.ArgumentParser) -> None:
@@ -253,6 +253,9 @@ def _open(options: argparse.Namespace, package: ModuleType) -> Simulator:
     from msggen.live.link import LinkError
     from msggen.live.sim import Simulator
 
+    for option in ("key", "namespace"):
+        if re.search(f"[?&]{option}=", options.address):
+            options.parser.error(f"argument ADDRESS: '{option}' is not part of an address: give it as --{option}")
     try:
         return Simulator(package, options.address, list(_options_of_vehicles(options)))
     except LinkError as error:

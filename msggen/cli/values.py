@@ -31,7 +31,8 @@ def positive(text: str) -> float:
     """Return the number above 0 in a text. Raise ArgumentTypeError for any other text."""
     found = _number(text)
     if not 0.0 < found <= _LARGEST:
-        raise argparse.ArgumentTypeError(f"expected a number above 0, found {text!r}")
+        limit = f" and up to {_LARGEST:.0f}" if found > _LARGEST else ""
+        raise argparse.ArgumentTypeError(f"expected a number above 0{limit}, found {text!r}")
     return found
 
 

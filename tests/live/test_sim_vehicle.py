@@ -380,6 +380,17 @@ def test_restarts(px4_types: Any) -> None:
     assert [change.text for change in bench.vehicle.changes].count("connected") == 5
 
 
+@pytest.mark.parametrize("wrong", [Misbehaviour(restart_every=0.5), Misbehaviour(silent_after=0.5)])
+def test_the_first_interval_is_as_long_as_the_others_whenever_a_vehicle_starts(
+    wrong: Misbehaviour, px4_types: Any
+) -> None:
+    bench = Bench(px4_types, SHORT._replace(misbehaviour=wrong))
+    bench.now = SECOND
+    bench.run(0.6)
+    last = max(when for when, _, connection in bench.sent if connection == 0)
+    assert 1.4 * SECOND < last <= 1.5 * SECOND
+
+
 # --- with the agent of this package
 
 

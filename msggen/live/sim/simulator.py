@@ -58,7 +58,7 @@ class Simulator:
                 self._transports.append(open_transport(agent))
                 self._registered.append(-1)
                 self._register(number)
-        except LinkError:
+        except BaseException:
             self._release()
             raise
 
