@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import struct
+import time
 from collections.abc import Callable, Mapping
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from types import TracebackType
 from typing import Any
 
@@ -33,16 +34,24 @@ class FoxgloveClient:
         self.states: list[bytes] = []
 
     def receive(self, is_done: Callable[[], bool]) -> None:
-        """Receive until a condition is true."""
+        """Receive until a condition is true. It is called after each text, and when nothing has come for a moment."""
+        end = time.monotonic() + WAIT
         while not is_done():
-            data = self._socket.recv(WAIT)
-            if isinstance(data, str):
-                self._take(json.loads(data))
-            elif data[0] == 1:
-                number, time = struct.unpack_from("<IQ", data, 1)
-                self.samples.append((self.channels[number]["topic"], time, data[13:]))
-            else:
-                self.states.append(data)
+            if time.monotonic() > end:
+                raise TimeoutError(
+                    f"not seen in {WAIT:g} s; channels: {[each['topic'] for each in self.channels.values()]}"
+                )
+            with suppress(TimeoutError):
+                self._receive_one(self._socket.recv(0.05))
+
+    def _receive_one(self, data: str | bytes) -> None:
+        if isinstance(data, str):
+            self._take(json.loads(data))
+        elif data[0] == 1:
+            number, stamp = struct.unpack_from("<IQ", data, 1)
+            self.samples.append((self.channels[number]["topic"], stamp, data[13:]))
+        else:
+            self.states.append(data)
 
     def _take(self, told: Mapping[str, Any]) -> None:
         if told["op"] == "advertise":
