@@ -82,7 +82,7 @@ SHARED: Mapping[str, Mapping[str, Any]] = {
         "help": "write a Makefile rule that lists all inputs, for CMake and Ninja",
     },
     "--list-outputs": {"action": "store_true", "help": "write nothing; list the output files"},
-    "-q, --quiet": {"action": "store_true", "help": "print only errors, warnings and the patch of --diff"},
+    "-q, --quiet": {"action": "store_true", "help": "print only errors and warnings"},
 }
 """Options with the same meaning in every command that has them."""
 

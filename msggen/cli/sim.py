@@ -55,7 +55,7 @@ def add_to(commands: Commands) -> None:
     )
     _add_vehicles(parser)
     _add_misbehaviour(parser)
-    add_shared(parser, "-q, --quiet", help="print only errors")
+    add_shared(parser, "-q, --quiet")
 
 
 def _add_vehicles(parser: argparse.ArgumentParser) -> None:

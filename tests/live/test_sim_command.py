@@ -199,7 +199,7 @@ def test_a_run_prints_what_happens(server: Server, capsys: pytest.CaptureFixture
         "T  uav_1  connected",
         "T  uav_2  connected",
     ]
-    assert re.fullmatch(r"\d+ samples sent, 0 received, in 1\.\d s", last)
+    assert re.fullmatch(r"\d+ samples sent, 0 received, in \d+\.\d s", last)
     wait_until(lambda: len(server.of(Disconnected)) == 2)
 
 
@@ -211,9 +211,9 @@ def test_ctrl_c_ends_the_session(server: Server) -> None:
     with subprocess.Popen(
         [sys.executable, "-m", "msggen", *words], stdout=subprocess.PIPE, env=environment, text=True
     ) as process:
-        wait_until(lambda: server.of(Sample), 20.0)
+        wait_until(lambda: server.of(Sample), 60.0)
         process.send_signal(signal.SIGINT)
-        output, _ = process.communicate(timeout=10)
+        output, _ = process.communicate(timeout=60)
     assert process.returncode == 0
     assert output.startswith("the embedded PX4 v1.17: 27 topics out, 38 in; 1 vehicle to udp://127.0.0.1:")
     wait_until(lambda: server.of(Disconnected))
