@@ -155,7 +155,7 @@ class _Parser(argparse.ArgumentParser):
             self.register("action", name, _StoreOnce)
 
     def add_subparsers(self, **about: Any) -> Any:
-        subparser = partial(_Parser, output_format=self._output_format)
+        subparser: Any = partial(_Parser, output_format=self._output_format)
         return super().add_subparsers(parser_class=subparser, **about)
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
