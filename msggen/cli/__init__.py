@@ -209,7 +209,7 @@ class _Parser(argparse.ArgumentParser):
             else:
                 (options if room else values).append(word)
                 room = 0
-        return [*options, *values, *words[end:]]
+        return words if room else [*options, *values, *words[end:]]  # an option without its value stays the last
 
     def _split(self, word: str) -> tuple[str, str]:
         """Return the last option in `word` and the value that is attached to it, or "" and `word` for a value."""
