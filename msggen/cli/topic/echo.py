@@ -12,7 +12,7 @@ from msggen.cli.options import FAILED_CODES, Commands, add_command, non_empty, r
 from msggen.cli.topic.naming import add_topic, published
 from msggen.cli.topic.watching import add_limits, convert_limits, rounds, watching
 from msggen.cli.values import convert_values, positive
-from msggen.diagnostics import counted, input_error
+from msggen.diagnostics import counted
 from msggen.exit_codes import DONE, FINDINGS
 
 if TYPE_CHECKING:
@@ -114,7 +114,8 @@ def _print(
                     printer.take(*next(arrivals))
                 samples.latest()  # raises an error that is not one of a sample
             except FormatError as error:
-                raise input_error(topic.name, "L104", str(error), 0) from None
+                how = "name the vehicle's firmware, --px4 PX4-Autopilot, or its package, --types"
+                refuse(options, f"argument TOPIC: {str(error).rpartition(': ')[0]}: {how}")
             if printer.is_done:
                 break
             if not (is_told or samples.received) and number * _PERIOD > _NOTICE:

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from msggen.live.meter import Flow
 
 _WINDOW = 3.0
+_ENDED = 5.0
+"""After how many times the time between samples a topic has ended."""
 
 
 def add_to(actions: Commands) -> None:
@@ -120,6 +122,8 @@ def _row(topic: Named, flow: Flow | None, now: int, options: argparse.Namespace)
     age = f"{max(now - flow.last, 0) / 1e9:.1f} s"
     if math.isnan(flow.rate):
         return [*about, "one sample", f"{flow.size} B", "", age]
+    if now - flow.last > _ENDED * 1e9 * max(1 / flow.rate, flow.longest):  # a burst of answers has a rate, too
+        return [*about, "ended", f"{flow.size} B", "", age]
     return [*about, f"{flow.rate:.1f} Hz", f"{flow.size} B", f"{number_of_bytes(flow.bandwidth)}/s", age]
 
 

@@ -210,6 +210,8 @@ def _measure(options: argparse.Namespace, kind: type[_Measure]) -> int:
 
         with found.vehicle.watch(watch), watching():
             for number, _ in enumerate(rounds(options, found.vehicle, _PERIOD), 1):
+                if number > 1 and len(names) != 1 and not options.json:
+                    print()
                 _report(options, measure, names)
                 if number == options.count:
                     break
@@ -232,4 +234,3 @@ def _report(options: argparse.Namespace, measure: _Measure, names: Sequence[str]
         blank = [""] * (len(measure.heads) - 2)
         cells = [*map(measure.cells, rows), *([name, "silent", *blank] for name in silent)]
         print_table(measure.heads, cells, right=len(measure.heads) - 1)
-        print()
