@@ -33,12 +33,17 @@ def meaning(action: argparse.Action) -> tuple[object, ...]:
     return (type(action), text, action.type, action.default, action.metavar, action.nargs, choices)
 
 
+OF_OTHERS = {"topic": {"-t", "-v", "--verbose"}, "px4-generate": {"--json"}}
+"""Options that mean what they mean in `ros2 topic`, and in the firmware's scripts."""
+
+
 def meanings() -> dict[str, dict[str, tuple[object, ...]]]:
     """Return the meaning of each spelling, by command. Those of `sim` tell what to simulate."""
     found: dict[str, dict[str, tuple[object, ...]]] = defaultdict(dict)
     for command in COMMANDS.keys() - {"sim"}:
         for action in actions(command):
-            for spelling in action.option_strings:
+            of_others = OF_OTHERS.get(command.partition(" ")[0], set())
+            for spelling in {*action.option_strings} - of_others:
                 found[spelling][command] = meaning(action)
     return found
 

@@ -157,7 +157,7 @@ def test_echo_prints_at_most_one_message_in_a_time(link: list[str]) -> None:
         (["echo", "vehicle_statsu"], "argument TOPIC: no topic 'vehicle_statsu', did you mean '/fmu"),
         (["echo", "esc_status"], "that does not cross the bridge: it is not in dds_topics.yaml; add it there"),
         (["echo", "trajectory_setpoint"], "PX4 reads '/fmu/in/trajectory_setpoint', and does not publish it"),
-        (["echo", "vehicle_status", "--field", "nav_stat"], "argument --field: VehicleStatus has no field 'nav_stat', did"),
+        (["echo", "vehicle_status", "--field", "nav_stat"], "VehicleStatus has no field 'nav_stat', did you"),
         (["echo", "vehicle_status", "nav_state = 4"], "argument FILTER: column 11: expected '==', not '='"),
         (["echo", "vehicle_status", "nav_state == X"], "argument FILTER: column 14: NavigationState has no member 'X'"),
         (["echo", "vehicle_status", "--once", "-n", "2"], "argument --once: not allowed with argument -n/--count"),
@@ -216,10 +216,9 @@ class _Restarting:
 
 def test_a_watching_command_says_that_a_vehicle_has_disconnected(capsys: pytest.CaptureFixture[str]) -> None:
     options, vehicle = argparse.Namespace(**{"for": None}), _Restarting()
-    told = []
+    told: list[str] = []
     with suppress(RuntimeError):  # the states have ended
-        for _ in rounds(options, vehicle, 0.001):  # type: ignore[arg-type]
-            told.append(capsys.readouterr().err)
+        told.extend(capsys.readouterr().err for _ in rounds(options, vehicle, 0.001))  # type: ignore[arg-type]
     assert told == ["", "the vehicle has disconnected, waiting for it\n", "", "the vehicle is connected again\n", ""]
 
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from msggen.cli.link import Connection, add_link, connection
-from msggen.cli.options import FAILED_CODES, Commands, add_command, non_empty, refuse
+from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, non_empty, refuse
 from msggen.cli.topic.naming import add_topic, published
 from msggen.cli.topic.watching import add_limits, convert_limits, rounds, watching
 from msggen.cli.values import convert_values, positive
@@ -54,11 +54,9 @@ def add_to(actions: Commands) -> None:
     )
     parser.add_argument("--once", action="store_true", help="end after the first message")
     parser.add_argument("--every", metavar="SECONDS", type=non_empty, help="print at most one message in this time")
-    add_limits(parser, "messages")
+    add_limits(parser)
     group = parser.add_mutually_exclusive_group()
-    group.add_argument(
-        "--json", action="store_true", help="print an object a line; values that are not finite are null"
-    )
+    add_shared(group, "--json")
     group.add_argument("--csv", action="store_true", help="print rows under a line with the names: timestamp,q[0],q[1]")
     add_link(parser)
 
