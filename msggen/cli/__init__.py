@@ -155,6 +155,10 @@ class _Parser(argparse.ArgumentParser):
         for name in (None, "store"):
             self.register("action", name, _StoreOnce)
 
+    def add_subparsers(self, **about: Any) -> Any:
+        subparser: Any = partial(_Parser, output_format=self._output_format)
+        return super().add_subparsers(parser_class=subparser, **about)
+
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         for word in args[:1] if self._subparsers else args:  # the others belong to the command
             if word == "--":
@@ -165,6 +169,8 @@ class _Parser(argparse.ArgumentParser):
         if not positional:
             self._check_stray(args)
         self.given.clear()
+        if any(action.nargs == argparse.OPTIONAL for action in positional):
+            args = self._options_first(args)
         options, unknown = super().parse_known_args(args, namespace)
         if unknown:
             self._refuse(unknown[0], [str(getattr(options, action.dest, "")) for action in positional])
@@ -183,6 +189,28 @@ class _Parser(argparse.ArgumentParser):
             else:
                 self._refuse_second_value(word, words)
                 self._refuse(word, after=option)
+
+    def _options_first(self, words: Sequence[str]) -> Sequence[str]:
+        """Return the words with all values of arguments at the end.
+
+        argparse takes an argument that may be missing as missing if an option follows: `echo TOPIC --once FILTER`.
+        """
+        end = words.index("--") if "--" in words else len(words)
+        options: list[str] = []
+        values: list[str] = []
+        room = 0
+        for word in words[:end]:
+            name, value = self._split(word)
+            if name:
+                nargs = self._option_string_actions[name].nargs
+                if nargs not in (None, 0):
+                    return words
+                room = int(nargs is None and not value)
+                options.append(word)
+            else:
+                (options if room else values).append(word)
+                room = 0
+        return words if room else [*options, *values, *words[end:]]  # an option without its value stays the last
 
     def _split(self, word: str) -> tuple[str, str]:
         """Return the last option in `word` and the value that is attached to it, or "" and `word` for a value."""
@@ -254,8 +282,7 @@ def parser_for(words: Sequence[str]) -> argparse.ArgumentParser:
     parser.add_argument(
         "--cmake-dir", action=_PrintCMakeFolder, nargs=0, help="show the value for CMake's msggen_DIR and exit"
     )
-    subparser: Any = partial(_Parser, output_format=output_format)
-    commands = parser.add_subparsers(prog=parser.prog, metavar="COMMAND", required=True, parser_class=subparser)
+    commands = parser.add_subparsers(prog=parser.prog, metavar="COMMAND", required=True)
     known = _MODULES.get(words[0]) if words else None
     for module in dict.fromkeys([known] if known else _MODULES.values()):
         __import__(f"msggen.cli.{module}", fromlist=["add_to"]).add_to(commands)  # importlib would take longer

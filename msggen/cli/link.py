@@ -131,6 +131,14 @@ def link_of(options: argparse.Namespace) -> str:
         raise input_error(place.path, "L101", str(error), place.line, place.column) from None
 
 
+def expected_package(options: argparse.Namespace) -> ModuleType:
+    """Return the package that `connection` begins with: the given one, or that of the last vehicle on the link.
+
+    Raises InputError. A wrong value ends the process.
+    """
+    return given_package(options) or package_of(_remembered(link_of(options)))
+
+
 def given_package(options: argparse.Namespace) -> ModuleType | None:
     """Return the package that the options or the settings name, or None. Raises InputError if it cannot be used."""
     if options.px4:

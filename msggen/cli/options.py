@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, TypeAlias
+from typing import Any, NoReturn, TypeAlias
 
 from msggen.firmware.embedded import EMBEDDED
 from msggen.report import FORMATS
@@ -83,6 +83,7 @@ SHARED: Mapping[str, Mapping[str, Any]] = {
     },
     "--list-outputs": {"action": "store_true", "help": "write nothing; list the output files"},
     "-q, --quiet": {"action": "store_true", "help": "print only errors and warnings"},
+    "--json": {"action": "store_true", "help": "print JSON instead of text"},
 }
 """Options with the same meaning in every command that has them."""
 
@@ -94,6 +95,19 @@ def add_command(
     parser = commands.add_parser(name, **{"epilog": f"Exit codes: 0 done, {FAILED_CODES}", **about})
     parser.set_defaults(run=run, parser=parser, writes=writes)
     return parser
+
+
+def add_group(commands: Commands, name: str, **about: Any) -> Commands:
+    """Return the commands of a new command `name` that only has further ones, such as `msggen topic list`."""
+    parser = commands.add_parser(name, **{"epilog": f"Exit codes: 0 done, {FAILED_CODES}", **about})
+    text = f"one of these; `msggen {name} ACTION --help` lists its options"
+    return parser.add_subparsers(prog=parser.prog, metavar="ACTION", required=True, help=text)
+
+
+def refuse(options: argparse.Namespace, text: str) -> NoReturn:
+    """Report a wrong argument of the command that the options belong to, and end the process."""
+    parser: argparse.ArgumentParser = options.parser
+    parser.error(text)
 
 
 def add_shared(group: Group, *names: str, **more: Any) -> None:
