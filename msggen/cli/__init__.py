@@ -155,6 +155,10 @@ class _Parser(argparse.ArgumentParser):
         for name in (None, "store"):
             self.register("action", name, _StoreOnce)
 
+    def add_subparsers(self, **about: Any) -> Any:
+        subparser: Any = partial(_Parser, output_format=self._output_format)
+        return super().add_subparsers(parser_class=subparser, **about)
+
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         for word in args[:1] if self._subparsers else args:  # the others belong to the command
             if word == "--":
@@ -254,8 +258,7 @@ def parser_for(words: Sequence[str]) -> argparse.ArgumentParser:
     parser.add_argument(
         "--cmake-dir", action=_PrintCMakeFolder, nargs=0, help="show the value for CMake's msggen_DIR and exit"
     )
-    subparser: Any = partial(_Parser, output_format=output_format)
-    commands = parser.add_subparsers(prog=parser.prog, metavar="COMMAND", required=True, parser_class=subparser)
+    commands = parser.add_subparsers(prog=parser.prog, metavar="COMMAND", required=True)
     known = _MODULES.get(words[0]) if words else None
     for module in dict.fromkeys([known] if known else _MODULES.values()):
         __import__(f"msggen.cli.{module}", fromlist=["add_to"]).add_to(commands)  # importlib would take longer

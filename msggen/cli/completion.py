@@ -54,7 +54,9 @@ def complete() -> None:
 def _commands(parser: argparse.ArgumentParser) -> Iterable[argparse.ArgumentParser]:
     for action in parser._actions:  # noqa: SLF001 - argparse has no public name
         if action.nargs == argparse.PARSER:
-            yield from dict(action.choices or {}).values()
+            for command in dict(action.choices or {}).values():
+                yield command
+                yield from _commands(command)
 
 
 def _names_or_paths(names: Callable[[argparse.Namespace], Iterable[str]]) -> Callable[..., list[str]]:

@@ -96,6 +96,13 @@ def add_command(
     return parser
 
 
+def add_group(commands: Commands, name: str, **about: Any) -> Commands:
+    """Return the commands of a new command `name` that only has further ones, such as `msggen topic list`."""
+    parser = commands.add_parser(name, **{"epilog": f"Exit codes: 0 done, {FAILED_CODES}", **about})
+    text = f"one of these; `msggen {name} ACTION --help` lists its options"
+    return parser.add_subparsers(prog=parser.prog, metavar="ACTION", required=True, help=text)
+
+
 def add_shared(group: Group, *names: str, **more: Any) -> None:
     """Add options of `SHARED` by their keys, with further arguments of this command in `more`."""
     for name in names:

@@ -9,13 +9,10 @@ from pathlib import Path
 import pytest
 
 from msggen.cli import main, parser_for
+from msggen.live import LinkError
 from support.catalogs import write_definitions
+from support.commands import COMMANDS
 
-COMMANDS: dict[str, argparse.ArgumentParser] = next(
-    action.choices  # type: ignore[misc]
-    for action in parser_for([])._actions
-    if action.nargs == argparse.PARSER
-)
 FILES = {
     "dir/msg/Lamp.msg": "uint64 timestamp\n",
     "fw/msg/versioned/Lamp.msg": "uint32 MESSAGE_VERSION = 0\nuint64 timestamp\n",
@@ -65,7 +62,7 @@ ROUNDS = 25
 
 def command_line(name: str, choose: random.Random) -> list[str]:
     """Return a command with arguments that it has, and values that it may not expect."""
-    words = [name]
+    words = name.split()
     known = [action for action in COMMANDS[name]._actions if "--help" not in action.option_strings]
     needed = [action for action in known if action.required or not action.option_strings]
     for action in [*choose.sample(known, min(len(known), choose.randint(0, 5))), *needed]:
@@ -90,7 +87,11 @@ def test_no_arguments_lead_to_a_trace_or_to_the_exit_code_of_findings(
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 
+    def fail(*_: object, **_options: object) -> None:
+        raise LinkError("no link")
+
     monkeypatch.setattr("msggen.live.sim.Simulator.serve", interrupt)  # `msggen sim` would not end by itself
+    monkeypatch.setattr("msggen.live.vehicle.Vehicle.__init__", fail)  # there is none
     choose = random.Random(name)  # noqa: S311 - the same arguments in every run
     write_definitions(working_folder, FILES)
     for _ in range(ROUNDS):
@@ -131,7 +132,7 @@ def test_an_unknown_option_is_reported_before_what_follows_from_it(
         for words in ([wrong, "value"], [f"{wrong}=value"]):
             more = ["--output-format", output_format] if output_format else []
             with pytest.raises(SystemExit) as stopped:
-                main([name, *words, *more])
+                main([*name.split(), *words, *more])
             assert stopped.value.code == 2
             told = capsys.readouterr()
             expected = f"unknown argument '{wrong}', did you mean '--"
@@ -181,7 +182,7 @@ def test_an_option_with_a_single_value_is_given_once(name: str, capsys: pytest.C
         value = str(next(iter(action.choices))) if action.choices else "x"
         for spelling in action.option_strings:
             with pytest.raises(SystemExit) as stopped:
-                main([name, action.option_strings[0], value, spelling, value])
+                main([*name.split(), action.option_strings[0], value, spelling, value])
             assert stopped.value.code == 2
             spellings = "/".join(action.option_strings)
             assert f"error: argument {spellings}: given more than once" in capsys.readouterr().err

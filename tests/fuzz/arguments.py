@@ -23,8 +23,8 @@ from support.scratch import inside, scratch_folder
 
 COUNT = 150
 
-COMMANDS = tuple(name for name in _MODULES if name != "sim")
-"""The commands that end by themselves."""
+COMMANDS = tuple(name for name in _MODULES if name not in ("sim", "topic"))
+"""The commands that need no other process."""
 
 Case = tuple[str, ...]
 """The arguments."""

@@ -2,12 +2,25 @@
 
 from __future__ import annotations
 
+import argparse
 import io
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from typing import NamedTuple
 
-from msggen.cli import main
+from msggen.cli import main, parser_for
+
+
+def _commands(parser: argparse.ArgumentParser, front: str = "") -> Iterator[tuple[str, argparse.ArgumentParser]]:
+    for action in parser._actions:
+        if action.nargs == argparse.PARSER:
+            for name, command in dict(action.choices or {}).items():
+                further = dict(_commands(command, f"{front}{name} "))
+                yield from further.items() or [(f"{front}{name}", command)]
+
+
+COMMANDS = dict(_commands(parser_for([])))
+"""The parser of every command that does something, by its words: `build`, `topic list`."""
 
 
 class Outcome(NamedTuple):
