@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from msggen.cli.link import Connection, add_link, connection
-from msggen.cli.options import FAILED_CODES, Commands, add_command, non_empty
+from msggen.cli.options import FAILED_CODES, Commands, add_command, add_output_format, non_empty
 from msggen.cli.values import convert_values, positive
 from msggen.exit_codes import DONE
 
@@ -41,7 +41,6 @@ def add_to(commands: Commands) -> None:
         epilog=f"Exit codes: 0 done, or ended by Ctrl-C, {FAILED_CODES}",
     )
     parser.add_argument("--once", action="store_true", help="measure, print the table once, and exit")
-    parser.add_argument("--json", action="store_true", help="like --once, as a JSON document")
     parser.add_argument(
         "--window",
         metavar="SECONDS",
@@ -49,6 +48,7 @@ def add_to(commands: Commands) -> None:
         default=str(_WINDOW),
         help=f"time over which rates are measured (default: {_WINDOW:g})",
     )
+    add_output_format(parser, ("full", "json"))
     add_link(parser)
 
 
@@ -61,8 +61,9 @@ def _top(options: argparse.Namespace) -> int:
         meter = Meter(options.window)
         with found.vehicle.watch(meter):
             source = _Source(found, meter)
-            if options.once or options.json or not _is_live():
-                _print_once(source, options.window, is_json=options.json)
+            is_json = options.output_format == "json"
+            if options.once or is_json or not _is_live():
+                _print_once(source, options.window, is_json=is_json)
             else:
                 _run(source)
     return DONE

@@ -58,7 +58,7 @@ _STYLES = {"silent": "dim", "late": "red", "": ""}
 
 def screen(table: Table, view: View, values: Sequence[str], width: int, height: int) -> list[Text]:
     """Return the lines of a screen, at most `height`. `values` are those of the open topic."""
-    lines = [_title(table, view), Text(table.summary)]
+    lines = [_title(table, view), Text(table.trouble, "bold red") if table.trouble else Text(table.summary)]
     lines += [Text(table.notice, "yellow")] if table.notice else []
     shown = view.shown(table.rows)
     if view.is_open and shown:
@@ -97,8 +97,6 @@ def plain(table: Table) -> list[str]:
 
 def _title(table: Table, view: View) -> Text:
     title = Text.assemble(("msggen top", "bold"), f"  {table.label}")
-    if table.trouble:
-        title.append(f"  {table.trouble}", "bold red")
     if view.is_paused:
         title.append("  paused", "bold yellow")
     return title
@@ -147,13 +145,15 @@ def _columns(width: int) -> tuple[list[_Column], int]:
 
 
 def _heading(columns: Sequence[_Column], names: int, view: View) -> Text:
-    parts = [_cell("topic".ljust(names), view.sort == "topic")]
-    parts += [_cell(f" {column.heading:>{column.width}}", view.sort == column.name) for column in columns]
-    return Text.assemble(*parts)
+    line = Text.assemble(("topic", _style(view.sort == "topic")), " " * (names - len("topic")))
+    for column in columns:
+        line.append(" " * (column.width + 1 - len(column.heading)))
+        line.append(column.heading, _style(view.sort == column.name))
+    return line
 
 
-def _cell(text: str, is_sorted: bool) -> tuple[str, str]:  # noqa: FBT001 - two arguments of one line
-    return text, "bold underline" if is_sorted else "bold"
+def _style(is_sorted: bool) -> str:  # noqa: FBT001 - the only argument
+    return "bold underline" if is_sorted else "bold"
 
 
 def _line(row: Row, columns: Sequence[_Column], names: int) -> Text:
