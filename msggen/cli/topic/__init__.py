@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from msggen.cli.options import Commands, add_group
-from msggen.cli.topic import listing
+from msggen.cli.topic import listing, pub
 
-_MODULES = (listing,)
+_MODULES = (listing, pub)
 """The modules of the actions, in the order of the help."""
 
 

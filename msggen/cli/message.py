@@ -1,0 +1,75 @@
+"""The values of a message, as arguments: YAML, from the command line, a file or stdin."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from contextlib import suppress
+from typing import TYPE_CHECKING, TypeVar
+
+from msggen.cli.link import Connection
+from msggen.cli.options import non_empty
+from msggen.diagnostics import Diagnostic, InputError
+from msggen.location import Location
+
+if TYPE_CHECKING:
+    from msggen.live.packages import Message
+
+    MessageT = TypeVar("MessageT", bound=Message)
+
+_PATIENCE = 3.0
+"""How long to wait in s for what the vehicle says of a definition."""
+_DISCOVERY = 1.0
+"""How long an agent takes in s to find a new writer in DDS (docs/links.md)."""
+
+
+def add_values(parser: argparse.ArgumentParser) -> None:
+    """Add the argument with the values of a message, and the option that reads them from a file."""
+    parser.add_argument(
+        "values",
+        metavar="VALUES",
+        nargs="?",
+        help="values in YAML, such as '{position: true}'; - reads them from stdin",
+    )
+    parser.add_argument("-f", "--file", metavar="FILE", type=non_empty, help="read the values from a file")
+
+
+def message_of(options: argparse.Namespace, cls: type[MessageT]) -> MessageT:
+    """Return the message with the values that the options of `add_values` name. Raises InputError."""
+    from msggen.live.compose import ValuesError, compose
+    from msggen.parse.yaml_nodes import read_yaml, value_of
+
+    if options.values and options.file:
+        options.parser.error("argument --file: not allowed with argument VALUES")
+    data, place = _read(options)
+    root = read_yaml(data, place)
+    try:
+        return compose(cls, None if root is None else value_of(root))
+    except ValuesError as error:
+        raise InputError(Diagnostic(Location(place, 0), "L110", problem) for problem in error.problems) from None
+
+
+def _read(options: argparse.Namespace) -> tuple[bytes, str]:
+    """Return the bytes of the values, and the name of their place."""
+    if options.file:
+        from msggen.disk.reading import read_bytes
+
+        return read_bytes(options.file), options.file
+    if options.values == "-":
+        return sys.stdin.buffer.read(), "stdin"
+    return (options.values or "").encode(errors="replace"), "VALUES"
+
+
+def settle(found: Connection, cls: type[Message]) -> None:
+    """Wait until the vehicle has said which definition of a message it has, so that a different one is refused.
+
+    Releases before v1.15 do not say it, and are waited for only shortly. In DDS, the writer has to be found as well.
+    """
+    from msggen.live import LinkTimeoutError
+
+    with suppress(LinkTimeoutError):
+        if cls.__msg__.ros_type not in found.vehicle.firmware.hashes:
+            found.vehicle.wait_firmware(_PATIENCE)
+    if found.link.startswith("dds:"):
+        time.sleep(_DISCOVERY)

@@ -1,0 +1,96 @@
+"""`msggen topic pub`."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from contextlib import suppress
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+from msggen.cli.link import Connection, add_link, connection, given_package
+from msggen.cli.message import add_values, message_of, settle
+from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, non_empty
+from msggen.cli.values import convert_values, positive, whole
+from msggen.diagnostics import counted
+from msggen.exit_codes import DONE
+
+if TYPE_CHECKING:
+    from msggen.live.packages import Message
+
+_RATE = 1.0
+_FASTEST = 1e4
+_MOST = 1_000_000_000
+
+
+def add_to(actions: Commands) -> None:
+    """Add the action to `msggen topic`."""
+    parser = add_command(
+        actions,
+        "pub",
+        _pub,
+        help="publish to a topic that the vehicle reads",
+        description="Publish a message to a topic that the vehicle reads, once or at a rate until Ctrl-C. The values "
+        "are YAML, checked against the definition of the message: fields without a value are zero, numbers can be "
+        "names of enum members, as in 'nav_state: AUTO_LOITER'.",
+        epilog=f"Exit codes: 0 done, or ended by Ctrl-C, {FAILED_CODES}",
+    )
+    parser.add_argument("topic", metavar="TOPIC", type=non_empty, help="such as trajectory_setpoint")
+    add_values(parser)
+    parser.add_argument("-r", "--rate", metavar="HZ", type=non_empty, help=f"messages a second (default: {_RATE:g})")
+    number = parser.add_mutually_exclusive_group()
+    number.add_argument("-1", "--once", action="store_true", help="publish one message, and exit")
+    number.add_argument("-n", "--times", metavar="N", type=non_empty, help="publish N messages, and exit")
+    add_shared(parser, "-q, --quiet")
+    add_link(parser)
+
+
+def _pub(options: argparse.Namespace) -> int:
+    convert_values(options, {"rate": _rate, "times": whole(1, _MOST)})
+    given = given_package(options)
+    message = None if given is None else _message(options, given)  # errors are told before a vehicle connects
+    with connection(options) as found:
+        message = message or _message(options, found.package)
+        settle(found, type(message))
+        _repeat(found, message, options)
+    return DONE
+
+
+def _rate(text: str) -> float:
+    found = positive(text)
+    if found > _FASTEST:
+        raise argparse.ArgumentTypeError(f"expected up to {_FASTEST:g} Hz, found {text!r}")
+    return found
+
+
+def _message(options: argparse.Namespace, package: ModuleType) -> Message:
+    """Return the message to publish. A wrong topic ends the process. Raises InputError for wrong values."""
+    from msggen.live import TopicError
+    from msggen.live.packages import find_topic
+
+    try:
+        topic = find_topic(options.topic, "in", (package,))
+    except TopicError as error:
+        text, is_out, _ = str(error).partition(": use subscribe")
+        hint = f": print it with msggen topic echo {options.topic}" if is_out else ""
+        options.parser.error(f"argument TOPIC: {text}{hint}")
+    return message_of(options, topic.message)
+
+
+def _repeat(found: Connection, message: Message, options: argparse.Namespace) -> None:
+    """Publish at a rate, until the number is reached or Ctrl-C ends it. A vehicle that is away gets nothing."""
+    from msggen.live import NotConnectedError
+
+    number, times = 0, 1 if options.once else options.times
+    start = due = time.monotonic()
+    with suppress(KeyboardInterrupt):  # the usual end
+        while number != times:
+            time.sleep(max(0.0, due - time.monotonic()))
+            due = max(due + 1 / (options.rate or _RATE), time.monotonic())
+            with suppress(NotConnectedError):
+                found.vehicle.publish(message, options.topic)
+                number += 1
+                if not options.quiet:
+                    print(f"publishing #{number}: {message!r}", flush=True)
+    if times is None and not options.quiet:
+        print(f"{counted(number, 'message')} in {time.monotonic() - start:.1f} s", flush=True)
