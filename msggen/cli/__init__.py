@@ -37,6 +37,8 @@ _MODULES = {
     "sim": "sim",
     "topic": "topic",
     "top": "top",
+    "command": "command",
+    "call": "call",
     "px4-generate": "px4_generate",
     "releases": "releases",
     "rules": "rules",

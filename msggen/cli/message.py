@@ -5,8 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from contextlib import suppress
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from msggen.cli.link import Connection
 from msggen.cli.options import non_empty
@@ -20,6 +19,7 @@ if TYPE_CHECKING:
 
 _PATIENCE = 3.0
 """How long to wait in s for what the vehicle says of a definition."""
+_SLICE = 0.05
 _DISCOVERY = 1.0
 """How long an agent takes in s to find a new writer in DDS (docs/links.md)."""
 
@@ -35,19 +35,31 @@ def add_values(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-f", "--file", metavar="FILE", type=non_empty, help="read the values from a file")
 
 
-def message_of(options: argparse.Namespace, cls: type[MessageT]) -> MessageT:
-    """Return the message with the values that the options of `add_values` name. Raises InputError."""
-    from msggen.live.compose import ValuesError, compose
+class Values(NamedTuple):
+    """The values of a message, and where they are from."""
+
+    values: object
+    place: str
+
+    def message(self, cls: type[MessageT]) -> MessageT:
+        """Return the message with these values. Raises InputError, with all problems."""
+        from msggen.live.compose import ValuesError, compose
+
+        try:
+            return compose(cls, self.values)
+        except ValuesError as error:
+            raise InputError(Diagnostic(Location(self.place, 0), "L110", each) for each in error.problems) from None
+
+
+def read_values(options: argparse.Namespace) -> Values:
+    """Return the values that the options of `add_values` name. Raises InputError for what is not YAML."""
     from msggen.parse.yaml_nodes import read_yaml, value_of
 
     if options.values and options.file:
         options.parser.error("argument --file: not allowed with argument VALUES")
     data, place = _read(options)
     root = read_yaml(data, place)
-    try:
-        return compose(cls, None if root is None else value_of(root))
-    except ValuesError as error:
-        raise InputError(Diagnostic(Location(place, 0), "L110", problem) for problem in error.problems) from None
+    return Values(None if root is None else value_of(root), place)
 
 
 def _read(options: argparse.Namespace) -> tuple[bytes, str]:
@@ -66,10 +78,11 @@ def settle(found: Connection, cls: type[Message]) -> None:
 
     Releases before v1.15 do not say it, and are waited for only shortly. In DDS, the writer has to be found as well.
     """
-    from msggen.live import LinkTimeoutError
-
-    with suppress(LinkTimeoutError):
-        if cls.__msg__.ros_type not in found.vehicle.firmware.hashes:
-            found.vehicle.wait_firmware(_PATIENCE)
+    deadline = time.monotonic() + _PATIENCE
+    while time.monotonic() < deadline:
+        firmware = found.vehicle.firmware
+        if firmware.is_complete or cls.__msg__.ros_type in firmware.hashes:
+            break
+        time.sleep(_SLICE)
     if found.link.startswith("dds:"):
         time.sleep(_DISCOVERY)

@@ -68,7 +68,7 @@ class _Composer:
             try:
                 field = cls.__msg__.field(str(name))
             except KeyError as error:
-                self._refuse(path, str(error))
+                self._refuse(path, f"{error}{_listed(cls, str(error))}")
                 continue
             found = self._field(cls, rules[field.name], value, f"{path}.{field.name}" if path else field.name)
             if found is not None:
@@ -140,6 +140,12 @@ class _Composer:
                 self._refuse(path, f"expected {kind}, got {name!r}{near or own}")
                 return None
         return reduce(or_, [known[name] for name in names])
+
+
+def _listed(cls: type[Any], error: str) -> str:
+    """Return the names of the fields for an error that suggests none, if they are few."""
+    names = [f"'{field.name}'" for field in cls.__msg__.fields]
+    return "" if error.endswith("?") or len(names) > _FEW else f": it has {', '.join(names)}"
 
 
 def _expected(rule: Any) -> str:

@@ -9,7 +9,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 from msggen.cli.link import Connection, add_link, connection, given_package
-from msggen.cli.message import add_values, message_of, settle
+from msggen.cli.message import Values, add_values, read_values, settle
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, non_empty
 from msggen.cli.values import convert_values, positive, whole
 from msggen.diagnostics import counted
@@ -47,10 +47,11 @@ def add_to(actions: Commands) -> None:
 
 def _pub(options: argparse.Namespace) -> int:
     convert_values(options, {"rate": _rate, "times": whole(1, _MOST)})
-    given = given_package(options)
-    message = None if given is None else _message(options, given)  # errors are told before a vehicle connects
+    values, given = read_values(options), given_package(options)
+    if given is not None:
+        _message(options, values, given)  # errors are told before a vehicle connects
     with connection(options) as found:
-        message = message or _message(options, found.package)
+        message = _message(options, values, found.package)
         settle(found, type(message))
         _repeat(found, message, options)
     return DONE
@@ -63,7 +64,7 @@ def _rate(text: str) -> float:
     return found
 
 
-def _message(options: argparse.Namespace, package: ModuleType) -> Message:
+def _message(options: argparse.Namespace, values: Values, package: ModuleType) -> Message:
     """Return the message to publish. A wrong topic ends the process. Raises InputError for wrong values."""
     from msggen.live import TopicError
     from msggen.live.packages import find_topic
@@ -74,7 +75,7 @@ def _message(options: argparse.Namespace, package: ModuleType) -> Message:
         text, is_out, _ = str(error).partition(": use subscribe")
         hint = f": print it with msggen topic echo {options.topic}" if is_out else ""
         options.parser.error(f"argument TOPIC: {text}{hint}")
-    return message_of(options, topic.message)
+    return values.message(topic.message)
 
 
 def _repeat(found: Connection, message: Message, options: argparse.Namespace) -> None:
