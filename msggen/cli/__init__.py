@@ -171,6 +171,8 @@ class _Parser(argparse.ArgumentParser):
         if not positional:
             self._check_stray(args)
         self.given.clear()
+        if any(action.nargs == argparse.OPTIONAL for action in positional):
+            args = self._options_first(args)
         options, unknown = super().parse_known_args(args, namespace)
         if unknown:
             self._refuse(unknown[0], [str(getattr(options, action.dest, "")) for action in positional])
@@ -189,6 +191,28 @@ class _Parser(argparse.ArgumentParser):
             else:
                 self._refuse_second_value(word, words)
                 self._refuse(word, after=option)
+
+    def _options_first(self, words: Sequence[str]) -> Sequence[str]:
+        """Return the words with all values of arguments at the end.
+
+        argparse takes an argument that may be missing as missing if an option follows: `echo TOPIC --once FILTER`.
+        """
+        end = words.index("--") if "--" in words else len(words)
+        options: list[str] = []
+        values: list[str] = []
+        room = 0
+        for word in words[:end]:
+            name, value = self._split(word)
+            if name:
+                nargs = self._option_string_actions[name].nargs
+                if nargs not in (None, 0):
+                    return words
+                room = int(nargs is None and not value)
+                options.append(word)
+            else:
+                (options if room else values).append(word)
+                room = 0
+        return words if room else [*options, *values, *words[end:]]  # an option without its value stays the last
 
     def _split(self, word: str) -> tuple[str, str]:
         """Return the last option in `word` and the value that is attached to it, or "" and `word` for a value."""

@@ -9,7 +9,7 @@ from typing import Any
 
 from msggen.cli.link import add_link, connection, given_package
 from msggen.cli.message import add_values, read_values, settle
-from msggen.cli.options import FAILED_CODES, Commands, add_command, non_empty
+from msggen.cli.options import FAILED_CODES, Commands, add_command, non_empty, refuse
 from msggen.cli.values import convert_values, positive
 from msggen.exit_codes import DONE
 
@@ -67,9 +67,7 @@ def _service(options: argparse.Namespace, package: ModuleType) -> Any:
     name = _plain((options.service or "").rpartition("/")[2])
     if name not in known:
         names = [f"'{_snake(each.__name__)}'" for each in known.values()]
-        options.parser.error(
-            f"argument SERVICE: no service '{options.service}': there is {' and '.join(names) or 'none'}"
-        )
+        refuse(options, f"argument SERVICE: no service '{options.service}': there is {' and '.join(names) or 'none'}")
     return known[name]
 
 

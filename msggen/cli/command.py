@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from msggen.cli.link import Connection, add_link, connection, expected_package, given_package
 from msggen.cli.message import settle
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_output_format, non_empty
+from msggen.cli.options import FAILED_CODES, Commands, add_command, non_empty, refuse
 from msggen.cli.values import convert_values, positive
 from msggen.diagnostics import suggestion
 from msggen.exit_codes import DONE, FINDINGS
@@ -67,7 +67,7 @@ def add_to(commands: Commands) -> None:
         default=f"{_TIMEOUT:g}",
         help=f"wait this long for an answer (default: {_TIMEOUT:g})",
     )
-    add_output_format(parser, ("full", "json"))
+    parser.add_argument("--json", action="store_true", help="print the answer as a JSON document")
     add_link(parser)
 
 
@@ -101,7 +101,7 @@ def _send(options: argparse.Namespace, found: Connection) -> int:
     settle(found, type(message))
     name = _found(options, found.package)[0].name
     outcome = _outcome(options, found, name, message)
-    if _is_json(options):
+    if options.json:
         import json
 
         numbers = {each: getattr(outcome.answer, each, None) for each in _NUMBERS}
@@ -120,7 +120,7 @@ def _outcome(options: argparse.Namespace, found: Connection, name: str, message:
     from msggen.live.command import COMMAND, acknowledges, send_command
 
     def progress(answer: Any) -> None:
-        if not _is_json(options):
+        if not options.json:
             print(f"{name}: IN_PROGRESS{_details(answer)}", flush=True)
 
     if not acknowledges(found.vehicle):
@@ -144,10 +144,6 @@ def _details(answer: Any) -> str:
     """Return further numbers of an answer, which say why or how far."""
     found = [f"{name} {getattr(answer, name)}" for name in _NUMBERS if getattr(answer, name)]
     return f" ({', '.join(found)})" if found else ""
-
-
-def _is_json(options: argparse.Namespace) -> bool:
-    return bool(options.output_format == "json")
 
 
 # The command
@@ -178,7 +174,7 @@ def _found(options: argparse.Namespace, package: ModuleType) -> tuple[Any, list[
     known = _commands(package)
     if name not in known:
         near = suggestion(name, [*known, *SHORT]) or ": msggen command --list has all"
-        options.parser.error(f"argument COMMAND: no command '{options.command}'{near}")
+        refuse(options, f"argument COMMAND: no command '{options.command}'{near}")
     return known[name], [*first, *options.parameters]
 
 
@@ -192,9 +188,9 @@ def _message(options: argparse.Namespace, package: ModuleType, target: tuple[int
     for word in words:
         name, mark, text = word.partition("=")
         if not mark:
-            options.parser.error(f"argument NAME=VALUE: expected a name and a value such as altitude=5, found '{word}'")
+            refuse(options, f"argument NAME=VALUE: expected a name and a value such as altitude=5, found '{word}'")
         if name in values:
-            options.parser.error(f"argument NAME=VALUE: '{name}' is given more than once")
+            refuse(options, f"argument NAME=VALUE: '{name}' is given more than once")
         values[name] = _value(options, name, text, enums.get(name))
     defaults = {
         "target_system": target[0],
@@ -207,7 +203,7 @@ def _message(options: argparse.Namespace, package: ModuleType, target: tuple[int
         message: Message = command(**{**defaults, **values})
         message.encode()
     except (TypeError, ValueError) as error:
-        options.parser.error(f"argument NAME=VALUE: {error}")
+        refuse(options, f"argument NAME=VALUE: {error}")
     return message
 
 
@@ -226,7 +222,7 @@ def _value(options: argparse.Namespace, name: str, text: str, enum: Any) -> Any:
         return float(text)
     except ValueError:
         near = suggestion(text, members) or (f": there are {', '.join(members)}" if members else "")
-        options.parser.error(f"argument NAME=VALUE: {name}: expected a number, found '{text}'{near}")
+        refuse(options, f"argument NAME=VALUE: {name}: expected a number, found '{text}'{near}")
 
 
 # The list

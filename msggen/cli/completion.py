@@ -20,7 +20,7 @@ def add_to(commands: Commands) -> None:
         _completion,
         help="print the script that completes commands in a shell",
         description="Print the script with which a shell completes the commands of msggen, their options, and names of "
-        "messages, releases, rules and boards. docs/build.md shows how to install it.",
+        "messages, topics, fields, releases, rules and boards. docs/build.md shows how to install it.",
     )
     parser.add_argument("shell", choices=_SHELLS, metavar="SHELL", help=", ".join(_SHELLS))
 
@@ -38,13 +38,16 @@ def complete() -> None:
     from argcomplete.completers import DirectoriesCompleter
 
     from msggen.cli import parser_for
+    from msggen.cli.topic.completing import COMPLETERS
 
     parser = parser_for([])
     for command in _commands(parser):
         for action in command._actions:  # noqa: SLF001 - argparse has no public name
             if isinstance(action, argparse._StoreAction):  # noqa: SLF001
                 action.__class__ = argparse._StoreAction  # noqa: SLF001 - argcomplete stores values of no other class
-            if action.dest in _NAMES:
+            if action.dest in COMPLETERS:
+                action.completer = _live(COMPLETERS[action.dest])  # type: ignore[attr-defined]
+            elif action.dest in _NAMES:
                 action.completer = _names_or_paths(_NAMES[action.dest])  # type: ignore[attr-defined]
             elif action.metavar in ("DIR", "PKG"):
                 action.completer = DirectoriesCompleter()  # type: ignore[attr-defined]
@@ -57,6 +60,21 @@ def _commands(parser: argparse.ArgumentParser) -> Iterable[argparse.ArgumentPars
             for command in dict(action.choices or {}).values():
                 yield command
                 yield from _commands(command)
+
+
+def _live(names: Callable[[str, argparse.Namespace], Iterable[str]]) -> Callable[..., list[str]]:
+    """Return a completer of names that types have. Without the types, or a topic, there are none."""
+    from msggen.diagnostics import InputError
+    from msggen.live import TopicError
+
+    def completer(prefix: str, parsed_args: argparse.Namespace, **_: object) -> list[str]:
+        try:
+            found = dict.fromkeys(names(prefix, parsed_args))
+        except (InputError, OSError, SystemExit, TopicError):
+            return []
+        return [name for name in found if name.lower().startswith(prefix.lower())]
+
+    return completer
 
 
 def _names_or_paths(names: Callable[[argparse.Namespace], Iterable[str]]) -> Callable[..., list[str]]:

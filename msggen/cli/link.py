@@ -118,15 +118,6 @@ def connection(options: argparse.Namespace, *, is_new: bool = False) -> Iterator
         raise input_error(link, "L102", str(error), 0) from None
 
 
-def expected_package(options: argparse.Namespace) -> ModuleType:
-    """Return the package that the options or the settings name, or that of the last vehicle on the link.
-
-    It is for what needs no vehicle, such as lists of names. Raises InputError.
-    """
-    link = link_of(options)
-    return given_package(options) or package_of(_remembered(link))
-
-
 def link_of(options: argparse.Namespace) -> str:
     """Convert the values of the options, and return the address of the link. A wrong value ends the process.
 
@@ -143,6 +134,14 @@ def link_of(options: argparse.Namespace) -> str:
     except LinkError as error:
         place = Location("--link", 0) if options.link else settings.place("link")
         raise input_error(place.path, "L101", str(error), place.line, place.column) from None
+
+
+def expected_package(options: argparse.Namespace) -> ModuleType:
+    """Return the package that `connection` begins with: the given one, or that of the last vehicle on the link.
+
+    Raises InputError. A wrong value ends the process.
+    """
+    return given_package(options) or package_of(_remembered(link_of(options)))
 
 
 def given_package(options: argparse.Namespace) -> ModuleType | None:

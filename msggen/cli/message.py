@@ -8,7 +8,7 @@ import time
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from msggen.cli.link import Connection
-from msggen.cli.options import non_empty
+from msggen.cli.options import non_empty, refuse
 from msggen.diagnostics import Diagnostic, InputError
 from msggen.location import Location
 
@@ -56,7 +56,7 @@ def read_values(options: argparse.Namespace) -> Values:
     from msggen.parse.yaml_nodes import read_yaml, value_of
 
     if options.values and options.file:
-        options.parser.error("argument --file: not allowed with argument VALUES")
+        refuse(options, "argument --file: not allowed with argument VALUES")
     data, place = _read(options)
     root = read_yaml(data, place)
     return Values(None if root is None else value_of(root), place)

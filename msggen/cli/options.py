@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, TypeAlias
+from typing import Any, NoReturn, TypeAlias
 
 from msggen.firmware.embedded import EMBEDDED
 from msggen.report import FORMATS
@@ -101,6 +101,12 @@ def add_group(commands: Commands, name: str, **about: Any) -> Commands:
     parser = commands.add_parser(name, **{"epilog": f"Exit codes: 0 done, {FAILED_CODES}", **about})
     text = f"one of these; `msggen {name} ACTION --help` lists its options"
     return parser.add_subparsers(prog=parser.prog, metavar="ACTION", required=True, help=text)
+
+
+def refuse(options: argparse.Namespace, text: str) -> NoReturn:
+    """Report a wrong argument of the command that the options belong to, and end the process."""
+    parser: argparse.ArgumentParser = options.parser
+    parser.error(text)
 
 
 def add_shared(group: Group, *names: str, **more: Any) -> None:

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from msggen.cli.link import Connection, add_link, connection
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_output_format, non_empty
+from msggen.cli.options import FAILED_CODES, Commands, add_command, non_empty
 from msggen.cli.values import convert_values, positive
 from msggen.exit_codes import DONE
 
@@ -48,7 +48,7 @@ def add_to(commands: Commands) -> None:
         default=str(_WINDOW),
         help=f"time over which rates are measured (default: {_WINDOW:g})",
     )
-    add_output_format(parser, ("full", "json"))
+    parser.add_argument("--json", action="store_true", help="like --once, as a JSON document")
     add_link(parser)
 
 
@@ -61,9 +61,8 @@ def _top(options: argparse.Namespace) -> int:
         meter = Meter(options.window)
         with found.vehicle.watch(meter):
             source = _Source(found, meter)
-            is_json = options.output_format == "json"
-            if options.once or is_json or not _is_live():
-                _print_once(source, options.window, is_json=is_json)
+            if options.once or options.json or not _is_live():
+                _print_once(source, options.window, is_json=options.json)
             else:
                 _run(source)
     return DONE

@@ -42,6 +42,13 @@ class Flow(NamedTuple):
     """The standard deviation of the time between two samples in s."""
     payload: bytes
     """The newest sample."""
+    window: int
+    """The number of samples in the window."""
+    mean_size: float
+    """The mean size of the samples in the window in bytes, NaN if there are none."""
+    smallest: int
+    """The smallest size in the window, 0 if there are none."""
+    largest: int
 
 
 class _Topic:
@@ -90,12 +97,13 @@ class Meter:
         last, size = samples[-1]
         inside = [sample for sample in samples if now - sample[0] <= self._window]
         gaps = [(later[0] - earlier[0]) / 1e9 for earlier, later in pairwise(inside)]
+        sizes = [each for _, each in inside]
         rate = bandwidth = shortest = longest = deviation = float("nan")
         if gaps:
             span = sum(gaps)
             if span > 0:
                 rate, bandwidth = len(gaps) / span, sum(each for _, each in inside[1:]) / span
-            shortest, longest, deviation = min(gaps), max(gaps), _deviation(gaps)
+            shortest, longest, deviation = min(gaps), max(gaps), deviation_of(gaps)
         return Flow(
             route=topic.route,
             samples=topic.count,
@@ -109,9 +117,14 @@ class Meter:
             longest=longest,
             deviation=deviation,
             payload=topic.payload,
+            window=len(sizes),
+            mean_size=sum(sizes) / len(sizes) if sizes else float("nan"),
+            smallest=min(sizes, default=0),
+            largest=max(sizes, default=0),
         )
 
 
-def _deviation(values: Sequence[float]) -> float:
+def deviation_of(values: Sequence[float]) -> float:
+    """Return the standard deviation of values, of which there is at least one."""
     mean = sum(values) / len(values)
     return float((sum((value - mean) ** 2 for value in values) / len(values)) ** 0.5)

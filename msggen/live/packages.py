@@ -66,6 +66,11 @@ class Endpoint(Protocol[MessageT_co]):
         ...
 
     @property
+    def message_name(self) -> str:
+        """The name of the class of the message, which need not be imported for it."""
+        ...
+
+    @property
     def message(self) -> type[MessageT_co]:
         """The class of the message."""
         ...
@@ -182,7 +187,7 @@ def _by_name(name: str, way: Way, packages: Packages) -> Topic:
     errors = []
     for package in packages:
         try:
-            endpoint, namespace = _endpoint(package, name, way)
+            endpoint, namespace = endpoint_of(package, name, way)
         except KeyError as error:
             errors.append(str(error))
         else:
@@ -191,7 +196,7 @@ def _by_name(name: str, way: Way, packages: Packages) -> Topic:
     raise TopicError(errors[0])
 
 
-def _endpoint(package: ModuleType, name: str, way: Way) -> tuple[Endpoint[Message], str | None]:
+def endpoint_of(package: ModuleType, name: str, way: Way) -> tuple[Endpoint[Message], str | None]:
     """Return the endpoint that a name stands for, in its newest version, and the namespace in the name.
 
     Raises the KeyError of the package, which names the nearest endpoint.

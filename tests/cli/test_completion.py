@@ -26,6 +26,7 @@ FILES = {
     "odd/msg/Bulb.msg": "\0",
     "template.j2": "",
 }
+TYPES = ROOT / "generated" / "px4_types"
 CASES = {
     "msggen bre": ["breaking"],
     "msggen build --px4 v1.": ["v1.18", "v1.17", "v1.16", "v1.15", "v1.14"],
@@ -50,6 +51,25 @@ CASES = {
     "msggen render --message HomePosi": ["HomePosition"],
     "msggen sync --creat": ["--create"],
     "msggen completion z": ["zsh"],
+    "msggen topic ec": ["echo"],
+    "msggen topic echo --types TYPES vehicle_st": ["vehicle_status"],
+    "msggen topic echo --types TYPES vehicle_comm": ["vehicle_command_ack"],
+    "msggen topic info --types TYPES vehicle_command": [
+        "vehicle_command_ack",
+        "vehicle_command",
+        "vehicle_command_mode_executor",
+    ],
+    "msggen topic hz --types TYPES wind /fmu/out/vehicle_st": ["/fmu/out/vehicle_status_v4"],
+    "msggen topic find --types TYPES VehicleSt": ["VehicleStatus"],
+    "msggen topic echo --types TYPES vehicle_status --field armi": ["arming_state"],
+    "msggen topic echo --types TYPES vehicle_odometry --field velocity[": [
+        r"velocity\[0\]",
+        r"velocity\[1\]",
+        r"velocity\[2\]",
+    ],
+    "msggen topic echo --types TYPES vehicle_status 'arming_state == A": ["arming_state == ARMED"],
+    "msggen topic echo --types TYPES vehicle_status 'failsafe and armi": ["failsafe and arming_state"],
+    "msggen topic echo --types nowhere vehicle_st": [],
 }
 
 
@@ -78,6 +98,8 @@ def environment(folder: Path) -> dict[str, str]:
 @pytest.mark.parametrize("line", CASES)
 def test_a_command_line_is_completed_with_the_names_that_it_can_have(line: str, folder: Path, tmp_path: Path) -> None:
     answer = tmp_path / "answer"
+    expected = CASES[line]
+    line = line.replace("TYPES", str(TYPES))
     asked = {
         "_ARGCOMPLETE": "1",
         "_ARGCOMPLETE_STDOUT_FILENAME": str(answer),
@@ -94,7 +116,7 @@ def test_a_command_line_is_completed_with_the_names_that_it_can_have(line: str, 
     assert (done.stdout, done.stderr) == (b"", b"")
     names = answer.read_text().split("\n")
     options = line.rpartition(" ")[2].startswith("--")
-    assert [name for name in names if name and (options or not name.startswith("--"))] == CASES[line]
+    assert [name for name in names if name and (options or not name.startswith("--"))] == expected
 
 
 SHELLS = {
@@ -106,6 +128,7 @@ LINES = {
     "msggen bump --px4 fw Ho": "msggen bump --px4 fw HomePosition",
     "msggen build --px4 f": "msggen build --px4 fw/",
     "msggen bre": "msggen breaking",
+    f"msggen topic echo --types {TYPES} vehicle_st": f"msggen topic echo --types {TYPES} vehicle_status",
 }
 
 

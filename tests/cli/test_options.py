@@ -34,10 +34,15 @@ def meaning(action: argparse.Action) -> tuple[object, ...]:
 
 
 def meanings() -> dict[str, dict[str, tuple[object, ...]]]:
-    """Return the meaning of each spelling, by command. Those of `sim` tell what to simulate."""
+    """Return the meaning of each spelling, by command.
+
+    The options of `sim` tell what to simulate, and those of `px4-generate` are those of a script of the firmware. Of
+    commands that have a link, only the options of the link are counted: `--once` means what each of them does.
+    """
     found: dict[str, dict[str, tuple[object, ...]]] = defaultdict(dict)
-    for command in COMMANDS.keys() - {"sim"}:
-        for action in actions(command):
+    for command in COMMANDS.keys() - {"sim", "px4-generate"}:
+        link = [group for group in COMMANDS[command]._action_groups if group.title == "link"]
+        for action in link[0]._group_actions if link else actions(command):
             for spelling in action.option_strings:
                 found[spelling][command] = meaning(action)
     return found

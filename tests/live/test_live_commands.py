@@ -113,8 +113,11 @@ def test_ctrl_c_ends_publishing(bench: Bench) -> None:
 @pytest.mark.parametrize(
     ("words", "text"),
     [
-        (["vehicle_status"], "argument TOPIC: '/fmu/out/vehicle_status_v4' is published by PX4: print it with msggen"),
-        (["trajectory_setpoin"], "no endpoint 'trajectory_setpoin', did you mean '/fmu/in/trajectory_setpoint'?"),
+        (
+            ["vehicle_status"],
+            "argument TOPIC: PX4 publishes '/fmu/out/vehicle_status_v4', and does not read it: msggen",
+        ),
+        (["trajectory_setpoin"], "no topic 'trajectory_setpoin', did you mean '/fmu/in/trajectory_setpoint'?"),
         (["cpuload"], "uORB topic that does not cross the bridge"),
         (
             ["trajectory_setpoint", "{yw: 1, position: [1]}"],
@@ -166,7 +169,7 @@ def test_commands_are_sent_and_answered(bench: Bench, capsys: pytest.CaptureFixt
 
 
 def test_a_command_goes_to_the_system_of_the_vehicle(bench: Bench, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["command", "CUSTOM_0", "--output-format", "json", *bench.link]) == 1
+    assert main(["command", "CUSTOM_0", "--json", *bench.link]) == 1
     document = json.loads(capsys.readouterr().out)
     assert document["command"] == "CUSTOM_0"
     assert (document["target_system"], document["result"]) == (7, "UNSUPPORTED")

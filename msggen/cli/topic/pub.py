@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from msggen.cli.link import Connection, add_link, connection, given_package
+from msggen.cli.link import add_link, connection, given_package
 from msggen.cli.message import Values, add_values, read_values, settle
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, non_empty
+from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, non_empty, refuse
+from msggen.cli.topic.naming import add_topic
 from msggen.cli.values import convert_values, positive, whole
 from msggen.diagnostics import counted
 from msggen.exit_codes import DONE
 
 if TYPE_CHECKING:
+    from msggen.live.link import Route
+    from msggen.live.lookup import Named
     from msggen.live.packages import Message
 
 _RATE = 1.0
@@ -35,7 +39,7 @@ def add_to(actions: Commands) -> None:
         "names of enum members, as in 'nav_state: AUTO_LOITER'.",
         epilog=f"Exit codes: 0 done, or ended by Ctrl-C, {FAILED_CODES}",
     )
-    parser.add_argument("topic", metavar="TOPIC", type=non_empty, help="such as trajectory_setpoint")
+    add_topic(parser)
     add_values(parser)
     parser.add_argument("-r", "--rate", metavar="HZ", type=non_empty, help=f"messages a second (default: {_RATE:g})")
     number = parser.add_mutually_exclusive_group()
@@ -49,11 +53,12 @@ def _pub(options: argparse.Namespace) -> int:
     convert_values(options, {"rate": _rate, "times": whole(1, _MOST)})
     values, given = read_values(options), given_package(options)
     if given is not None:
-        _message(options, values, given)  # errors are told before a vehicle connects
+        _message(options, values, _named(options, given))  # errors are told before a vehicle connects
     with connection(options) as found:
-        message = _message(options, values, found.package)
+        topic = _named(options, found.package, found.vehicle.routes)
+        message = _message(options, values, topic)
         settle(found, type(message))
-        _repeat(found, message, options)
+        _repeat(lambda: found.vehicle.publish(message, topic.name), message, options)
     return DONE
 
 
@@ -64,21 +69,29 @@ def _rate(text: str) -> float:
     return found
 
 
-def _message(options: argparse.Namespace, values: Values, package: ModuleType) -> Message:
-    """Return the message to publish. A wrong topic ends the process. Raises InputError for wrong values."""
+def _named(options: argparse.Namespace, package: ModuleType, routes: Sequence[Route] = ()) -> Named:
+    """Return the topic that the user names. A wrong name ends the process."""
     from msggen.live import TopicError
-    from msggen.live.packages import find_topic
+    from msggen.live.lookup import named_topic
 
     try:
-        topic = find_topic(options.topic, "in", (package,))
+        topic = named_topic(options.topic, "in", package, routes)
     except TopicError as error:
-        text, is_out, _ = str(error).partition(": use subscribe")
-        hint = f": print it with msggen topic echo {options.topic}" if is_out else ""
-        options.parser.error(f"argument TOPIC: {text}{hint}")
+        refuse(options, f"argument TOPIC: {error}")
+    if topic.direction == "out":
+        text = f"PX4 publishes '{topic.name}', and does not read it: msggen topic echo prints it"
+        refuse(options, f"argument TOPIC: {text}")
+    return topic
+
+
+def _message(options: argparse.Namespace, values: Values, topic: Named) -> Message:
+    """Return the message to publish. Raises InputError for wrong values."""
+    if topic.message is None:
+        refuse(options, f"argument TOPIC: the types do not have '{topic.name}': name those of the firmware with --px4")
     return values.message(topic.message)
 
 
-def _repeat(found: Connection, message: Message, options: argparse.Namespace) -> None:
+def _repeat(publish: Callable[[], None], message: Message, options: argparse.Namespace) -> None:
     """Publish at a rate, until the number is reached or Ctrl-C ends it. A vehicle that is away gets nothing."""
     from msggen.live import NotConnectedError
 
@@ -89,7 +102,7 @@ def _repeat(found: Connection, message: Message, options: argparse.Namespace) ->
             time.sleep(max(0.0, due - time.monotonic()))
             due = max(due + 1 / (options.rate or _RATE), time.monotonic())
             with suppress(NotConnectedError):
-                found.vehicle.publish(message, options.topic)
+                publish()
                 number += 1
                 if not options.quiet:
                     print(f"publishing #{number}: {message!r}", flush=True)

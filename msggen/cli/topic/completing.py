@@ -1,0 +1,92 @@
+"""Completions of topics, fields, members and messages. They come from types, so no vehicle is needed."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from collections.abc import Callable, Iterator, Mapping
+from typing import TYPE_CHECKING
+
+from msggen.cli.link import expected_package
+
+if TYPE_CHECKING:
+    from msggen.live.packages import Message
+
+_WORD = re.compile(r"[\w.\[\]]*\Z")
+_COMPARED = re.compile(r"([\w.\[\]]+)\s*(?:[=!<>]=|[<>&]|(?:not\s+)?in\s*\([^()]*)\s*\Z")
+"""The value whose enum has the members that come next: before `==`, or before `in (A, `."""
+
+
+def topics(prefix: str, options: argparse.Namespace) -> Iterator[str]:
+    """Yield names of topics: those of uORB, or those of ROS 2 after a `/`. A topic to print is one of PX4."""
+    ways = ("out",) if hasattr(options, "filter") or hasattr(options, "topics") else ("out", "in")
+    for endpoint in expected_package(options).topics.ENDPOINTS:
+        if endpoint.direction in ways:
+            yield endpoint.ros_name if prefix.startswith("/") else endpoint.uorb_topic
+
+
+def messages(_: str, options: argparse.Namespace) -> Iterator[str]:
+    """Yield the names of the messages of topics."""
+    for endpoint in expected_package(options).topics.ENDPOINTS:
+        yield endpoint.message_name
+
+
+def fields(prefix: str, options: argparse.Namespace) -> Iterator[str]:
+    """Yield the paths of values of the topic."""
+    yield from _paths(prefix, _message(options))
+
+
+def conditions(prefix: str, options: argparse.Namespace) -> Iterator[str]:
+    """Yield a condition with its last word completed: a field, a member of the enum of the other side, a function."""
+    from msggen.live.expression import FUNCTIONS
+    from msggen.live.places import PlaceError, place_of
+
+    message = _message(options)
+    found = _WORD.search(prefix)
+    start, word = (prefix[: found.start()], found[0]) if found else (prefix, "")
+    compared = _COMPARED.search(start)
+    if compared is not None:
+        try:
+            enum = place_of(message, compared[1]).enum
+        except PlaceError:
+            return
+        if enum is not None:
+            yield from [f"{start}{name}" for name in enum.__members__]
+            return
+    yield from [f"{start}{name}" for name in _paths(word, message)]
+    yield from [f"{start}{name}(" for name in FUNCTIONS]
+
+
+def _message(options: argparse.Namespace) -> type[Message]:
+    """Return the message of the topic in the options. Raises TopicError."""
+    from msggen.live import TopicError
+    from msggen.live.lookup import named_topic
+
+    message = named_topic(options.topic or "", "out", expected_package(options), ()).message
+    if message is None:
+        raise TopicError(options.topic)
+    return message
+
+
+def _paths(prefix: str, message: type[Message]) -> Iterator[str]:
+    from msggen.live.places import PlaceError, place_of, places_of
+
+    front, dot, last = prefix.rpartition(".")
+    try:
+        inner = place_of(message, front).nested if dot else message
+    except PlaceError:
+        return
+    for place in places_of(inner) if inner else ():
+        yield f"{front}{dot}{place.path}"
+        if place.is_array and last.startswith(place.path):
+            yield from [f"{front}{dot}{place.path}[{index}]" for index in range(place.field.length or 0)]
+
+
+COMPLETERS: Mapping[str, Callable[[str, argparse.Namespace], Iterator[str]]] = {
+    "topic": topics,
+    "topics": topics,
+    "message_type": messages,
+    "field": fields,
+    "filter": conditions,
+}
+"""The completions of arguments by their names in argparse."""

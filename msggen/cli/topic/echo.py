@@ -1,0 +1,196 @@
+"""`msggen topic echo`."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from msggen.cli.link import Connection, add_link, connection
+from msggen.cli.options import FAILED_CODES, Commands, add_command, non_empty, refuse
+from msggen.cli.topic.naming import add_topic, published
+from msggen.cli.topic.watching import add_limits, convert_limits, rounds, watching
+from msggen.cli.values import convert_values, positive
+from msggen.diagnostics import counted, input_error
+from msggen.exit_codes import DONE, FINDINGS
+
+if TYPE_CHECKING:
+    from msggen.live import Subscription
+    from msggen.live.expression import Condition, ConditionError
+    from msggen.live.lookup import Named
+
+_PERIOD = 0.05
+"""How often to print what has arrived, in s: waking up for each sample would take most of the time."""
+_NOTICE = 3.0
+"""After how many seconds without a sample to say so."""
+
+
+def add_to(actions: Commands) -> None:
+    """Add the action to `msggen topic`."""
+    parser = add_command(
+        actions,
+        "echo",
+        _echo,
+        help="print the messages of a topic",
+        description="Print the messages of a topic as they arrive, with names of enums and units, until Ctrl-C.",
+        epilog=f"Exit codes: 0 done, 1 fewer than N messages in the time of --for, {FAILED_CODES}",
+    )
+    add_topic(parser)
+    parser.add_argument(
+        "filter",
+        metavar="FILTER",
+        nargs="?",
+        type=non_empty,
+        help="print only messages that meet a condition, such as 'arming_state == ARMED and abs(vz) < 0.2'",
+    )
+    parser.add_argument(
+        "--field",
+        metavar="PATH",
+        type=non_empty,
+        action="append",
+        default=[],
+        help="print only this value: nav_state, position[2], esc[0].esc_rpm; repeatable",
+    )
+    parser.add_argument("--once", action="store_true", help="end after the first message")
+    parser.add_argument("--every", metavar="SECONDS", type=non_empty, help="print at most one message in this time")
+    add_limits(parser, "messages")
+    group = parser.add_mutually_exclusive_group()
+    group.add_argument(
+        "--json", action="store_true", help="print an object a line; values that are not finite are null"
+    )
+    group.add_argument("--csv", action="store_true", help="print rows under a line with the names: timestamp,q[0],q[1]")
+    add_link(parser)
+
+
+def _echo(options: argparse.Namespace) -> int:
+    convert_limits(options)
+    convert_values(options, {"every": positive})
+    if options.once:
+        if options.count:
+            refuse(options, "argument --once: not allowed with argument -n/--count")
+        options.count = 1
+    condition = _condition(options)
+    with connection(options) as found:
+        (topic,) = published(options, found, [options.topic])
+        message = topic.message
+        if message is None:
+            refuse(
+                options,
+                f"argument TOPIC: {found.label} has no definition of '{topic.name}': name the vehicle's firmware, "
+                "--px4 PX4-Autopilot",
+            )
+        printer = _Printer(options, condition)
+        printer.prepare(message)
+        with found.vehicle.subscribe(topic.name) as samples:
+            return _print(options, found, topic, samples, printer)
+
+
+def _condition(options: argparse.Namespace) -> Condition | None:
+    """Parse the condition, before the vehicle is asked. A wrong one ends the process."""
+    from msggen.live.expression import Condition, ConditionError
+
+    try:
+        return Condition(options.filter) if options.filter else None
+    except ConditionError as error:
+        _refuse(options, error)
+
+
+def _refuse(options: argparse.Namespace, error: ConditionError) -> NoReturn:
+    refuse(options, f"argument FILTER: column {error.column}: {error}")
+
+
+def _print(
+    options: argparse.Namespace, found: Connection, topic: Named, samples: Subscription[Any], printer: _Printer
+) -> int:
+    from msggen.live import FormatError
+
+    is_told = False
+    with watching():
+        arrivals = samples.timed()
+        for number, _ in enumerate(rounds(options, found.vehicle, _PERIOD)):
+            try:
+                while len(samples) and not printer.is_done:
+                    printer.take(*next(arrivals))
+                samples.latest()  # raises an error that is not one of a sample
+            except FormatError as error:
+                raise input_error(topic.name, "L104", str(error), 0) from None
+            if printer.is_done:
+                break
+            if not (is_told or samples.received) and number * _PERIOD > _NOTICE:
+                is_told = True
+                print(f"waiting for a sample of {topic.name}{_absence(topic)}", file=sys.stderr, flush=True)
+    for text in printer.summary(samples):
+        print(text, file=sys.stderr)
+    return FINDINGS if getattr(options, "for") and options.count and not printer.is_done else DONE
+
+
+def _absence(topic: Named) -> str:
+    return "" if topic.route else ", which the vehicle does not have"
+
+
+class _Printer:
+    """Prints messages that meet a condition, up to a number of them, and at most one in a time."""
+
+    def __init__(self, options: argparse.Namespace, condition: Condition | None) -> None:
+        self._options, self._condition = options, condition
+        self._end = "" if options.json or options.csv else "\n---"
+        self._made: dict[type, tuple[Callable[[Any], bool] | None, Callable[[Any], str]]] = {}
+        self._seen = self._printed = self._last = 0
+        self._every = round((options.every or 0) * 1e9)
+
+    @property
+    def is_done(self) -> bool:
+        """Whether the number of messages was printed."""
+        return self._options.count is not None and self._printed >= self._options.count
+
+    def prepare(self, message: type[Any]) -> tuple[Callable[[Any], bool] | None, Callable[[Any], str]]:
+        """Return what to do with messages of a class. A wrong condition or path ends the process."""
+        from msggen.live.expression import ConditionError
+        from msggen.live.formats import csv_writer, json_writer, text_writer
+        from msggen.live.places import PlaceError
+
+        options = self._options
+        writer = json_writer if options.json else csv_writer if options.csv else text_writer
+        try:
+            write = writer(message, options.field)
+        except PlaceError as error:
+            refuse(options, f"argument --field: {error}")
+        try:
+            condition = self._condition.of(message) if self._condition else None
+        except ConditionError as error:
+            _refuse(options, error)
+        self._made[message] = condition, write
+        return condition, write
+
+    def take(self, message: Any, arrival: int) -> None:
+        """Print a message, if it is one to print."""
+        self._seen += 1
+        if self._every and arrival - self._last < self._every:
+            return
+        cls = type(message)
+        condition, write = self._made.get(cls) or self.prepare(cls)
+        if condition is None or condition(message):
+            if self._options.csv and not self._printed:
+                self._print_header(cls)
+            print(write(message) + self._end)
+            self._printed += 1
+            self._last = arrival
+
+    def _print_header(self, cls: type[Any]) -> None:
+        from msggen.live.formats import csv_header
+
+        print(csv_header(cls, self._options.field))
+
+    def summary(self, samples: Subscription[Any]) -> list[str]:
+        """Return what to say at the end."""
+        told = []
+        if self._condition and not self._printed and self._seen:
+            told.append(f"none of {counted(self._seen, 'message')} met the condition")
+        elif not self._seen:
+            told.append("no message arrived")
+        if samples.dropped:
+            told.append(f"{counted(samples.dropped, 'message')} left out, because the output is slow")
+        if samples.undecodable:
+            told.append(f"{counted(samples.undecodable, 'sample')} could not be decoded")
+        return told

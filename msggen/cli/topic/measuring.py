@@ -1,0 +1,235 @@
+"""`msggen topic hz`, `bw` and `delay`."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from msggen.cli.link import Connection, add_link, connection
+from msggen.cli.options import Commands, add_command, non_empty
+from msggen.cli.topic.naming import add_topics, published
+from msggen.cli.topic.tables import number_of_bytes, print_table
+from msggen.cli.topic.watching import add_limits, convert_limits, rounds, watching
+from msggen.cli.values import convert_values, positive
+from msggen.exit_codes import DONE
+
+if TYPE_CHECKING:
+    from msggen.live.link import Route
+    from msggen.live.meter import Flow
+    from msggen.live.packages import Message
+    from msggen.live.watch import Watcher
+
+_WINDOW = 5.0
+_PERIOD = 1.0
+_NOT_IN_SYNC = "not in sync"
+
+
+class _Measure(ABC):
+    """What an action measures, and how it says so."""
+
+    heads: ClassVar[Sequence[str]]
+    """The heads of the table about several topics."""
+    watcher: Watcher
+
+    @abstractmethod
+    def __init__(self, options: argparse.Namespace, found: Connection) -> None:
+        """Begin to measure."""
+
+    @abstractmethod
+    def rows(self, now: int) -> list[dict[str, Any]]:
+        """Return an object for each topic that was heard, for JSON. `now` is of `time.time_ns`."""
+
+    @abstractmethod
+    def cells(self, row: dict[str, Any]) -> list[str]:
+        """Return a row of the table."""
+
+    @abstractmethod
+    def lines(self, row: dict[str, Any]) -> str:
+        """Return the report on a single topic, as ROS 2 prints it."""
+
+
+class _Rates(_Measure):
+    heads = ("topic", "rate", "min", "max", "std dev", "window")
+
+    def __init__(self, options: argparse.Namespace, _: Connection) -> None:
+        from msggen.live.meter import Meter
+
+        self.watcher = self._meter = Meter(options.window)
+
+    def heard(self, now: int) -> list[Flow]:
+        """Return the topics that have enough samples in the window."""
+        return [flow for flow in self._meter.flows(now) if math.isfinite(flow.rate)]
+
+    def rows(self, now: int) -> list[dict[str, Any]]:
+        names = ("topic", "rate", "min", "max", "std_dev", "window")
+        return [
+            dict(
+                zip(
+                    names,
+                    (each.route.name, each.rate, each.shortest, each.longest, each.deviation, each.window),
+                    strict=True,
+                )
+            )
+            for each in self.heard(now)
+        ]
+
+    def cells(self, row: dict[str, Any]) -> list[str]:
+        times = [f"{row['min']:.3f}s", f"{row['max']:.3f}s", f"{row['std_dev']:.5f}s"]
+        return [row["topic"], f"{row['rate']:.3f}", *times, str(row["window"])]
+
+    def lines(self, row: dict[str, Any]) -> str:
+        return f"average rate: {row['rate']:.3f}\n{_spread(row, 3)}"
+
+
+class _Bandwidths(_Rates):
+    heads = ("topic", "bandwidth", "mean", "min", "max", "window")
+
+    def rows(self, now: int) -> list[dict[str, Any]]:
+        names = ("topic", "bandwidth", "mean", "min", "max", "window")
+        return [
+            dict(
+                zip(
+                    names,
+                    (each.route.name, each.bandwidth, each.mean_size, each.smallest, each.largest, each.window),
+                    strict=True,
+                )
+            )
+            for each in self.heard(now)
+        ]
+
+    def cells(self, row: dict[str, Any]) -> list[str]:
+        sizes = [number_of_bytes(row[name]) for name in ("mean", "min", "max")]
+        return [row["topic"], f"{number_of_bytes(row['bandwidth'])}/s", *sizes, str(row["window"])]
+
+    def lines(self, row: dict[str, Any]) -> str:
+        sizes = " ".join(f"{name}: {number_of_bytes(row[name])}" for name in ("mean", "min", "max"))
+        return f"{number_of_bytes(row['bandwidth'])}/s from {row['window']} messages\n\tMessage size {sizes}"
+
+
+class _Delays(_Measure):
+    heads = ("topic", "field", "delay", "min", "max", "std dev", "window")
+
+    def __init__(self, options: argparse.Namespace, found: Connection) -> None:
+        from msggen.live.delay import Delays
+        from msggen.live.lookup import endpoint_at
+
+        def message_of(route: Route) -> type[Message] | None:
+            endpoint = endpoint_at(found.package, route.name)
+            return None if endpoint is None else endpoint.message
+
+        self.watcher = self._delays = Delays(message_of, options.window)
+
+    def rows(self, now: int) -> list[dict[str, Any]]:
+        return [
+            {
+                "topic": each.topic,
+                "field": each.field,
+                "delay": each.mean,
+                "min": each.shortest,
+                "max": each.longest,
+                "std_dev": each.deviation,
+                "window": each.window,
+                "in_sync": each.is_in_sync,
+            }
+            for each in self._delays.delays(now)
+        ]
+
+    def cells(self, row: dict[str, Any]) -> list[str]:
+        times = [f"{row[name]:.4f}s" for name in ("delay", "min", "max", "std_dev")]
+        shown = times if row["in_sync"] else [_NOT_IN_SYNC, "", "", ""]
+        return [row["topic"], row["field"], *shown, str(row["window"])]
+
+    def lines(self, row: dict[str, Any]) -> str:
+        of = "" if row["field"] == "timestamp" else f" of {row['field']}"
+        if not row["in_sync"]:
+            return f"average delay{of}: {_NOT_IN_SYNC}: the timestamps are not of this computer's time"
+        return f"average delay{of}: {row['delay']:.4f}\n{_spread(row, 4)}"
+
+
+def _spread(row: dict[str, Any], digits: int) -> str:
+    shown = f"min: {row['min']:.{digits}f}s max: {row['max']:.{digits}f}s std dev: {row['std_dev']:.5f}s"
+    return f"\t{shown} window: {row['window']}"
+
+
+def add_to(actions: Commands) -> None:
+    """Add the actions to `msggen topic`."""
+    _add(
+        actions,
+        "hz",
+        _Rates,
+        help="measure how often topics are published",
+        description="Measure the rate of topics, and the time between two samples.",
+    )
+    _add(
+        actions,
+        "bw",
+        _Bandwidths,
+        help="measure the bandwidth of topics",
+        description="Measure the bandwidth of topics, and the size of their samples.",
+    )
+    _add(
+        actions,
+        "delay",
+        _Delays,
+        help="measure how old samples are when they arrive",
+        description="Measure the time from the `timestamp` in samples, and their `timestamp_sample`, to their arrival. "
+        "PX4 converts both to the time of this computer.",
+    )
+
+
+def _add(actions: Commands, name: str, measure: type[_Measure], **about: Any) -> None:
+    parser = add_command(actions, name, lambda options: _measure(options, measure), **about)
+    add_topics(parser)
+    parser.add_argument(
+        "--window",
+        metavar="SECONDS",
+        type=non_empty,
+        default=f"{_WINDOW:g}",
+        help=f"report on the samples of this time, each second (default: {_WINDOW:g})",
+    )
+    add_limits(parser, "reports")
+    parser.add_argument("--json", action="store_true", help="print an object a line, for each topic of each report")
+    add_link(parser)
+
+
+def _measure(options: argparse.Namespace, kind: type[_Measure]) -> int:
+    convert_limits(options)
+    convert_values(options, {"window": positive})
+    with connection(options) as found:
+        names = [topic.name for topic in published(options, found, options.topics)]
+        measure, chosen = kind(options, found), frozenset(names)
+
+        def watch(route: Route, payload: bytes, arrival: int) -> None:
+            if not chosen or route.name in chosen:
+                measure.watcher(route, payload, arrival)
+
+        with found.vehicle.watch(watch), watching():
+            for number, _ in enumerate(rounds(options, found.vehicle, _PERIOD), 1):
+                _report(options, measure, names)
+                if number == options.count:
+                    break
+    return DONE
+
+
+def _report(options: argparse.Namespace, measure: _Measure, names: Sequence[str]) -> None:
+    """Print what was measured, and which of the topics that the user has named are silent."""
+    rows = sorted(measure.rows(time.time_ns()), key=lambda row: str(row["topic"]))
+    heard = {row["topic"] for row in rows}
+    silent = [name for name in names if name not in heard]
+    if options.json:
+        for each in [*rows, *({"topic": name, "window": 0} for name in silent)]:
+            print(json.dumps(each))
+    elif len(names) == 1:
+        print("\n".join([measure.lines(row) for row in rows]) or "no new messages")
+    elif not rows and not silent:
+        print("no new messages")
+    else:
+        blank = [""] * (len(measure.heads) - 2)
+        cells = [*map(measure.cells, rows), *([name, "silent", *blank] for name in silent)]
+        print_table(measure.heads, cells, right=len(measure.heads) - 1)
+        print()

@@ -1,0 +1,55 @@
+"""The topics that arguments name, and how a topic is called for people."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from msggen.cli.link import Connection
+from msggen.cli.options import non_empty, refuse
+
+if TYPE_CHECKING:
+    from msggen.live.lookup import Named
+    from msggen.live.packages import Way
+
+SPELLINGS = "any spelling will do: vehicle_status, /fmu/out/vehicle_status_v1, VehicleStatus"
+
+
+def add_topic(parser: argparse.ArgumentParser) -> None:
+    """Add the argument TOPIC."""
+    parser.add_argument("topic", metavar="TOPIC", type=non_empty, help=f"the topic; {SPELLINGS}")
+
+
+def add_topics(parser: argparse.ArgumentParser) -> None:
+    """Add the argument TOPIC, which can be given several times or not at all."""
+    parser.add_argument(
+        "topics",
+        metavar="TOPIC",
+        nargs="*",
+        type=non_empty,
+        help=f"topics that PX4 publishes (default: all); {SPELLINGS}",
+    )
+
+
+def topic_of(options: argparse.Namespace, text: str, found: Connection, way: Way) -> Named:
+    """Return the topic that the user names, one of the direction `way` if there are several.
+
+    A wrong name ends the process.
+    """
+    from msggen.live import TopicError
+    from msggen.live.lookup import named_topic
+
+    try:
+        return named_topic(text, way, found.package, found.vehicle.routes)
+    except TopicError as error:
+        refuse(options, f"argument TOPIC: {error}")
+
+
+def published(options: argparse.Namespace, found: Connection, texts: Sequence[str]) -> list[Named]:
+    """Return topics that the user names, which PX4 must publish. A wrong name ends the process."""
+    topics = [topic_of(options, text, found, "out") for text in texts]
+    for topic in topics:
+        if topic.direction == "in":
+            refuse(options, f"argument TOPIC: PX4 reads '{topic.name}', and does not publish it")
+    return list(dict.fromkeys(topics))

@@ -1,0 +1,70 @@
+"""Loops of commands that watch a vehicle until Ctrl-C, a time or a number of results."""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from msggen.cli.options import non_empty
+from msggen.cli.printing import discard_output
+from msggen.cli.values import convert_values, positive, whole
+
+if TYPE_CHECKING:
+    from msggen.live import Vehicle
+
+_MOST = 10**9
+
+
+def add_limits(parser: argparse.ArgumentParser, results: str) -> None:
+    """Add the options that end a command: a number of `results`, or a time."""
+    parser.add_argument("-n", "--count", metavar="N", type=non_empty, help=f"end after N {results}")
+    parser.add_argument("--for", metavar="SECONDS", type=non_empty, help="end after this time")
+
+
+def convert_limits(options: argparse.Namespace) -> None:
+    """Convert the values of `add_limits`. A wrong one ends the process."""
+    convert_values(options, {"count": whole(1, _MOST), "for": positive})
+
+
+@contextmanager
+def watching() -> Iterator[None]:
+    """End the block at Ctrl-C, and when nobody reads the output any more."""
+    gc.enable()  # unlike other commands, this one may run for days
+    try:
+        yield
+    except KeyboardInterrupt:
+        pass
+    except BrokenPipeError:
+        discard_output()
+
+
+def rounds(options: argparse.Namespace, vehicle: Vehicle, period: float) -> Iterator[None]:
+    """Yield every `period` seconds, until the time of the options is over, and once at its end.
+
+    Flushes the output after each round, and says on stderr when the vehicle disconnects and connects again.
+    """
+    seconds = getattr(options, "for")  # a keyword
+    start = time.monotonic()
+    number, was_connected = 0, True
+    while True:
+        number += 1
+        due = start + number * period
+        is_last = seconds is not None and due >= start + seconds
+        rest = (start + seconds if is_last else due) - time.monotonic()
+        if rest > 0:
+            time.sleep(rest)
+        else:
+            number = int((time.monotonic() - start) / period)  # the output was slow
+        if vehicle.is_connected != was_connected:
+            was_connected = not was_connected
+            text = "the vehicle is connected again" if was_connected else "the vehicle has disconnected, waiting for it"
+            print(text, file=sys.stderr, flush=True)
+        yield
+        print(end="", flush=True)
+        if is_last:
+            return
