@@ -48,15 +48,15 @@ def _call(options: argparse.Namespace) -> int:
         options.service, options.values = None, options.service
     values, given = read_values(options), given_package(options)
     if given is not None:
-        values.message(_service(options, given).Request)  # errors are told before a vehicle connects
+        values.message(service_of(options, given).Request)  # errors are told before a vehicle connects
     with connection(options, is_new=True) as found:
-        request = values.message(_service(options, found.package).Request)
+        request = values.message(service_of(options, found.package).Request)
         settle(found, type(request))
         print(found.package.show(found.vehicle.call(request, options.timeout)))
     return DONE
 
 
-def _service(options: argparse.Namespace, package: ModuleType) -> Any:
+def service_of(options: argparse.Namespace, package: ModuleType) -> Any:
     """Return the class of the service that the user names, or of the only one. A wrong name ends the process."""
     services = getattr(package, "srv", None)
     known = {

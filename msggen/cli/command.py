@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -254,3 +254,28 @@ def _kind(parameter: Any) -> str:
     """Return what stands for the value of a parameter without a unit."""
     members: Sequence[str] = [] if parameter.enum is None else list(parameter.enum.__members__)
     return "|".join(members) if 0 < len(members) <= 4 else "NAME" if members else "N"  # noqa: PLR2004 - as fit in a line
+
+
+# Completions
+
+
+def _complete_command(_: str, options: argparse.Namespace) -> Iterator[str]:
+    """Yield the names of commands."""
+    yield from SHORT
+    yield from _commands(expected_package(options))
+
+
+def _complete_parameter(prefix: str, options: argparse.Namespace) -> Iterator[str]:
+    """Yield the parameters of the command with `=`, and the members of the enum of one."""
+    command = _commands(expected_package(options)).get((options.command or "").upper())
+    for each in command.params if command else ():
+        yield f"{each.name}="
+        if each.enum is not None and prefix.startswith(f"{each.name}="):
+            yield from [f"{each.name}={name}" for name in each.enum.__members__]
+
+
+COMPLETERS: Mapping[str, Callable[[str, argparse.Namespace], Iterator[str]]] = {
+    "command": _complete_command,
+    "parameters": _complete_parameter,
+}
+"""The completions of arguments by their names in argparse."""

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 import time
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from msggen.cli.link import Connection
@@ -86,3 +88,24 @@ def settle(found: Connection, cls: type[Message]) -> None:
         time.sleep(_SLICE)
     if found.link.startswith("dds:"):
         time.sleep(_DISCOVERY)
+
+
+_NAME = re.compile(r"(?:^|[{,])\s*(\w*)\Z")
+"""The name of a field, as far as it is typed,"""
+_MEMBER = re.compile(r"(\w+):\s*([\w|]*)\Z")
+"""and the value of one, as far as it is typed."""
+
+
+def values_like(prefix: str, cls: type[Message]) -> Iterator[str]:
+    """Yield values in YAML with the last word completed: the name of a field, or a member of the enum of one."""
+    from msggen.live.places import places_of
+
+    own = {place.path: place for place in places_of(cls)}
+    nested = {inner.path: inner for place in own.values() if place.nested for inner in places_of(place.nested)}
+    known = own if prefix.count("{") - prefix.count("}") <= 1 else nested
+    member, name = _MEMBER.search(prefix), _NAME.search(prefix)
+    if member is not None and member[1] in known:
+        enum = known[member[1]].enum
+        yield from [prefix[: member.start(2)] + each for each in (enum.__members__ if enum is not None else ())]
+    elif name is not None:
+        yield from [f"{prefix[: name.start(1)]}{each}:" for each in known]
