@@ -6,11 +6,13 @@ import io
 import json
 import os
 import re
+import shlex
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -297,3 +299,27 @@ def test_wrong_calls_are_told_without_a_vehicle(
         code = int(error.code or 0)
     assert code == 2
     assert text in capsys.readouterr().err
+
+
+# --- the page
+
+PAGE = (ROOT / "docs" / "command.md").read_text(encoding="utf-8")
+SESSIONS = "".join(re.findall(r"```console\n(.*?)```", PAGE, re.DOTALL))
+STEPS = re.findall(r"^\$ (msggen .*)\n((?:(?!\$ ).*\n)*)", SESSIONS, re.MULTILINE)
+
+
+def test_the_sessions_of_the_page_are_real(px4_types: ModuleType, capsys: pytest.CaptureFixture[str]) -> None:
+    """All commands, in order, with one vehicle. Only times differ."""
+    url = f"udp://127.0.0.1:{free_port()}"
+    with Simulator(px4_types, url, [Options(sync="short")]):
+        for command, shown in STEPS:
+            with suppress(SystemExit):
+                main([*shlex.split(command)[1:], "--link", url, "--types", PACKAGE])
+            told = capsys.readouterr()
+            assert masked(told.out + told.err) == masked(shown), command
+    assert len(STEPS) == 11
+
+
+def masked(text: str) -> str:
+    """Return a text without times, and without the line that a command waits."""
+    return re.sub(r"[0-9]{16}|waiting for a vehicle on .*\n", "", text)
