@@ -8,12 +8,10 @@ from types import ModuleType
 from typing import Any
 
 from msggen.cli.link import add_link, connection, given_package
-from msggen.cli.message import add_values, read_values, settle
+from msggen.cli.message import add_timeout, add_values, read_values, settle
 from msggen.cli.options import FAILED_CODES, Commands, add_command, non_empty, refuse
 from msggen.cli.values import convert_values, positive
 from msggen.exit_codes import DONE
-
-_TIMEOUT = 5.0
 
 
 def add_to(commands: Commands) -> None:
@@ -32,13 +30,7 @@ def add_to(commands: Commands) -> None:
         "service", metavar="SERVICE", nargs="?", type=non_empty, help="such as vehicle_command (default: the only one)"
     )
     add_values(parser)
-    parser.add_argument(
-        "--timeout",
-        metavar="SECONDS",
-        type=non_empty,
-        default=f"{_TIMEOUT:g}",
-        help=f"wait this long for an answer (default: {_TIMEOUT:g})",
-    )
+    add_timeout(parser)
     add_link(parser)
 
 

@@ -9,7 +9,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from msggen.cli.link import Connection, add_link, connection, expected_package, given_package
-from msggen.cli.message import settle
+from msggen.cli.message import add_timeout, settle
 from msggen.cli.options import FAILED_CODES, Commands, add_command, non_empty, refuse
 from msggen.cli.values import convert_values, positive
 from msggen.diagnostics import suggestion
@@ -18,7 +18,6 @@ from msggen.exit_codes import DONE, FINDINGS
 if TYPE_CHECKING:
     from msggen.live.packages import Message
 
-_TIMEOUT = 5.0
 _PREFIXES = ("VEHICLE_CMD_", "MAV_CMD_")
 _MOST_IDS = 255
 _NUMBERS = ("result_param1", "result_param2")
@@ -60,13 +59,7 @@ def add_to(commands: Commands) -> None:
         type=non_empty,
         help="ids of the vehicle, 0 for all (default: those in its VehicleStatus)",
     )
-    parser.add_argument(
-        "--timeout",
-        metavar="SECONDS",
-        type=non_empty,
-        default=f"{_TIMEOUT:g}",
-        help=f"wait this long for an answer (default: {_TIMEOUT:g})",
-    )
+    add_timeout(parser)
     parser.add_argument("--json", action="store_true", help="print the answer as a JSON document")
     add_link(parser)
 

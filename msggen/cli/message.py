@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 _PATIENCE = 3.0
 """How long to wait in s for what the vehicle says of a definition."""
+_TIMEOUT = 5.0
 _SLICE = 0.05
 _DISCOVERY = 1.0
 """How long an agent takes in s to find a new writer in DDS (docs/links.md)."""
@@ -35,6 +36,17 @@ def add_values(parser: argparse.ArgumentParser) -> None:
         help="values in YAML, such as '{position: true}'; - reads them from stdin",
     )
     parser.add_argument("-f", "--file", metavar="FILE", type=non_empty, help="read the values from a file")
+
+
+def add_timeout(parser: argparse.ArgumentParser) -> None:
+    """Add the option that bounds the wait for an answer."""
+    parser.add_argument(
+        "--timeout",
+        metavar="SECONDS",
+        type=non_empty,
+        default=f"{_TIMEOUT:g}",
+        help=f"wait this long for an answer (default: {_TIMEOUT:g})",
+    )
 
 
 class Values(NamedTuple):

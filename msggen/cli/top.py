@@ -8,7 +8,7 @@ import os
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
 from msggen.cli.link import Connection, add_link, connection
@@ -64,7 +64,8 @@ def _top(options: argparse.Namespace) -> int:
             if options.once or options.json or not _is_live():
                 _print_once(source, options.window, is_json=options.json)
             else:
-                _run(source)
+                with suppress(KeyboardInterrupt):  # where Ctrl-C is no key
+                    _run(source)
     return DONE
 
 

@@ -16,6 +16,7 @@ from msggen.cli import main
 from msggen.live.sim import Options, Simulator
 from msggen.top.drawing import screen
 from msggen.top.rows import Table
+from msggen.top.terminal import keys_in
 from msggen.top.view import _CHANGES, _PAGES, _STEPS, View
 from support.ports import free_port
 from support.pseudo_terminal import TerminalProgram
@@ -104,6 +105,34 @@ def test_a_pipe_gets_the_table_once(url: str, px4_types: Any, capsys: pytest.Cap
     odometry = next(each for each in document["topics"] if each["topic"] == "/fmu/out/vehicle_odometry")
     assert (odometry["message"], odometry["limit_hz"], odometry["size_bytes"]) == ("VehicleOdometry", 100.0, 118)
     assert document["vehicle"] == f"{PACKAGE}  {url}"
+
+
+def test_warnings_do_not_spoil_the_screen(url: str, program: TerminalProgram, px4_types: ModuleType) -> None:
+    text = "two vehicles have the key 1"
+    with Simulator(px4_types, url, [SOON]):
+        program.wait_for(lambda screen: "q quit" in screen)
+        with Simulator(px4_types, url, [SOON]):
+            program.wait_for(lambda screen: text in screen.splitlines()[2])
+            assert program.lines[0].startswith("msggen top")
+            assert program.lines[-1].startswith("q quit")
+            program.press("q")
+            assert program.wait() == 0
+    assert program.written.rpartition(b"\033[?1049l")[2].startswith(text.encode())
+
+
+@pytest.mark.parametrize(
+    ("text", "keys"),
+    [
+        ("a/ \r", ["a", "/", "space", "enter"]),
+        ("\033[A\033OB\033[5~\033[1~\033[F\033[3~", ["up", "down", "page up", "home", "end", "delete"]),
+        ("\033", ["escape"]),
+        ("\x7f\b\x03", ["backspace", "backspace", "ctrl-c"]),
+        ("\033[1;5Ax\033[99~\x01", ["x"]),
+        ("é漢", ["é", "漢"]),
+    ],
+)
+def test_keys_have_names(text: str, keys: list[str]) -> None:
+    assert [*keys_in(text)] == keys
 
 
 # --- the page
