@@ -24,7 +24,7 @@ from msggen.live import LinkTimeoutError, Vehicle
 from msggen.live.command import acknowledges, address_of, send_command
 from msggen.live.link import Remote, Route
 from msggen.live.packages import known_routes
-from msggen.live.sim import Options, Simulator
+from msggen.live.sim import Misbehaviour, Options, Simulator
 from support.fake_link import FakeLink
 from support.ports import free_port
 from support.repository import ROOT
@@ -145,6 +145,21 @@ def test_what_cannot_be_published_is_told_without_a_vehicle(
         code = int(error.code or 0)
     assert code == 2
     assert text in capsys.readouterr().err
+
+
+def test_a_message_of_another_definition_is_not_published(
+    px4_types: ModuleType, capsys: pytest.CaptureFixture[str]
+) -> None:
+    url = f"udp://127.0.0.1:{free_port()}"
+    wrong = Misbehaviour(wrong_hashes=("TrajectorySetpoint", "VehicleCommand"))
+    with Simulator(px4_types, url, [Options(sync="short", misbehaviour=wrong)]) as simulator:
+        for words in (["topic", "pub", "--once", "trajectory_setpoint"], ["command", "arm"]):
+            assert main([*words, "--link", url, "--types", PACKAGE]) == 2
+            told = capsys.readouterr()
+            assert told.out == ""
+            assert f"{url}: L102 the vehicle's definition of '/fmu/in/" in told.err
+        received = simulator.vehicles[0].received
+        assert not {"/fmu/in/trajectory_setpoint", "/fmu/in/vehicle_command"} & received.keys()
 
 
 # --- command
