@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from msggen.cli.link import Connection, add_link, connection, expected_package, given_package
 from msggen.cli.message import add_timeout, settle
-from msggen.cli.options import FAILED_CODES, Commands, add_command, non_empty, refuse
+from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, non_empty, refuse
 from msggen.cli.values import convert_values, positive
 from msggen.diagnostics import suggestion
 from msggen.exit_codes import DONE, FINDINGS
@@ -60,7 +60,7 @@ def add_to(commands: Commands) -> None:
         help="ids of the vehicle, 0 for all (default: those in its VehicleStatus)",
     )
     add_timeout(parser)
-    parser.add_argument("--json", action="store_true", help="print the answer as a JSON document")
+    add_shared(parser, "--json")
     add_link(parser)
 
 

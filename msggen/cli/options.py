@@ -82,6 +82,7 @@ SHARED: Mapping[str, Mapping[str, Any]] = {
         "help": "write a Makefile rule that lists all inputs, for CMake and Ninja",
     },
     "--list-outputs": {"action": "store_true", "help": "write nothing; list the output files"},
+    "--json": {"action": "store_true", "help": "print JSON instead of text"},
     "-q, --quiet": {"action": "store_true", "help": "print only errors, warnings and the patch of --diff"},
 }
 """Options with the same meaning in every command that has them."""

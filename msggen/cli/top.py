@@ -12,7 +12,8 @@ from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
 from msggen.cli.link import Connection, add_link, connection
-from msggen.cli.options import FAILED_CODES, Commands, add_command, non_empty
+from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
+from msggen.cli.topic.watching import add_window
 from msggen.cli.values import convert_values, positive
 from msggen.exit_codes import DONE
 
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from msggen.top.rows import Row, Table
     from msggen.top.view import View
 
-_WINDOW = 5.0
 _NOTICES = 20
 """The number of warnings that are kept."""
 _REFRESH = 0.5
@@ -41,14 +41,8 @@ def add_to(commands: Commands) -> None:
         epilog=f"Exit codes: 0 done, or ended by Ctrl-C, {FAILED_CODES}",
     )
     parser.add_argument("--once", action="store_true", help="measure, print the table once, and exit")
-    parser.add_argument(
-        "--window",
-        metavar="SECONDS",
-        type=non_empty,
-        default=str(_WINDOW),
-        help=f"time over which rates are measured (default: {_WINDOW:g})",
-    )
-    parser.add_argument("--json", action="store_true", help="like --once, as a JSON document")
+    add_shared(parser, "--json")
+    add_window(parser)
     add_link(parser)
 
 

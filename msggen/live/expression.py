@@ -69,9 +69,10 @@ class Condition:
         except RecursionError:
             raise ConditionError("the condition is nested too deeply", 1) from None
         if term.is_text or term.is_array:
-            self._fail(f"'{self.text.strip()}' is {'text' if term.is_text else 'an array'}, not a condition")
+            self._fail(f"{'text' if term.is_text else 'an array'} is not a condition: compare it")
         if term.constant is not None or (term.place is not None and term.place.base != "bool"):
-            self._fail(f"'{self.text.strip()}' is a value, not a condition: compare it, or print it with --field")
+            what = f"'{term.place.path}'" if term.place else "a constant"
+            self._fail(f"{what} is a value, not a condition: compare it, or print it with --field")
         run = term.run
 
         def is_met(message: Any) -> bool:

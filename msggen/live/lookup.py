@@ -131,4 +131,6 @@ def topics_of_message(package: ModuleType, message: type[Message]) -> list[Endpo
 
 
 def _with_cure(text: str) -> str:
-    return text + _TO_ADD if text.endswith("not in dds_topics.yaml") else text.replace("no endpoint", "no topic", 1)
+    """Return an error of the package about an endpoint, in the words of users, with what to do about it."""
+    end = _TO_ADD if text.endswith("not in dds_topics.yaml") else ""
+    return text.replace("no endpoint", "no topic", 1) + end

@@ -33,17 +33,17 @@ def meaning(action: argparse.Action) -> tuple[object, ...]:
     return (type(action), text, action.type, action.default, action.metavar, action.nargs, choices)
 
 
-def meanings() -> dict[str, dict[str, tuple[object, ...]]]:
-    """Return the meaning of each spelling, by command.
+OF_OTHERS = {"topic": {"-t", "-v", "--verbose"}, "top": {"--once"}, "px4-generate": {"--json", "-f"}}
+"""Options that mean what they mean in `ros2 topic`, and in the firmware's scripts."""
 
-    The options of `sim` tell what to simulate, and those of `px4-generate` are those of a script of the firmware. Of
-    commands that have a link, only the options of the link are counted: `--once` means what each of them does.
-    """
+
+def meanings() -> dict[str, dict[str, tuple[object, ...]]]:
+    """Return the meaning of each spelling, by command. Those of `sim` tell what to simulate."""
     found: dict[str, dict[str, tuple[object, ...]]] = defaultdict(dict)
-    for command in COMMANDS.keys() - {"sim", "px4-generate"}:
-        link = [group for group in COMMANDS[command]._action_groups if group.title == "link"]
-        for action in link[0]._group_actions if link else actions(command):
-            for spelling in action.option_strings:
+    for command in COMMANDS.keys() - {"sim"}:
+        for action in actions(command):
+            of_others = OF_OTHERS.get(command.partition(" ")[0], set())
+            for spelling in {*action.option_strings} - of_others:
                 found[spelling][command] = meaning(action)
     return found
 

@@ -132,7 +132,8 @@ def test_ctrl_c_ends_publishing(bench: Bench) -> None:
         (["trajectory_setpoint", "-f", "/nowhere/x"], "/nowhere/x: No such file"),
         (["trajectory_setpoint", "-r", "0"], "argument --rate: expected a number above 0, found '0'"),
         (["trajectory_setpoint", "-r", "20000"], "argument --rate: expected up to 10000 Hz, found '20000'"),
-        (["trajectory_setpoint", "-n", "0"], "argument --times: expected a number from 1 to"),
+        (["trajectory_setpoint", "-n", "3", "--once"], "argument --once: not allowed with argument -n/--count"),
+        (["trajectory_setpoint", "-n", "0"], "argument --count: expected a number from 1 to"),
     ],
 )
 def test_what_cannot_be_published_is_told_without_a_vehicle(

@@ -8,11 +8,11 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from msggen.cli.link import Connection, add_link, connection
-from msggen.cli.options import FAILED_CODES, Commands, add_command, non_empty, refuse
+from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, non_empty, refuse
 from msggen.cli.topic.naming import add_topic, published
 from msggen.cli.topic.watching import add_limits, convert_limits, rounds, watching
 from msggen.cli.values import convert_values, positive
-from msggen.diagnostics import counted, input_error
+from msggen.diagnostics import counted
 from msggen.exit_codes import DONE, FINDINGS
 
 if TYPE_CHECKING:
@@ -54,11 +54,9 @@ def add_to(actions: Commands) -> None:
     )
     parser.add_argument("--once", action="store_true", help="end after the first message")
     parser.add_argument("--every", metavar="SECONDS", type=non_empty, help="print at most one message in this time")
-    add_limits(parser, "messages")
+    add_limits(parser)
     group = parser.add_mutually_exclusive_group()
-    group.add_argument(
-        "--json", action="store_true", help="print an object a line; values that are not finite are null"
-    )
+    add_shared(group, "--json")
     group.add_argument("--csv", action="store_true", help="print rows under a line with the names: timestamp,q[0],q[1]")
     add_link(parser)
 
@@ -114,7 +112,8 @@ def _print(
                     printer.take(*next(arrivals))
                 samples.latest()  # raises an error that is not one of a sample
             except FormatError as error:
-                raise input_error(topic.name, "L104", str(error), 0) from None
+                how = "name the vehicle's firmware, --px4 PX4-Autopilot, or its package, --types"
+                refuse(options, f"argument TOPIC: {str(error).rpartition(': ')[0]}: {how}")
             if printer.is_done:
                 break
             if not (is_told or samples.received) and number * _PERIOD > _NOTICE:

@@ -9,7 +9,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from msggen.cli.link import Connection, add_link, connection
-from msggen.cli.options import Commands, add_command
+from msggen.cli.options import Commands, add_command, add_shared
 from msggen.cli.topic.naming import add_topic, topic_of
 from msggen.cli.topic.tables import print_table
 from msggen.exit_codes import DONE
@@ -32,7 +32,7 @@ def add_to(actions: Commands) -> None:
         "units and enums.",
     )
     add_topic(parser)
-    parser.add_argument("--json", action="store_true", help="print a JSON object")
+    add_shared(parser, "--json")
     add_link(parser)
 
 

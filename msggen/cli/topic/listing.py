@@ -10,8 +10,9 @@ import time
 from typing import TYPE_CHECKING, Any
 
 from msggen.cli.link import Connection, add_link, connection
-from msggen.cli.options import Commands, add_command, non_empty, refuse
+from msggen.cli.options import Commands, add_command, add_shared, non_empty, refuse
 from msggen.cli.topic.tables import finite, number_of_bytes, print_table
+from msggen.cli.topic.watching import add_window
 from msggen.cli.values import convert_values, positive
 from msggen.exit_codes import DONE
 
@@ -19,7 +20,8 @@ if TYPE_CHECKING:
     from msggen.live.lookup import Named
     from msggen.live.meter import Flow
 
-_WINDOW = 3.0
+_ENDED = 5.0
+"""After how many times the time between samples a topic has ended."""
 
 
 def add_to(actions: Commands) -> None:
@@ -43,17 +45,11 @@ def _add_list(actions: Commands) -> None:
         "-l",
         "--verbose",
         action="store_true",
-        help=f"listen for {_WINDOW:g} s, and show rates, sizes, the age of the last sample, and topics that are silent",
+        help="listen for a while, and show rates, sizes, the age of the last sample, and topics that are silent",
     )
     parser.add_argument("--direction", choices=("out", "in"), metavar="WAY", help="only the topics of a way: out, in")
-    parser.add_argument(
-        "--window",
-        metavar="SECONDS",
-        type=non_empty,
-        default=f"{_WINDOW:g}",
-        help=f"listen for this long with -v (default: {_WINDOW:g})",
-    )
-    parser.add_argument("--json", action="store_true", help="print a JSON array, with an object for each topic")
+    add_window(parser)
+    add_shared(parser, "--json")
     add_link(parser)
 
 
@@ -120,6 +116,8 @@ def _row(topic: Named, flow: Flow | None, now: int, options: argparse.Namespace)
     age = f"{max(now - flow.last, 0) / 1e9:.1f} s"
     if math.isnan(flow.rate):
         return [*about, "one sample", f"{flow.size} B", "", age]
+    if now - flow.last > _ENDED * 1e9 * max(1 / flow.rate, flow.longest):  # a burst of answers has a rate, too
+        return [*about, "ended", f"{flow.size} B", "", age]
     return [*about, f"{flow.rate:.1f} Hz", f"{flow.size} B", f"{number_of_bytes(flow.bandwidth)}/s", age]
 
 

@@ -11,10 +11,10 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from msggen.cli.link import Connection, add_link, connection
-from msggen.cli.options import Commands, add_command, non_empty
+from msggen.cli.options import Commands, add_command, add_shared
 from msggen.cli.topic.naming import add_topics, published
 from msggen.cli.topic.tables import number_of_bytes, print_table
-from msggen.cli.topic.watching import add_limits, convert_limits, rounds, watching
+from msggen.cli.topic.watching import add_limits, add_window, convert_limits, rounds, watching
 from msggen.cli.values import convert_values, positive
 from msggen.exit_codes import DONE
 
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from msggen.live.packages import Message
     from msggen.live.watch import Watcher
 
-_WINDOW = 5.0
 _PERIOD = 1.0
 _NOT_IN_SYNC = "not in sync"
 
@@ -185,15 +184,9 @@ def add_to(actions: Commands) -> None:
 def _add(actions: Commands, name: str, measure: type[_Measure], **about: Any) -> None:
     parser = add_command(actions, name, lambda options: _measure(options, measure), **about)
     add_topics(parser)
-    parser.add_argument(
-        "--window",
-        metavar="SECONDS",
-        type=non_empty,
-        default=f"{_WINDOW:g}",
-        help=f"report on the samples of this time, each second (default: {_WINDOW:g})",
-    )
-    add_limits(parser, "reports")
-    parser.add_argument("--json", action="store_true", help="print an object a line, for each topic of each report")
+    add_window(parser)
+    add_limits(parser)
+    add_shared(parser, "--json")
     add_link(parser)
 
 
@@ -210,6 +203,8 @@ def _measure(options: argparse.Namespace, kind: type[_Measure]) -> int:
 
         with found.vehicle.watch(watch), watching():
             for number, _ in enumerate(rounds(options, found.vehicle, _PERIOD), 1):
+                if number > 1 and len(names) != 1 and not options.json:
+                    print()
                 _report(options, measure, names)
                 if number == options.count:
                     break
@@ -232,4 +227,3 @@ def _report(options: argparse.Namespace, measure: _Measure, names: Sequence[str]
         blank = [""] * (len(measure.heads) - 2)
         cells = [*map(measure.cells, rows), *([name, "silent", *blank] for name in silent)]
         print_table(measure.heads, cells, right=len(measure.heads) - 1)
-        print()

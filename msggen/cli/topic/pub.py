@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -13,7 +14,8 @@ from msggen.cli.link import add_link, connection, given_package
 from msggen.cli.message import Values, add_values, read_values, settle
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, non_empty, refuse
 from msggen.cli.topic.naming import add_topic
-from msggen.cli.values import convert_values, positive, whole
+from msggen.cli.topic.watching import add_limits, convert_limits, watching
+from msggen.cli.values import convert_values, positive
 from msggen.diagnostics import counted
 from msggen.exit_codes import DONE
 
@@ -24,7 +26,6 @@ if TYPE_CHECKING:
 
 _RATE = 1.0
 _FASTEST = 1e4
-_MOST = 1_000_000_000
 
 
 def add_to(actions: Commands) -> None:
@@ -42,15 +43,17 @@ def add_to(actions: Commands) -> None:
     add_topic(parser)
     add_values(parser)
     parser.add_argument("-r", "--rate", metavar="HZ", type=non_empty, help=f"messages a second (default: {_RATE:g})")
-    number = parser.add_mutually_exclusive_group()
-    number.add_argument("-1", "--once", action="store_true", help="publish one message, and exit")
-    number.add_argument("-n", "--times", metavar="N", type=non_empty, help="publish N messages, and exit")
+    parser.add_argument("-1", "--once", action="store_true", help="end after the first message")
+    add_limits(parser)
     add_shared(parser, "-q, --quiet")
     add_link(parser)
 
 
 def _pub(options: argparse.Namespace) -> int:
-    convert_values(options, {"rate": _rate, "times": whole(1, _MOST)})
+    convert_values(options, {"rate": _rate})
+    convert_limits(options)
+    if options.once and options.count:
+        refuse(options, "argument --once: not allowed with argument -n/--count")
     values, given = read_values(options), given_package(options)
     if given is not None:
         _message(options, values, _named(options, given))  # errors are told before a vehicle connects
@@ -92,13 +95,14 @@ def _message(options: argparse.Namespace, values: Values, topic: Named) -> Messa
 
 
 def _repeat(publish: Callable[[], None], message: Message, options: argparse.Namespace) -> None:
-    """Publish at a rate, until the number is reached or Ctrl-C ends it. A vehicle that is away gets nothing."""
+    """Publish at a rate, until a limit of the options or Ctrl-C ends it. A vehicle that is away gets nothing."""
     from msggen.live import NotConnectedError
 
-    number, times = 0, 1 if options.once else options.times
+    number, most = 0, 1 if options.once else options.count
     start = due = time.monotonic()
-    with suppress(KeyboardInterrupt):  # the usual end
-        while number != times:
+    end = start + (getattr(options, "for") or math.inf)
+    with watching():
+        while number != most and due < end:
             time.sleep(max(0.0, due - time.monotonic()))
             due = max(due + 1 / (options.rate or _RATE), time.monotonic())
             with suppress(NotConnectedError):
@@ -106,5 +110,5 @@ def _repeat(publish: Callable[[], None], message: Message, options: argparse.Nam
                 number += 1
                 if not options.quiet:
                     print(f"publishing #{number}: {message!r}", flush=True)
-    if times is None and not options.quiet:
+    if most is None and not options.quiet:
         print(f"{counted(number, 'message')} in {time.monotonic() - start:.1f} s", flush=True)

@@ -18,11 +18,23 @@ if TYPE_CHECKING:
     from msggen.live import Vehicle
 
 _MOST = 10**9
+_WINDOW = 3.0
 
 
-def add_limits(parser: argparse.ArgumentParser, results: str) -> None:
-    """Add the options that end a command: a number of `results`, or a time."""
-    parser.add_argument("-n", "--count", metavar="N", type=non_empty, help=f"end after N {results}")
+def add_window(parser: argparse.ArgumentParser) -> None:
+    """Add the option that names the time over which topics are measured."""
+    parser.add_argument(
+        "--window",
+        metavar="SECONDS",
+        type=non_empty,
+        default=f"{_WINDOW:g}",
+        help=f"report on the samples of this time (default: {_WINDOW:g})",
+    )
+
+
+def add_limits(parser: argparse.ArgumentParser) -> None:
+    """Add the options that end a command: a number of results, or a time."""
+    parser.add_argument("-n", "--count", metavar="N", type=non_empty, help="end after N messages, or reports")
     parser.add_argument("--for", metavar="SECONDS", type=non_empty, help="end after this time")
 
 

@@ -1,0 +1,248 @@
+"""Tests of `msggen topic` with a simulated vehicle: what it prints, when it ends, and what it says about errors."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import suppress
+from typing import Any
+
+import pytest
+
+from msggen.cli.topic.watching import rounds
+from msggen.generate.cache import package_of
+from msggen.live.sim import Options, Simulator
+from support.commands import COMMANDS, Outcome, run
+from support.ports import free_port
+from support.repository import ROOT
+
+TYPES = str(ROOT / "generated" / "px4_types")
+
+
+@pytest.fixture(scope="module")
+def link(px4_types: Any) -> Iterator[list[str]]:
+    """The options of a link with a vehicle."""
+    url = f"udp://127.0.0.1:{free_port()}"
+    with Simulator(px4_types, url, [Options(sync="short")]):
+        yield ["--link", url, "--types", TYPES]
+
+
+def topic(*words: str, link: list[str]) -> Outcome:
+    return run(["topic", *words, *link])
+
+
+def test_every_action_takes_the_link() -> None:
+    actions = {name: parser for name, parser in COMMANDS.items() if name.startswith("topic ")}
+    assert {*actions} >= {f"topic {name}" for name in ("list", "info", "find", "echo", "hz", "bw", "delay")}
+    for parser in actions.values():
+        assert {"--link", "--types", "--px4", "--key", "--namespace", "--wait"} <= {*parser._option_string_actions}
+
+
+def test_a_wrong_action_gets_the_right_one() -> None:
+    for words, text in {
+        "topic ecko": "argument ACTION: invalid choice: 'ecko' (choose from list, find, info, ",
+        "topic": "the following arguments are required: ACTION",
+        "topic --link x list": "unknown argument '--link': name a command first",
+    }.items():
+        outcome = run(words.split())
+        assert outcome.code == 2
+        assert text in outcome.stderr
+    assert "did you mean 'echo'?" in run(["topic", "ecko"]).stderr
+
+
+def test_list_has_all_topics_sorted(link: list[str], px4_types: Any) -> None:
+    endpoints = px4_types.topics.ENDPOINTS
+    outcome = topic("list", link=link)
+    assert outcome.stdout.splitlines() == sorted(endpoint.ros_name for endpoint in endpoints)
+    outcome = topic("list", "-t", "--direction", "in", link=link)
+    assert outcome.stdout.splitlines() == sorted(
+        f"{each.ros_name} [{each.message.__msg__.ros_type}]" for each in endpoints if each.direction == "in"
+    )
+
+
+def test_list_tells_what_is_heard(link: list[str], px4_types: Any) -> None:
+    outcome = topic("list", "-v", "--json", "--window", "1", link=link)
+    assert outcome.stderr == "listening for 1 s\n"
+    rows = {row["topic"]: row for row in json.loads(outcome.stdout)}
+    assert rows.keys() == {endpoint.ros_name for endpoint in px4_types.topics.ENDPOINTS}
+    odometry, command = rows["/fmu/out/vehicle_odometry"], rows["/fmu/in/vehicle_command"]
+    assert odometry["samples"] > 1
+    assert odometry["rate"] > 1
+    assert odometry["size"] == px4_types.VehicleOdometry.__msg__.cdr_size + 4
+    assert 0 <= odometry["age"] < 60
+    assert (command["direction"], command["samples"], command["rate"]) == ("in", 0, None)
+
+
+@pytest.mark.slow  # the client takes seconds to notice that the types are wrong for the session
+def test_types_of_another_firmware_are_noticed() -> None:
+    url = f"udp://127.0.0.1:{free_port()}"
+    with Simulator(package_of("v1.17"), url, [Options(sync="short")]):
+        outcome = run(["topic", "list", "-v", "--window", "0.5", "--link", url, "--types", TYPES])
+        assert "not on the vehicle" in outcome.stdout
+        assert "silent" in outcome.stdout
+        wrong = run(["topic", "echo", "vehicle_status", "--once", "--link", url, "--types", TYPES])
+        assert wrong.code == 2
+        assert "/fmu/out/vehicle_status" in wrong.stderr
+        assert "name the vehicle's firmware, --px4 PX4-Autopilot, or its package, --types" in wrong.stderr
+
+
+def test_find_lists_the_topics_of_a_message(link: list[str]) -> None:
+    expected = "/fmu/in/vehicle_command\n/fmu/in/vehicle_command_mode_executor\n"
+    for text in ("VehicleCommand", "px4_msgs/msg/VehicleCommand"):
+        assert topic("find", text, link=link) == (0, expected, "")
+    assert topic("find", "EscStatus", link=link) == (
+        0,
+        "",
+        "no topic of the vehicle has the message px4_msgs/msg/EscStatus\n",
+    )
+    wrong = topic("find", "VehicleComand", link=link)
+    assert wrong.code == 2
+    assert "did you mean 'px4_msgs/msg/VehicleCommand'?" in wrong.stderr
+
+
+def test_info_has_the_facts_of_the_package(link: list[str], px4_types: Any) -> None:
+    found = json.loads(topic("info", "VehicleStatus", "--json", link=link).stdout)
+    info = px4_types.VehicleStatus.__msg__
+    assert found["vehicle_hash"] == found["message_hash"] == f"{info.message_hash:#010x}"
+    assert (found["type"], found["type_hash"], found["object_id"]) == (info.ros_type, info.type_hash, 307)
+    assert [field["name"] for field in found["fields"]] == [field.name for field in info.fields]
+    assert found["enums"]["ArmingState"] == {"DISARMED": 1, "ARMED": 2}
+    text = topic("info", "trajectory_setpoint", link=link).stdout
+    assert "in: PX4 reads it" in text
+    assert "ros2 topic pub /fmu/in/trajectory_setpoint px4_msgs/msg/TrajectorySetpoint" in text
+
+
+def test_echo_prints_messages_in_each_form(link: list[str]) -> None:
+    text = topic("echo", "VehicleStatus", "-n", "2", link=link).stdout
+    assert len(re.findall(r"(?m)^---$", text)) == 2
+    assert re.search(r"(?m)^nav_state: 4 \(AUTO_LOITER\)$", text)
+    rows = topic("echo", "vehicle_attitude", "-n", "3", "--json", link=link).stdout.splitlines()
+    stamps = [json.loads(row)["timestamp"] for row in rows]
+    assert len(stamps) == 3
+    assert stamps == sorted({*stamps})
+    table = list(csv.reader(topic("echo", "vehicle_attitude", "-n", "2", "--csv", link=link).stdout.splitlines()))
+    assert [len(row) for row in table] == [len(table[0])] * 3
+    assert {"timestamp", "q[0]", "q[3]"} <= {*table[0]}
+
+
+def test_echo_filters_and_counts_what_it_prints(link: list[str]) -> None:
+    words = ["echo", "vehicle_status", "--field", "nav_state", "-n", "1"]
+    for condition in ("nav_state == AUTO_LOITER", "arming_state == DISARMED and not failsafe", "timestamp > 0"):
+        assert topic(*words, condition, link=link).stdout == "4 (AUTO_LOITER)\n---\n"
+        assert topic("echo", "vehicle_status", condition, *words[2:], link=link).code == 0
+    outcome = topic(*words, "nav_state == OFFBOARD", "--for", "0.6", link=link)
+    assert outcome.code == 1
+    assert re.fullmatch(r"none of \d+ messages? met the condition\n", outcome.stderr)
+    silent = topic("echo", "vehicle_command_ack", "--once", "--for", "0.2", link=link)
+    assert (silent.code, silent.stderr) == (1, "no message arrived\n")
+
+
+def test_echo_prints_at_most_one_message_in_a_time(link: list[str]) -> None:
+    words = ["echo", "vehicle_odometry", "--every", "0.2", "--field", "timestamp", "--for", "1", "--csv"]
+    head, *rows = topic(*words, link=link).stdout.splitlines()
+    assert head == "timestamp"
+    assert 2 <= len(rows) <= 6
+
+
+@pytest.mark.parametrize(
+    ("words", "error"),
+    [
+        (["echo", "vehicle_statsu"], "argument TOPIC: no topic 'vehicle_statsu', did you mean '/fmu"),
+        (["echo", "esc_status"], "that does not cross the bridge: it is not in dds_topics.yaml; add it there"),
+        (["echo", "trajectory_setpoint"], "PX4 reads '/fmu/in/trajectory_setpoint', and does not publish it"),
+        (["echo", "vehicle_status", "--field", "nav_stat"], "VehicleStatus has no field 'nav_stat', did you"),
+        (["echo", "vehicle_status", "nav_state = 4"], "argument FILTER: column 11: expected '==', not '='"),
+        (["echo", "vehicle_status", "nav_state == X"], "argument FILTER: column 14: NavigationState has no member 'X'"),
+        (["echo", "vehicle_status", "--once", "-n", "2"], "argument --once: not allowed with argument -n/--count"),
+        (["echo", "vehicle_status", "--csv", "--json"], "argument --json: not allowed with argument --csv"),
+        (["echo", "vehicle_status", "--every", "x"], "argument --every: expected a number, found 'x'"),
+        (["hz", "vehicle_status", "wnd"], "argument TOPIC: no topic 'wnd', did you mean '/fmu/out/wind'?"),
+        (["bw", "-n", "0"], "argument --count: expected a number from 1 to"),
+        (["delay", "--window", "0"], "argument --window: expected a number above 0, found '0'"),
+    ],
+)  # fmt: skip
+def test_wrong_arguments_end_with_a_line(words: list[str], error: str, link: list[str]) -> None:
+    outcome = topic(*words, link=link)
+    assert (outcome.code, outcome.stdout) == (2, "")
+    first, second = outcome.stderr.splitlines()
+    assert error in first
+    assert second == f"for all arguments: msggen topic {words[0]} --help"
+
+
+def test_measures_are_of_the_topics_that_are_named(link: list[str]) -> None:
+    for action, keys in {
+        "hz": {"rate", "min", "max", "std_dev", "window"},
+        "bw": {"bandwidth", "mean", "min", "max", "window"},
+        "delay": {"delay", "min", "max", "std_dev", "window", "field", "in_sync"},
+    }.items():
+        text = topic(action, "vehicle_odometry", "vehicle_command_ack", "-n", "1", "--json", link=link).stdout
+        rows = [json.loads(line) for line in text.splitlines()]
+        heard = [row for row in rows if row["topic"] == "/fmu/out/vehicle_odometry"]
+        assert all(row.keys() == {"topic", *keys} for row in heard)
+        assert len(heard) == (2 if action == "delay" else 1)
+        assert [row for row in rows if row not in heard] == [{"topic": "/fmu/out/vehicle_command_ack_v1", "window": 0}]
+
+
+def test_measures_of_all_topics_are_a_table(link: list[str]) -> None:
+    lines = topic("hz", "-n", "1", link=link).stdout.splitlines()
+    assert lines[0].split() == ["topic", "rate", "min", "max", "std", "dev", "window"]
+    assert "/fmu/out/sensor_combined" in {line.split()[0] for line in lines[1:]}
+    assert topic("hz", "vehicle_command_ack", "--for", "1", link=link).stdout == "no new messages\n"
+
+
+def test_clocks_that_are_not_in_sync_are_told(px4_types: Any) -> None:
+    url = f"udp://127.0.0.1:{free_port()}"
+    with Simulator(px4_types, url, [Options(sync="off")]):
+        outcome = run(["topic", "delay", "vehicle_odometry", "-n", "1", "--link", url, "--types", TYPES])
+    assert "average delay: not in sync: the timestamps are not of this computer's time" in outcome.stdout
+
+
+class _Restarting:
+    """A vehicle that is connected only at times."""
+
+    states = iter([True, False, False, True, True])
+
+    @property
+    def is_connected(self) -> bool:
+        return next(self.states)
+
+
+def test_a_watching_command_says_that_a_vehicle_has_disconnected(capsys: pytest.CaptureFixture[str]) -> None:
+    options, vehicle = argparse.Namespace(**{"for": None}), _Restarting()
+    told: list[str] = []
+    with suppress(RuntimeError):  # the states have ended
+        told.extend(capsys.readouterr().err for _ in rounds(options, vehicle, 0.001))  # type: ignore[arg-type]
+    assert told == ["", "the vehicle has disconnected, waiting for it\n", "", "the vehicle is connected again\n", ""]
+
+
+def test_rounds_end_with_their_time() -> None:
+    vehicle = type("Vehicle", (), {"is_connected": True})()
+    for seconds, period, most in ((0.05, 0.02, 3), (0.01, 5.0, 1)):
+        found = list(rounds(argparse.Namespace(**{"for": seconds}), vehicle, period))
+        assert 1 <= len(found) <= most
+
+
+@pytest.mark.parametrize("words", [["echo", "vehicle_odometry"], ["hz", "vehicle_odometry"]])
+def test_ctrl_c_and_a_closed_pipe_end_a_command_with_0(words: list[str], link: list[str]) -> None:
+    command = [sys.executable, "-m", "msggen", "topic", *words, *link]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    with subprocess.Popen(command, env=environment, stdout=-1, stderr=-1, text=True) as program:
+        assert program.stdout is not None
+        assert program.stdout.readline()
+        program.send_signal(signal.SIGINT)
+        _, errors = program.communicate(timeout=60)
+    assert (program.returncode, errors) == (0, "")
+    with subprocess.Popen(command, env=environment, stdout=-1, stderr=-1, text=True) as program:
+        assert program.stdout is not None
+        assert program.stderr is not None
+        assert program.stdout.readline()
+        program.stdout.close()
+        assert program.wait(timeout=60) == 0
+        assert program.stderr.read() == ""
