@@ -19,7 +19,7 @@ COMMAND = "/fmu/in/vehicle_command"
 ACKNOWLEDGEMENT = "/fmu/out/vehicle_command_ack"
 
 _IN_PROGRESS = "IN_PROGRESS"
-_STATUS_S = 1.0
+_STATUS_S = 5.0
 """How long to wait for a VehicleStatus, which PX4 publishes at 2 Hz and more."""
 _SLICE_S = 0.2
 """The longest wait without a look at the connection and at signals."""

@@ -269,7 +269,8 @@ def test_progress_is_told_until_the_final_answer(px4_types: Any) -> None:
         assert acknowledges(vehicle)
 
 
-def test_a_command_without_an_answer_is_an_error(px4_types: Any) -> None:
+def test_a_command_without_an_answer_is_an_error(px4_types: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("msggen.live.command._STATUS_S", 0.01)
     link = AnsweringLink(px4_types)
     link.answers = ((21, 0),)
     with Vehicle(link, px4_types) as vehicle:
