@@ -38,15 +38,17 @@ def complete() -> None:
     from argcomplete.completers import DirectoriesCompleter
 
     from msggen.cli import parser_for
+    from msggen.cli.command import COMPLETERS as OF_COMMANDS
     from msggen.cli.topic.completing import COMPLETERS
 
+    live = {**COMPLETERS, **OF_COMMANDS}
     parser = parser_for([])
     for command in _commands(parser):
         for action in command._actions:  # noqa: SLF001 - argparse has no public name
             if isinstance(action, argparse._StoreAction):  # noqa: SLF001
                 action.__class__ = argparse._StoreAction  # noqa: SLF001 - argcomplete stores values of no other class
-            if action.dest in COMPLETERS:
-                action.completer = _live(COMPLETERS[action.dest])  # type: ignore[attr-defined]
+            if action.dest in live:
+                action.completer = _live(live[action.dest])  # type: ignore[attr-defined]
             elif action.dest in _NAMES:
                 action.completer = _names_or_paths(_NAMES[action.dest])  # type: ignore[attr-defined]
             elif action.metavar in ("DIR", "PKG"):

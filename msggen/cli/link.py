@@ -82,8 +82,10 @@ def add_link(parser: argparse.ArgumentParser) -> None:
 
 
 @contextmanager
-def connection(options: argparse.Namespace) -> Iterator[Connection]:
+def connection(options: argparse.Namespace, *, is_new: bool = False) -> Iterator[Connection]:
     """Connect to the vehicle that the options of `add_link` name, and close the link at the end.
+
+    With `is_new`, a session that an earlier command began is not continued: services can be called in a new one only.
 
     Says on stderr that it waits, if nothing connects for a while. Raises InputError if the link cannot be opened, or
     nothing connects.
@@ -96,19 +98,22 @@ def connection(options: argparse.Namespace) -> Iterator[Connection]:
     link = link_of(options)
     given = given_package(options)
     expected = given or package_of(_remembered(link))
+    known = None if is_new else expected
     selection = {"namespace": options.namespace, "key": options.key, "allow": options.allow}
     try:
-        with Vehicle(link, expected, **selection) as vehicle:
+        with Vehicle(link, known, **selection) as vehicle:
             _wait(vehicle, link, options.wait or PATIENCE)
-            release = vehicle.firmware.release
-            if given is not None or not release:
-                yield Connection(vehicle, expected, link, options.types or options.px4 or expected.__name__)
+            release, label = vehicle.firmware.release, options.types or options.px4 or expected.__name__
+            if given is None and release:
+                _remember(link, release)
+                expected, label = package_of(release), release
+            if expected is known:
+                yield Connection(vehicle, expected, link, label)
                 return
-            _remember(link, release)
-            with Vehicle(link, package_of(release), **selection) as same:  # on the link that is open
+            with Vehicle(link, expected, **selection) as same:  # on the link that is open
                 same.wait_connected(PATIENCE)
                 vehicle.close()
-                yield Connection(same, package_of(release), link, release)
+                yield Connection(same, expected, link, label)
     except LinkError as error:
         raise input_error(link, "L102", str(error), 0) from None
 

@@ -61,7 +61,7 @@ def _view(options: argparse.Namespace) -> int:
         from msggen.view import recording
     except ImportError as error:
         text = f"this command needs the package {error.name}, which is not installed: pip install 'msggen[view]'"
-        raise input_error("view", "L104", text, 0) from None
+        raise input_error("view", "L111", text, 0) from None
     del recording
     for name in ("foxglove", "foxglove_py"):  # they tell what single clients do
         getLogger(name).setLevel(CRITICAL)
@@ -122,7 +122,7 @@ def _recording(path: str) -> Iterator[Recording]:
         try:
             recording = read_recording(file)
         except UnreadableRecordingError as error:
-            raise input_error(path, "L105", str(error), 0) from None
+            raise input_error(path, "R102", str(error), 0) from None
         yield recording
 
 

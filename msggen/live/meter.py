@@ -80,7 +80,11 @@ class Meter:
         topic.count += 1
         topic.total += len(payload)
         topic.payload = payload
-        topic.samples.append((time, len(payload)))
+        samples = topic.samples
+        samples.append((time, len(payload)))
+        start = time - self._window
+        while samples[0][0] < start:
+            samples.popleft()
 
     def flows(self, now: int) -> list[Flow]:
         """Return all topics that were heard, in the order of their first samples. `now` is of `time.time_ns`."""
@@ -89,7 +93,7 @@ class Meter:
         return [self._flow(topic, now) for topic in topics]
 
     def _flow(self, topic: _Topic, now: int) -> Flow:
-        samples = tuple(topic.samples)
+        samples = tuple(topic.samples)  # in one step, because the thread of the link goes on
         last, size = samples[-1]
         inside = [sample for sample in samples if now - sample[0] <= self._window]
         gaps = [(later[0] - earlier[0]) / 1e9 for earlier, later in pairwise(inside)]

@@ -21,6 +21,7 @@ from msggen.live.packages import (
     check_convertible,
     check_message,
     check_sent,
+    decoding_of,
     find_topic,
     package_of_class,
     packages_of,
@@ -294,6 +295,17 @@ class Vehicle:
         watch = Watch(watcher, lambda watch: hub.remove_watch(member, watch))
         hub.add_watch(member, watch)
         return watch
+
+    def decode(self, route: Route, payload: bytes) -> Any:
+        """Return the message in a sample that a watcher got.
+
+        Raises TopicError if the types do not have the topic, FormatError if the vehicle's definition differs,
+        NotConnectedError, and the package's DecodeError.
+        """
+        entry = self._entry()
+        topic = find_topic(stem_of(route.name), route.direction, self._packages)
+        known = entry.hash_of(route.ros_type)
+        return decoding_of(topic, route.name, self._packages, known, is_converted=False).decode(payload)
 
     def publish(self, message: Message, topic: Endpoint[Any] | str | None = None) -> None:
         """Send a message to the vehicle, once. From any thread.

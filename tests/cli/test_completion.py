@@ -70,6 +70,17 @@ CASES = {
     "msggen topic echo --types TYPES vehicle_status 'arming_state == A": ["arming_state == ARMED"],
     "msggen topic echo --types TYPES vehicle_status 'failsafe and armi": ["failsafe and arming_state"],
     "msggen topic echo --types nowhere vehicle_st": [],
+    "msggen topic pub --types TYPES vehicle_command": ["vehicle_command", "vehicle_command_mode_executor"],
+    "msggen topic pub --types TYPES trajectory_setpoint '{position: [0, 0, 1], ya": [
+        "{position: [0, 0, 1], yaw:",
+        "{position: [0, 0, 1], yawspeed:",
+    ],
+    "msggen topic pub --types TYPES vehicle_command 'command: NAV_TAKEO": ["command: NAV_TAKEOFF"],
+    "msggen call --types TYPES vehicle_command '{request: {command: NAV_TAKEO": ["{request: {command: NAV_TAKEOFF"],
+    "msggen command --types TYPES dis": ["disarm"],
+    "msggen command --types TYPES NAV_TAKEO": ["NAV_TAKEOFF"],
+    "msggen command --types TYPES NAV_TAKEOFF alt": ["altitude="],
+    "msggen command --types TYPES DO_CHANGE_SPEED speed=A": ["speed=AIRSPEED"],
 }
 
 

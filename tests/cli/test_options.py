@@ -33,7 +33,7 @@ def meaning(action: argparse.Action) -> tuple[object, ...]:
     return (type(action), text, action.type, action.default, action.metavar, action.nargs, choices)
 
 
-OF_OTHERS = {"topic": {"-t", "-v", "--verbose"}, "px4-generate": {"--json"}}
+OF_OTHERS = {"topic": {"-t", "-v", "--verbose"}, "top": {"--once"}, "px4-generate": {"--json", "-f"}}
 """Options that mean what they mean in `ros2 topic`, and in the firmware's scripts."""
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from msggen.live import NotConnectedError, Vehicle
+from msggen.live import FormatError, NotConnectedError, TopicError, Vehicle
 from msggen.live.link import Route
 from support.fake_link import FakeLink
 
@@ -73,3 +73,27 @@ def test_errors_of_a_watcher_are_counted_and_told(px4_types: Any, caplog: pytest
     ]
     with pytest.raises(NotConnectedError, match="closed"):
         vehicle.watch(fail)
+
+
+def test_a_sample_of_a_watch_can_be_decoded(px4_types: Any) -> None:
+    link = FakeLink(px4_types)
+    status = px4_types.VehicleStatus(nav_state=4)
+    seen: list[tuple[Route, bytes]] = []
+    with Vehicle(link, px4_types) as vehicle:
+        remote = link.connect(namespace="uav_1")
+        vehicle.watch(lambda route, payload, _: seen.append((route, payload)))
+        link.sample(remote, status)
+        ((route, payload),) = seen
+        assert vehicle.decode(route, payload) == status
+        with pytest.raises(TopicError, match="no endpoint '/uav_1/fmu/out/mine'"):
+            vehicle.decode(route._replace(name="/uav_1/fmu/out/mine"), payload)
+        with pytest.raises(FormatError, match="the vehicle has '/uav_1/fmu/out/vehicle_status_v9'"):
+            vehicle.decode(route._replace(name="/uav_1/fmu/out/vehicle_status_v9"), payload)
+        with pytest.raises(px4_types.DecodeError):
+            vehicle.decode(route, payload[:10])
+        link.answer(remote, {"vehicle_status": 0x1234})
+        with pytest.raises(FormatError, match="has the hash 0x00001234"):
+            vehicle.decode(route, payload)
+        link.disconnect(remote)
+        with pytest.raises(NotConnectedError):
+            vehicle.decode(route, payload)

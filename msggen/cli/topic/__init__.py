@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from msggen.cli.options import Commands, add_group
-from msggen.cli.topic import echo, info, listing, measuring
+from msggen.cli.topic import echo, info, listing, measuring, pub
 
-_MODULES = (listing, info, echo, measuring)
+_MODULES = (listing, info, echo, measuring, pub)
 """The modules of the actions, in the order of the help."""
 
 

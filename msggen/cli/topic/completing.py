@@ -7,10 +7,12 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
+from msggen.cli.call import service_of
 from msggen.cli.link import expected_package
+from msggen.cli.message import values_like
 
 if TYPE_CHECKING:
-    from msggen.live.packages import Message
+    from msggen.live.packages import Message, Way
 
 _WORD = re.compile(r"[\w.\[\]]*\Z")
 _COMPARED = re.compile(r"([\w.\[\]]+)\s*(?:[=!<>]=|[<>&]|(?:not\s+)?in\s*\([^()]*)\s*\Z")
@@ -19,7 +21,11 @@ _COMPARED = re.compile(r"([\w.\[\]]+)\s*(?:[=!<>]=|[<>&]|(?:not\s+)?in\s*\([^()]
 
 def topics(prefix: str, options: argparse.Namespace) -> Iterator[str]:
     """Yield names of topics: those of uORB, or those of ROS 2 after a `/`. A topic to print is one of PX4."""
-    ways = ("out",) if hasattr(options, "filter") or hasattr(options, "topics") else ("out", "in")
+    ways: tuple[str, ...] = ("out", "in")
+    if hasattr(options, "filter") or hasattr(options, "topics"):
+        ways = ("out",)
+    elif hasattr(options, "values"):
+        ways = ("in",)
     for endpoint in expected_package(options).topics.ENDPOINTS:
         if endpoint.direction in ways:
             yield endpoint.ros_name if prefix.startswith("/") else endpoint.uorb_topic
@@ -57,12 +63,20 @@ def conditions(prefix: str, options: argparse.Namespace) -> Iterator[str]:
     yield from [f"{start}{name}(" for name in FUNCTIONS]
 
 
-def _message(options: argparse.Namespace) -> type[Message]:
+def values(prefix: str, options: argparse.Namespace) -> Iterator[str]:
+    """Yield values in YAML with the last word completed, of the topic to publish or of the service to call."""
+    if hasattr(options, "topic"):
+        yield from values_like(prefix, _message(options, "in"))
+    else:
+        yield from values_like(prefix, service_of(options, expected_package(options)).Request)
+
+
+def _message(options: argparse.Namespace, way: Way = "out") -> type[Message]:
     """Return the message of the topic in the options. Raises TopicError."""
     from msggen.live import TopicError
     from msggen.live.lookup import named_topic
 
-    message = named_topic(options.topic or "", "out", expected_package(options), ()).message
+    message = named_topic(options.topic or "", way, expected_package(options), ()).message
     if message is None:
         raise TopicError(options.topic)
     return message
@@ -88,5 +102,6 @@ COMPLETERS: Mapping[str, Callable[[str, argparse.Namespace], Iterator[str]]] = {
     "message_type": messages,
     "field": fields,
     "filter": conditions,
+    "values": values,
 }
 """The completions of arguments by their names in argparse."""

@@ -1,0 +1,72 @@
+"""`msggen call`: call a service of a running vehicle."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from types import ModuleType
+from typing import Any
+
+from msggen.cli.link import add_link, connection, given_package
+from msggen.cli.message import add_timeout, add_values, read_values, settle
+from msggen.cli.options import FAILED_CODES, Commands, add_command, non_empty, refuse
+from msggen.cli.values import convert_values, positive
+from msggen.exit_codes import DONE
+
+
+def add_to(commands: Commands) -> None:
+    """Add the command to the command line."""
+    parser = add_command(
+        commands,
+        "call",
+        _call,
+        help="call a service of a running vehicle",
+        description="Call a service of a running vehicle, and print the reply. PX4 has the service vehicle_command, "
+        "since v1.15. The vehicle has to connect anew for it, which takes up to 20 s after another command: "
+        "msggen command works in every session.",
+        epilog=f"Exit codes: 0 done, {FAILED_CODES}",
+    )
+    parser.add_argument(
+        "service", metavar="SERVICE", nargs="?", type=non_empty, help="such as vehicle_command (default: the only one)"
+    )
+    add_values(parser)
+    add_timeout(parser)
+    add_link(parser)
+
+
+def _call(options: argparse.Namespace) -> int:
+    convert_values(options, {"timeout": positive})
+    if options.values is None and (options.service or "").startswith(("{", "-")):
+        options.service, options.values = None, options.service
+    values, given = read_values(options), given_package(options)
+    if given is not None:
+        values.message(service_of(options, given).Request)  # errors are told before a vehicle connects
+    with connection(options, is_new=True) as found:
+        request = values.message(service_of(options, found.package).Request)
+        settle(found, type(request))
+        print(found.package.show(found.vehicle.call(request, options.timeout)))
+    return DONE
+
+
+def service_of(options: argparse.Namespace, package: ModuleType) -> Any:
+    """Return the class of the service that the user names, or of the only one. A wrong name ends the process."""
+    services = getattr(package, "srv", None)
+    known = {
+        _plain(name): getattr(services, name) for name in dir(services) if hasattr(getattr(services, name), "Request")
+    }
+    if options.service is None and len(known) == 1:
+        return next(iter(known.values()))
+    name = _plain((options.service or "").rpartition("/")[2])
+    if name not in known:
+        names = [f"'{_snake(each.__name__)}'" for each in known.values()]
+        refuse(options, f"argument SERVICE: no service '{options.service}': there is {' and '.join(names) or 'none'}")
+    return known[name]
+
+
+def _plain(name: str) -> str:
+    """Return a name without case and underscores: `VehicleCommand` and `vehicle_command` are the same."""
+    return name.replace("_", "").lower()
+
+
+def _snake(name: str) -> str:
+    return re.sub("(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()

@@ -1,0 +1,274 @@
+"""`msggen command`: send a command to a running vehicle."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from msggen.cli.link import Connection, add_link, connection, expected_package, given_package
+from msggen.cli.message import add_timeout, settle
+from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, non_empty, refuse
+from msggen.cli.values import convert_values, positive
+from msggen.diagnostics import suggestion
+from msggen.exit_codes import DONE, FINDINGS
+
+if TYPE_CHECKING:
+    from msggen.live.packages import Message
+
+_PREFIXES = ("VEHICLE_CMD_", "MAV_CMD_")
+_MOST_IDS = 255
+_NUMBERS = ("result_param1", "result_param2")
+"""The fields of VehicleCommandAck that say more about a result."""
+
+SHORT: Mapping[str, tuple[str, str]] = {
+    "arm": ("COMPONENT_ARM_DISARM", "param1=1"),
+    "disarm": ("COMPONENT_ARM_DISARM", "param1=0"),
+}
+"""Short names of commands with a parameter."""
+
+
+def add_to(commands: Commands) -> None:
+    """Add the command to the command line."""
+    parser = add_command(
+        commands,
+        "command",
+        _command,
+        help="send a command such as NAV_TAKEOFF to a running vehicle",
+        description="Send a VehicleCommand to a running vehicle, and print how it is acknowledged. Parameters have "
+        "names, which --list shows with their units; those that are not given are NaN, not set. The command is "
+        "published, so it works in every session, unlike msggen call.",
+        epilog=f"Exit codes: 0 accepted, 1 not accepted or not answered, {FAILED_CODES}",
+    )
+    parser.add_argument(
+        "command", metavar="COMMAND", nargs="?", type=non_empty, help="such as NAV_TAKEOFF, or arm, disarm"
+    )
+    parser.add_argument(
+        "parameters",
+        metavar="NAME=VALUE",
+        nargs="*",
+        type=non_empty,
+        help="parameters of the command, such as altitude=500, and fields of VehicleCommand",
+    )
+    parser.add_argument("--list", action="store_true", help="list all commands, or the parameters of one")
+    parser.add_argument(
+        "--target",
+        metavar="SYSTEM[:COMPONENT]",
+        type=non_empty,
+        help="ids of the vehicle, 0 for all (default: those in its VehicleStatus)",
+    )
+    add_timeout(parser)
+    add_shared(parser, "--json")
+    add_link(parser)
+
+
+def _command(options: argparse.Namespace) -> int:
+    convert_values(options, {"target": _target, "timeout": positive})
+    if options.list or options.command is None:
+        expected = expected_package(options)
+        rows = _all(expected) if options.command is None else _one(_found(options, expected)[0])
+        print("\n".join(rows))
+        return DONE
+    given = given_package(options)
+    if given is not None:
+        _message(options, given, (1, 1))  # errors are told before a vehicle connects
+    with connection(options) as found:
+        return _send(options, found)
+
+
+class _Outcome(NamedTuple):
+    """How a command was answered: a result by name, and a text that says more."""
+
+    result: str
+    text: str
+    answer: Any = None
+
+
+def _send(options: argparse.Namespace, found: Connection) -> int:
+    """Send the command, and print the answer."""
+    from msggen.live.command import address_of
+
+    message: Any = _message(options, found.package, options.target or address_of(found.vehicle))
+    settle(found, type(message))
+    name = _found(options, found.package)[0].name
+    outcome = _outcome(options, found, name, message)
+    if options.json:
+        import json
+
+        numbers = {each: getattr(outcome.answer, each, None) for each in _NUMBERS}
+        about = {"command": name, "target_system": message.target_system, "result": outcome.result}
+        print(json.dumps(about | numbers, indent=2))
+    elif outcome.answer is None:
+        print(f"{name}: {outcome.text}", file=sys.stderr)
+    else:
+        print(f"{name}: {outcome.result}{outcome.text}")
+    return DONE if outcome.result == "ACCEPTED" else FINDINGS
+
+
+def _outcome(options: argparse.Namespace, found: Connection, name: str, message: Any) -> _Outcome:
+    """Send the command, and wait for the answer."""
+    from msggen.live import LinkTimeoutError
+    from msggen.live.command import COMMAND, acknowledges, send_command
+
+    def progress(answer: Any) -> None:
+        if not options.json:
+            print(f"{name}: IN_PROGRESS{_details(answer)}", flush=True)
+
+    if not acknowledges(found.vehicle):
+        found.vehicle.publish(message, COMMAND)
+        return _Outcome("UNKNOWN", "sent; the firmware publishes no acknowledgements, as none before v1.15")
+    try:
+        answer = send_command(found.vehicle, message, options.timeout, progress)
+    except LinkTimeoutError as error:
+        return _Outcome("NONE", f"{error} for system {message.target_system}")
+    return _Outcome(_result(answer), _details(answer), answer)
+
+
+def _result(answer: Any) -> str:
+    """Return the result by name, or its number if the definition has no name for it."""
+    from msggen.live.packages import package_of_class
+
+    return str(package_of_class(type(answer)).meaning.of(answer, "result").name)
+
+
+def _details(answer: Any) -> str:
+    """Return further numbers of an answer, which say why or how far."""
+    found = [f"{name} {getattr(answer, name)}" for name in _NUMBERS if getattr(answer, name)]
+    return f" ({', '.join(found)})" if found else ""
+
+
+# The command
+
+
+def _target(text: str) -> tuple[int, int]:
+    system, _, component = text.partition(":")
+    ids = [system, component or "1"]
+    if not all(each.isascii() and each.isdecimal() and int(each) <= _MOST_IDS for each in ids):
+        raise argparse.ArgumentTypeError(f"expected ids from 0 to {_MOST_IDS} such as 1 or 1:1, found {text!r}")
+    return int(ids[0]), int(ids[1])
+
+
+def _commands(package: ModuleType) -> dict[str, Any]:
+    """Return the commands of a package by name. A package without VehicleCommand has none."""
+    try:
+        module = package.commands
+    except (AttributeError, ImportError):
+        return {}
+    return {name: each for name, each in vars(module).items() if hasattr(each, "params") and not isinstance(each, type)}
+
+
+def _found(options: argparse.Namespace, package: ModuleType) -> tuple[Any, list[str]]:
+    """Return the command that the user names, and its parameters. A wrong name ends the process."""
+    name, *first = SHORT.get(options.command.lower(), (options.command.upper(),))
+    for prefix in _PREFIXES:
+        name = name.removeprefix(prefix)
+    known = _commands(package)
+    if name not in known:
+        near = suggestion(name, [*known, *SHORT]) or ": msggen command --list has all"
+        refuse(options, f"argument COMMAND: no command '{options.command}'{near}")
+    return known[name], [*first, *options.parameters]
+
+
+def _message(options: argparse.Namespace, package: ModuleType, target: tuple[int, int]) -> Message:
+    """Return the message with the parameters that the user gives. A wrong one ends the process."""
+    command, words = _found(options, package)
+    enums = {each.name: each.enum for each in command.params} | {
+        f"param{each.number}": each.enum for each in command.params
+    }
+    values: dict[str, Any] = {}
+    for word in words:
+        name, mark, text = word.partition("=")
+        if not mark:
+            refuse(options, f"argument NAME=VALUE: expected a name and a value such as altitude=5, found '{word}'")
+        if name in values:
+            refuse(options, f"argument NAME=VALUE: '{name}' is given more than once")
+        values[name] = _value(options, name, text, enums.get(name))
+    defaults = {
+        "target_system": target[0],
+        "target_component": target[1],
+        "source_system": target[0] or 1,
+        "source_component": 1,
+        "from_external": True,
+    }
+    try:
+        message: Message = command(**{**defaults, **values})
+        message.encode()
+    except (TypeError, ValueError) as error:
+        refuse(options, f"argument NAME=VALUE: {error}")
+    return message
+
+
+def _value(options: argparse.Namespace, name: str, text: str, enum: Any) -> Any:
+    """Return the number in a text, or that of a member of the enum of a parameter."""
+    members = {} if enum is None else enum.__members__
+    if text.upper() in members:
+        return int(members[text.upper()])
+    if text.lower() in ("true", "false"):
+        return text.lower() == "true"
+    try:
+        return int(text)
+    except ValueError:
+        pass
+    try:
+        return float(text)
+    except ValueError:
+        near = suggestion(text, members) or (f": there are {', '.join(members)}" if members else "")
+        refuse(options, f"argument NAME=VALUE: {name}: expected a number, found '{text}'{near}")
+
+
+# The list
+
+
+def _all(package: ModuleType) -> Iterator[str]:
+    """Yield a line for each command: its name, and its parameters with their units."""
+    known = _commands(package)
+    width = max(map(len, known), default=0)
+    for name, command in known.items():
+        parameters = " ".join(f"{each.name}={each.unit or _kind(each)}" for each in command.params)
+        yield f"{name:{width}}  {parameters}".rstrip()
+
+
+def _one(command: Any) -> Iterator[str]:
+    """Yield the description of a command, and a line for each parameter."""
+    yield f"{command.name} ({command.value}): {command.description}"
+    rows = [
+        (each.name, f"param{each.number}", each.unit, each.range.replace(",", " to "), each) for each in command.params
+    ]
+    widths = [max((len(row[index]) for row in rows), default=0) for index in range(4)]
+    for *cells, each in rows:
+        members = "" if each.enum is None else f": {', '.join(each.enum.__members__)}"
+        line = "  ".join(str(cell).ljust(width) for cell, width in zip(cells, widths, strict=True) if width)
+        yield f"  {line}  {each.description}{members}"
+
+
+def _kind(parameter: Any) -> str:
+    """Return what stands for the value of a parameter without a unit."""
+    members: Sequence[str] = [] if parameter.enum is None else list(parameter.enum.__members__)
+    return "|".join(members) if 0 < len(members) <= 4 else "NAME" if members else "N"  # noqa: PLR2004 - as fit in a line
+
+
+# Completions
+
+
+def _complete_command(_: str, options: argparse.Namespace) -> Iterator[str]:
+    """Yield the names of commands."""
+    yield from SHORT
+    yield from _commands(expected_package(options))
+
+
+def _complete_parameter(prefix: str, options: argparse.Namespace) -> Iterator[str]:
+    """Yield the parameters of the command with `=`, and the members of the enum of one."""
+    command = _commands(expected_package(options)).get((options.command or "").upper())
+    for each in command.params if command else ():
+        yield f"{each.name}="
+        if each.enum is not None and prefix.startswith(f"{each.name}="):
+            yield from [f"{each.name}={name}" for name in each.enum.__members__]
+
+
+COMPLETERS: Mapping[str, Callable[[str, argparse.Namespace], Iterator[str]]] = {
+    "command": _complete_command,
+    "parameters": _complete_parameter,
+}
+"""The completions of arguments by their names in argparse."""

@@ -1,0 +1,123 @@
+"""The values of a message, as arguments: YAML, from the command line, a file or stdin."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+import time
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
+
+from msggen.cli.link import Connection
+from msggen.cli.options import non_empty, refuse
+from msggen.diagnostics import Diagnostic, InputError
+from msggen.location import Location
+
+if TYPE_CHECKING:
+    from msggen.live.packages import Message
+
+    MessageT = TypeVar("MessageT", bound=Message)
+
+_PATIENCE = 3.0
+"""How long to wait in s for what the vehicle says of a definition."""
+_TIMEOUT = 5.0
+_SLICE = 0.05
+_DISCOVERY = 1.0
+"""How long an agent takes in s to find a new writer in DDS (docs/links.md)."""
+
+
+def add_values(parser: argparse.ArgumentParser) -> None:
+    """Add the argument with the values of a message, and the option that reads them from a file."""
+    parser.add_argument(
+        "values",
+        metavar="VALUES",
+        nargs="?",
+        help="values in YAML, such as '{position: true}'; - reads them from stdin",
+    )
+    parser.add_argument("-f", "--file", metavar="FILE", type=non_empty, help="read the values from a file")
+
+
+def add_timeout(parser: argparse.ArgumentParser) -> None:
+    """Add the option that bounds the wait for an answer."""
+    parser.add_argument(
+        "--timeout",
+        metavar="SECONDS",
+        type=non_empty,
+        default=f"{_TIMEOUT:g}",
+        help=f"wait this long for an answer (default: {_TIMEOUT:g})",
+    )
+
+
+class Values(NamedTuple):
+    """The values of a message, and where they are from."""
+
+    values: object
+    place: str
+
+    def message(self, cls: type[MessageT]) -> MessageT:
+        """Return the message with these values. Raises InputError, with all problems."""
+        from msggen.live.compose import ValuesError, compose
+
+        try:
+            return compose(cls, self.values)
+        except ValuesError as error:
+            raise InputError(Diagnostic(Location(self.place, 0), "L110", each) for each in error.problems) from None
+
+
+def read_values(options: argparse.Namespace) -> Values:
+    """Return the values that the options of `add_values` name. Raises InputError for what is not YAML."""
+    from msggen.parse.yaml_nodes import read_yaml, value_of
+
+    if options.values and options.file:
+        refuse(options, "argument --file: not allowed with argument VALUES")
+    data, place = _read(options)
+    root = read_yaml(data, place)
+    return Values(None if root is None else value_of(root), place)
+
+
+def _read(options: argparse.Namespace) -> tuple[bytes, str]:
+    """Return the bytes of the values, and the name of their place."""
+    if options.file:
+        from msggen.disk.reading import read_bytes
+
+        return read_bytes(options.file), options.file
+    if options.values == "-":
+        return sys.stdin.buffer.read(), "stdin"
+    return (options.values or "").encode(errors="replace"), "VALUES"
+
+
+def settle(found: Connection, cls: type[Message]) -> None:
+    """Wait until the vehicle has said which definition of a message it has, so that a different one is refused.
+
+    Releases before v1.15 do not say it, and are waited for only shortly. In DDS, the writer has to be found as well.
+    """
+    deadline = time.monotonic() + _PATIENCE
+    while time.monotonic() < deadline:
+        firmware = found.vehicle.firmware
+        if firmware.is_complete or cls.__msg__.ros_type in firmware.hashes:
+            break
+        time.sleep(_SLICE)
+    if found.link.startswith("dds:"):
+        time.sleep(_DISCOVERY)
+
+
+_NAME = re.compile(r"(?:^|[{,])\s*(\w*)\Z")
+"""The name of a field, as far as it is typed,"""
+_MEMBER = re.compile(r"(\w+):\s*([\w|]*)\Z")
+"""and the value of one, as far as it is typed."""
+
+
+def values_like(prefix: str, cls: type[Message]) -> Iterator[str]:
+    """Yield values in YAML with the last word completed: the name of a field, or a member of the enum of one."""
+    from msggen.live.places import places_of
+
+    own = {place.path: place for place in places_of(cls)}
+    nested = {inner.path: inner for place in own.values() if place.nested for inner in places_of(place.nested)}
+    known = own if prefix.count("{") - prefix.count("}") <= 1 else nested
+    member, name = _MEMBER.search(prefix), _NAME.search(prefix)
+    if member is not None and member[1] in known:
+        enum = known[member[1]].enum
+        yield from [prefix[: member.start(2)] + each for each in (enum.__members__ if enum is not None else ())]
+    elif name is not None:
+        yield from [f"{prefix[: name.start(1)]}{each}:" for each in known]

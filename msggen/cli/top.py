@@ -1,0 +1,184 @@
+"""`msggen top`: a live table of the topics of a running vehicle."""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import os
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING
+
+from msggen.cli.link import Connection, add_link, connection
+from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
+from msggen.cli.topic.watching import add_window
+from msggen.cli.values import convert_values, positive
+from msggen.exit_codes import DONE
+
+if TYPE_CHECKING:
+    from msggen.live.meter import Meter
+    from msggen.top.rows import Row, Table
+    from msggen.top.view import View
+
+_NOTICES = 20
+"""The number of warnings that are kept."""
+_REFRESH = 0.5
+"""The time in s after which the table is drawn again."""
+
+
+def add_to(commands: Commands) -> None:
+    """Add the command to the command line."""
+    parser = add_command(
+        commands,
+        "top",
+        _top,
+        help="show the rates, ages and values of all topics of a running vehicle",
+        description="Show all topics that a vehicle publishes: how often, against the limit in its dds_topics.yaml, "
+        "how long ago, how large, and the last values of a selected one. Keys sort, filter, open a topic and pause; "
+        "the last line lists them. Into a pipe, the table is printed once.",
+        epilog=f"Exit codes: 0 done, or ended by Ctrl-C, {FAILED_CODES}",
+    )
+    parser.add_argument("--once", action="store_true", help="measure, print the table once, and exit")
+    add_shared(parser, "--json")
+    add_window(parser)
+    add_link(parser)
+
+
+def _top(options: argparse.Namespace) -> int:
+    convert_values(options, {"window": positive})
+    with connection(options) as found:
+        from msggen.live.meter import Meter
+
+        gc.enable()  # unlike other commands, this one may run for days
+        meter = Meter(options.window)
+        with found.vehicle.watch(meter):
+            source = _Source(found, meter)
+            if options.once or options.json or not _is_live():
+                _print_once(source, options.window, is_json=options.json)
+            else:
+                with suppress(KeyboardInterrupt):  # where Ctrl-C is no key
+                    _run(source)
+    return DONE
+
+
+def _is_live() -> bool:
+    """Whether there is a terminal that can be drawn on. Windows has no termios."""
+    if not sys.stdout.isatty() or os.environ.get("TERM", "dumb") == "dumb":
+        return False
+    try:
+        import termios  # noqa: F401
+    except ImportError:
+        return False
+    return True
+
+
+class _Source:
+    """Makes tables of a vehicle, also while it is disconnected."""
+
+    def __init__(self, found: Connection, meter: Meter) -> None:
+        from msggen.top.rows import limits_of
+
+        self._found, self._meter = found, meter
+        self._limits = limits_of(found.package)
+        self._routes, self._namespace, self._lost = found.vehicle.routes, found.vehicle.remote.namespace, 0
+        self.notices: Sequence[str] = ()
+
+    def table(self) -> Table:
+        """Return what is known now."""
+        from msggen.live import NotConnectedError
+        from msggen.top.rows import Table, rows_of
+
+        vehicle, trouble = self._found.vehicle, ""
+        try:
+            self._routes, self._lost = vehicle.routes, vehicle.lost
+        except NotConnectedError as error:
+            trouble = str(error).partition(";")[0]
+        now = time.time_ns()
+        rows = rows_of(self._routes, self._meter.flows(now), self._limits, self._namespace, now)
+        namespace = f"  /{self._namespace}" if self._namespace else ""
+        label = f"{self._found.label}  {self._found.link}{namespace}"
+        return Table(rows, label, trouble, self._lost, "".join(self.notices[-1:]))
+
+    def values(self, row: Row) -> list[str]:
+        """Return the newest message of a topic as lines, or why there are none."""
+        from msggen.live import LinkError
+        from msggen.live.packages import package_of_class
+
+        if row.flow is None:
+            return ["no sample yet"]
+        try:
+            message = self._found.vehicle.decode(row.route, row.flow.payload)
+        except (LinkError, ValueError) as error:
+            return [str(error)]
+        shown: str = package_of_class(type(message)).show(message)
+        return shown.splitlines()
+
+
+def _print_once(source: _Source, seconds: float, *, is_json: bool) -> None:
+    """Measure, and print the table."""
+    time.sleep(seconds)
+    table = source.table()
+    if is_json:
+        import json
+
+        from msggen.top.rows import as_document
+
+        print(json.dumps(as_document(table), indent=2))
+        return
+    from msggen.top.drawing import plain
+
+    print("\n".join(plain(table)))
+
+
+def _run(source: _Source) -> None:
+    """Show the table until a key ends it."""
+    from rich.console import Console
+
+    from msggen.top.drawing import ansi, page_of, screen
+    from msggen.top.terminal import Terminal
+    from msggen.top.view import View, press
+
+    console = Console()
+    view, table, due = View(), source.table(), 0.0
+    with _warnings() as source.notices, Terminal() as terminal:
+        while not view.is_ended:
+            now = time.monotonic()
+            if now >= due:
+                due = now + _REFRESH
+                table = table if view.is_paused else source.table()
+            width, height = terminal.size
+            terminal.draw(ansi(console, screen(table, view, _values(source, view, table.rows), width, height), width))
+            for key in terminal.keys(max(0.0, due - time.monotonic())):
+                view = press(view, key, view.shown(table.rows), page_of(height))
+
+
+@contextmanager
+def _warnings() -> Iterator[Sequence[str]]:
+    """Collect the warnings about the link, which would spoil the screen, and print them at the end."""
+    from logging import Handler, LogRecord, getLogger
+
+    texts: list[str] = []
+
+    class _Collector(Handler):
+        def emit(self, record: LogRecord) -> None:
+            texts.append(record.getMessage())
+            del texts[:-_NOTICES]
+
+    logger, collector = getLogger("msggen.live"), _Collector()
+    propagates, logger.propagate = logger.propagate, False
+    logger.addHandler(collector)
+    try:
+        yield texts
+    finally:
+        logger.removeHandler(collector)
+        logger.propagate = propagates
+        for text in texts:
+            print(text, file=sys.stderr)
+
+
+def _values(source: _Source, view: View, rows: Sequence[Row]) -> list[str]:
+    """Return the lines of the open topic, if one is open."""
+    shown = view.shown(rows) if view.is_open else []
+    return source.values(shown[view.selected(shown)]) if shown else []

@@ -1,0 +1,92 @@
+"""Tests of the rows of `msggen top`: what is measured, expected and late."""
+
+from __future__ import annotations
+
+import json
+import math
+from types import ModuleType
+
+from msggen.live.link import Route
+from msggen.live.meter import Meter
+from msggen.top.drawing import plain
+from msggen.top.rows import Table, as_document, limits_of, rows_of
+
+SECOND = 1_000_000_000
+STATUS = Route("/uav_1/fmu/out/vehicle_status_v4", "px4_msgs/msg/VehicleStatus", "out", 1)
+ACK = Route("/uav_1/fmu/out/vehicle_command_ack_v1", "px4_msgs/msg/VehicleCommandAck", "out", 2)
+SETPOINT = Route("/uav_1/fmu/in/trajectory_setpoint", "px4_msgs/msg/TrajectorySetpoint", "in", 3)
+UNKNOWN = Route("/uav_1/fmu/out/mine", "px4_msgs/msg/Mine", "out", 4)
+
+
+def heard(route: Route, *times: float) -> Meter:
+    """Return a meter that has heard samples of 24 bytes at some times in s."""
+    meter = Meter()
+    for time in times:
+        meter(route, bytes(24), round(time * SECOND))
+    return meter
+
+
+def test_a_row_has_what_was_measured_and_the_limit(px4_types: ModuleType) -> None:
+    meter = heard(STATUS, *(each / 4 for each in range(1, 21)))
+    rows = rows_of([STATUS, ACK, SETPOINT], meter.flows(5 * SECOND), limits_of(px4_types), "uav_1", round(5.1 * SECOND))
+    ack, status = rows
+    assert (status.topic, status.message, status.limit) == (STATUS.name, "VehicleStatus", 5.0)
+    assert (status.samples, status.size, status.state) == (20, 24, "")
+    assert math.isclose(status.rate, 4.0)
+    assert math.isclose(status.bandwidth, 96.0)
+    assert math.isclose(status.age, 0.1)
+    assert math.isclose(status.longest, 0.25)
+    assert (ack.topic, ack.samples, ack.state) == (ACK.name, 0, "silent")
+    assert all(math.isnan(number) for number in (ack.rate, ack.limit, ack.age, ack.bandwidth, ack.size, ack.longest))
+
+
+def test_a_topic_that_stops_is_late() -> None:
+    meter = heard(STATUS, *(each / 10 for each in range(50)))
+    states = {}
+    for now in (5.0, 6.0, 7.5, 60.0):
+        (row,) = rows_of([STATUS], meter.flows(round(now * SECOND)), {}, "uav_1", round(now * SECOND))
+        states[now] = row.state, math.isnan(row.rate)
+    assert states == {5.0: ("", False), 6.0: ("", True), 7.5: ("late", True), 60.0: ("late", True)}
+
+
+def test_answers_are_never_late() -> None:
+    """A topic without a usual interval: few samples, or one burst."""
+    for times in ((1.0, 2.0, 3.0), [1.0 + each / 1000 for each in range(60)]):
+        meter = heard(ACK, *times)
+        (row,) = rows_of([ACK], meter.flows(600 * SECOND), {}, "uav_1", 600 * SECOND)
+        assert row.state == ""
+
+
+def test_a_slow_topic_is_not_late_between_two_samples() -> None:
+    meter = heard(STATUS, *range(0, 100, 10))
+    for now, state in ((100, ""), (139, ""), (141, "late")):
+        (row,) = rows_of([STATUS], meter.flows(now * SECOND), {}, "uav_1", now * SECOND)
+        assert row.state == state
+
+
+def test_a_topic_that_is_heard_has_a_row_without_a_route() -> None:
+    rows = rows_of([STATUS], heard(UNKNOWN, 1.0).flows(SECOND), {}, "uav_1", SECOND)
+    assert [row.topic for row in rows] == [UNKNOWN.name, STATUS.name]
+
+
+def test_the_summary_counts_all_topics() -> None:
+    meter = heard(STATUS, 1.0, 1.5, 2.0)
+    rows = rows_of([STATUS, ACK], meter.flows(2 * SECOND), {}, "uav_1", 2 * SECOND)
+    assert Table(rows, "", lost=3).summary == "2 topics, 1 heard, 2 samples/s, 0.0 kB/s, 3 lost"
+
+
+def test_a_meter_keeps_the_samples_of_its_window_only() -> None:
+    meter = heard(STATUS, *(each / 100 for each in range(3000)))
+    assert len(meter._topics[STATUS.name].samples) == 501
+
+
+def test_the_document_and_the_plain_table_have_the_same_topics() -> None:
+    meter = heard(STATUS, 1.0, 1.5, 2.0)
+    table = Table(rows_of([STATUS, ACK], meter.flows(2 * SECOND), {}, "uav_1", 2 * SECOND), "v1.18")
+    document = json.loads(json.dumps(as_document(table), allow_nan=False))
+    heading, *lines = plain(table)
+    assert heading.split() == ["topic", "Hz", "limit", "age", "s", "kB/s", "bytes", "samples", "longest", "s"]
+    assert [line.split()[0] for line in lines] == [each["topic"] for each in document["topics"]]
+    assert lines[0].split()[1:] == ["-", "-", "-", "-", "-", "0", "-", "silent"]
+    assert document["topics"][0]["rate_hz"] is None
+    assert (document["topics"][1]["rate_hz"], document["topics"][1]["age_s"]) == (2.0, 0.0)
