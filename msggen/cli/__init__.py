@@ -36,6 +36,8 @@ _MODULES = {
     "docs": "docs",
     "sim": "sim",
     "topic": "topic",
+    "record": "record",
+    "play": "play",
     "px4-generate": "px4_generate",
     "releases": "releases",
     "rules": "rules",
