@@ -52,7 +52,7 @@ def endpoints_of(recording: Recording, choice: Choice, key: int = 1, sync: Sync 
     played = [topic for topic in recording.topics.values() if is_played(topic)]
     found = _OUT.fullmatch(played[0].name) if played else None
     namespace = (found and found[1]) or ""
-    hashes = {topic.name: hash_of(topic.ros_type, topic.definition) for topic in played if topic.definition}
+    hashes = {topic.name: hash_of(topic.ros_type, topic.definition) for topic in played}
     known = {without_namespace(name, namespace): value for name, value in hashes.items()}
     release = max(releases(), key=lambda each: _likeness(known, releases()[each]))
     rows = releases()[release]

@@ -140,7 +140,8 @@ def _errors() -> tuple[type[Exception], ...]:
 
     from zstandard import ZstdError
 
-    return McapError, ZstdError, RuntimeError, ValueError, EOFError, IndexError, KeyError, error, zlib_error
+    # an OSError if a file is shorter than its last record
+    return McapError, ZstdError, OSError, RuntimeError, ValueError, EOFError, IndexError, KeyError, error, zlib_error
 
 
 _DAMAGE = _errors()

@@ -18,6 +18,8 @@ _NO_CONVENTIONS = Conventions(
 
 def hash_of(ros_type: str, definition: str) -> int | None:
     """Return the `message_hash` of PX4 (docs/wire.md, section 8), or None if the definition cannot be read."""
+    if not definition:
+        return None
     own, *others = _HEAD.split(definition)
     texts = {_key(ros_type): own, **{_key(name): text for name, text in zip(others[::2], others[1::2], strict=True)}}
     messages: dict[str, Message] = {}
