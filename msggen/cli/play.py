@@ -39,7 +39,7 @@ def add_to(commands: Commands) -> None:
         epilog=f"Exit codes: 0 done, or ended by Ctrl-C, {FAILED_CODES}",
     )
     parser.add_argument(
-        "file", metavar="FILE", type=non_empty, help="MCAP file of `msggen record` or `ros2 bag record`"
+        "file", metavar="FILE", type=non_empty, help="recording of `msggen record` or `ros2 bag record`, an MCAP file"
     )
     add_topics(parser, "play")
     parser.add_argument(

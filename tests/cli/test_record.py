@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
 import re
@@ -256,3 +257,68 @@ def test_a_recording_is_played_without_an_agent_until_the_time_is_over(
     assert re.fullmatch(r"a\.mcap: 1 topic of v1\.18, \d\.\d s; to udp://127\.0\.0\.1:\d+", first)
     assert last == "0 samples sent, 0 received"
     assert parser_for(["play"]).parse_args(["play", "a.mcap"]).to == "udp://127.0.0.1:8888"
+
+
+# --- the page
+
+PAGE = (ROOT / "docs" / "record.md").read_text(encoding="utf-8")
+SESSIONS = re.findall(r"```console\n(.*?)```", PAGE, re.DOTALL)
+
+
+def masked(text: str) -> list[str]:
+    """Return the lines of an output with N for numbers, and JSON without line breaks."""
+    return [re.sub(r"[\d.:_-]*\d", "N", line) for line in text.splitlines()]
+
+
+def shown(command: str) -> list[str]:
+    """Return the output that the page shows for a command."""
+    (text,) = re.findall(
+        rf"^\$ {re.escape(command)}.*?\n(.*?)(?=^\$ |\Z)", "$ \n".join(SESSIONS), re.DOTALL | re.MULTILINE
+    )
+    return masked(text)
+
+
+@pytest.mark.slow  # as processes would be, one after the other
+def test_the_commands_of_the_page_print_what_it_shows(
+    address: str, here: Path, px4_types: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (here / "pyproject.toml").write_text(f'[tool.msggen]\nlink = "{address}"\n', encoding="utf-8")
+    with Simulator(px4_types, address, [SHORT]):
+        assert main(["record", "--for", "1.5"]) == 0
+        assert masked(capsys.readouterr().out) == shown("msggen record --for 10")
+        assert main(["record", "vehicle_status", "sensor_*", "--for", "1.5", "--json", "-o", "two"]) == 0
+        printed = capsys.readouterr().out
+    page = shown("msggen record vehicle_status 'sensor_*' --for 3")
+    assert [line for line in masked(printed) if "vtx" not in line] == page
+    (file,) = here.glob("px4_*.mcap")
+    assert main(["play", file.name, "--to", address, "--for", "0.2"]) == 0  # there is no agent
+    first, *_, last = masked(capsys.readouterr().out)
+    play = shown("msggen play")
+    assert (first, last) == (play[0], play[-1])
+    assert re.fullmatch(r" +N s  connected", play[1])
+    for code in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL):
+        exec(code, {})  # noqa: S102 - the code of the page
+    assert re.match(r"/fmu/out/\w+ \d{16}\n", capsys.readouterr().out)
+
+
+def test_the_commands_of_the_page_are_accepted() -> None:
+    commands = re.findall(r"^\$ msggen ((?:record|play).*)$", "\n".join(SESSIONS), re.MULTILINE)
+    assert len(commands) == 3
+    for command in commands:
+        words = command.replace("'", "").split()
+        parser_for(words).parse_args(words)
+    for options in re.findall(r"^\| `(-.*?)` \|", PAGE, re.MULTILINE):
+        for words in (option.split() for option in options.split("`, `")):
+            known = [parser_for([verb]) for verb in ("record", "play")]
+            assert any(is_accepted(parser, words) for parser in known), words
+
+
+def is_accepted(parser: argparse.ArgumentParser, words: Sequence[str]) -> bool:
+    """Whether a command has the options."""
+    command = next(action for action in parser._actions if action.nargs == argparse.PARSER)
+    (name,) = dict(command.choices or {})
+    try:
+        parser.parse_args([name, "a.mcap", *words])
+    except SystemExit:
+        return False
+    return True
