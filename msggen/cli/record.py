@@ -286,7 +286,7 @@ class _Session:
             print(json.dumps(_summary(counts, self._losses.count, seconds), indent=2))
             return
         text = _shown(counts, self._losses.count)
-        files = f" in {len(counts.files)} files" if len(counts.files) > 1 else ""
+        files = f", {len(counts.files)} files" if len(counts.files) > 1 else ""
         self._say(f"{text}, in {seconds:.1f} s{files}")
         if counts.dropped:
             text = "were dropped, because the disk was too slow: record fewer topics, or on a faster disk"

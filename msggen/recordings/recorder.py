@@ -113,6 +113,8 @@ class Recorder:
         self._put = self._taken = self._dropped = 0
         self._chosen: dict[Route, bool] = {}
         self._samples: dict[str, int] = {}
+        self._flushed: dict[str, int] = {}
+        """The samples that are in the files, of those that were given to the writer."""
         self._unknown: set[str] = set()
         self._files: list[str] = []
         self._earlier = 0
@@ -164,6 +166,7 @@ class Recorder:
             self._file.writer.close()
         except Exception as error:  # noqa: BLE001 - it is told by the thread that waits for the recorder
             self.error = error
+            self._samples = self._flushed
             self._file.writer.abandon()
         finally:
             self.ended.set()
@@ -219,6 +222,7 @@ class Recorder:
         """Write a chunk. Return whether the recording is as large as it may be."""
         writer, limits = self._file.writer, self._limits
         writer.flush()
+        self._flushed = self._samples.copy()
         writer.sync()
         self._file.is_full = limits.split_size is not None and writer.size >= limits.split_size
         return limits.size is not None and self._earlier + writer.size >= limits.size
@@ -226,6 +230,7 @@ class Recorder:
     def _split(self, arrival: int) -> None:
         """Continue in another file, whose first sample is the next one."""
         self._file.writer.close()
+        self._flushed = self._samples.copy()
         self._earlier += self._file.writer.size
         self._file = self._open()
         self._file.first = arrival

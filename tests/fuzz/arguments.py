@@ -23,7 +23,7 @@ from support.scratch import inside, scratch_folder
 
 COUNT = 150
 
-COMMANDS = tuple(name for name in _MODULES if name != "sim")
+COMMANDS = tuple(name for name in _MODULES if name not in ("sim", "record", "play"))
 """The commands that end by themselves."""
 
 Case = tuple[str, ...]
