@@ -86,7 +86,10 @@ class Recording:
                 summary = reader.get_summary()
             except _DAMAGE:
                 return None
-        return summary if summary and summary.statistics and summary.chunk_indexes else None
+        if summary is None or summary.statistics is None or not summary.chunk_indexes:
+            return None
+        counts = summary.statistics.schema_count, summary.statistics.channel_count
+        return summary if (len(summary.schemas), len(summary.channels)) == counts else None
 
     def _scan(self) -> None:
         for sample in self._unindexed():

@@ -97,7 +97,9 @@ def test_a_recording_is_played_and_recorded_again(
     first = read_mcap("flight.mcap")
     codes: list[int] = []
     other = f"udp://127.0.0.1:{free_port()}"
-    player = threading.Thread(target=lambda: codes.append(main(["play", "flight.mcap", "--to", other, "-q"])))
+    player = threading.Thread(
+        target=lambda: codes.append(main(["play", "flight.mcap", "--to", other, "--rate", "0.5", "-q"]))
+    )
     player.start()
     try:
         assert record(other, "-o", "again.mcap", "--for", "1.0", "--wait", "20") == 0
@@ -129,7 +131,7 @@ def test_chosen_topics_are_recorded_in_several_files(address: str, px4_types: An
 def test_a_definition_that_differs_is_told(address: str, px4_types: Any, capsys: pytest.CaptureFixture[str]) -> None:
     options = SHORT._replace(misbehaviour=Misbehaviour(wrong_hashes=("SensorCombined",)))
     with Simulator(px4_types, address, [options]):
-        assert record(address, "sensor_combined", "vehicle_attitude", "-o", "a.mcap", "--for", "3") == 0
+        assert record(address, "sensor_combined", "vehicle_attitude", "-o", "a.mcap", "--for", "5") == 0
     assert "warning: /fmu/out/sensor_combined: recorded without a definition" in capsys.readouterr().err
     assert {each.topic for each in read_mcap("a.mcap")} == {"/fmu/out/sensor_combined", "/fmu/out/vehicle_attitude"}
 
