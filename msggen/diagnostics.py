@@ -138,6 +138,8 @@ CODES: Mapping[str, Level] = MappingProxyType(
         "L103": Level.ERROR,
         "L110": Level.ERROR,
         "L111": Level.ERROR,
+        "R101": Level.ERROR,
+        "R102": Level.ERROR,
     }
 )
 """The level of each code. Constructs that PX4 may add in its next release are warnings, so that it still builds.

@@ -40,6 +40,8 @@ _MODULES = {
     "top": "top",
     "command": "command",
     "call": "call",
+    "record": "record",
+    "play": "play",
     "px4-generate": "px4_generate",
     "releases": "releases",
     "rules": "rules",

@@ -23,8 +23,9 @@ from support.scratch import inside, scratch_folder
 
 COUNT = 150
 
-COMMANDS = tuple(name for name in _MODULES if name not in ("sim", "topic", "top", "command", "call"))
-"""The commands that need no other process."""
+ON_A_LINK = frozenset(("sim", "topic", "top", "command", "call", "record", "play", "view", "doctor", "relay"))
+COMMANDS = tuple(name for name in _MODULES if name not in ON_A_LINK)
+"""The commands that end by themselves, and need no other process."""
 
 Case = tuple[str, ...]
 """The arguments."""

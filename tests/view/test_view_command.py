@@ -61,7 +61,7 @@ def test_a_recording_is_shown(px4_types: ModuleType, tmp_path: Path, run: Any) -
         payload = cls(pose_frame=1, q=(1.0, 0.0, 0.0, 0.0)).encode()
         for number in range(600):
             writer.add_message(channel, 1_790_000_000_000_000_000 + number * 100_000_000, payload, 0)
-        writer.finish()  # type: ignore[no-untyped-call]
+        writer.finish()
     program, port = run(str(path))
     with FoxgloveClient(port) as client:
         client.receive(lambda: bool(client.of("/pose")))

@@ -41,7 +41,7 @@ def write(path: Path, package: Any, count: int = 50, *, is_finished: bool = True
             writer.add_message(channel, time, payload, time)
             samples.append((topic, time, payload))
         if is_finished:
-            writer.finish()  # type: ignore[no-untyped-call]
+            writer.finish()
     return samples
 
 
