@@ -40,9 +40,11 @@ def meaning(action: argparse.Action) -> tuple[object, ...]:
 
 
 def meanings() -> dict[str, dict[str, tuple[object, ...]]]:
-    """Return the meaning of each spelling, by command."""
+    """Return the meaning of each spelling, by command. Those of `sim` tell what to simulate, and `px4-generate` has
+    those of a script of the firmware.
+    """
     found: dict[str, dict[str, tuple[object, ...]]] = defaultdict(dict)
-    for command in COMMANDS:
+    for command in COMMANDS.keys() - {"sim", "px4-generate"}:
         for action in actions(command):
             for spelling in action.option_strings:
                 found[spelling][command] = meaning(action)
