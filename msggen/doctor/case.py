@@ -11,10 +11,15 @@ from msggen.finding import Change
 from msggen.live.link import Route
 from msggen.live.names import is_named_after, stem_of
 from msggen.live.selection import Selection, shown
+from msggen.live.xrce.agent import Client
 from msggen.location import Location
 
 SILENT = 2.0
 """The time in s without any sample after which a vehicle counts as silent. The rarest one has several a second."""
+
+
+_OVERLAP = 0.5
+"""The time in s for which a client must be heard after another one of its key began, so that they are two clients."""
 
 
 class Case(NamedTuple):
@@ -45,11 +50,12 @@ class Case(NamedTuple):
     @property
     def shared_keys(self) -> Mapping[int, tuple[str, ...]]:
         """The keys that several clients use at the same time, and the addresses of these."""
-        addresses: dict[int, list[str]] = {}
-        for client in self.seen.clients:
-            if client.silence < SILENT and client.key:
-                addresses.setdefault(client.key, []).append(client.address)
-        return {key: tuple(each) for key, each in addresses.items() if len(each) > 1}
+        by_key: dict[int, list[Client]] = {}
+        for client in sorted(self.seen.clients, key=lambda each: each.age):  # the newest one first
+            of_key = by_key.setdefault(client.key, [])
+            if client.silence < (of_key[0].age - _OVERLAP if of_key else SILENT):
+                of_key.append(client)
+        return {key: tuple(each.address for each in found) for key, found in by_key.items() if key and len(found) > 1}
 
     def is_silent(self, vehicle: VehicleSeen) -> bool:
         """Whether a vehicle has stopped to send."""

@@ -215,7 +215,7 @@ def find_wrong_key(case: Case) -> Iterator[Change]:
     """Find that no vehicle has the key that the user means."""
     key, seen = case.selection.key, case.seen
     keys = sorted({each.remote.key for each in seen.vehicles if each.routes})
-    if key is not None and keys and key not in keys:
+    if key is not None and keys and key not in keys and key not in {client.key for client in seen.clients}:
         shown_keys = ", ".join(map(str, keys))
         yield case.change(
             f"key {key}", f"no vehicle has the key {key}: use --key {shown_keys}, or set UXRCE_DDS_KEY to {key}"

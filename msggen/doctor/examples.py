@@ -34,7 +34,7 @@ _EXPECTED = Expected(
     topics=tuple(ExpectedTopic(route.name, route.direction, 0.02) for route in _ROUTES),
     uorb=frozenset({"vehicle_status", "vehicle_attitude", "sensor_combined", "vehicle_command", "sensor_gyro"}),
 )
-_TOPIC = TopicSeen(samples=250, size=52, rate=50.0, age=0.001)
+_TOPIC = TopicSeen(samples=250, size=52, age=0.001)
 _REMOTE = Remote(1, "127.0.0.1:40123", 1, "", adopted=False)
 _VEHICLE = VehicleSeen(
     _REMOTE,
@@ -43,6 +43,7 @@ _VEHICLE = VehicleSeen(
     _HASHES,
     "v1.16",
     lost=0,
+    seconds=5.0,
     heard=_NOW,
 )
 _CLIENT = Client("127.0.0.1:40123", 1, 1, age=8.0, silence=0.0, timestamps=30)
@@ -140,7 +141,7 @@ _EXAMPLES: Mapping[str, Callable[[], Case]] = {
     "LINE_FULL": lambda: HEALTHY._replace(seen=_SERIAL),
     "BUFFER_FULL": lambda: _with(statistics=_STATISTICS._replace(dropped=96, lost=90)),
     "SAMPLES_LOST": lambda: _vehicle(lost=84),
-    "RATE_LOW": lambda: _all_topics(samples=10, rate=2.0),
+    "RATE_LOW": lambda: _all_topics(samples=10),
 }
 
 

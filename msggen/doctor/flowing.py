@@ -10,7 +10,6 @@ from msggen.doctor.case import Case, message_of
 from msggen.doctor.expected import Expected
 from msggen.doctor.observation import VehicleSeen
 from msggen.finding import Change
-from msggen.live.link import Route
 from msggen.live.names import stem_of, version_of, without_namespace
 
 _FIRST_UTC = 1e15
@@ -115,17 +114,17 @@ def find_slow(case: Case) -> Iterator[Change]:
             for route in case.routes(vehicle)
             if route.name in vehicle.topics and limits.get(route.name, 0) >= _FAST
         ]
-        slow = [route for route in fast if _is_slow(case, vehicle, route, limits[route.name])]
+        slow = [route for route in fast if vehicle.rate(route.name) < _SLOW * limits[route.name]]
         if case.wanted:
             for route in slow:
                 yield case.change(
                     route.name,
-                    f"'{route.name}' arrives at {vehicle.topics[route.name].rate:.1f} Hz, and dds_topics.yaml allows "
+                    f"'{route.name}' arrives at {vehicle.rate(route.name):.1f} Hz, and dds_topics.yaml allows "
                     f"{limits[route.name]:.0f} Hz: PX4 publishes it no faster, or the link is too slow; `uorb top` in "
                     "PX4's shell shows its rate there",
                 )
         elif len(slow) > len(fast) / 2 and len(slow) > 1:
-            names = few([f"{route.name} at {vehicle.topics[route.name].rate:.1f} Hz" for route in slow])
+            names = few([f"{route.name} at {vehicle.rate(route.name):.1f} Hz" for route in slow])
             yield case.of(
                 vehicle,
                 f"sends {len(slow)} of {counted(len(fast), 'fast topic')} below half of the limit in dds_topics.yaml "
@@ -143,12 +142,6 @@ def _limits(expected: Expected, vehicle: VehicleSeen) -> dict[str, float]:
         if limit and route.direction == "out":
             found[route.name] = limit
     return found
-
-
-def _is_slow(case: Case, vehicle: VehicleSeen, route: Route, limit: float) -> bool:
-    topic = vehicle.topics[route.name]
-    most = (topic.samples + 1) / case.seen.seconds if case.seen.seconds else limit
-    return topic.rate < _SLOW * limit and most < _SLOW * limit
 
 
 def find_lost(case: Case) -> Iterator[Change]:
@@ -195,8 +188,12 @@ def _line_use(case: Case, vehicle: VehicleSeen) -> float:
 
 def _costs(vehicle: VehicleSeen) -> dict[str, float]:
     """Return the bytes a second on a serial line, by topic."""
-    rates = {name: topic for name, topic in vehicle.topics.items() if topic.rate == topic.rate}
-    return {name: topic.rate * (topic.size + _OVERHEAD) for name, topic in rates.items()}
+    seconds = vehicle.seconds
+    return {
+        name: topic.samples * (topic.size + _OVERHEAD) / seconds
+        for name, topic in vehicle.topics.items()
+        if seconds > 0
+    }
 
 
 def find_small_buffer(case: Case) -> Iterator[Change]:

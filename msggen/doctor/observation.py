@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -55,8 +56,6 @@ class TopicSeen(NamedTuple):
     samples: int
     size: int
     """The bytes of the newest sample, with the encapsulation."""
-    rate: float
-    """Samples a second, NaN with fewer than two."""
     age: float | None = None
     """The arrival minus the timestamp in s, of the sample where they differ least. None without timestamps."""
 
@@ -74,10 +73,16 @@ class VehicleSeen(NamedTuple):
     """The nearest embedded release, "" if there is none."""
     lost: int
     """Missing sequence numbers."""
+    seconds: float = 0.0
+    """The time between the first and the last sample."""
     heard: int = 0
     """The arrival of the last sample in ns since 1970, 0 if there was none."""
     ended: str = ""
     """The reason why the session ended, "" if it goes on."""
+
+    def rate(self, name: str) -> float:
+        """Return the samples a second of a topic that was heard, at most, since the first sample of any topic."""
+        return (self.topics[name].samples + 1) / self.seconds if self.seconds else math.inf
 
     @property
     def samples(self) -> int:

@@ -52,7 +52,7 @@ def observe(address: Address, plan: Plan = Plan(), told: Callable[[], None] = la
     reason than that it is in use.
     """
     link = open_link(address, plan.allow)
-    observer = _Observer(link, plan.seconds)
+    observer = _Observer(link)
     try:
         link.start(observer)
     except LinkError as error:
@@ -103,16 +103,15 @@ def _places(seen: Observation, address: Address, senders: Sequence[Sender]) -> l
 class _Observer(Hub):
     """A hub without members that keeps what it is told. It asks vehicles for their definitions, as every hub does."""
 
-    def __init__(self, link: Link, window: float) -> None:
+    def __init__(self, link: Link) -> None:
         super().__init__(link)
         self.past: list[VehicleSeen] = []
         self.warnings: list[str] = []
-        self._window = window
         self._meters: dict[int, Meter] = {}
         self._ages: dict[int, dict[str, int]] = {}
 
     def connected(self, remote: Remote) -> None:
-        self._meters[remote.number], self._ages[remote.number] = Meter(self._window), {}
+        self._meters[remote.number], self._ages[remote.number] = Meter(), {}
         super().connected(remote)
 
     def sample(self, remote: Remote, route: Route, payload: bytes, time: int) -> None:
@@ -135,11 +134,12 @@ class _Observer(Hub):
     def vehicle(self, entry: Entry) -> VehicleSeen:
         """Return what was seen of a vehicle."""
         ages = self._ages[entry.remote.number]
+        flows = self._meters[entry.remote.number].flows(time.time_ns())
         topics = {
             flow.route.name: TopicSeen(
-                flow.samples, flow.size, flow.rate, ages[flow.route.name] / 1e6 if flow.route.name in ages else None
+                flow.samples, flow.size, ages[flow.route.name] / 1e6 if flow.route.name in ages else None
             )
-            for flow in self._meters[entry.remote.number].flows(time.time_ns())
+            for flow in flows
         }
         return VehicleSeen(
             remote=entry.remote,
@@ -148,6 +148,7 @@ class _Observer(Hub):
             hashes=dict(entry.check.hashes),
             release=entry.firmware().release,
             lost=entry.lost,
+            seconds=(entry.heard_ns - min(flow.first for flow in flows)) / 1e9 if flows else 0.0,
             heard=entry.heard_ns,
         )
 
