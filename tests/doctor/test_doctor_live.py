@@ -112,6 +112,21 @@ def test_a_healthy_vehicle_has_no_findings(url: str, px4_types: Any, expected: E
     ]
 
 
+def test_a_healthy_vehicle_behind_a_tap_and_at_a_serial_line(px4_types: Any, expected: Expected) -> None:
+    agent = UdpLink(port=0)
+    agent.start(Records())
+    try:
+        url = f"udp://127.0.0.1:{free_port()}"
+        with Simulator(px4_types, url, [CALM]):
+            seen = looked_at(f"{url.replace('udp', 'tap')}?agent=127.0.0.1:{agent.port}")
+    finally:
+        agent.close()
+    assert texts(judged(seen, expected)) == ""
+    with joined() as (here, there), Simulator(px4_types, f"serial://{there}", [CALM]):
+        seen = looked_at(f"serial://{here}")
+    assert texts(judged(seen, expected)) == ""
+
+
 TOGETHER = {
     "healthy": (Misbehaviour(), []),
     "hash": (Misbehaviour(wrong_hashes=("VehicleStatus",)), ["DEFINITION_DIFFERS"]),
@@ -449,6 +464,18 @@ def test_the_command_tells_what_it_finds(url: str, px4_types: Any, capsys: pytes
     assert "in PX4 v1.18: build the types" in told["findings"][1]["message"]
     assert first.startswith(f"{url}: DEFINITION_DIFFERS '/fmu/out/vehicle_status_v4': VehicleStatus has the hash 0x")
     assert last == f"{PACKAGE} differs from the vehicle on {url}: 63 definitions compared"
+
+
+def test_an_interrupted_watch_is_judged(
+    url: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("msggen.doctor.observe._wait", interrupt)
+    monkeypatch.setattr("msggen.doctor.observe._places", lambda *_: [])
+    assert main(["doctor", "--link", url]) == 1
+    assert "NO_CLIENT" in capsys.readouterr().out
 
 
 def test_definitions_of_any_source_are_checked_against_the_vehicle(

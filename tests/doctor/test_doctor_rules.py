@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import astuple
 from typing import Any
@@ -22,6 +23,7 @@ from msggen.firmware.sources import find_sources
 from msggen.live.link import Route, Statistics
 from msggen.live.names import stem_of
 from msggen.live.selection import Selection
+from msggen.report import FORMATS, render
 
 SEEN = HEALTHY.seen
 VEHICLE = SEEN.vehicles[0]
@@ -68,6 +70,18 @@ def test_every_rule_has_an_example() -> None:
     assert [*_EXAMPLES] == [rule.id for rule in DOCTOR]
     assert {rule.category for rule in DOCTOR} == {*OF_VEHICLES}
     assert len(LIVE) == 3
+
+
+@each_rule
+@pytest.mark.parametrize("output_format", FORMATS)
+def test_every_format_shows_every_finding(rule: Rule, output_format: str) -> None:
+    shown = render(diagnose(case_of(rule)), output_format, width=100, colour=False)
+    assert rule.id in shown
+    if output_format == "sarif":
+        (run,) = json.loads(shown)["runs"]
+        locations = [place for result in run["results"] for place in result["locations"]]
+        uris = {place["physicalLocation"]["artifactLocation"]["uri"] for place in locations}
+        assert uris == {case_of(rule).seen.link}
 
 
 # --- names
