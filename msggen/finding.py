@@ -29,7 +29,7 @@ class Category(Enum):
     LAYOUT = "samples are larger than they need to be"
     LINK = "no vehicle is connected, so nothing can arrive"
     SESSION = "a vehicle is there, but its session does not last or does not begin"
-    NAME = "samples do not arrive, because no endpoint has this name, or none that matches"
+    NAME = "samples do not arrive, because the vehicle has no endpoint that matches"
     DEFINITION = "samples arrive, but are decoded with another definition, or not at all"
     TIME = "samples arrive, but their timestamps are those of another clock"
     FLOW = "samples arrive rarely, or some of them do not arrive"

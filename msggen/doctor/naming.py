@@ -64,7 +64,7 @@ def _reason(case: Case, name: str, routes: list[Route]) -> tuple[Kind, str]:
         return "bridge", f"{text} firmware, and build both again"
     names = {stem_of(route.name).rpartition("/")[2] for route in routes}
     hint = suggestion(last, sorted(names)) or suggestion(last, sorted(known))
-    return "unknown", f"nobody knows a topic '{name}'{hint or ': `msggen topic list` shows those of the vehicle'}"
+    return "unknown", f"no topic has the name '{name}'{hint or ': `msggen topic list` shows those of the vehicle'}"
 
 
 def _other_namespace(name: str, namespace: str, right: str) -> str:
@@ -77,7 +77,7 @@ def _other_namespace(name: str, namespace: str, right: str) -> str:
 
 def _other_version(name: str, right: str) -> str:
     return (
-        f"'{name}' is another version of the message, the vehicle has '{right}': use that name, and the types of its "
+        f"'{name}' has another version suffix than the vehicle's topic '{right}': use that name, and the types of its "
         "firmware, or run PX4's translation node"
     )
 
@@ -162,5 +162,5 @@ def find_unheard(case: Case) -> Iterator[Change]:
 def _of_kind(case: Case, kind: Kind) -> Iterator[Change]:
     for each in misnamed(case):
         if each.kind == kind:
-            reader = "" if each.name in case.wanted else "a reader in DDS waits in vain: "
+            reader = "" if each.name in case.wanted else "a reader in DDS gets nothing: "
             yield case.change(each.name, reader + each.text)

@@ -151,7 +151,7 @@ def test_a_topic_of_a_given_package_that_the_vehicle_lacks_is_found() -> None:
     assert ids(case._replace(expected=given_types)) == ["TOPIC_NOT_BRIDGED"]
 
 
-def test_readers_in_dds_that_wait_in_vain_are_found() -> None:
+def test_readers_in_dds_that_get_nothing_are_found() -> None:
     readers = (
         ReaderSeen("/fmu/out/vehicle_status", is_reliable=False, has_writer=False),
         ReaderSeen("/fmu/out/vehicle_attitude", is_reliable=False, has_writer=True),
@@ -159,7 +159,7 @@ def test_readers_in_dds_that_wait_in_vain_are_found() -> None:
     )
     case = seen(readers=readers)
     assert ids(case) == ["VERSION_WRONG"]
-    assert texts(case).startswith("a reader in DDS waits in vain: '/fmu/out/vehicle_status' is another version")
+    assert texts(case).startswith("a reader in DDS gets nothing: '/fmu/out/vehicle_status' has another version suffix")
 
 
 def test_a_selection_that_fits_no_vehicle_is_found() -> None:
