@@ -7,7 +7,6 @@ from statistics import median
 
 from msggen.diagnostics import counted, few
 from msggen.doctor.case import Case, message_of
-from msggen.doctor.expected import Expected
 from msggen.doctor.observation import VehicleSeen
 from msggen.finding import Change
 from msggen.live.names import stem_of, version_of, without_namespace
@@ -22,8 +21,14 @@ _FEWEST = 5
 """The lost samples that are reported, at least."""
 _SLOW = 0.5
 """The share of its limit below which a rate is reported."""
-_FAST = 10.0
-"""The limit in Hz from which a topic counts as one that PX4 publishes at its limit."""
+_STEADY = {
+    "sensor_combined",
+    "vehicle_attitude",
+    "vehicle_global_position",
+    "vehicle_local_position",
+    "vehicle_odometry",
+}
+"""The topics of the sensors and the estimator, which PX4 publishes at 100 Hz and more. Others may be rare."""
 _FULL = 0.85
 """The share of the bytes of a serial line that counts as all of them."""
 _OVERHEAD = 14
@@ -105,42 +110,36 @@ def _age(case: Case, vehicle: VehicleSeen) -> float | None:
 def find_slow(case: Case) -> Iterator[Change]:
     """Find rates far below the limits of dds_topics.yaml: of named topics, or of most topics at once.
 
-    Single topics are often published rarely by PX4 itself.
+    Only topics that PX4 publishes steadily are judged.
     """
     for vehicle in case.alive:
-        limits = _limits(case.expected_by(vehicle), vehicle)
-        fast = [
-            route
-            for route in case.routes(vehicle)
-            if route.name in vehicle.topics and limits.get(route.name, 0) >= _FAST
-        ]
-        slow = [route for route in fast if vehicle.rate(route.name) < _SLOW * limits[route.name]]
+        limits = _limits(case, vehicle)
+        slow = [name for name, limit in limits.items() if vehicle.rate(name) < _SLOW * limit]
+        rates = few([f"{name} at {vehicle.rate(name):.1f} of {limits[name]:.0f} Hz" for name in slow])
         if case.wanted:
-            for route in slow:
+            for name in slow:
                 yield case.change(
-                    route.name,
-                    f"'{route.name}' arrives at {vehicle.rate(route.name):.1f} Hz, and dds_topics.yaml allows "
-                    f"{limits[route.name]:.0f} Hz: PX4 publishes it no faster, or the link is too slow; `uorb top` in "
-                    "PX4's shell shows its rate there",
+                    name,
+                    f"'{name}' arrives at {vehicle.rate(name):.1f} Hz, and dds_topics.yaml allows {limits[name]:.0f} "
+                    "Hz: the link or the vehicle's CPU is too slow; `uorb top` in PX4's shell shows the rate there",
                 )
-        elif len(slow) > len(fast) / 2 and len(slow) > 1:
-            names = few([f"{route.name} at {vehicle.rate(route.name):.1f} Hz" for route in slow])
+        elif len(slow) > len(limits) / 2:
             yield case.of(
                 vehicle,
-                f"sends {len(slow)} of {counted(len(fast), 'fast topic')} below half of the limit in dds_topics.yaml "
-                f"({names}): the link or the vehicle's CPU is too slow; `uorb top` in PX4's shell shows the rates "
-                "there",
+                f"sends topics at less than half of the rate that dds_topics.yaml allows ({rates}): the link or the "
+                "vehicle's CPU is too slow; `uorb top` in PX4's shell shows the rates there",
             )
 
 
-def _limits(expected: Expected, vehicle: VehicleSeen) -> dict[str, float]:
-    """Return the limits of a vehicle's topics in Hz."""
+def _limits(case: Case, vehicle: VehicleSeen) -> dict[str, float]:
+    """Return the limits in Hz of the steady topics that are meant and were heard."""
+    expected = case.expected_by(vehicle)
     by_stem = {stem_of(topic.name): 1 / topic.interval for topic in expected.topics if topic.interval}
     found = {}
-    for route in vehicle.routes:
-        limit = by_stem.get(stem_of(without_namespace(route.name, vehicle.remote.namespace)))
-        if limit and route.direction == "out":
-            found[route.name] = limit
+    for route in case.routes(vehicle):
+        stem = stem_of(without_namespace(route.name, vehicle.remote.namespace))
+        if route.name in vehicle.topics and stem.rpartition("/")[2] in _STEADY and stem in by_stem:
+            found[route.name] = by_stem[stem]
     return found
 
 

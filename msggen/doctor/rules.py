@@ -229,8 +229,9 @@ DOCTOR = (
         Category.FLOW,
         flowing.find_slow,
         fix="Look at `uorb top` in PX4's shell, which shows how often a topic is published there. If that is the rate "
-        "of the doctor, the topic has no more samples. If it is higher, the link is too slow. Without named topics, "
-        "the rule finds vehicles most of whose fast topics are slow.",
+        "of the doctor, the vehicle's CPU is too slow, or a simulation runs slower than real time. If it is higher, "
+        "the link is too slow. Only topics that PX4 publishes at 100 Hz and more are judged: those that were named, "
+        "or most of them.",
     ),
 )
 """The rules."""

@@ -233,6 +233,12 @@ def test_a_single_slow_topic_is_found_if_it_is_named() -> None:
     assert ids(vehicle(topics=topics)._replace(wanted=("vehicle_attitude",))) == ["RATE_LOW"]
 
 
+def test_topics_that_px4_publishes_rarely_have_no_rate() -> None:
+    topics = {**VEHICLE.topics, ROUTES[0].name: TopicSeen(samples=2, size=52, age=0.0)}
+    assert ids(vehicle(topics=topics)) == []
+    assert ids(vehicle(topics=topics)._replace(wanted=("vehicle_status",))) == []
+
+
 @given(st.integers(0, 3000), st.integers(0, 3000))
 def test_losses_are_found_from_one_percent(lost: int, dropped: int) -> None:
     statistics = SEEN.statistics._replace(dropped=dropped)
