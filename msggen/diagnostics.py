@@ -136,6 +136,7 @@ CODES: Mapping[str, Level] = MappingProxyType(
         "L101": Level.ERROR,
         "L102": Level.ERROR,
         "L103": Level.ERROR,
+        "L104": Level.ERROR,
         "L110": Level.ERROR,
         "L111": Level.ERROR,
         "R101": Level.ERROR,

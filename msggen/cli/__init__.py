@@ -42,6 +42,7 @@ _MODULES = {
     "call": "call",
     "record": "record",
     "play": "play",
+    "doctor": "doctor",
     "px4-generate": "px4_generate",
     "releases": "releases",
     "rules": "rules",

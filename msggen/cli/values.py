@@ -27,6 +27,14 @@ def _number(text: str) -> float:
         raise argparse.ArgumentTypeError(f"expected a number, found {text!r}") from None
 
 
+def finite(text: str) -> float:
+    """Return the number in a text. Raise ArgumentTypeError for any other text."""
+    found = _number(text)
+    if not -_LARGEST <= found <= _LARGEST:
+        raise argparse.ArgumentTypeError(f"expected a number from {-_LARGEST:g} to {_LARGEST:g}, found {text!r}")
+    return found
+
+
 def positive(text: str) -> float:
     """Return the number above 0 in a text. Raise ArgumentTypeError for any other text."""
     found = _number(text)

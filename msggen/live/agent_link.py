@@ -17,7 +17,7 @@ from contextlib import ExitStack, suppress
 
 from msggen.live.guard import Guard
 from msggen.live.link import LinkError, Listener, Remote, Route, Service, Statistics
-from msggen.live.xrce.agent import Address, Agent, Event, Sample, everybody
+from msggen.live.xrce.agent import Address, Agent, Client, Event, Sample, everybody
 
 TICK = 0.1
 """The time in s between two calls of `Agent.tick`."""
@@ -124,6 +124,16 @@ class AgentLink(ABC):
             agent = self.agent
             refused = sum(agent.refused.values())
             return Statistics(agent.received, self.sent, refused, self.dropped(), agent.lost, self.receive_buffer())
+
+    def clients(self) -> list[Client]:
+        """Return all clients that have begun a session, also those that are silent by now."""
+        with self.lock:
+            return self.agent.clients()
+
+    def refusals(self) -> dict[str, int]:
+        """Return how many datagrams were refused, by reason."""
+        with self.lock:
+            return dict(self.agent.refused)
 
     def close(self) -> None:
         """End the thread, and release everything. A callback may call it: then the thread ends after the callback."""

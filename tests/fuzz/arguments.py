@@ -87,7 +87,8 @@ LIKELY: dict[str, tuple[str, ...]] = {
 def options(command: str) -> tuple[str, ...]:
     """Return the options of a command."""
     (commands,) = (each for each in parser_for([command])._actions if isinstance(each, argparse._SubParsersAction))
-    return tuple(commands.choices[command]._option_string_actions) if command in commands.choices else ()
+    found = commands.choices[command]._option_string_actions if command in commands.choices else ()
+    return tuple(option for option in found if option != "--live")  # it waits for a vehicle
 
 
 def case(chance: Random) -> Case:

@@ -161,7 +161,9 @@ def test_routes_of_a_vehicle_are_bounded(monkeypatch: pytest.MonkeyPatch) -> Non
     participant: Any = SimpleNamespace(reader=lambda *_, **__: object())
     for number in range(50):
         topic = f"rt/fmu/out/topic_{number}"
-        found = Found(number, is_writer=True, participant="px4", topic=topic, type="px4_msgs::msg::dds_::A_")
+        found = Found(
+            number, is_writer=True, participant="px4", topic=topic, type="px4_msgs::msg::dds_::A_", is_reliable=False
+        )
         link._found(found, participant, records)
         if number:
             link._gone(number, participant, records)

@@ -245,6 +245,7 @@ def test_errors_have_codes(words: list[str], text: str, capsys: pytest.CaptureFi
         (["--key", "250", "--count", "9"], "--key 250: the last of 9 vehicles needs a key up to 255"),
         (["--drop", "10"], "argument --drop: expected a share from 0 to 1, found '10'"),
         (["--garbage", "nan"], "argument --garbage: expected a share from 0 to 1, found 'nan'"),
+        (["--clock-off", "inf"], "argument --clock-off: expected a number from -1e+06 to 1e+06, found 'inf'"),
         (["--rate", "x"], "argument --rate: expected a number, found 'x'"),
         (["--for", "-1"], "argument --for: expected a number above 0, found '-1'"),
         (["--rate", "2e6"], "argument --rate: expected a number above 0 and up to 1000000, found '2e6'"),

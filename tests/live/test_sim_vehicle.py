@@ -372,6 +372,25 @@ def test_silence(px4_types: Any) -> None:
     assert len(bench.sent) > 500
 
 
+def test_timestamps_are_wrong_on_request(px4_types: Any) -> None:
+    clocks = []
+    for seconds in (0.0, -7.0, 3.0):
+        bench = Bench(px4_types, SHORT._replace(misbehaviour=Misbehaviour(clock_off=seconds)))
+        bench.run(2.0)
+        clocks.append(bench.last("vehicle_attitude").timestamp)
+    assert [clock - clocks[0] for clock in clocks] == [0, -7 * SECOND, 3 * SECOND]
+
+
+def test_a_client_without_answers_about_the_time_starts_over(px4_types: Any) -> None:
+    bench = Bench(px4_types, SHORT._replace(misbehaviour=Misbehaviour(no_time_reply=True)))
+    bench.run(30.0)
+    assert not bench.vehicle.is_connected
+    assert [change.text for change in bench.vehicle.changes][:2] == [
+        "disconnected: the agent did not answer TIMESTAMP",
+        "disconnected: the agent did not answer TIMESTAMP",
+    ]
+
+
 def test_restarts(px4_types: Any) -> None:
     bench = Bench(px4_types, SHORT._replace(misbehaviour=Misbehaviour(restart_every=0.5)))
     bench.run(2.2)

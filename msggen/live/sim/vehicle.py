@@ -24,7 +24,7 @@ from msggen.live.sim.values import Clocks, Filler, Scene
 from msggen.live.sim.world import ACCEPTED, DENIED, TEMPORARILY_REJECTED, UNSUPPORTED, Home, World
 from msggen.live.xrce import client as xrce
 from msggen.live.xrce.client_entities import Reader, Server, Settings, Sync, Writer
-from msggen.live.xrce.wire import ENCAPSULATION
+from msggen.live.xrce.wire import ENCAPSULATION, HEADER, TIMESTAMP_REPLY
 
 _DEFAULT_INTERVAL = 4_000
 """The interval in us of a topic without a limit."""
@@ -157,7 +157,9 @@ class SimulatedVehicle:
     def receive(self, data: bytes, now: int) -> None:
         """Take a datagram of the newest connection, or the message of a frame. Never raises."""
         self._now = now
-        if self._is_silent():
+        if self._is_silent() or (
+            self.options.misbehaviour.no_time_reply and data[HEADER.size : HEADER.size + 1] == bytes((TIMESTAMP_REPLY,))
+        ):
             return
         for arrived, _ in self._from_agent.carry([(data, 0)]):
             self._client.receive(arrived, now)
@@ -241,7 +243,7 @@ class SimulatedVehicle:
 
     def _publish(self, publication: _Publication, message: Any) -> None:
         """Send a message, with its times in the agent's clock (docs/time.md)."""
-        offset = self._client.offset
+        offset = self._client.offset + round(self.options.misbehaviour.clock_off * 1e6)
         message.timestamp = max(0, message.timestamp + offset)
         if publication.filler.is_sampled:
             message.timestamp_sample = max(0, message.timestamp_sample + offset)

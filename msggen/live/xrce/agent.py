@@ -17,7 +17,7 @@ import os
 import struct
 from collections import Counter
 from collections.abc import Callable, Container, Iterable, Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 from msggen.live.link import LinkError, Route, Service
 from msggen.live.xrce import wire
@@ -42,6 +42,7 @@ __all__ = [
     "DEFAULTS",
     "Address",
     "Agent",
+    "Client",
     "Connected",
     "Disconnected",
     "Event",
@@ -69,6 +70,22 @@ _MINUTE = 60.0
 def everybody(address: Address) -> bool:  # noqa: ARG001
     """Allow every address."""
     return True
+
+
+class Client(NamedTuple):
+    """A client that has begun a session, connected or not."""
+
+    address: str
+    key: int
+    """UXRCE_DDS_KEY, 0 in a session that an earlier program began."""
+    number: int
+    """`Remote.number`, 0 while it is not reported as connected."""
+    age: float
+    """The time in s since the session began."""
+    silence: float
+    """The time in s since the client was last heard."""
+    timestamps: int
+    """How often the client has asked for the time."""
 
 
 class Agent:
@@ -213,6 +230,20 @@ class Agent:
     def routes(self, number: int) -> Sequence[Route | Service]:
         """Return the routes and services of a connected vehicle. Raises LinkError if it is not connected."""
         return self._find(number).inventory.routes()
+
+    def clients(self) -> list[Client]:
+        """Return all clients that have begun a session, also those that are silent by now."""
+        return [
+            Client(
+                address=_name(session.address),
+                key=session.create.key,
+                number=session.remote.number if session.remote else 0,
+                age=self._clock - session.begun_at,
+                silence=0.0 if session.heard else self._clock - session.heard_at,
+                timestamps=session.timestamps,
+            )
+            for session in self._sessions.values()
+        ]
 
     def close(self, reason: str = "the link was closed") -> None:
         """Forget all clients and report them as disconnected. The protocol has no message for it."""

@@ -69,6 +69,8 @@ class Session:
         self.pinged = False
         """Whether the client has sent a ping outside of a session, as it does before it begins one."""
         self.continued = False
+        self.timestamps = 0
+        """How often the client has asked for the time."""
         self.inventory = Inventory(limits.entities, limits.text)
         self.writers = self.inventory.writers
         self.fast_id = -1
@@ -366,6 +368,7 @@ class Session:
         self._acknowledge()
 
     def _timestamp(self, submessage: Submessage) -> None:
+        self.timestamps += 1
         self._send(wire.NO_STREAM, wire.answer_timestamp(submessage.payload, self._time))
 
     def _restart(self, submessage: Submessage) -> None:  # noqa: ARG002
