@@ -36,6 +36,7 @@ _MODULES = {
     "docs": "docs",
     "sim": "sim",
     "topic": "topic",
+    "relay": "relay",
     "px4-generate": "px4_generate",
     "releases": "releases",
     "rules": "rules",

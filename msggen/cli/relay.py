@@ -1,0 +1,220 @@
+"""`msggen relay`: the topics of a vehicle in ROS 2, without an agent."""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import os
+import sys
+import time
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, NamedTuple
+
+from msggen.cli.link import Connection, add_link, connection
+from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, non_empty
+from msggen.diagnostics import counted, few, input_error
+from msggen.exit_codes import DONE
+from msggen.firmware.embedded import EMBEDDED
+from msggen.generate.cache import package_of
+from msggen.live.errors import NotConnectedError
+
+if TYPE_CHECKING:
+    from msggen.live import Vehicle
+    from msggen.live.link import Remote
+    from msggen.ros.plan import Plan, Source
+    from msggen.ros.relay import Relay
+    from msggen.ros.standard import Converter
+
+_ASKED = 10.0
+"""How long to wait in s for the vehicle's hashes of its definitions."""
+
+
+def add_to(commands: Commands) -> None:
+    """Add the command to the command line."""
+    parser = add_command(
+        commands,
+        "relay",
+        _relay,
+        help="carry the topics of a vehicle to ROS 2 and back, without an agent",
+        description="Carry the topics of a vehicle to ROS 2 and back, as an agent does, until Ctrl-C. It needs rclpy, "
+        "and px4_msgs with the definitions of the vehicle: samples pass unchanged. Topics whose definition differs are "
+        "refused, or converted with --translate. Behind a link of tap:// or dds://, where an agent publishes the "
+        "topics, only --standard and --translate add topics.",
+        epilog=f"Exit codes: 0 ended by Ctrl-C, {FAILED_CODES}",
+    )
+    parser.add_argument(
+        "topics",
+        metavar="TOPIC",
+        nargs="*",
+        type=non_empty,
+        help="topic or pattern, such as vehicle_status or '/fmu/out/*' (default: all topics, in both directions)",
+    )
+    parser.add_argument(
+        "--standard",
+        action="store_true",
+        help="also publish odom, pose, imu, fix and TF, in the frames of ROS; they need no px4_msgs",
+    )
+    parser.add_argument(
+        "--translate",
+        action="store_true",
+        help="also carry the versions of messages that px4_msgs and px4_msgs_old have, converted",
+    )
+    add_link(parser)
+    add_shared(parser, "-q, --quiet")
+
+
+def _relay(options: argparse.Namespace) -> int:
+    _check_ros(needs_types=not options.standard)
+    with connection(options) as found:
+        gc.enable()  # unlike other commands, this one may run for days
+        _run(options, found)
+    return DONE
+
+
+def _check_ros(*, needs_types: bool) -> None:
+    """Raise InputError if this Python has no rclpy, or no types for the topics."""
+    from importlib import import_module
+
+    for name in ("rclpy", *(("px4_msgs.msg",) if needs_types else ())):
+        try:
+            import_module(name)
+        except ImportError as error:
+            package = name.partition(".")[0]
+            cure = (
+                "run msggen with the Python of ROS 2, after `source /opt/ros/<distribution>/setup.bash`"
+                if name == "rclpy"
+                else "write it with `msggen sync --create src/px4_msgs`, build it with colcon and source its setup "
+                "file, or relay only --standard"
+            )
+            raise input_error(package, "L105", f"cannot be imported ({error}): {cure}", 0) from None
+
+
+class _Session(NamedTuple):
+    """What is carried while a vehicle is connected."""
+
+    plan: Plan
+    sources: Mapping[str, Source]
+    refused: Sequence[tuple[str, str]]
+
+
+def _run(options: argparse.Namespace, found: Connection) -> None:
+    """Carry samples until Ctrl-C. Each time that the vehicle connects, its definitions are compared anew."""
+    from msggen.ros.relay import Relay, node
+    from msggen.ros.standard import Converter, Frames
+
+    totals, started = _Totals(options), time.monotonic()
+    namespace = found.vehicle.remote.namespace
+    try:
+        with node(namespace) as made:
+            while True:
+                session, remote = _session(options, found), found.vehicle.remote
+                converter = Converter(found.package, Frames().inside(namespace)) if options.standard else None
+                with Relay(made, found.vehicle, session.plan, session.sources, converter) as relay:
+                    _report(options, found, session, relay)
+                    try:
+                        relay.spin(partial(_is_another, found.vehicle, remote))
+                    finally:
+                        totals.add(relay, converter)
+    except KeyboardInterrupt:
+        pass  # the usual end
+    finally:
+        totals.show(time.monotonic() - started)
+
+
+def _session(options: argparse.Namespace, found: Connection) -> _Session:
+    """Return what to carry for the vehicle that is connected. Raises InputError if it is nothing."""
+    from msggen.live import LinkTimeoutError
+    from msggen.ros.plan import Topics, Wish, planned
+
+    vehicle = found.vehicle
+    vehicle.wait_connected()
+    try:
+        hashes = vehicle.wait_firmware(_ASKED).hashes
+    except LinkTimeoutError:
+        hashes = vehicle.firmware.hashes
+    packages = (found.package, *((package_of(EMBEDDED[0]),) if options.translate else ()))
+    topics = Topics(vehicle.routes, vehicle.remote.namespace, hashes, packages)
+    is_beside_agent = found.link.startswith(("tap:", "dds:"))
+    wish = Wish(options.topics, options.translate, is_beside_agent)
+    try:
+        plan = planned(topics, wish)
+    except ValueError as error:
+        raise input_error("TOPIC", "L105", str(error), 0) from None
+    made, refused = topics.sources() if options.standard else ({}, ())
+    if not plan.rows and not made:
+        raise input_error(found.link, "L105", _absence(plan, found, is_beside_agent=is_beside_agent), 0)
+    return _Session(plan, made, refused)
+
+
+def _absence(plan: Plan, found: Connection, *, is_beside_agent: bool) -> str:
+    """Return why there is nothing to carry."""
+    if is_beside_agent and not plan.refused and not plan.missing:
+        return "the agent of this link carries all topics already: use --standard or --translate"
+    reasons = [*(f"{name}: {reason}" for name, reason in plan.refused), *(f"no {name}" for name in plan.missing)]
+    return f"no topic can be carried: {few(reasons)}; {_cure(found)}, or use --translate or --standard"
+
+
+def _cure(found: Connection) -> str:
+    release = found.vehicle.firmware.release or "<firmware>"
+    return f"write px4_msgs with `msggen sync --px4 {release} <folder of px4_msgs>` and build it with colcon"
+
+
+def _is_another(vehicle: Vehicle, remote: Remote) -> bool:
+    """Whether the vehicle has begun another session. While none is connected, the old one stands."""
+    try:
+        return vehicle.remote != remote
+    except NotConnectedError:
+        return False
+
+
+def _report(options: argparse.Namespace, found: Connection, session: _Session, relay: Relay) -> None:
+    """Print what is carried, and to stderr what is not."""
+    rows = session.plan.rows
+    out = sum(row.route.direction == "out" for row in rows)
+    for name, reason in (*session.plan.refused, *session.refused):
+        print(f"{name} is not carried: {reason}", file=sys.stderr)
+    if session.plan.missing:
+        print(f"not installed, so their topics are not carried: {few(session.plan.missing)}", file=sys.stderr)
+    if session.plan.refused or session.plan.missing:
+        print(f"to carry all topics, {_cure(found)}", file=sys.stderr, flush=True)
+    if options.quiet:
+        return
+    domain = os.environ.get("ROS_DOMAIN_ID") or "0"
+    print(f"{found.label} on {found.link}: {counted(out, 'topic')} to ROS, {len(rows) - out} from ROS, domain {domain}")
+    for row in rows:
+        if row.convert is not None:
+            print(f"  {row.name}: {row.theirs.__name__} as version {row.own.__msg__.message_version}")
+    for name, ros_type in relay.standard:
+        print(f"  {name}: {ros_type}")
+    print(end="", flush=True)
+
+
+class _Totals:
+    """What was carried in all sessions."""
+
+    def __init__(self, options: argparse.Namespace) -> None:
+        self._is_quiet = options.quiet
+        self._to_ros: Counter[str] = Counter()
+        self._to_vehicle: Counter[str] = Counter()
+        self._refused: Counter[str] = Counter()
+
+    def add(self, relay: Relay, converter: Converter | None) -> None:
+        """Add what a relay has carried."""
+        self._to_ros += relay.to_ros
+        self._to_vehicle += relay.to_vehicle
+        self._refused += relay.refused + (converter.errors if converter else Counter())
+
+    def show(self, seconds: float) -> None:
+        """Print the numbers, unless --quiet is given."""
+        if self._is_quiet:
+            return
+        out, into = self._to_ros.total(), self._to_vehicle.total()
+        print(f"{counted(out, 'sample')} to ROS, {into} from ROS, in {seconds:.1f} s")
+        rows = sorted((self._to_ros + self._to_vehicle).items())
+        width = max((len(name) for name, _ in rows), default=0)
+        for name, number in rows:
+            print(f"  {name:{width}}  {number:7}  {number / seconds:7.1f} Hz")
+        for reason, number in self._refused.items():
+            print(f"  not carried: {reason} ({number})")
