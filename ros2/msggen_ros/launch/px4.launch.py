@@ -5,6 +5,8 @@
 A link belongs to one program at a time. So the doctor comes first, and the relay continues its session.
 """
 
+import shlex
+
 from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, LogInfo, OpaqueFunction, RegisterEventHandler, Shutdown
 from launch.event_handlers import OnProcessExit
@@ -45,7 +47,7 @@ def start(context: LaunchContext) -> list[object]:
         Node(
             package=PACKAGE,
             executable="relay",
-            arguments=[*values["topics"].split(), *chosen, *link],
+            arguments=[*shlex.split(values["topics"]), *chosen, *link],
             output="screen",
         )
     ]
