@@ -104,7 +104,7 @@ def _run(options: argparse.Namespace, found: Connection) -> None:
     from msggen.ros.relay import Relay, node
     from msggen.ros.standard import Converter, Frames
 
-    totals, started = _Totals(options), time.monotonic()
+    totals, started, reported = _Totals(options), time.monotonic(), None
     namespace = found.vehicle.remote.namespace
     try:
         with node(namespace) as made:
@@ -112,7 +112,9 @@ def _run(options: argparse.Namespace, found: Connection) -> None:
                 session, remote = _session(options, found), found.vehicle.remote
                 converter = Converter(found.package, Frames().inside(namespace)) if options.standard else None
                 with Relay(made, found.vehicle, session.plan, session.sources, converter) as relay:
-                    _report(options, found, session, relay)
+                    if session != reported:  # not each time that the vehicle connects again
+                        _report(options, found, session, relay)
+                        reported = session
                     try:
                         relay.spin(partial(_is_another, found.vehicle, remote))
                     finally:

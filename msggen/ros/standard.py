@@ -227,15 +227,20 @@ _MAKERS: Mapping[str, Callable[[Message, Clock, Frames], Values | None]] = {
 def filled(cls: Any, values: Values, find: Callable[[str], Any]) -> Any:
     """Return a message of a class of ROS with these values. `find` returns the class of a type of ROS."""
     message = cls()
+    _fill(message, values, find)
+    return message
+
+
+def _fill(message: Any, values: Values, find: Callable[[str], Any]) -> None:
+    """Set the values of a new message. Its nested messages are new, too."""
     for name, value in values.items():
         if isinstance(value, Mapping):
-            setattr(message, name, filled(type(getattr(message, name)), value, find))
+            _fill(getattr(message, name), value, find)
         elif isinstance(value, list):
-            item = find(_item(cls.get_fields_and_field_types()[name]))
+            item = find(_item(message.get_fields_and_field_types()[name]))
             setattr(message, name, [filled(item, each, find) for each in value])
         else:
             setattr(message, name, value)
-    return message
 
 
 def _item(sequence: str) -> str:

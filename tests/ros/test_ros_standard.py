@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -179,13 +178,15 @@ def test_an_unknown_frame_is_counted(px4_types: Any) -> None:
 
 
 def test_messages_of_any_classes_are_filled() -> None:
-    class Inner(SimpleNamespace):
-        x = 0.0
+    class Inner:
+        def __init__(self) -> None:
+            self.x = 0.0
 
-    outer = class_with({"items": "sequence<a_msgs/Inner>", "one": "a_msgs/Inner", "name": "string"})
-    outer.one = Inner()
-    found = filled(
-        outer, {"one": {"x": 1.0}, "items": [{"x": 2.0}, {"x": 3.0}], "name": "n"}, {"a_msgs/msg/Inner": Inner}.get
-    )
+    class Outer(class_with({"items": "sequence<a_msgs/Inner>", "one": "a_msgs/Inner", "name": "string"})):  # type: ignore[misc]
+        def __init__(self) -> None:
+            self.items: list[Inner] = []
+            self.one, self.name = Inner(), ""
+
+    values = {"one": {"x": 1.0}, "items": [{"x": 2.0}, {"x": 3.0}], "name": "n"}
+    found = filled(Outer, values, {"a_msgs/msg/Inner": Inner}.get)
     assert (found.one.x, [item.x for item in found.items], found.name) == (1.0, [2.0, 3.0], "n")
-    assert outer.one.x == 0.0
