@@ -77,18 +77,24 @@ def _check_ros(*, needs_types: bool) -> None:
     """Raise InputError if this Python has no rclpy, or no types for the topics."""
     from importlib import import_module
 
-    for name in ("rclpy", *(("px4_msgs.msg",) if needs_types else ())):
-        try:
-            import_module(name)
-        except ImportError as error:
-            package = name.partition(".")[0]
-            cure = (
-                "run msggen with the Python of ROS 2, after `source /opt/ros/<distribution>/setup.bash`"
-                if name == "rclpy"
-                else "write it with `msggen sync --create src/px4_msgs`, build it with colcon and source its setup "
-                "file, or relay only --standard"
-            )
-            raise input_error(package, "L105", f"cannot be imported ({error}): {cure}", 0) from None
+    try:
+        import_module("rclpy")
+    except ImportError as error:
+        cure = "run msggen with the Python of ROS 2, after `source /opt/ros/<distribution>/setup.bash`"
+        raise input_error("rclpy", "L105", f"cannot be imported ({error}): {cure}", 0) from None
+    if not needs_types:
+        return
+    try:
+        for found in vars(import_module("px4_msgs.msg")).values():
+            if isinstance(found, type):
+                found.__import_type_support__()  # type: ignore[attr-defined]
+                break
+    except Exception as error:  # noqa: BLE001 - rosidl has exceptions of its own for a library that cannot be loaded
+        cure = (
+            "write it with `msggen sync --create src/px4_msgs`, build it with colcon for this Python and source its "
+            "setup file, or relay only --standard"
+        )
+        raise input_error("px4_msgs", "L105", f"cannot be imported ({error}): {cure}", 0) from None
 
 
 class _Session(NamedTuple):

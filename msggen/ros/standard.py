@@ -115,11 +115,10 @@ def identity(clock: Clock, frames: Frames) -> Values:
 
 def imu(message: Message, attitude: Message | None, clock: Clock, frames: Frames) -> Values | None:
     """Return a SensorCombined as sensor_msgs/Imu in FLU, with the orientation of a VehicleAttitude if there is one."""
-    found = _frames_of(message)
-    rates, acceleration = found["gyro_rad"].value, found["accelerometer_m_s2"].value
+    rates, acceleration = _in_ros(message, "gyro_rad"), _in_ros(message, "accelerometer_m_s2")
     if not _are_finite(*rates, *acceleration):
         return None
-    orientation = (nan,) * 4 if attitude is None else _frames_of(attitude)["q"].value
+    orientation = (nan,) * 4 if attitude is None else _in_ros(attitude, "q")
     is_known = _are_finite(*orientation)
     return {
         "header": _header(message, clock, frames.base_link),
@@ -251,13 +250,13 @@ def _item(sequence: str) -> str:
 
 def _pose(message: Message) -> tuple[Sequence[float], Sequence[float]] | None:
     """Return position and orientation of a message, or None if one of them is not known."""
-    found = _frames_of(message)
-    position, orientation = found["position"].value, found["q"].value
+    position, orientation = _in_ros(message, "position"), _in_ros(message, "q")
     return (position, orientation) if _are_finite(*position, *orientation) else None
 
 
-def _frames_of(message: Message) -> Any:
-    return _tool(message, "frames").to_ros(message)
+def _in_ros(message: Message, name: str) -> Any:
+    """Return the value of a field in the frames of ROS. Raises FrameError of the package."""
+    return _tool(message, "frames").to_ros(message, name).value
 
 
 def _tool(message: Message, name: str) -> Any:
