@@ -68,6 +68,8 @@ def add_to(commands: Commands) -> None:
 def _relay(options: argparse.Namespace) -> int:
     _check_ros(needs_types=not options.standard)
     with connection(options) as found:
+        if options.standard:
+            _check_package(found)
         gc.enable()  # unlike other commands, this one may run for days
         _run(options, found)
     return DONE
@@ -95,6 +97,16 @@ def _check_ros(*, needs_types: bool) -> None:
             "setup file, or relay only --standard"
         )
         raise input_error("px4_msgs", "L105", f"cannot be imported ({error}): {cure}", 0) from None
+
+
+def _check_package(found: Connection) -> None:
+    """Raise InputError if a package of an earlier msggen has no module `odometry`, which --standard needs."""
+    from importlib import import_module
+
+    try:
+        import_module(f"{found.package.__name__}.odometry")
+    except ImportError:
+        raise input_error(found.label, "L103", "of an earlier msggen: generate it again for --standard", 0) from None
 
 
 class _Session(NamedTuple):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from msggen.ros import standard
 from msggen.ros.standard import SOURCES, TYPES, Clock, Converter, Frames, filled
+from support.repository import ROOT
 from support.ros_types import class_with
 from support.simulation import built
 
@@ -168,6 +170,12 @@ def test_a_converter_gives_each_topic_its_messages(px4_types: Any) -> None:
     (still,) = converter.static(ARRIVAL).values["transforms"]
     assert (still["header"]["frame_id"], still["child_frame_id"]) == ("uav_1/map", "uav_1/odom")
     assert not converter.errors
+
+
+def test_the_page_lists_all_topics() -> None:
+    page = (ROOT / "docs" / "ros2.md").read_text(encoding="utf-8")
+    rows = dict(re.findall(r"^\| `([\w/]+)` \| (\w+_msgs/\w+) \|", page, re.MULTILINE))
+    assert rows == {topic: ros_type.replace("/msg/", "/") for topic, ros_type in TYPES.items()}
 
 
 def test_an_unknown_frame_is_counted(px4_types: Any) -> None:
