@@ -152,7 +152,8 @@ def planned(topics: Topics, wish: Wish, find: Finder = installed) -> Plan:
     rows: list[Row] = []
     refused: list[tuple[str, str]] = []
     missing: dict[str, None] = {}
-    for route in topics.chosen(wish.topics):
+    routes = topics.chosen(wish.topics)
+    for route in routes if wish.is_translated or not wish.is_beside_agent else ():
         try:
             theirs = topics.message_of(route)
         except ValueError as error:

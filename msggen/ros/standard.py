@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
-from math import isfinite, nan
+from math import isfinite
 from types import ModuleType
 from typing import Any, NamedTuple, TypeAlias
 
@@ -113,22 +113,26 @@ def identity(clock: Clock, frames: Frames) -> Values:
     }
 
 
-def imu(message: Message, attitude: Message | None, clock: Clock, frames: Frames) -> Values | None:
-    """Return a SensorCombined as sensor_msgs/Imu in FLU, with the orientation of a VehicleAttitude if there is one."""
+def imu(message: Message, orientation: Sequence[float] | None, clock: Clock, frames: Frames) -> Values | None:
+    """Return a SensorCombined as sensor_msgs/Imu in FLU, with an orientation from `orientation_of` if it is known."""
     rates, acceleration = _in_ros(message, "gyro_rad"), _in_ros(message, "accelerometer_m_s2")
     if not _are_finite(*rates, *acceleration):
         return None
-    orientation = (nan,) * 4 if attitude is None else _in_ros(attitude, "q")
-    is_known = _are_finite(*orientation)
     return {
         "header": _header(message, clock, frames.base_link),
-        "orientation": _xyzw(orientation if is_known else (1.0, 0.0, 0.0, 0.0)),
-        "orientation_covariance": UNKNOWN if is_known else WITHOUT,
+        "orientation": _xyzw(orientation or (1.0, 0.0, 0.0, 0.0)),
+        "orientation_covariance": UNKNOWN if orientation else WITHOUT,
         "angular_velocity": _xyz(rates),
         "angular_velocity_covariance": UNKNOWN,
         "linear_acceleration": _xyz(acceleration),
         "linear_acceleration_covariance": UNKNOWN,
     }
+
+
+def orientation_of(attitude: Message) -> Sequence[float] | None:
+    """Return the orientation of a VehicleAttitude in ENU: w, x, y, z; None if it is not known."""
+    found: Sequence[float] = _in_ros(attitude, "q")
+    return found if _are_finite(*found) else None
 
 
 def fix(message: Message, clock: Clock, frames: Frames) -> Values | None:
@@ -180,24 +184,21 @@ SOURCES = {
 
 
 class Converter:
-    """Makes standard messages from the samples of a vehicle. It keeps the newest attitude, for `imu`."""
+    """Makes standard messages from the samples of a vehicle. It keeps the newest orientation, for `imu`."""
 
     def __init__(self, package: ModuleType, frames: Frames) -> None:
         self._calendar: int = import_module(f"{package.__name__}.clock").CALENDAR
         self._frames = frames
-        self._attitude: Message | None = None
+        self._orientation: Sequence[float] | None = None
         self.errors: Counter[str] = Counter()
         """The reasons why messages could not be converted, and how often."""
 
     def convert(self, source: str, message: Message, arrival: int) -> list[Output]:
         """Return the messages for ROS of a message of one of SOURCES that arrived at a time in ns."""
-        if source == "vehicle_attitude":
-            self._attitude = message
-            return []
         clock, outputs = Clock(arrival, self._calendar), []
         for topic in SOURCES[source]:
             try:
-                values = self._values(topic, message, clock)
+                values = self._values(source, topic, message, clock)
             except ValueError as error:  # FrameError of the package
                 self.errors[str(error)] += 1
             else:
@@ -208,9 +209,13 @@ class Converter:
         """Return the transforms that do not change."""
         return Output("/tf_static", {"transforms": [identity(Clock(arrival, self._calendar), self._frames)]})
 
-    def _values(self, topic: str, message: Message, clock: Clock) -> Values | None:
+    def _values(self, source: str, topic: str, message: Message, clock: Clock) -> Values | None:
+        if source == "vehicle_attitude":
+            self._orientation = None  # if the attitude is no rotation
+            self._orientation = orientation_of(message)
+            return None
         if topic == "imu":
-            return imu(message, self._attitude, clock, self._frames)
+            return imu(message, self._orientation, clock, self._frames)
         values = _MAKERS[topic](message, clock, self._frames)
         return {"transforms": [values]} if topic == "/tf" and values is not None else values
 

@@ -131,6 +131,7 @@ def test_both_versions_are_published_with_px4_msgs_old(archived: dict[str, Any])
     ]
     beside = planned(topics_of(new, new), Wish(["vehicle_status"], is_translated=True, is_beside_agent=True), find)
     assert [row.name for row in beside.rows] == ["/fmu/out/vehicle_status_v1"], "an agent has the other one"
+    assert planned(topics_of(new), Wish(is_beside_agent=True), find) == ((), (), ())
 
 
 def test_a_vehicle_with_another_hash_is_refused(px4_types: Any) -> None:

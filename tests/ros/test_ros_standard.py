@@ -109,7 +109,7 @@ def test_imu_has_gravity_up_and_the_newest_orientation(px4_types: Any) -> None:
         timestamp=SAMPLED, q=tuple(Rotation.random(random_state=1).as_quat()[[3, 0, 1, 2]])
     )
     without = standard.imu(sensors, None, clock(), Frames())
-    found = standard.imu(sensors, attitude, clock(), Frames())
+    found = standard.imu(sensors, standard.orientation_of(attitude), clock(), Frames())
     assert without is not None
     assert found is not None
     assert vector(found["angular_velocity"]) == pytest.approx([0.1, -0.2, -0.3])
@@ -183,6 +183,18 @@ def test_an_unknown_frame_is_counted(px4_types: Any) -> None:
     found = converter.convert("vehicle_odometry", random_odometry(px4_types, 1, velocity_frame=0), ARRIVAL)
     assert [output.topic for output in found] == ["pose", "/tf"]
     assert converter.errors == {"VehicleOdometry.velocity: velocity_frame is VELOCITY_FRAME_UNKNOWN": 1}
+
+
+def test_an_attitude_that_is_no_rotation_leaves_the_imu_without_orientation(px4_types: Any) -> None:
+    converter = Converter(px4_types, Frames())
+    sensors = px4_types.SensorCombined(timestamp=SAMPLED)
+    first = []
+    for q in ((1.0, 0.0, 0.0, 0.0), (0.0,) * 4, (math.nan,) * 4):
+        assert converter.convert("vehicle_attitude", px4_types.VehicleAttitude(q=q), ARRIVAL) == []
+        (output,) = converter.convert("sensor_combined", sensors, ARRIVAL)
+        first.append(output.values["orientation_covariance"][0])
+    assert first == [0.0, -1.0, -1.0]
+    assert len(converter.errors) == 1
 
 
 def test_messages_of_any_classes_are_filled() -> None:
