@@ -8,9 +8,10 @@ import os
 import sys
 import time
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, non_empty
@@ -23,9 +24,8 @@ from msggen.live.errors import NotConnectedError
 if TYPE_CHECKING:
     from msggen.live import Vehicle
     from msggen.live.link import Remote
-    from msggen.ros.plan import Plan, Source
+    from msggen.ros.plan import Plan
     from msggen.ros.relay import Relay
-    from msggen.ros.standard import Converter
 
 _ASKED = 10.0
 """How long to wait in s for the vehicle's hashes of its definitions."""
@@ -109,41 +109,48 @@ def _check_package(found: Connection) -> None:
         raise input_error(found.label, "L103", "of an earlier msggen: generate it again for --standard", 0) from None
 
 
-class _Session(NamedTuple):
-    """What is carried while a vehicle is connected."""
-
-    plan: Plan
-    sources: Mapping[str, Source]
-    refused: Sequence[tuple[str, str]]
-
-
 def _run(options: argparse.Namespace, found: Connection) -> None:
     """Carry samples until Ctrl-C. Each time that the vehicle connects, its definitions are compared anew."""
-    from msggen.ros.relay import Relay, node
+    from msggen.ros.relay import Relay
     from msggen.ros.standard import Converter, Frames
 
-    totals, started, reported = _Totals(options), time.monotonic(), None
+    totals, started, reported = _Totals(), time.monotonic(), None
     namespace = found.vehicle.remote.namespace
     try:
-        with node(namespace) as made:
+        with _started(namespace) as node:
             while True:
-                session, remote = _session(options, found), found.vehicle.remote
-                converter = Converter(found.package, Frames().inside(namespace)) if options.standard else None
-                with Relay(made, found.vehicle, session.plan, session.sources, converter) as relay:
-                    if session != reported:  # not each time that the vehicle connects again
-                        _report(options, found, session, relay)
-                        reported = session
+                plan, remote = _plan(options, found), found.vehicle.remote
+                frames = Frames().inside(namespace)
+                converter = Converter(found.package, frames, totals.refusals) if options.standard else None
+                with Relay(node, found.vehicle, plan, totals.refusals, converter) as relay:
+                    if plan != reported:  # not each time that the vehicle connects again
+                        _report(options, found, plan, relay)
+                        reported = plan
                     try:
                         relay.spin(partial(_is_another, found.vehicle, remote))
                     finally:
-                        totals.add(relay, converter)
+                        totals.add(relay)
     except KeyboardInterrupt:
         pass  # the usual end
     finally:
-        totals.show(time.monotonic() - started)
+        if reported is not None and not options.quiet:
+            totals.show(time.monotonic() - started)
 
 
-def _session(options: argparse.Namespace, found: Connection) -> _Session:
+@contextmanager
+def _started(namespace: str) -> Iterator[Any]:
+    """Start a node of rclpy, and end it. Raises InputError if ROS cannot be started."""
+    from msggen.ros.relay import node
+
+    with ExitStack() as stack:
+        try:
+            made = stack.enter_context(node(namespace))
+        except Exception as error:  # noqa: BLE001 - rclpy raises errors of its own for a wrong environment
+            raise input_error("rclpy", "L105", f"cannot be started: {error}", 0) from None
+        yield made
+
+
+def _plan(options: argparse.Namespace, found: Connection) -> Plan:
     """Return what to carry for the vehicle that is connected. Raises InputError if it is nothing."""
     from msggen.live import LinkTimeoutError
     from msggen.ros.plan import Topics, Wish, planned
@@ -157,15 +164,14 @@ def _session(options: argparse.Namespace, found: Connection) -> _Session:
     packages = (found.package, *((package_of(EMBEDDED[0]),) if options.translate else ()))
     topics = Topics(vehicle.routes, vehicle.remote.namespace, hashes, packages)
     is_beside_agent = found.link.startswith(("tap:", "dds:"))
-    wish = Wish(options.topics, options.translate, is_beside_agent)
+    wish = Wish(options.topics, options.translate, options.standard, is_beside_agent)
     try:
         plan = planned(topics, wish)
     except ValueError as error:
         raise input_error("TOPIC", "L105", str(error), 0) from None
-    made, refused = topics.sources() if options.standard else ({}, ())
-    if not plan.rows and not made:
+    if not plan.rows and not plan.sources:
         raise input_error(found.link, "L105", _absence(plan, found, is_beside_agent=is_beside_agent), 0)
-    return _Session(plan, made, refused)
+    return plan
 
 
 def _absence(plan: Plan, found: Connection, *, is_beside_agent: bool) -> str:
@@ -189,15 +195,15 @@ def _is_another(vehicle: Vehicle, remote: Remote) -> bool:
         return False
 
 
-def _report(options: argparse.Namespace, found: Connection, session: _Session, relay: Relay) -> None:
+def _report(options: argparse.Namespace, found: Connection, plan: Plan, relay: Relay) -> None:
     """Print what is carried, and to stderr what is not."""
-    rows = session.plan.rows
+    rows = plan.rows
     out = sum(row.route.direction == "out" for row in rows)
-    for name, reason in (*session.plan.refused, *session.refused):
+    for name, reason in plan.refused:
         print(f"{name} is not carried: {reason}", file=sys.stderr)
-    if session.plan.missing:
-        print(f"not installed, so their topics are not carried: {few(session.plan.missing)}", file=sys.stderr)
-    if session.plan.refused or session.plan.missing:
+    if plan.missing:
+        print(f"not installed, so their topics are not carried: {few(plan.missing)}", file=sys.stderr)
+    if plan.refused or plan.missing:
         print(f"to carry all topics, {_cure(found)}", file=sys.stderr, flush=True)
     if options.quiet:
         return
@@ -212,29 +218,27 @@ def _report(options: argparse.Namespace, found: Connection, session: _Session, r
 
 
 class _Totals:
-    """What was carried in all sessions."""
+    """What was carried in all sessions, and what was not."""
 
-    def __init__(self, options: argparse.Namespace) -> None:
-        self._is_quiet = options.quiet
+    def __init__(self) -> None:
+        from msggen.ros.refusals import Refusals
+
+        self.refusals = Refusals()
         self._to_ros: Counter[str] = Counter()
         self._to_vehicle: Counter[str] = Counter()
-        self._refused: Counter[str] = Counter()
 
-    def add(self, relay: Relay, converter: Converter | None) -> None:
+    def add(self, relay: Relay) -> None:
         """Add what a relay has carried."""
         self._to_ros += relay.to_ros
         self._to_vehicle += relay.to_vehicle
-        self._refused += relay.refused + (converter.errors if converter else Counter())
 
     def show(self, seconds: float) -> None:
-        """Print the numbers, unless --quiet is given."""
-        if self._is_quiet:
-            return
-        out, into = self._to_ros.total(), self._to_vehicle.total()
+        """Print the numbers."""
+        out, into = sum(self._to_ros.values()), sum(self._to_vehicle.values())
         print(f"{counted(out, 'sample')} to ROS, {into} from ROS, in {seconds:.1f} s")
         rows = sorted((self._to_ros + self._to_vehicle).items())
         width = max((len(name) for name, _ in rows), default=0)
         for name, number in rows:
             print(f"  {name:{width}}  {number:7}  {number / seconds:7.1f} Hz")
-        for reason, number in self._refused.items():
-            print(f"  not carried: {reason} ({number})")
+        for name, number in self.refusals.counts.items():
+            print(f"  not carried: {counted(number, 'sample')} of {name}: {self.refusals.reasons[name]}")

@@ -51,6 +51,14 @@ class Row(NamedTuple):
         return converted
 
 
+class Source(NamedTuple):
+    """A topic of PX4 that standard messages of ROS are made from."""
+
+    name: str
+    """One of SOURCES."""
+    message: type[Message]
+
+
 class Plan(NamedTuple):
     """What is relayed, and what is not."""
 
@@ -59,14 +67,8 @@ class Plan(NamedTuple):
     """Topics that differ, each with the reason."""
     missing: tuple[str, ...]
     """The types that are not installed."""
-
-
-class Source(NamedTuple):
-    """A topic of PX4 that standard messages of ROS are made from."""
-
-    name: str
-    """One of SOURCES."""
-    message: type[Message]
+    sources: Mapping[str, Source]
+    """The topics that standard messages are made from, by their names."""
 
 
 class Wish(NamedTuple):
@@ -76,6 +78,8 @@ class Wish(NamedTuple):
     """Names or patterns of topics, all if there are none: `vehicle_status`, `/fmu/out/*`."""
     is_translated: bool = False
     """Whether to convert versions, so that ROS also gets the versions that are installed."""
+    is_standard: bool = False
+    """Whether to make standard messages."""
     is_beside_agent: bool = False
     """Whether an agent publishes the vehicle's own versions already."""
 
@@ -165,7 +169,8 @@ def planned(topics: Topics, wish: Wish, find: Finder = installed) -> Plan:
             missing[theirs.__msg__.ros_type] = None
         elif not found:
             refused.append((route.name, _reason(topics, route, theirs, find)))
-    return Plan(tuple(rows), tuple(refused), tuple(missing))
+    made, more = topics.sources() if wish.is_standard else ({}, [])
+    return Plan(tuple(rows), tuple(dict.fromkeys([*refused, *more])), tuple(missing), made)
 
 
 def _rows(topics: Topics, route: Route, theirs: type[Message], find: Finder, *, is_translated: bool) -> Iterator[Row]:

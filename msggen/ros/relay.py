@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import threading
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from msggen.live.errors import NotConnectedError
 from msggen.live.link import LinkError, Route
 from msggen.live.names import stem_of
 from msggen.ros.standard import SOURCES, TYPES, Converter, filled
@@ -19,6 +18,7 @@ if TYPE_CHECKING:
 
     from msggen.live.vehicle import Vehicle
     from msggen.ros.plan import Plan, Row, Source
+    from msggen.ros.refusals import Refusals
 
 _DEPTH = 10
 """The depth of the topics with standard messages, as most programs of ROS have it."""
@@ -67,17 +67,15 @@ class Relay:
         node: Any,
         vehicle: Vehicle,
         plan: Plan,
-        sources: Mapping[str, Source] | None = None,
+        refusals: Refusals,
         converter: Converter | None = None,
     ) -> None:
-        """Make the topics of `plan`, and with `converter` those that `sources` become."""
-        self._node, self._vehicle = node, vehicle
-        self._sources, self._converter = sources or {}, converter
+        """Make the topics of `plan`, and with `converter` those with standard messages."""
+        self._node, self._vehicle, self._refusals = node, vehicle, refusals
+        self._sources, self._converter = plan.sources, converter
         self.to_ros: Counter[str] = Counter()
         """The samples by their topics in ROS."""
         self.to_vehicle: Counter[str] = Counter()
-        self.refused: Counter[str] = Counter()
-        """The samples that were not carried, by the reason."""
         self._rows: dict[str, list[tuple[Row, Callable[[bytes], None]]]] = {}
         self._made: list[Callable[[], object]] = []
         self._lock = threading.Lock()
@@ -162,7 +160,7 @@ class Relay:
                 if source is not None and self._converter is not None:
                     self._take_source(source, payload, time, self._converter)
         except ValueError as error:  # not a sample of the message
-            self.refused[f"{route.name}: {error}"] += 1
+            self._refusals.add(route.name, error)
 
     def _take_source(self, source: Source, payload: bytes, time: int, converter: Converter) -> None:
         if "/tf_static" in self._standard and not self.to_ros["/tf_static"]:
@@ -182,10 +180,8 @@ class Relay:
         """Give a sample of ROS to the vehicle. It is decoded and encoded, because PX4 takes one encapsulation only."""
         try:
             self._vehicle.publish(row.to_vehicle(payload), stem_of(row.route.name))
-        except NotConnectedError:
-            self.refused["no vehicle is connected"] += 1
         except (LinkError, ValueError) as error:
-            self.refused[f"{row.name}: {error}"] += 1
+            self._refusals.add(row.name, error)
         else:
             self.to_vehicle[row.name] += 1
 

@@ -6,7 +6,6 @@ those of the generated package (docs/frames.md). Each function returns None for 
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from math import isfinite
@@ -14,6 +13,7 @@ from types import ModuleType
 from typing import Any, NamedTuple, TypeAlias
 
 from msggen.live.packages import Message, package_of_class
+from msggen.ros.refusals import Refusals
 
 Values: TypeAlias = Mapping[str, Any]
 """The fields of a message of ROS by name. A nested message is a mapping, too."""
@@ -186,12 +186,11 @@ SOURCES = {
 class Converter:
     """Makes standard messages from the samples of a vehicle. It keeps the newest orientation, for `imu`."""
 
-    def __init__(self, package: ModuleType, frames: Frames) -> None:
+    def __init__(self, package: ModuleType, frames: Frames, refusals: Refusals) -> None:
         self._calendar: int = import_module(f"{package.__name__}.clock").CALENDAR
         self._frames = frames
         self._orientation: Sequence[float] | None = None
-        self.errors: Counter[str] = Counter()
-        """The reasons why messages could not be converted, and how often."""
+        self._refusals = refusals
 
     def convert(self, source: str, message: Message, arrival: int) -> list[Output]:
         """Return the messages for ROS of a message of one of SOURCES that arrived at a time in ns."""
@@ -200,7 +199,7 @@ class Converter:
             try:
                 values = self._values(source, topic, message, clock)
             except ValueError as error:  # FrameError of the package
-                self.errors[str(error)] += 1
+                self._refusals.add(topic if source != "vehicle_attitude" else source, error)
             else:
                 outputs += [] if values is None else [Output(topic, values)]
         return outputs

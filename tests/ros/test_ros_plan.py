@@ -131,7 +131,7 @@ def test_both_versions_are_published_with_px4_msgs_old(archived: dict[str, Any])
     ]
     beside = planned(topics_of(new, new), Wish(["vehicle_status"], is_translated=True, is_beside_agent=True), find)
     assert [row.name for row in beside.rows] == ["/fmu/out/vehicle_status_v1"], "an agent has the other one"
-    assert planned(topics_of(new), Wish(is_beside_agent=True), find) == ((), (), ())
+    assert planned(topics_of(new), Wish(is_beside_agent=True), find) == ((), (), (), {})
 
 
 def test_a_vehicle_with_another_hash_is_refused(px4_types: Any) -> None:
@@ -154,4 +154,6 @@ def test_the_sources_of_standard_messages(px4_types: Any) -> None:
     assert refused == []
     found, refused = topics_of(px4_types, hashes={"px4_msgs/msg/SensorGps": 1}).sources()
     assert len(found) == 3
+    plan = planned(topics_of(px4_types), Wish(is_standard=True, is_beside_agent=True), lambda _: None)
+    assert plan == ((), (), (), topics_of(px4_types).sources()[0])
     assert [name for name, _ in refused] == ["/fmu/out/vehicle_gps_position"]

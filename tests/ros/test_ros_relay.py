@@ -13,6 +13,7 @@ import pytest
 from msggen.live import Vehicle
 from msggen.ros import relay as module
 from msggen.ros.plan import Topics, Wish, planned
+from msggen.ros.refusals import Refusals
 from msggen.ros.relay import Relay
 from msggen.ros.standard import Converter, Frames
 from support.fake_link import FakeLink, routes_of
@@ -71,13 +72,15 @@ def bench(px4_types: Any) -> Iterator[SimpleNamespace]:
     plan = planned(topics, Wish(), px4_msgs_of([endpoint.message for endpoint in px4_types.topics.ENDPOINTS]))
     with Vehicle(link, px4_types) as vehicle:
         remote = link.connect(namespace="uav_1")
-        yield SimpleNamespace(link=link, node=node, topics=topics, plan=plan, vehicle=vehicle, remote=remote)
+        yield SimpleNamespace(
+            link=link, node=node, topics=topics, plan=plan, vehicle=vehicle, remote=remote, refusals=Refusals()
+        )
 
 
 def test_samples_pass_unchanged_in_both_directions(px4_types: Any, bench: SimpleNamespace) -> None:
     status = px4_types.VehicleStatus(timestamp=5)
     setpoint = px4_types.TrajectorySetpoint(position=(1.0, 2.0, 3.0))
-    with Relay(bench.node, bench.vehicle, bench.plan) as relay:
+    with Relay(bench.node, bench.vehicle, bench.plan, bench.refusals) as relay:
         assert bench.node.open == {f"/uav_1{endpoint.ros_name}" for endpoint in px4_types.topics.ENDPOINTS}
         bench.link.sample(bench.remote, status)
         assert bench.node.published == [("/uav_1/fmu/out/vehicle_status_v4", status.encode())]
@@ -93,7 +96,7 @@ def test_samples_pass_unchanged_in_both_directions(px4_types: Any, bench: Simple
 
 
 def test_the_qos_is_that_of_px4(px4_types: Any, bench: SimpleNamespace) -> None:
-    with Relay(bench.node, bench.vehicle, bench.plan):
+    with Relay(bench.node, bench.vehicle, bench.plan, bench.refusals):
         for endpoint in px4_types.topics.ENDPOINTS:
             expected = endpoint.qos.writer if endpoint.direction == "out" else endpoint.qos.reader
             found = bench.node.profiles[f"/uav_1{endpoint.ros_name}"]
@@ -102,16 +105,20 @@ def test_the_qos_is_that_of_px4(px4_types: Any, bench: SimpleNamespace) -> None:
             assert found.depth == max(expected.depth, 1)
 
 
-def test_what_cannot_be_carried_is_counted(px4_types: Any, bench: SimpleNamespace) -> None:
-    setpoint = bench.node.callbacks
-    with Relay(bench.node, bench.vehicle, bench.plan) as relay:
-        setpoint["/uav_1/fmu/in/trajectory_setpoint"](b"\0\1\0\0short")
+def test_what_cannot_be_carried_is_counted_and_told_once(
+    px4_types: Any, bench: SimpleNamespace, caplog: pytest.LogCaptureFixture
+) -> None:
+    setpoint, command = "/uav_1/fmu/in/trajectory_setpoint", "/uav_1/fmu/in/vehicle_command"
+    with Relay(bench.node, bench.vehicle, bench.plan, bench.refusals) as relay:
+        for size in range(3):
+            bench.node.callbacks[setpoint](b"\0\1\0\0" + bytes(size))
         bench.link.disconnect(bench.remote)
-        setpoint["/uav_1/fmu/in/trajectory_setpoint"](px4_types.TrajectorySetpoint().encode())
+        bench.node.callbacks[command](px4_types.VehicleCommand().encode())
         assert not relay.to_vehicle
-        wrong, gone = relay.refused
-        assert wrong.startswith("/uav_1/fmu/in/trajectory_setpoint: TrajectorySetpoint")
-        assert gone == "no vehicle is connected"
+    assert bench.refusals.counts == {setpoint: 3, command: 1}
+    assert bench.refusals.reasons[setpoint].startswith("TrajectorySetpoint")
+    assert "disconnected" in bench.refusals.reasons[command]
+    assert [record.name for record in caplog.records] == ["msggen.ros"] * 2
 
 
 def test_standard_messages_whose_types_are_installed(
@@ -120,9 +127,9 @@ def test_standard_messages_whose_types_are_installed(
     types = {"sensor_msgs/msg/Imu", "sensor_msgs/msg/NavSatFix"}
     monkeypatch.setattr(module, "installed", lambda name: SimpleNamespace if name in types else None)
     monkeypatch.setattr(module, "filled", lambda _cls, values, _find: values)
-    found, _ = bench.topics.sources()
-    converter = Converter(px4_types, Frames().inside("uav_1"))
-    with Relay(bench.node, bench.vehicle, planned(bench.topics, Wish(), lambda _: None), found, converter) as relay:
+    converter = Converter(px4_types, Frames().inside("uav_1"), bench.refusals)
+    plan = planned(bench.topics, Wish(is_standard=True), lambda _: None)
+    with Relay(bench.node, bench.vehicle, plan, bench.refusals, converter) as relay:
         assert relay.standard == [("fix", "sensor_msgs/msg/NavSatFix"), ("imu", "sensor_msgs/msg/Imu")]
         bench.link.sample(bench.remote, px4_types.SensorCombined(timestamp=STAMP))
         bench.link.sample(bench.remote, px4_types.VehicleOdometry(timestamp=STAMP))

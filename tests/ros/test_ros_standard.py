@@ -12,6 +12,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from msggen.ros import standard
+from msggen.ros.refusals import Refusals
 from msggen.ros.standard import SOURCES, TYPES, Clock, Converter, Frames, filled
 from support.repository import ROOT
 from support.ros_types import class_with
@@ -153,7 +154,8 @@ def test_times_since_boot_become_the_time_of_arrival() -> None:
 
 
 def test_a_converter_gives_each_topic_its_messages(px4_types: Any) -> None:
-    converter = Converter(px4_types, Frames().inside("uav_1"))
+    refusals = Refusals()
+    converter = Converter(px4_types, Frames().inside("uav_1"), refusals)
     made = {
         "vehicle_odometry": random_odometry(px4_types, 1),
         "vehicle_attitude": px4_types.VehicleAttitude(q=(1.0, 0.0, 0.0, 0.0)),
@@ -169,7 +171,7 @@ def test_a_converter_gives_each_topic_its_messages(px4_types: Any) -> None:
     assert (transform["header"]["frame_id"], transform["child_frame_id"]) == ("uav_1/odom", "uav_1/base_link")
     (still,) = converter.static(ARRIVAL).values["transforms"]
     assert (still["header"]["frame_id"], still["child_frame_id"]) == ("uav_1/map", "uav_1/odom")
-    assert not converter.errors
+    assert not refusals.counts
 
 
 def test_the_page_lists_all_topics() -> None:
@@ -179,14 +181,17 @@ def test_the_page_lists_all_topics() -> None:
 
 
 def test_an_unknown_frame_is_counted(px4_types: Any) -> None:
-    converter = Converter(px4_types, Frames())
+    refusals = Refusals()
+    converter = Converter(px4_types, Frames(), refusals)
     found = converter.convert("vehicle_odometry", random_odometry(px4_types, 1, velocity_frame=0), ARRIVAL)
     assert [output.topic for output in found] == ["pose", "/tf"]
-    assert converter.errors == {"VehicleOdometry.velocity: velocity_frame is VELOCITY_FRAME_UNKNOWN": 1}
+    assert refusals.counts == {"odom": 1}
+    assert refusals.reasons == {"odom": "VehicleOdometry.velocity: velocity_frame is VELOCITY_FRAME_UNKNOWN"}
 
 
 def test_an_attitude_that_is_no_rotation_leaves_the_imu_without_orientation(px4_types: Any) -> None:
-    converter = Converter(px4_types, Frames())
+    refusals = Refusals()
+    converter = Converter(px4_types, Frames(), refusals)
     sensors = px4_types.SensorCombined(timestamp=SAMPLED)
     first = []
     for q in ((1.0, 0.0, 0.0, 0.0), (0.0,) * 4, (math.nan,) * 4):
@@ -194,7 +199,7 @@ def test_an_attitude_that_is_no_rotation_leaves_the_imu_without_orientation(px4_
         (output,) = converter.convert("sensor_combined", sensors, ARRIVAL)
         first.append(output.values["orientation_covariance"][0])
     assert first == [0.0, -1.0, -1.0]
-    assert len(converter.errors) == 1
+    assert refusals.counts == {"vehicle_attitude": 1}
 
 
 def test_messages_of_any_classes_are_filled() -> None:
