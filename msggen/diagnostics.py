@@ -137,6 +137,7 @@ CODES: Mapping[str, Level] = MappingProxyType(
         "L102": Level.ERROR,
         "L103": Level.ERROR,
         "L104": Level.ERROR,
+        "L105": Level.ERROR,
         "L110": Level.ERROR,
         "L111": Level.ERROR,
         "R101": Level.ERROR,

@@ -43,6 +43,7 @@ _MODULES = {
     "record": "record",
     "play": "play",
     "doctor": "doctor",
+    "relay": "relay",
     "px4-generate": "px4_generate",
     "releases": "releases",
     "rules": "rules",
