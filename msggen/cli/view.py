@@ -6,7 +6,7 @@ import argparse
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from logging import CRITICAL, getLogger
 from typing import TYPE_CHECKING
 
@@ -21,7 +21,8 @@ from msggen.generate.cache import package_of
 if TYPE_CHECKING:
     from types import ModuleType
 
-    from msggen.view.recording import Controls, Recording
+    from msggen.recordings.reader import Recording
+    from msggen.view.recording import Controls
     from msggen.view.server import Server
 
 _HOST, _PORT = "127.0.0.1", 8765
@@ -93,7 +94,8 @@ def _show_recording(options: argparse.Namespace) -> None:
     from msggen.view.recording import Controls, RecordingView, package_for
 
     controls = Controls()
-    with _recording(options.file) as recording, _server(options, options.file, recording, controls) as server:
+    recording = _recording(options.file)
+    with _server(options, options.file, recording, controls) as server:
         view = RecordingView(server, recording, controls, package_for(recording, _packages(options)))
         seconds = (recording.last - recording.first) / 1e9
         _announce(options, server, f"{options.file}: {len(recording.topics)} topics, {seconds:.1f} s")
@@ -114,16 +116,16 @@ def _packages(options: argparse.Namespace) -> Iterator[ModuleType]:
     yield from map(package_of, EMBEDDED)
 
 
-@contextmanager
-def _recording(path: str) -> Iterator[Recording]:
-    from msggen.view.recording import UnreadableRecordingError, read_recording
+def _recording(path: str) -> Recording:
+    from msggen.recordings.reader import Recording, RecordingError
+    from msggen.view.recording import UnviewableRecordingError, channels_of
 
-    with open(path, "rb") as file:
-        try:
-            recording = read_recording(file)
-        except UnreadableRecordingError as error:
-            raise input_error(path, "R102", str(error), 0) from None
-        yield recording
+    try:
+        recording = Recording(path)
+        channels_of(recording)
+    except (RecordingError, UnviewableRecordingError) as error:
+        raise input_error(path, "R102", str(error), 0) from None
+    return recording
 
 
 def _server(

@@ -3,15 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-
-class Sample(NamedTuple):
-    """A sample of a recording. `time` is its log time in ns since 1970."""
-
-    time: int
-    topic: str
-    payload: bytes
+if TYPE_CHECKING:
+    from msggen.recordings.reader import Sample
 
 
 class State(NamedTuple):

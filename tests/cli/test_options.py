@@ -33,8 +33,13 @@ def meaning(action: argparse.Action) -> tuple[object, ...]:
     return (type(action), text, action.type, action.default, action.metavar, action.nargs, choices)
 
 
-OF_OTHERS = {"topic": {"-t", "-v", "--verbose"}, "top": {"--once"}, "px4-generate": {"--json", "-f"}}
-"""Options that mean what they mean in `ros2 topic`, and in the firmware's scripts."""
+OF_OTHERS = {
+    "doctor": {"--json", "--for"},
+    "topic": {"-t", "-v", "--verbose"},
+    "top": {"--once"},
+    "px4-generate": {"--json", "-f"},
+}
+"""Options that mean what they mean in `ros2 topic`, in the firmware's scripts, or for one command only."""
 
 
 def meanings() -> dict[str, dict[str, tuple[object, ...]]]:

@@ -74,7 +74,7 @@ def test_errors_are_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     path = tmp_path / "flight.mcap"
     path.write_text("text")
     assert main(["view", str(path)]) == FAILED
-    assert capsys.readouterr().err.startswith(f"{path}: R102 no MCAP file")
+    assert capsys.readouterr().err.startswith(f"{path}: R102 is not an MCAP file")
     assert main(["view", str(tmp_path / "absent.mcap")]) == FAILED
     assert capsys.readouterr().err == f"msggen: {tmp_path / 'absent.mcap'}: No such file or directory\n"
 

@@ -7,7 +7,8 @@ from collections.abc import Iterator
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msggen.view.playback import FASTEST, Playback, Sample
+from msggen.recordings.reader import Sample
+from msggen.view.playback import FASTEST, Playback
 
 SECOND = 1_000_000_000
 START = 1_790_000_000 * SECOND
@@ -15,7 +16,7 @@ times = st.lists(st.integers(0, 10 * SECOND), min_size=1, max_size=30).map(sorte
 
 
 def playback(offsets: list[int]) -> tuple[Playback, list[Sample]]:
-    samples = [Sample(START + offset, "topic", bytes([index])) for index, offset in enumerate(offsets)]
+    samples = [Sample("topic", START + offset, bytes([index])) for index, offset in enumerate(offsets)]
 
     def read(start: int) -> Iterator[Sample]:
         return (sample for sample in samples if sample.time >= start)
