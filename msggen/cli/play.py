@@ -19,6 +19,7 @@ from msggen.exit_codes import DONE
 
 if TYPE_CHECKING:
     from msggen.live.sim.runner import Runner
+    from msggen.recordings.choice import Choice
     from msggen.recordings.player import Endpoints, Player
     from msggen.recordings.reader import Recording
 
@@ -106,7 +107,7 @@ def _open(options: argparse.Namespace) -> Recording:
         raise input_error(options.file, "R102", f"cannot be read: {error.strerror}", 0) from None
 
 
-def _choice(options: argparse.Namespace, recording: Recording) -> Any:
+def _choice(options: argparse.Namespace, recording: Recording) -> Choice:
     """Return the topics to play. Ends the process, or raises InputError, if there is none."""
     from msggen.recordings.choice import Choice
     from msggen.recordings.player import is_played

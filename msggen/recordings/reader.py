@@ -73,7 +73,7 @@ class Recording:
                     if channel.message_encoding == "cdr":
                         yield Sample(channel.topic, message.log_time, message.data)
             except _DAMAGE as error:
-                raise RecordingError(f"is damaged: {error}") from error
+                raise RecordingError(f"is damaged ({type(error).__name__}: {error})") from error
 
     def _summary(self) -> Summary | None:
         """Return the index of the file, or None if it has none. Raises RecordingError."""
@@ -144,7 +144,8 @@ def _errors() -> tuple[type[Exception], ...]:
     from zstandard import ZstdError
 
     # an OSError if a file is shorter than its last record
-    return McapError, ZstdError, OSError, RuntimeError, ValueError, EOFError, IndexError, KeyError, error, zlib_error
+    of_python = OSError, RuntimeError, ValueError, EOFError, LookupError, MemoryError, OverflowError
+    return McapError, ZstdError, error, zlib_error, *of_python
 
 
 _DAMAGE = _errors()

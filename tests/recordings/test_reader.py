@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from pathlib import Path
+from random import Random
 from typing import Any
 
 import pytest
@@ -15,8 +16,9 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from msggen.recordings.choice import Choice
 from msggen.recordings.player import endpoints_of
-from msggen.recordings.reader import Recording
-from support.recordings import START, Found, read_mcap, read_ours
+from msggen.recordings.reader import Recording, RecordingError
+from msggen.recordings.writer import COMPRESSIONS, Writer
+from support.recordings import START, Found, channel_of, read_mcap, read_ours, route_of
 
 STATUS, ODOMETRY = "/fmu/out/vehicle_status_v4", "/uav_1/fmu/out/vehicle_odometry"
 
@@ -76,6 +78,34 @@ def test_all_files_of_mcap_are_read(options: dict[str, Any], px4_types: Any, tmp
     late = [each for each in read_ours(path) if each.time >= START + 10_000 and each.topic == STATUS]
     assert [Found(*each) for each in recording.samples(START + 10_000, STATUS.__eq__)] == late
     assert endpoints_of(recording, Choice()).release == "v1.18"
+
+
+@pytest.mark.parametrize("compression", COMPRESSIONS)
+def test_damaged_files_are_read_in_part_or_refused(compression: str, px4_types: Any, tmp_path: Path) -> None:
+    path = tmp_path / "flight.mcap"
+    writer = Writer(str(path), compression)
+    number = writer.add_channel(channel_of(px4_types, route_of(px4_types, "vehicle_status")))
+    for each in range(40):
+        writer.write(number, START + each, START, bytes(20))
+        if each % 10 == 9:
+            writer.flush()
+    writer.close()
+    whole = path.read_bytes()
+    chance = Random(1)  # noqa: S311 - no secret
+    refused: list[str] = []
+    for _ in range(400):
+        data = bytearray(whole)
+        for _ in range(chance.choice((1, 1, 5))):
+            at = chance.choice((chance.randrange(len(data)), chance.randrange(len(data) - 300, len(data))))
+            data[at] = chance.choice((0, 255, chance.randrange(256)))
+        path.write_bytes(data)
+        try:
+            endpoints_of(Recording(str(path)), Choice())
+            read_ours(path)
+        except RecordingError as error:
+            refused.append(str(error))
+    assert 0 < len(refused) < 400
+    assert all(text.startswith("is damaged (") or text == "is not an MCAP file" for text in refused)
 
 
 def test_a_bag_of_ros_is_read(px4_types: Any, tmp_path: Path) -> None:
