@@ -18,7 +18,7 @@ import pytest
 
 from msggen.cli.topic.watching import rounds
 from msggen.generate.cache import package_of
-from msggen.live.sim import Options, Simulator
+from msggen.live.sim import Misbehaviour, Options, Simulator
 from support.commands import COMMANDS, Outcome, run
 from support.ports import free_port
 from support.repository import ROOT
@@ -55,7 +55,10 @@ def test_a_wrong_action_gets_the_right_one() -> None:
     for words, text in {
         "topic ecko": "argument ACTION: invalid choice: 'ecko' (choose from list, find, info, ",
         "topic": "the following arguments are required: ACTION",
-        "topic --link x list": "unknown argument '--link': name a command first",
+        "topic --link x list": "unknown argument '--link': name an action first",
+        "topic list --field x": "unknown argument '--field': an option of topic echo",
+        "build --link x": "unknown argument '--link': an option of ",
+        "topic list foo": "unknown argument 'foo'\n",
     }.items():
         outcome = run(words.split())
         assert outcome.code == 2
@@ -84,6 +87,15 @@ def test_list_tells_what_is_heard(link: list[str], px4_types: Any) -> None:
     assert odometry["size"] == px4_types.VehicleOdometry.__msg__.cdr_size + 4
     assert 0 <= odometry["age"] < 60
     assert (command["direction"], command["samples"], command["rate"]) == ("in", 0, None)
+
+
+def test_a_definition_that_differs_is_told_before_a_message_is_printed(px4_types: Any) -> None:
+    url = f"udp://127.0.0.1:{free_port()}"
+    with Simulator(px4_types, url, [Options(sync="short", misbehaviour=Misbehaviour(wrong_hashes=("VehicleStatus",)))]):
+        outcome = run(["topic", "echo", "vehicle_status", "--once", "--link", url, "--types", TYPES])
+    assert (outcome.code, outcome.stdout) == (2, "")
+    assert "argument TOPIC: the vehicle's definition of '/fmu/out/vehicle_status_v4' has the hash 0x" in outcome.stderr
+    assert "name the vehicle's firmware, --px4 PX4-Autopilot, or its package, --types" in outcome.stderr
 
 
 @pytest.mark.slow  # the client takes seconds to notice that the types are wrong for the session
