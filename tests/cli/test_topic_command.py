@@ -11,15 +11,19 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from typing import Any
 
 import pytest
 
+from msggen.cli.link import Connection
 from msggen.cli.topic.watching import rounds
 from msggen.generate.cache import package_of
+from msggen.live import Vehicle
+from msggen.live.link import Route
 from msggen.live.sim import Misbehaviour, Options, Simulator
 from support.commands import COMMANDS, Outcome, run
+from support.fake_link import FakeLink
 from support.ports import free_port
 from support.repository import ROOT
 
@@ -220,6 +224,35 @@ def test_clocks_that_are_not_in_sync_are_told(px4_types: Any) -> None:
     with Simulator(px4_types, url, [Options(sync="off")]):
         outcome = run(["topic", "delay", "vehicle_odometry", "-n", "1", "--link", url, "--types", TYPES])
     assert "average delay: not in sync: the timestamps are not of this computer's time" in outcome.stdout
+
+
+@pytest.fixture
+def unknown(px4_types: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A vehicle with a topic `mine` of a message that the types do not have, for all actions."""
+
+    @contextmanager
+    def connected(_: object) -> Iterator[Connection]:
+        link = FakeLink(px4_types)
+        with Vehicle(link, px4_types) as vehicle:
+            link.open(link.connect(), Route("/fmu/out/mine", "px4_msgs/msg/Mine", "out", 4000))
+            yield Connection(vehicle, px4_types, "fake", "v1.18")
+
+    for module in ("echo", "info", "listing", "measuring"):
+        monkeypatch.setattr(f"msggen.cli.topic.{module}.connection", connected)
+    monkeypatch.setattr("msggen.cli.topic.info._PATIENCE", 0.01)  # it tells no hashes
+
+
+@pytest.mark.usefixtures("unknown")
+def test_topics_of_messages_that_the_types_do_not_have_are_named() -> None:
+    assert "/fmu/out/mine [px4_msgs/msg/Mine]\n" in run(["topic", "list", "-t"]).stdout
+    assert run(["topic", "find", "Mine"]).stdout == "/fmu/out/mine\n"
+    text = run(["topic", "info", "mine"]).stdout
+    assert "px4_msgs/msg/Mine, of which v1.18 has no definition: name the firmware, --px4" in text
+    assert json.loads(run(["topic", "info", "mine", "--json"]).stdout)["type"] == "px4_msgs/msg/Mine"
+    assert run(["topic", "hz", "mine", "--for", "0.01"]).stdout == "no new messages\n"
+    outcome = run(["topic", "echo", "mine"])
+    assert outcome.code == 2
+    assert "v1.18 has no definition of '/fmu/out/mine': name the vehicle's firmware, --px4 PX4-A" in outcome.stderr
 
 
 class _Restarting:
