@@ -14,6 +14,9 @@ from msggen.firmware.embedded import names_release
 from msggen.firmware.tree import Folder
 from msggen.firmware.tree_layout import is_firmware
 
+_MOST = 4
+"""The most names of commands that a hint lists with their actions."""
+
 
 def hint_for(parser: Any, wrong: str, given: Sequence[str]) -> str:
     """Return the end of the message about `wrong`, after the arguments `given`.
@@ -25,7 +28,7 @@ def hint_for(parser: Any, wrong: str, given: Sequence[str]) -> str:
     has_commands = bool(parser._subparsers)  # noqa: SLF001
     if wrong.endswith((".j2", ".em")) and "--template" in known:
         return f": name the template with --template {wrong}"
-    if not wrong.startswith("-") and "--px4" in known:
+    if not wrong.startswith("-") and "--px4" in known and "--link" not in known:
         firmware = next(filter(_is_firmware, [*given, wrong]), None) if names else wrong
         if firmware:
             return f": name the firmware with --px4 {firmware}"
@@ -36,7 +39,7 @@ def hint_for(parser: Any, wrong: str, given: Sequence[str]) -> str:
     if near or not names:
         return near
     if wrong.startswith("-"):
-        return ": name a command first" if has_commands else ""
+        return f": name {'an action' if names == ['ACTION'] else 'a command'} first" if has_commands else ""
     return f": expected {f'one {names[0]} per run' if len(names) == 1 else ' and '.join(names)}"
 
 
@@ -62,11 +65,22 @@ def _is_revision(folder: str, word: str) -> bool:
 
 
 def _commands_with(option: str) -> list[str]:
-    """Return the names of the commands that have an option, and list it in their help."""
-    parser: Any = parser_for(())
-    commands = next(action for action in parser._actions if isinstance(action, argparse._SubParsersAction))  # noqa: SLF001
-    found = ((name, command._option_string_actions.get(option)) for name, command in commands.choices.items())  # noqa: SLF001
-    return [name for name, action in found if action and action.help is not argparse.SUPPRESS]
+    """Return the names of the commands that have an option, and list it in their help.
+
+    Of many actions, only the command is named: `topic` for `topic hz`, `topic bw` and so on.
+    """
+    known = ((name, command._option_string_actions.get(option)) for name, command in _commands(parser_for(())))  # noqa: SLF001
+    names = [name for name, action in known if action and action.help is not argparse.SUPPRESS]
+    return names if len(names) <= _MOST else [*dict.fromkeys(name.partition(" ")[0] for name in names)]
+
+
+def _commands(parser: Any, front: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield all commands by their words: `build`, `topic list`."""
+    for action in parser._actions:  # noqa: SLF001
+        if isinstance(action, argparse._SubParsersAction):  # noqa: SLF001
+            for name, command in action.choices.items():
+                yield f"{front}{name}", command
+                yield from _commands(command, f"{front}{name} ")
 
 
 def _values(words: Sequence[str]) -> Iterator[tuple[str, str, Sequence[str]]]:

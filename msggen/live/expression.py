@@ -52,7 +52,8 @@ class Condition:
         try:
             self._tree = ast.parse(flat, mode="eval").body
         except SyntaxError as error:
-            raise ConditionError(_reason(flat), start + max(error.offset or 1, 1)) from None
+            reason, column = _reason(flat, max(error.offset or 1, 1))
+            raise ConditionError(reason, start + column) from None
         except (MemoryError, RecursionError, ValueError):
             raise ConditionError(
                 "the condition is nested too deeply, or has characters that it cannot have", 1
@@ -94,13 +95,15 @@ class Condition:
 _OTHER_LANGUAGES = {"&&": "and", "||": "or"}
 
 
-def _reason(text: str) -> str:
-    """Return why a text cannot be parsed."""
+def _reason(text: str, column: int) -> tuple[str, int]:
+    """Return why a text cannot be parsed, and where. `column` is where Python stopped, which depends on its version."""
     for wrong, right in _OTHER_LANGUAGES.items():
         if wrong in text:
-            return f"'{wrong}' is not an operator, write '{right}'"
-    is_assigned = re.search("(?<![=!<>])=(?!=)", text)
-    return "expected '==', not '='" if is_assigned else "not a condition such as 'x > 1 and y < 2'"
+            return f"'{wrong}' is not an operator, write '{right}'", text.index(wrong) + 1
+    assigned = re.search("(?<![=!<>])=(?!=)", text)
+    if assigned is not None:
+        return "expected '==', not '='", assigned.start() + 1
+    return "not a condition such as 'x > 1 and y < 2'", column
 
 
 class Term(NamedTuple):

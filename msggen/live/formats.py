@@ -90,7 +90,7 @@ def _nested_writer(nested: type[Message], indent: str, *, is_array: bool) -> Cal
 def _scalar_writer(place: Place) -> Callable[[Any], str]:
     """Return a function that writes one number or text."""
     if place.is_text:
-        return lambda value: json.dumps(text_of(value), ensure_ascii=False)
+        return _quoted_text
     if place.base == "bool":
         return lambda value: "true" if value else "false"
     if place.base == "float32":
@@ -98,6 +98,12 @@ def _scalar_writer(place: Place) -> Callable[[Any], str]:
     if place.base == "float64":
         return lambda value: _number(repr(value))
     return _member_writer(place.enum) if place.enum is not None else str
+
+
+def _quoted_text(value: bytes | str) -> str:
+    """Return text in quotes. All but printable characters are escaped, because a terminal would obey some."""
+    text = text_of(value)
+    return json.dumps(text, ensure_ascii=not text.isprintable())
 
 
 def _member_writer(enum: Enum) -> Callable[[int], str]:
@@ -164,7 +170,7 @@ def json_writer(message: type[Message], paths: Sequence[str] = ()) -> Writer:
     Enums are numbers, text in `char[N]` is a string, and numbers that are not finite are null. Raises PlaceError.
     """
     convert = _object_maker(chosen(message, paths))
-    return lambda message: json.dumps(convert(message), ensure_ascii=False, allow_nan=False)
+    return lambda message: json.dumps(convert(message), allow_nan=False)
 
 
 def _object_maker(places: Sequence[Place]) -> Callable[[Any], dict[str, Any]]:

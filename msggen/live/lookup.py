@@ -54,13 +54,12 @@ def named_topic(text: str, way: Way, package: ModuleType, routes: Sequence[Route
 def all_topics(package: ModuleType, routes: Sequence[Route]) -> list[Named]:
     """Return the topics of a vehicle, and those of the package that it does not have, sorted by name."""
     own = [Named(route.name, route.direction, endpoint_at(package, route.name), route) for route in routes]
-    known = {(each.direction, stem_of(each.endpoint.ros_name)) for each in own if each.endpoint is not None}
-    silent = [
+    missing = [
         Named(endpoint.ros_name, endpoint.direction, endpoint, None)
         for endpoint in package.topics.ENDPOINTS
-        if (endpoint.direction, stem_of(endpoint.ros_name)) not in known
+        if not any(is_topic(route.name, stem_of(endpoint.ros_name)) for route in routes)
     ]
-    return sorted([*own, *silent], key=lambda topic: topic.name)
+    return sorted([*own, *missing], key=lambda topic: topic.name)
 
 
 def endpoint_at(package: ModuleType, ros_name: str) -> Endpoint[Message] | None:

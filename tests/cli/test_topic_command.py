@@ -11,15 +11,19 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from typing import Any
 
 import pytest
 
+from msggen.cli.link import Connection
 from msggen.cli.topic.watching import rounds
 from msggen.generate.cache import package_of
-from msggen.live.sim import Options, Simulator
+from msggen.live import Vehicle
+from msggen.live.link import Route
+from msggen.live.sim import Misbehaviour, Options, Simulator
 from support.commands import COMMANDS, Outcome, run
+from support.fake_link import FakeLink
 from support.ports import free_port
 from support.repository import ROOT
 
@@ -55,7 +59,10 @@ def test_a_wrong_action_gets_the_right_one() -> None:
     for words, text in {
         "topic ecko": "argument ACTION: invalid choice: 'ecko' (choose from list, find, info, ",
         "topic": "the following arguments are required: ACTION",
-        "topic --link x list": "unknown argument '--link': name a command first",
+        "topic --link x list": "unknown argument '--link': name an action first",
+        "topic list --field x": "unknown argument '--field': an option of topic echo",
+        "build --link x": "unknown argument '--link': an option of ",
+        "topic list foo": "unknown argument 'foo'\n",
     }.items():
         outcome = run(words.split())
         assert outcome.code == 2
@@ -84,6 +91,15 @@ def test_list_tells_what_is_heard(link: list[str], px4_types: Any) -> None:
     assert odometry["size"] == px4_types.VehicleOdometry.__msg__.cdr_size + 4
     assert 0 <= odometry["age"] < 60
     assert (command["direction"], command["samples"], command["rate"]) == ("in", 0, None)
+
+
+def test_a_definition_that_differs_is_told_before_a_message_is_printed(px4_types: Any) -> None:
+    url = f"udp://127.0.0.1:{free_port()}"
+    with Simulator(px4_types, url, [Options(sync="short", misbehaviour=Misbehaviour(wrong_hashes=("VehicleStatus",)))]):
+        outcome = run(["topic", "echo", "vehicle_status", "--once", "--link", url, "--types", TYPES])
+    assert (outcome.code, outcome.stdout) == (2, "")
+    assert "argument TOPIC: the vehicle's definition of '/fmu/out/vehicle_status_v4' has the hash 0x" in outcome.stderr
+    assert "name the vehicle's firmware, --px4 PX4-Autopilot, or its package, --types" in outcome.stderr
 
 
 @pytest.mark.slow  # the client takes seconds to notice that the types are wrong for the session
@@ -208,6 +224,35 @@ def test_clocks_that_are_not_in_sync_are_told(px4_types: Any) -> None:
     with Simulator(px4_types, url, [Options(sync="off")]):
         outcome = run(["topic", "delay", "vehicle_odometry", "-n", "1", "--link", url, "--types", TYPES])
     assert "average delay: not in sync: the timestamps are not of this computer's time" in outcome.stdout
+
+
+@pytest.fixture
+def unknown(px4_types: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A vehicle with a topic `mine` of a message that the types do not have, for all actions."""
+
+    @contextmanager
+    def connected(_: object) -> Iterator[Connection]:
+        link = FakeLink(px4_types)
+        with Vehicle(link, px4_types) as vehicle:
+            link.open(link.connect(), Route("/fmu/out/mine", "px4_msgs/msg/Mine", "out", 4000))
+            yield Connection(vehicle, px4_types, "fake", "v1.18")
+
+    for module in ("echo", "info", "listing", "measuring"):
+        monkeypatch.setattr(f"msggen.cli.topic.{module}.connection", connected)
+    monkeypatch.setattr("msggen.cli.topic.info._PATIENCE", 0.01)  # it tells no hashes
+
+
+@pytest.mark.usefixtures("unknown")
+def test_topics_of_messages_that_the_types_do_not_have_are_named() -> None:
+    assert "/fmu/out/mine [px4_msgs/msg/Mine]\n" in run(["topic", "list", "-t"]).stdout
+    assert run(["topic", "find", "Mine"]).stdout == "/fmu/out/mine\n"
+    text = run(["topic", "info", "mine"]).stdout
+    assert "px4_msgs/msg/Mine, of which v1.18 has no definition: name the firmware, --px4" in text
+    assert json.loads(run(["topic", "info", "mine", "--json"]).stdout)["type"] == "px4_msgs/msg/Mine"
+    assert run(["topic", "hz", "mine", "--for", "0.01"]).stdout == "no new messages\n"
+    outcome = run(["topic", "echo", "mine"])
+    assert outcome.code == 2
+    assert "v1.18 has no definition of '/fmu/out/mine': name the vehicle's firmware, --px4 PX4-A" in outcome.stderr
 
 
 class _Restarting:

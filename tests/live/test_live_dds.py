@@ -15,8 +15,10 @@ import pytest
 
 from msggen.live.dds import DdsLink, Endpoint, endpoint_of
 from msggen.live.link import LinkError, Remote, Route, Service
+from support.commands import run
 from support.dds_vehicle import domains, vehicle
 from support.link_records import Records, nothing_is_left
+from support.repository import ROOT
 
 DOMAINS = domains(140)
 
@@ -237,3 +239,12 @@ def test_bad_arguments_are_errors() -> None:
     pytest.importorskip("cyclonedds")
     with pytest.raises(LinkError, match="cannot join domain 139"):
         DdsLink(139, configuration="<CycloneDDS><Nonsense/></CycloneDDS>").start(Records())
+
+
+def test_topics_are_listed_and_printed_over_dds() -> None:
+    domain = next(DOMAINS)
+    link = ["--link", f"dds://{domain}", "--types", str(ROOT / "generated" / "px4_types")]
+    with vehicle(domain, "uav_1", "vehicle_status,nav_state=14"):
+        outcome = run(["topic", "echo", "vehicle_status", "--field", "nav_state", "--once", *link])
+        assert (outcome.code, outcome.stdout) == (0, "14 (OFFBOARD)\n---\n")
+        assert "/uav_1/fmu/out/vehicle_status_v4\n" in run(["topic", "list", *link]).stdout

@@ -143,6 +143,17 @@ def test_members_and_flags_have_names(px4_types: Any) -> None:
     assert member_name(clipping, 0x85) == "X|Z|0x80"
 
 
+def test_a_terminal_obeys_no_text(px4_types: Any) -> None:
+    debug = px4_types.DebugKeyValue
+    for text in ("\x1b[2J", "a\n---", "\x9b2J", "\u202eabc", "\x7f"):
+        message = debug(key=text.encode().ljust(10, b"\0"))
+        shown = text_writer(debug, ["key"])(message)
+        assert shown.isprintable()
+        assert yaml.safe_load(shown) == text
+        assert json_writer(debug)(message).isprintable()
+    assert text_writer(debug, ["key"])(debug(key="späed".encode().ljust(10, b"\0"))) == '"späed"'
+
+
 @pytest.mark.parametrize(("value", "text"), [(0.1, "0.1"), (1e-7, "1e-07"), (16777217.0, "16777216"), (-0.0, "-0")])
 def test_float32_values_are_short(value: float, text: str) -> None:
     (held,) = struct.unpack("<f", struct.pack("<f", value))

@@ -111,6 +111,9 @@ def test_all_topics_are_those_of_the_vehicle_and_of_the_package(px4_types: Any) 
         {*(endpoint.ros_name for endpoint in px4_types.topics.ENDPOINTS), "/fmu/out/mine"}
     )
     assert {topic.name for topic in found if topic.route} == {route.name for route in routes}
+    spaced = all_topics(px4_types, routes_of(px4_types, "uav_1"))
+    assert [topic.name for topic in spaced] == sorted(f"/uav_1{each.ros_name}" for each in px4_types.topics.ENDPOINTS)
+    assert all(topic.message for topic in spaced)
 
 
 # Delays

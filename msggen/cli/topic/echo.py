@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 import sys
+import time
 from collections.abc import Callable
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from msggen.cli.link import Connection, add_link, connection
@@ -16,12 +18,14 @@ from msggen.diagnostics import counted
 from msggen.exit_codes import DONE, FINDINGS
 
 if TYPE_CHECKING:
-    from msggen.live import Subscription
+    from msggen.live import Subscription, Vehicle
     from msggen.live.expression import Condition, ConditionError
     from msggen.live.lookup import Named
 
 _PERIOD = 0.05
 """How often to print what has arrived, in s: waking up for each sample would take most of the time."""
+_PATIENCE = 1.0
+"""How long to wait for the vehicle's definition, in s. It is asked for that of a subscription first."""
 _NOTICE = 3.0
 """After how many seconds without a sample to say so."""
 
@@ -34,7 +38,7 @@ def add_to(actions: Commands) -> None:
         _echo,
         help="print the messages of a topic",
         description="Print the messages of a topic as they arrive, with names of enums and units, until Ctrl-C.",
-        epilog=f"Exit codes: 0 done, 1 fewer than N messages in the time of --for, {FAILED_CODES}",
+        epilog=f"Exit codes: 0 done, or ended by Ctrl-C, 1 fewer than N messages in the time of --for, {FAILED_CODES}",
     )
     add_topic(parser)
     parser.add_argument(
@@ -81,7 +85,21 @@ def _echo(options: argparse.Namespace) -> int:
         printer = _Printer(options, condition)
         printer.prepare(message)
         with found.vehicle.subscribe(topic.name) as samples:
+            _confirm(found.vehicle, topic)
             return _print(options, found, topic, samples, printer)
+
+
+def _confirm(vehicle: Vehicle, topic: Named) -> None:
+    """Wait until the vehicle has told its definition of a topic, so that no message of another one is printed."""
+    from msggen.live import LinkError
+
+    deadline = time.monotonic() + _PATIENCE
+    with suppress(LinkError):
+        while topic.route is not None and time.monotonic() < deadline:
+            firmware = vehicle.firmware
+            if firmware.is_complete or topic.route.ros_type in firmware.hashes:
+                return
+            time.sleep(_PERIOD / 5)
 
 
 def _condition(options: argparse.Namespace) -> Condition | None:

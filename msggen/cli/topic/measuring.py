@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from msggen.cli.link import Connection, add_link, connection
-from msggen.cli.options import Commands, add_command, add_shared
+from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
 from msggen.cli.topic.naming import add_topics, published
 from msggen.cli.topic.tables import number_of_bytes, print_table
 from msggen.cli.topic.watching import add_limits, add_window, convert_limits, rounds, watching
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from msggen.live.watch import Watcher
 
 _PERIOD = 1.0
+_CODES = f"Exit codes: 0 done, or ended by Ctrl-C, {FAILED_CODES}"
 _NOT_IN_SYNC = "not in sync"
 
 
@@ -173,7 +174,7 @@ def add_to(actions: Commands) -> None:
 
 
 def _add(actions: Commands, name: str, measure: type[_Measure], **about: Any) -> None:
-    parser = add_command(actions, name, lambda options: _measure(options, measure), **about)
+    parser = add_command(actions, name, lambda options: _measure(options, measure), epilog=_CODES, **about)
     add_topics(parser)
     add_window(parser)
     add_limits(parser)
