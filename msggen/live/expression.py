@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
 from msggen.diagnostics import suggestion
-from msggen.live.places import Enum, Place, PlaceError, place_of, places_of
+from msggen.live.places import Enum, Place, PlaceError, place_of, places_of, text_of
 
 if TYPE_CHECKING:
     from msggen.live.packages import Message
@@ -308,7 +308,7 @@ class _Compiler:
     def _of_place(self, place: Place) -> Term:
         run = place.get
         if place.is_text:
-            return Term(lambda message: _text(run(message)), place, is_text=True)
+            return Term(lambda message: text_of(run(message)), place, is_text=True)
         is_whole = not place.base.startswith("float") and not place.is_array
         return Term(run, place, is_array=place.is_array, is_whole=is_whole)
 
@@ -379,10 +379,6 @@ def _as_held(term: Term, other: Term) -> Term:
         return _fixed(struct.unpack("<f", struct.pack("<f", term.constant))[0])
     except OverflowError:
         return term
-
-
-def _text(value: bytes | str) -> str:
-    return value if isinstance(value, str) else value.partition(b"\0")[0].decode(errors="replace")
 
 
 def _listed(names: Iterable[str]) -> str:

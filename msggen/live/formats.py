@@ -10,7 +10,7 @@ from itertools import chain
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
-from msggen.live.places import Enum, Place, place_of, places_of
+from msggen.live.places import Enum, Place, place_of, places_of, text_of
 
 if TYPE_CHECKING:
     from msggen.live.packages import Message
@@ -90,7 +90,7 @@ def _nested_writer(nested: type[Message], indent: str, *, is_array: bool) -> Cal
 def _scalar_writer(place: Place) -> Callable[[Any], str]:
     """Return a function that writes one number or text."""
     if place.is_text:
-        return lambda value: json.dumps(_text(value), ensure_ascii=False)
+        return lambda value: json.dumps(text_of(value), ensure_ascii=False)
     if place.base == "bool":
         return lambda value: "true" if value else "false"
     if place.base == "float32":
@@ -155,10 +155,6 @@ def _number(text: str) -> str:
     return _SPECIAL.get(text) or f"{front}.0{mark}{exponent}"
 
 
-def _text(value: bytes | str) -> str:
-    return value if isinstance(value, str) else value.partition(b"\0")[0].decode(errors="replace")
-
-
 # JSON
 
 
@@ -189,7 +185,7 @@ def _json_value(place: Place) -> Callable[[Any], Any] | None:
     if nested is not None:
         change = _object_maker(list(places_of(nested)))
     elif place.is_text:
-        change = _text
+        change = text_of
     elif place.base == "float32":
         change = _finite_float32
     elif place.base == "float64":
@@ -257,7 +253,7 @@ def _cells(place: Place) -> Callable[[Any], Sequence[str]]:
 
 def _cell(place: Place) -> Callable[[Any], str]:
     if place.is_text:
-        return lambda value: _quoted(_text(value))
+        return lambda value: _quoted(text_of(value))
     if place.base == "bool":
         return lambda value: "true" if value else "false"
     return shortest if place.base == "float32" else str

@@ -89,6 +89,11 @@ def places_of(message: type[Message]) -> Iterator[Place]:
         yield _step(None, message, field.name, None)
 
 
+def text_of(value: bytes | str) -> str:
+    """Return the text of a value that is text: that of `char[N]` ends at its first zero byte."""
+    return value if isinstance(value, str) else value.partition(b"\0")[0].decode(errors="replace")
+
+
 def _step(outer: Place | None, message: type[Message], name: str, index: int | None) -> Place:
     """Return the place of a field in `message`, or of one of its elements, which `outer` contains."""
     try:

@@ -7,7 +7,7 @@ import json
 import math
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from msggen.cli.link import Connection, add_link, connection
@@ -20,7 +20,6 @@ from msggen.exit_codes import DONE
 
 if TYPE_CHECKING:
     from msggen.live.link import Route
-    from msggen.live.meter import Flow
     from msggen.live.packages import Message
     from msggen.live.watch import Watcher
 
@@ -54,27 +53,25 @@ class _Measure(ABC):
 
 class _Rates(_Measure):
     heads = ("topic", "rate", "min", "max", "std dev", "window")
+    values: ClassVar[Mapping[str, str]] = {
+        "rate": "rate",
+        "min": "shortest",
+        "max": "longest",
+        "std_dev": "deviation",
+        "window": "window",
+    }
+    """The values of a row, and the fields of Flow that have them."""
 
     def __init__(self, options: argparse.Namespace, _: Connection) -> None:
         from msggen.live.meter import Meter
 
         self.watcher = self._meter = Meter(options.window)
 
-    def heard(self, now: int) -> list[Flow]:
-        """Return the topics that have enough samples in the window."""
-        return [flow for flow in self._meter.flows(now) if math.isfinite(flow.rate)]
-
     def rows(self, now: int) -> list[dict[str, Any]]:
-        names = ("topic", "rate", "min", "max", "std_dev", "window")
         return [
-            dict(
-                zip(
-                    names,
-                    (each.route.name, each.rate, each.shortest, each.longest, each.deviation, each.window),
-                    strict=True,
-                )
-            )
-            for each in self.heard(now)
+            {"topic": each.route.name, **{key: getattr(each, name) for key, name in self.values.items()}}
+            for each in self._meter.flows(now)
+            if math.isfinite(each.rate)
         ]
 
     def cells(self, row: dict[str, Any]) -> list[str]:
@@ -87,19 +84,13 @@ class _Rates(_Measure):
 
 class _Bandwidths(_Rates):
     heads = ("topic", "bandwidth", "mean", "min", "max", "window")
-
-    def rows(self, now: int) -> list[dict[str, Any]]:
-        names = ("topic", "bandwidth", "mean", "min", "max", "window")
-        return [
-            dict(
-                zip(
-                    names,
-                    (each.route.name, each.bandwidth, each.mean_size, each.smallest, each.largest, each.window),
-                    strict=True,
-                )
-            )
-            for each in self.heard(now)
-        ]
+    values: ClassVar[Mapping[str, str]] = {
+        "bandwidth": "bandwidth",
+        "mean": "mean_size",
+        "min": "smallest",
+        "max": "largest",
+        "window": "window",
+    }
 
     def cells(self, row: dict[str, Any]) -> list[str]:
         sizes = [number_of_bytes(row[name]) for name in ("mean", "min", "max")]
