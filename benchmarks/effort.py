@@ -26,4 +26,4 @@ class Effort(NamedTuple):
 
 
 FULL = Effort(MESSAGES, 60, 0.002, 20_000, 2_000, 20, (1, 10, 100))
-QUICK = Effort(("SensorCombined", "EscStatus"), 3, 0.0005, 500, 100, 1, (1, 2))
+QUICK = Effort(("SensorCombined", "EscStatus"), 3, 0.0005, 500, 100, 1, (1,))

@@ -2,9 +2,10 @@
 
     python benchmarks/link.py            everything, in 4 minutes; docs/links.md shows the tables
     python benchmarks/link.py --quick    checks in a minute that it works
+    python benchmarks/link.py --soak     a Vehicle with 24 topics at 100 Hz for 10 minutes, and its memory, on Linux
 
-The sender is another process on this computer. CPU time is that of the receiving process, with its part of the kernel,
-and includes decoding. Needs the packages of the extra `test`.
+The vehicle is another process on this computer. CPU time is that of the process with the link, with its part of the
+kernel, and includes decoding and encoding. Needs the packages of the extra `test`.
 """
 
 from __future__ import annotations
@@ -17,13 +18,15 @@ import subprocess
 import sys
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from rich.console import Console
 
 from environment import HERE, ROOT
-from link_sender import Load, endpoints, sensor_combined
+from link_sender import Load, Send, endpoints, send_all, sensor_combined
 from msggen.live.dds import LOOPBACK, DdsLink
 from msggen.live.link import Link, Remote, Route, Service
 from msggen.live.udp import UdpLink
@@ -65,14 +68,14 @@ class Meter:
             f"px4_msgs/msg/{each.message_name}": each.message.decode for each in endpoints(topics)
         }
         self.latencies: list[int] = []
-        self.routes = 0
+        self.routes: list[tuple[Remote, Route | Service]] = []
 
     def connected(self, remote: Remote) -> None:
         """Do nothing."""
 
-    def opened(self, remote: Remote, route: Route | Service) -> None:  # noqa: ARG002
-        """Count."""
-        self.routes += 1
+    def opened(self, remote: Remote, route: Route | Service) -> None:
+        """Keep a route."""
+        self.routes.append((remote, route))
 
     def disconnected(self, remote: Remote, reason: str) -> None:
         """Do nothing."""
@@ -92,6 +95,10 @@ class Meter:
         """Print a warning."""
         print(text)
 
+    def failed(self, reason: str) -> None:
+        """Print the reason."""
+        print(reason)
+
 
 def measure_link(link: Link, place: Callable[[], int], load: Load) -> Result:
     """Measure a link. `place` returns the port or the domain when the link is started."""
@@ -99,7 +106,7 @@ def measure_link(link: Link, place: Callable[[], int], load: Load) -> Result:
     link.start(meter)
     try:
         with sender(load._replace(place=place())) as process:
-            wait(lambda: meter.routes >= load.vehicles * load.topics)
+            wait(lambda: len(meter.routes) >= load.vehicles * load.topics)
             return run(process, meter.latencies)
     finally:
         link.close()
@@ -109,6 +116,40 @@ def measure_udp(load: Load) -> Result:
     """Measure the link over UDP."""
     link = UdpLink(port=0)
     return measure_link(link, lambda: link.port, load)
+
+
+def measure_to_vehicle(rate: float, seconds: float) -> Result:
+    """Measure all topics that PX4 subscribes to. `rate` is in samples a second, of all topics together."""
+    meter, link = Meter(1), UdpLink(port=0)
+    messages = {f"px4_msgs/msg/{each.message_name}": each.message() for each in endpoints(1000, "in")}
+    link.start(meter)
+    try:
+        with vehicle("link_receiver.py", str(link.port)) as process:
+            wait(lambda: len(meter.routes) > len(endpoints(1000, "in")))
+            time.sleep(SETTLE)
+
+            def sender(remote: Remote, route: Route) -> Send:
+                def send() -> None:
+                    message = messages[route.ros_type]
+                    message.timestamp = time.monotonic_ns()
+                    link.publish(remote, route, message.encode())
+
+                return send
+
+            before = time.process_time()
+            sends = [
+                sender(remote, route)
+                for remote, route in meter.routes
+                if isinstance(route, Route) and route.direction == "in"
+            ]
+            sent = send_all(sends, Load("in", link.port, 1, len(sends), rate, seconds))
+            time.sleep(SETTLE)
+            cpu = time.process_time() - before
+            printed, _ = process.communicate("end\n")
+            found = sorted(json.loads(printed))
+            return Result(sent, len(found), found, cpu)
+    finally:
+        link.close()
 
 
 def measure_dds(load: Load) -> Result:
@@ -152,16 +193,21 @@ def measure_typed(load: Load) -> Result:
     return result
 
 
-@contextlib.contextmanager
-def sender(load: Load) -> Iterator[subprocess.Popen[str]]:
+def sender(load: Load) -> contextlib.AbstractContextManager[subprocess.Popen[str]]:
     """Run a sender until it is ready."""
-    command = [sys.executable, str(HERE / "link_sender.py"), json.dumps(load)]
+    return vehicle("link_sender.py", json.dumps(load))
+
+
+@contextlib.contextmanager
+def vehicle(program: str, argument: str) -> Iterator[subprocess.Popen[str]]:
+    """Run the program of a vehicle until it is ready."""
+    command = [sys.executable, str(HERE / program), argument]
     variables = {**os.environ, "PYTHONPATH": str(ROOT)}
     pipe = subprocess.PIPE
     with subprocess.Popen(command, env=variables, stdin=pipe, stdout=pipe, text=True) as process:
         try:
             if line(process) != "ready":
-                raise RuntimeError("the sender has failed")
+                raise RuntimeError("the vehicle has failed")
             yield process
         finally:
             process.kill()
@@ -209,6 +255,9 @@ def tables(seconds: float, *, is_quick: bool) -> Iterator[Table]:
         load = Load("udp", 0, vehicles, everything, 500 if is_quick else 5000, seconds)
         rows.append(measure_udp(load).row(f"{vehicles} vehicle{'s' * (vehicles > 1)}"))
     yield Table("UDP, vehicles that send 5,000 samples a second together", HEAD, rows)
+    topics = len(endpoints(1000, "in"))
+    rows = [measure_to_vehicle(100 * topics, seconds).row(f"{topics} topics at 100 Hz")]
+    yield Table("UDP, to the vehicle", HEAD, rows)
     rows = []
     for rate in rates:
         for name, kind, measure in (("DdsLink", "dds", measure_dds), ("cyclonedds", "typed", measure_typed)):
@@ -217,11 +266,48 @@ def tables(seconds: float, *, is_quick: bool) -> Iterator[Table]:
     yield Table("DDS without an agent: DdsLink and cyclonedds with its own Python types", HEAD, rows)
 
 
+def soak(seconds: float) -> Iterator[str]:
+    """Run a Vehicle with 24 topics at 100 Hz, half of them read by threads, and yield its memory and its counters."""
+    from msggen.live import Vehicle
+
+    link, topics, told = UdpLink(port=0), endpoints(24), list[tuple[float, int]]()
+    with Vehicle(link) as vehicle:
+        subscriptions = [vehicle.subscribe(each, lambda _: None) for each in topics[::2]]
+        queued = [vehicle.subscribe(each) for each in topics[1::2]]
+        for each in queued:
+            threading.Thread(target=deque, args=(each, 0)).start()
+        with sender(Load("udp", link.port, 1, len(topics), 100 * len(topics), seconds)) as process:
+            vehicle.wait_connected(30)
+            timers = [threading.Timer(at, lambda at=at: told.append((at, memory()))) for at in (30.0, seconds - 30)]
+            for timer in timers:
+                timer.start()
+            if process.stdin:
+                process.stdin.write("go\n")
+                process.stdin.flush()
+            sent = int(line(process))
+            time.sleep(SETTLE)
+        received = sum(each.received for each in (*subscriptions, *queued))
+        dropped = sum(each.dropped for each in queued)
+        yield from (f"{kilobytes:,} kB after {at:g} s" for at, kilobytes in told)
+        yield f"{sent:,} samples sent, {received:,} received, {dropped} dropped by queues; {vehicle.statistics}"
+
+
+def memory() -> int:
+    """Return the resident memory of this process in kB."""
+    status = Path("/proc/self/status").read_text(encoding="utf-8")
+    return int(status.partition("VmRSS:")[2].split()[0])
+
+
 def main() -> None:
     """Measure and print tables, as Markdown if the output is not a terminal."""
     parser = argparse.ArgumentParser(description="Measure the links to a vehicle.")
     parser.add_argument("--quick", action="store_true", help="less than a second for each measurement")
+    parser.add_argument("--soak", action="store_true", help="10 minutes of a Vehicle, and its memory")
     options = parser.parse_args()
+    if options.soak:
+        for text in soak(600):
+            print(text)
+        return
     console = Console()
     for table in tables(0.3 if options.quick else 10, is_quick=options.quick):
         if sys.stdout.isatty():

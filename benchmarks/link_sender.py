@@ -48,10 +48,10 @@ class Load(NamedTuple):
     seconds: float
 
 
-def endpoints(count: int) -> Sequence[Any]:
-    """Return endpoints that PX4 publishes. The first one is that of SensorCombined."""
+def endpoints(count: int, direction: str = "out") -> Sequence[Any]:
+    """Return endpoints of a direction. The first one of those that PX4 publishes is that of SensorCombined."""
     topics = importlib.import_module("px4_types").topics
-    found = [endpoint for endpoint in topics.ENDPOINTS if endpoint.direction == "out"]
+    found = [endpoint for endpoint in topics.ENDPOINTS if endpoint.direction == direction]
     found.sort(key=lambda endpoint: endpoint.uorb_topic != "sensor_combined")
     return found[:count]
 

@@ -19,6 +19,7 @@ GROUPS = {
     "C": "Settings and rules",
     "T": "Templates",
     "L": "Running vehicles",
+    "R": "Recordings",
 }
 
 

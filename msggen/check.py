@@ -13,6 +13,8 @@ from msggen.compare.renaming import nearest_message
 from msggen.compare.rules import BREAKING, CHECKED, find
 from msggen.diagnostics import OF_BOARDS, Diagnostic, InputError, counted, suggestion
 from msggen.disk.record import NO_RECORD, RECORD_NAME, Record, parse_record
+from msggen.doctor.examples import example_of as example_of_vehicle
+from msggen.doctor.rules import DOCTOR
 from msggen.finding import Category, Finding, Report, Rule, Severity
 from msggen.firmware.catalog import COMPARABLE, bridged_names, read_catalog
 from msggen.firmware.history import read_history
@@ -150,7 +152,11 @@ def _without(notices: Iterable[Diagnostic], codes: Collection[str]) -> tuple[Dia
 
 
 def example_of(rule: Rule) -> Report:
-    """Return the findings of `rule` in its example: a pair of folders `previous` and `current`, or a single folder."""
+    """Return the findings of `rule` in its example: a pair of folders `previous` and `current`, a single folder, or a
+    vehicle.
+    """
+    if rule in DOCTOR:
+        return example_of_vehicle(rule)
     if rule in LINT:
         return lint(find_sources(_example("lint", rule.id)), (rule,))
     previous, current = (find_sources(_example("compare", rule.id, side)) for side in ("previous", "current"))

@@ -136,7 +136,12 @@ CODES: Mapping[str, Level] = MappingProxyType(
         "L101": Level.ERROR,
         "L102": Level.ERROR,
         "L103": Level.ERROR,
+        "L104": Level.ERROR,
+        "L105": Level.ERROR,
         "L110": Level.ERROR,
+        "L111": Level.ERROR,
+        "R101": Level.ERROR,
+        "R102": Level.ERROR,
     }
 )
 """The level of each code. Constructs that PX4 may add in its next release are warnings, so that it still builds.

@@ -27,6 +27,16 @@ class Category(Enum):
     FRAME = "the axes of a vector are unknown, so its values can be read in a wrong frame"
     DOCUMENTATION = "people have to guess what a value means"
     LAYOUT = "samples are larger than they need to be"
+    LINK = "no vehicle is connected, so nothing can arrive"
+    SESSION = "a vehicle is there, but its session does not last or does not begin"
+    NAME = "samples do not arrive, because the vehicle has no endpoint that matches"
+    DEFINITION = "samples arrive, but are decoded with another definition, or not at all"
+    TIME = "samples arrive, but their timestamps are those of another clock"
+    FLOW = "samples arrive rarely, or some of them do not arrive"
+
+
+OF_VEHICLES = (Category.LINK, Category.SESSION, Category.NAME, Category.DEFINITION, Category.TIME, Category.FLOW)
+"""The categories of what is wrong with a running vehicle. Their findings are about no lines of a file."""
 
 
 class Reader(Enum):

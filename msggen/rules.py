@@ -7,13 +7,16 @@ from types import MappingProxyType
 
 from msggen.compare.rules import BREAKING, CHECKED
 from msggen.compare.rules import RULES as OF_COMPARISONS
+from msggen.doctor.rules import DOCTOR, LIVE
 from msggen.finding import Rule, Severity
 from msggen.lint.rules import LINT
 
-RULES = (*OF_COMPARISONS, *LINT)
+RULES = (*OF_COMPARISONS, *LINT, *DOCTOR)
 """All rules, in the order in which they are listed."""
 
-COMMANDS: Mapping[str, tuple[Rule, ...]] = MappingProxyType({"check": CHECKED, "breaking": BREAKING, "lint": LINT})
+COMMANDS: Mapping[str, tuple[Rule, ...]] = MappingProxyType(
+    {"check": CHECKED, "breaking": BREAKING, "lint": LINT, "doctor": DOCTOR, "check --live": LIVE}
+)
 """The rules of each command."""
 
 

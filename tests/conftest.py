@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import importlib
+import os
 import shutil
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, settings
 
+from msggen.disk import files
 from msggen.firmware.catalog import read_catalog
 from msggen.firmware.sources import find_sources
 from msggen.model import Catalog
@@ -33,6 +36,19 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
         for program in mark.args:
             if shutil.which(program) is None:
                 pytest.skip(f"needs {program}")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def disk_without_waiting() -> Iterator[None]:
+    """Do not wait for the disk in this process: only a loss of power could show it, and each wait flushes everything.
+
+    Tests that count the calls replace these functions themselves, and other processes wait as users' do.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "fsync", lambda _handle: None)
+        if sys.platform == "linux":
+            patch.setattr(files, "_flush_file_system", lambda _path: True)
+        yield
 
 
 @pytest.fixture(scope="session")

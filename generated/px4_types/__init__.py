@@ -292,9 +292,9 @@ if TYPE_CHECKING:
 
 _MODULES = (
     "arrays", "batch", "cdr", "clock", "commands", "covariances", "encapsulation", "explain", "frames",
-    "hints", "info", "lazy", "lookup", "meaning", "msg", "orb_id", "parameters", "places", "primitives",
-    "quantities", "recordings", "records", "registry", "rotations", "showing", "srv", "text", "timesync",
-    "topics", "unit", "units",
+    "hints", "info", "lazy", "lookup", "meaning", "msg", "odometry", "orb_id", "parameters", "places",
+    "primitives", "quantities", "recordings", "records", "registry", "rotations", "showing", "srv", "text",
+    "timesync", "topics", "unit", "units",
 )
 _TOOLS = (
     "batch", "cdr", "clock", "commands", "encapsulation", "frames", "meaning", "recordings", "showing",

@@ -429,14 +429,19 @@ _loaded: Any = None
 def _batch(cls: type[Message]) -> Any:
     """Return the module `batch`, which imports numpy.
 
-    `cls` is checked first, so that a message without batches raises TypeError even if numpy is missing.
+    `cls` is checked first, so that a message without batches raises TypeError even if numpy is missing. Raises
+    ModuleNotFoundError without numpy.
     """
     global _loaded  # noqa: PLW0603 - a cache
     if _loaded is None:
         if cls is not Message:
             layout_of(cls)
-        from . import batch  # here, because it imports this module
-
+        try:
+            from . import batch  # here, because it imports this module
+        except ModuleNotFoundError as error:
+            if error.name == "numpy":
+                raise ModuleNotFoundError("batches need numpy: pip install numpy", name=error.name) from None
+            raise
         _loaded = batch
     return _loaded
 

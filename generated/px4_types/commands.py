@@ -31,7 +31,10 @@ if not TYPE_CHECKING:  # type checkers would accept every name
         from .hints import hint, nearest
 
         known = [each for each, value in globals().items() if isinstance(value, Command)]
-        text = f"no command '{name}'{hint(nearest(name.removeprefix('VEHICLE_CMD_'), known))}"
+        plain = name.removeprefix("VEHICLE_CMD_")
+        near = nearest(plain, known)
+        names = [near] if near else [each for each in known if plain.upper() in each.split("_")][:4]
+        text = f"no command '{name}'{hint(*names) or ': dir(commands) lists them'}"
         raise AttributeError(text, name=name, obj=None)  # without obj, Python adds no suggestion of its own
 
 

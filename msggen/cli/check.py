@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import os
 from shlex import quote
 from typing import TYPE_CHECKING
 
+from msggen.cli.link import add_link
 from msggen.cli.options import (
     COMPARING_CODES,
     Commands,
@@ -44,16 +46,28 @@ def add_to(commands: Commands) -> None:
         "default the setting px4, or else the newest embedded release.",
         epilog=f"{COMPARING_CODES} Sources can be set in [tool.msggen] of pyproject.toml.",
     )
-    parser.add_argument("side", metavar="PKG", type=non_empty, help="source to check, such as a px4_msgs package")
+    parser.add_argument(
+        "side", metavar="PKG", type=non_empty, nargs="?", help="source to check, such as a px4_msgs package"
+    )
     parser.add_argument("other", metavar="B", type=non_empty, nargs="?", help="source to check against the first one")
     add_sources(parser, "--board")
     add_shared(parser, "--topics-only")
+    parser.add_argument(
+        "--live",
+        action="store_true",
+        help="compare the definitions of PKG, or of --px4, with those that a running vehicle tells: px4_msgs, a "
+        "package that `msggen build` has written, or any source",
+    )
+    add_link(parser, has_types=False)
     add_output_format(parser)
 
 
 def _check(options: argparse.Namespace) -> int:
     from msggen.check import check, record_of
 
+    _refuse_sides(options)
+    if options.live:
+        return _check_live(options)
     settings = read_settings(".") if options.other is None else Settings()
     if options.other is None:
         previous, judged = firmware_of(options, settings), options.side
@@ -74,6 +88,29 @@ def _check(options: argparse.Namespace) -> int:
         report = _with_commands(report, _sync_command(options, current, known), known)
     print_report(report, options)
     return FINDINGS if report.fails else DONE
+
+
+def _refuse_sides(options: argparse.Namespace) -> None:
+    """Refuse a missing side, and options that the other kind of check has. A wrong one ends the process."""
+    if options.live:
+        if options.other is not None:
+            options.parser.error("--live compares one source with the vehicle: leave out the second one")
+        return
+    if options.side is None:
+        options.parser.error("the following arguments are required: PKG")
+    for name in ("link", "key", "namespace", "allow", "wait"):
+        if getattr(options, name):
+            options.parser.error(f"--{name} is for a vehicle: add --live")
+
+
+def _check_live(options: argparse.Namespace) -> int:
+    """Compare a source with a running vehicle."""
+    from msggen.cli.doctor import check_live
+
+    if options.side is None:
+        return check_live(options, firmware_of(options, read_settings(".")))
+    is_generated = os.path.isfile(os.path.join(options.side, "topics.py"))
+    return check_live(options, None if is_generated else find_sources(options.side, tuple(options.msg_dir or ())))
 
 
 def _topics_only(options: argparse.Namespace, known: Record) -> bool:

@@ -47,8 +47,8 @@ class Connection(NamedTuple):
     label: str
 
 
-def add_link(parser: argparse.ArgumentParser) -> None:
-    """Add the options that name a link, the vehicle on it, and the types of its messages."""
+def add_link(parser: argparse.ArgumentParser, *, has_types: bool = True) -> None:
+    """Add the options that name a link, the vehicle on it, and the types of its messages if it has them."""
     group = parser.add_argument_group("link")
     group.add_argument(
         "--link",
@@ -57,15 +57,16 @@ def add_link(parser: argparse.ArgumentParser) -> None:
         help="udp://HOST:PORT, serial://DEVICE?baud=N, tap://HOST:PORT?agent=HOST:PORT or dds://DOMAIN "
         f"(default: the setting `link`, or {DEFAULT})",
     )
-    source = group.add_mutually_exclusive_group()
-    source.add_argument(
-        "--types",
-        metavar="NAME|DIR",
-        type=non_empty,
-        help="generated package with the vehicle's messages (default: the setting `types`, or the embedded release "
-        "that the vehicle has)",
-    )
-    add_shared(source, "--px4")
+    if has_types:
+        source = group.add_mutually_exclusive_group()
+        source.add_argument(
+            "--types",
+            metavar="NAME|DIR",
+            type=non_empty,
+            help="generated package with the vehicle's messages (default: the setting `types`, or the embedded release "
+            "that the vehicle has)",
+        )
+        add_shared(source, "--px4")
     group.add_argument("--key", metavar="N", type=non_empty, help="key of the vehicle, its UXRCE_DDS_KEY")
     group.add_argument("--namespace", metavar="NAME", type=non_empty, help="namespace of the vehicle")
     group.add_argument(

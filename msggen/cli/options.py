@@ -82,8 +82,8 @@ SHARED: Mapping[str, Mapping[str, Any]] = {
         "help": "write a Makefile rule that lists all inputs, for CMake and Ninja",
     },
     "--list-outputs": {"action": "store_true", "help": "write nothing; list the output files"},
+    "-q, --quiet": {"action": "store_true", "help": "print only errors and warnings"},
     "--json": {"action": "store_true", "help": "print JSON instead of text"},
-    "-q, --quiet": {"action": "store_true", "help": "print only errors, warnings and the patch of --diff"},
 }
 """Options with the same meaning in every command that has them."""
 
@@ -111,9 +111,9 @@ def refuse(options: argparse.Namespace, text: str) -> NoReturn:
 
 
 def add_shared(group: Group, *names: str, **more: Any) -> None:
-    """Add options of `SHARED` by their keys, with further arguments of this command in `more`."""
+    """Add options of `SHARED` by their keys, with arguments of this command in `more`."""
     for name in names:
-        add_option(group, *name.split(", "), **SHARED[name], **more)
+        add_option(group, *name.split(", "), **{**SHARED[name], **more})
 
 
 def add_option(group: Group, *names: str, old: str = "", **about: Any) -> None:

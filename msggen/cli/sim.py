@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, non_empty
 from msggen.cli.packages import import_package, topics_of
 from msggen.cli.printing import terminal_width
-from msggen.cli.values import convert_values, positive, share, whole
+from msggen.cli.values import convert_values, finite, positive, share, whole
 from msggen.diagnostics import counted, input_error, suggestion
 from msggen.exit_codes import DONE
 
@@ -114,6 +114,10 @@ def _add_misbehaviour(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="use another version suffix in the topics of a message; repeatable",
     )
+    group.add_argument(
+        "--clock-off", metavar="SECONDS", type=non_empty, default="0", help="error of the timestamps of samples"
+    )
+    group.add_argument("--no-time-reply", action="store_true", help="lose the answers to requests for the time")
     group.add_argument("--seed", metavar="N", type=non_empty, default="0", help="of all that is random (default: 0)")
 
 
@@ -144,6 +148,7 @@ _VALUES: Mapping[str, Callable[[str], Any]] = {
     "restart_every": positive,
     "seed": whole(0, 2**32),
     "version": _version,
+    "clock_off": finite,
 }
 
 
@@ -253,6 +258,9 @@ def _open(options: argparse.Namespace, package: ModuleType) -> Simulator:
     from msggen.live.link import LinkError
     from msggen.live.sim import Simulator
 
+    for option in ("key", "namespace"):
+        if re.search(f"[?&]{option}=", options.address):
+            options.parser.error(f"argument ADDRESS: '{option}' is not part of an address: give it as --{option}")
     try:
         return Simulator(package, options.address, list(_options_of_vehicles(options)))
     except LinkError as error:
@@ -273,6 +281,8 @@ def _options_of_vehicles(options: argparse.Namespace) -> Iterator[Options]:
         restart_every=options.restart_every,
         wrong_hashes=tuple(options.wrong_hash),
         versions=dict(options.version),
+        clock_off=options.clock_off,
+        no_time_reply=options.no_time_reply,
     )
     if options.key + options.count - 1 > _MOST_KEYS:
         options.parser.error(

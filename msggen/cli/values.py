@@ -27,11 +27,20 @@ def _number(text: str) -> float:
         raise argparse.ArgumentTypeError(f"expected a number, found {text!r}") from None
 
 
+def finite(text: str) -> float:
+    """Return the number in a text. Raise ArgumentTypeError for any other text."""
+    found = _number(text)
+    if not -_LARGEST <= found <= _LARGEST:
+        raise argparse.ArgumentTypeError(f"expected a number from {-_LARGEST:g} to {_LARGEST:g}, found {text!r}")
+    return found
+
+
 def positive(text: str) -> float:
     """Return the number above 0 in a text. Raise ArgumentTypeError for any other text."""
     found = _number(text)
     if not 0.0 < found <= _LARGEST:
-        raise argparse.ArgumentTypeError(f"expected a number above 0, found {text!r}")
+        limit = f" and up to {_LARGEST:.0f}" if found > _LARGEST else ""
+        raise argparse.ArgumentTypeError(f"expected a number above 0{limit}, found {text!r}")
     return found
 
 

@@ -35,6 +35,15 @@ _LINKS = {
 }
 """The class of each link, its positional arguments from the address, and its options."""
 
+_ARGUMENTS = ("key", "namespace", "address", "allow", "types", "queue", "isolated")
+"""Arguments of Vehicle, which are not part of an address."""
+
+_PLACE = r"(?:\[([^\]]+)\]|([\w.-]*))(?::([^:/]*))?"
+"""A host or an IPv6 address in brackets, and a port."""
+
+_HOST = r"[\w.-]*[a-zA-Z.][\w.-]*(:[0-9]+)?"
+"""A host, and perhaps a port, but not a number alone."""
+
 _PORTS = 65536
 _DOMAINS = 233
 
@@ -113,28 +122,45 @@ def _joined(host: str, port: int) -> str:
 
 def _query(text: str, scheme: str, query: str) -> dict[str, str]:
     values = dict(parse_qsl(query, keep_blank_values=True))
-    for key in values:
-        if key not in QUERIES[scheme]:
-            known = suggestion(key, QUERIES[scheme]) or f": expected an address such as '{FORMS[scheme]}'"
-            raise LinkError(f"'{text}': unknown key '{key}'{known}")
+    unknown = [key for key in values if key not in QUERIES[scheme]]
+    if any(key in _ARGUMENTS for key in unknown):
+        raise LinkError(f"'{text}': {_misplaced(text, values)}")
+    if unknown:
+        known = suggestion(unknown[0], QUERIES[scheme]) or f": expected an address such as '{FORMS[scheme]}'"
+        raise LinkError(f"'{text}': unknown key '{unknown[0]}'{known}")
     return values
+
+
+def _misplaced(text: str, values: Mapping[str, str]) -> str:
+    """Return the error about arguments of Vehicle in the query of an address."""
+    given = {key: value for key, value in values.items() if key in _ARGUMENTS}
+    shown = [f"{key}={value if value.isdecimal() or key == 'types' else repr(value)}" for key, value in given.items()]
+    place = text.partition("?")[0]
+    return (
+        f"'{next(iter(given))}' is not part of an address: give it to Vehicle, Vehicle('{place}', {', '.join(shown)})"
+    )
 
 
 def _serial(text: str, path: str, values: Mapping[str, str]) -> Address:
     if not path:
         raise LinkError(f"'{text}' has no device: expected an address such as '{FORMS['serial']}'")
-    if path.startswith("dev/"):
-        raise LinkError(f"'{text}' has no absolute path, did you mean 'serial:///{text.partition('://')[2]}'?")
+    if re.match(r"dev/|tty[A-Z]", path):
+        front = "serial:///" if path.startswith("dev/") else "serial:///dev/"
+        raise LinkError(f"'{text}' has no absolute path, did you mean '{front}{text.partition('://')[2]}'?")
     baud = _number(text, values.get("baud", str(BAUD)), "a baud rate", 1 << 31, least=1)
     return Address("serial", path=path, baud=baud)
 
 
 def _place(text: str, place: str, port: int) -> tuple[str, int]:
-    """Return host and port of `127.0.0.1:8888`, `[::1]:8888`, `127.0.0.1` and ``."""
-    found = re.fullmatch(r"(?:\[([^\]]+)\]|([^:/@]*))(?::([^:/]*))?", place)
+    """Return host and port of `127.0.0.1:8888`, `[::1]:8888`, `127.0.0.1`, `8888` and ``."""
+    if place.isdecimal():
+        place = f":{place}"
+    found = re.fullmatch(_PLACE, place)
     if found is None:
-        scheme = text.partition("://")[0]
-        raise LinkError(f"'{text}': '{place}' is not a host and a port: expected an address such as '{FORMS[scheme]}'")
+        scheme, other = text.partition("://")[0], re.sub(r"[;,/\s]+", ":", place)
+        near = f"{scheme}://{other}" if f"://{place}" in text and re.fullmatch(_PLACE, other) else ""
+        expected = f", did you mean '{near}'?" if near else f": expected an address such as '{FORMS[scheme]}'"
+        raise LinkError(f"'{text}': '{place}' is not a host and a port{expected}")
     host = found[1] or found[2] or "127.0.0.1"
     number = _number(text, found[3], "a port", _PORTS, least=1) if found[3] is not None else port
     return host, number
@@ -155,16 +181,19 @@ def _nearest_form(text: str, schemes: Collection[str]) -> str:
 
 
 def _guess(text: str, schemes: Collection[str]) -> str:
-    scheme, colon, rest = text.partition(":")
     from difflib import get_close_matches
 
-    rest = rest.lstrip("/")
-    near = get_close_matches(scheme.lower(), schemes, n=1)
-    if colon and near:
-        name = near[0]
-        return f"{name}:///{rest}" if name == "serial" and rest.startswith("dev/") else f"{name}://{rest}"
-    if text.startswith("/dev/") or re.fullmatch(r"COM[0-9]+", text):
+    found = re.fullmatch("([A-Za-z]+)(?::/*|//+)(.*)", text)
+    near = get_close_matches(found[1].lower(), schemes, n=1) if found else []
+    if found and near:
+        front = "/" if near[0] == "serial" and found[2].startswith("dev/") else ""
+        return f"{near[0]}://{front}{found[2]}"
+    if "://" in text:
+        place = text.partition("://")[2].partition("?")[0].rstrip("/")
+        return f"udp://{place}" if re.fullmatch(_HOST, place) else ""
+    if text.startswith("/dev/") or re.fullmatch("COM[0-9]+", text):
         return f"serial://{text}"
-    if re.fullmatch(r"[\w.-]+(:[0-9]+)?", text):
-        return f"udp://{text}" if not text.isdecimal() else f"dds://{text}"
-    return ""
+    if re.fullmatch("[0-9]{1,5}", text):
+        return f"dds://{text}" if int(text) < _DOMAINS else f"udp://127.0.0.1:{text}"
+    front = "serial:///dev/" if re.match("tty[A-Z]", text) else "udp://"
+    return f"{front}{text}" if re.fullmatch(_HOST, text) else ""

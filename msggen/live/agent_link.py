@@ -6,17 +6,18 @@ it datagrams.
 
 from __future__ import annotations
 
+import errno
 import selectors
 import socket
 import threading
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 
 from msggen.live.guard import Guard
 from msggen.live.link import LinkError, Listener, Remote, Route, Service, Statistics
-from msggen.live.xrce.agent import Address, Agent, Event, Sample, everybody
+from msggen.live.xrce.agent import Address, Agent, Client, Event, Sample, everybody
 
 TICK = 0.1
 """The time in s between two calls of `Agent.tick`."""
@@ -41,15 +42,16 @@ class AgentLink(ABC):
         self.lock = threading.Lock()
         """Held while the agent is used, and while its datagrams are sent: they must leave in order."""
         self.sent = 0
+        self.resources = ExitStack()
+        """Closes what the transport has opened so far."""
         self._thread: threading.Thread | None = None
         self._closing = False
-        self._released = False
 
     # --- What a transport gives
 
     @abstractmethod
     def open(self, listener: Listener) -> None:
-        """Open the transport. Raises LinkError."""
+        """Open the transport, and have `resources` close it. Raises LinkError or OSError."""
 
     @abstractmethod
     def wait(self, seconds: float, listener: Listener) -> None:
@@ -62,10 +64,6 @@ class AgentLink(ABC):
     @abstractmethod
     def transmit(self, datagrams: list[tuple[bytes, Address]]) -> None:
         """Send datagrams, or drop what cannot be sent at once. Never raises. The caller holds the lock."""
-
-    @abstractmethod
-    def release(self) -> None:
-        """Close the transport, as far as it is open."""
 
     def look(self, now: float, listener: Listener) -> None:  # noqa: B027 - not every transport has something to do
         """Do what time demands in the transport, every TICK seconds. `now` is of the monotonic clock."""
@@ -85,15 +83,18 @@ class AgentLink(ABC):
         if self._thread is not None or self._closing:
             raise LinkError("a link can be started once: make another one")
         guard = Guard(listener)
+        name = f"msggen-{type(self).__name__.removesuffix('Link').lower()}"
+        thread = threading.Thread(target=self._run, args=(guard,), name=name, daemon=True)
         try:
             self.open(guard)
-        except BaseException:
+            thread.start()
+        except BaseException as error:
             self._closing = True
-            self._release()
+            self.resources.close()
+            if isinstance(error, OSError):
+                raise LinkError(_why(error)) from error
             raise
-        name = f"msggen-{type(self).__name__.removesuffix('Link').lower()}"
-        self._thread = threading.Thread(target=self._run, args=(guard,), name=name, daemon=True)
-        self._thread.start()
+        self._thread = thread
 
     def publish(self, remote: Remote, route: Route, payload: bytes) -> None:
         """Send a sample. From any thread. Raises LinkError."""
@@ -124,6 +125,16 @@ class AgentLink(ABC):
             refused = sum(agent.refused.values())
             return Statistics(agent.received, self.sent, refused, self.dropped(), agent.lost, self.receive_buffer())
 
+    def clients(self) -> list[Client]:
+        """Return all clients that have begun a session, also those that are silent by now."""
+        with self.lock:
+            return self.agent.clients()
+
+    def refusals(self) -> dict[str, int]:
+        """Return how many datagrams were refused, by reason."""
+        with self.lock:
+            return dict(self.agent.refused)
+
     def close(self) -> None:
         """End the thread, and release everything. A callback may call it: then the thread ends after the callback."""
         self._closing = True
@@ -134,23 +145,25 @@ class AgentLink(ABC):
             self.wake()
             thread.join()
         elif thread is not None:
-            self._release()  # the thread did not get here: this is a forked process
+            self.resources.close()  # the thread did not get here: this is a forked process
 
     # --- The thread
 
     def _run(self, listener: Listener) -> None:
-        reason = "the link was closed"
+        failure = ""
         try:
             self._serve(listener)
-        except Exception as error:  # noqa: BLE001 - told to the user, who would wait forever
-            reason = f"the link failed: {type(error).__name__}: {error}"
-            listener.warned(f"{reason}; close it, and open another one")
-        finally:
-            self._closing = True
+        except BaseException as error:  # noqa: BLE001 - told to the user, who would wait forever
+            failure = f"the link failed: {type(error).__name__}: {error}"
+        self._closing = True
+        try:
             with self.lock:
-                self.agent.close(reason)
+                self.agent.close(failure or "the link was closed")
             self.flush(listener)
-            self._release()
+        finally:
+            self.resources.close()
+            if failure:
+                listener.failed(failure)
 
     def _serve(self, listener: Listener) -> None:
         clock, wait = time.monotonic, self.wait
@@ -178,20 +191,14 @@ class AgentLink(ABC):
             self.transmit(outgoing)
         return self.agent.take_events()
 
-    def _release(self) -> None:
-        if self._released:
-            return
-        self._released = True
-        self.release()
-
 
 class SelectorLink(AgentLink):
     """A link that waits for several files or sockets. Each is registered at `selector` with a function to call."""
 
     def open(self, listener: Listener) -> None:  # noqa: ARG002
         """Make the selector, and a pair of sockets to wake the thread."""
-        self.selector = selectors.DefaultSelector()
-        self._wake, self._woken = socket.socketpair()
+        self.selector = self.resources.enter_context(selectors.DefaultSelector())
+        self._wake, self._woken = map(self.resources.enter_context, socket.socketpair())
         self._wake.settimeout(0.0)
         self._woken.settimeout(0.0)
         self.selector.register(self._woken, selectors.EVENT_READ, self._drain)
@@ -210,12 +217,6 @@ class SelectorLink(AgentLink):
         with suppress(BlockingIOError):
             self._woken.recv(4096)
 
-    def release(self) -> None:
-        """Close the selector and the pair of sockets."""
-        self.selector.close()
-        self._wake.close()
-        self._woken.close()
-
 
 def deliver(events: list[Event], listener: Listener) -> None:
     """Tell a listener what has happened. The caller does not hold the lock: the listener may send."""
@@ -224,3 +225,10 @@ def deliver(events: list[Event], listener: Listener) -> None:
             listener.sample(event.remote, event.route, event.payload, event.time)
         else:
             event.deliver(listener)
+
+
+def _why(error: OSError) -> str:
+    """Return why a transport cannot be opened, and what to do."""
+    if error.errno in {errno.EMFILE, errno.ENFILE}:
+        return f"the link cannot be opened: {error.strerror}: close some files or sockets, or raise `ulimit -n`"
+    return f"the link cannot be opened: {error}"

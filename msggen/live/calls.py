@@ -46,12 +46,12 @@ class Calls:
                 raise LinkError(f"{WAITING} calls of '{service.name}' are waiting: wait for their replies first")
             self._queue.append(call)
         try:
-            self._wait(lambda: self._queue[0] is call, deadline, service, "other calls took all the time")
+            self._wait(lambda: self._queue[0] is call, deadline, service, f"other calls took all of {timeout:g} s")
             with self._changed:
                 self._last += 1
                 call.number = self._last
             self._link.call(self._remote, service, call.number, payload)
-            self._wait(lambda: call.reply is not None, deadline, service, "no reply")
+            self._wait(lambda: call.reply is not None, deadline, service, f"no reply within {timeout:g} s")
         finally:
             with self._changed:
                 self._queue.remove(call)
@@ -80,6 +80,6 @@ class Calls:
                     )
                 rest = deadline - time.monotonic()
                 if rest <= 0:
-                    text = f"'{service.name}': {problem} within the given time; PX4 replies when a module acknowledges"
+                    text = f"'{service.name}': {problem}; PX4 replies when a module acknowledges"
                     raise LinkTimeoutError(text)
                 self._changed.wait(min(rest, _SLICE))

@@ -58,6 +58,8 @@ class Found(NamedTuple):
     participant: str
     topic: str
     type: str
+    is_reliable: bool
+    """Whether a writer offers, or a reader requests, that no sample is lost."""
 
 
 class Gone(NamedTuple):
@@ -127,7 +129,9 @@ class Participant:
             if sample.sample_info.instance_state != InstanceState.Alive:
                 yield Gone(handle)
             elif sample.topic_name and sample.participant_key != self._guid:
-                yield Found(handle, is_writer, str(sample.participant_key), sample.topic_name, sample.type_name)
+                reliable = isinstance(sample.qos[Policy.Reliability], Policy.Reliability.Reliable)
+                participant = str(sample.participant_key)
+                yield Found(handle, is_writer, participant, sample.topic_name, sample.type_name, reliable)
 
 
 class Reader:

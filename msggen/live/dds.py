@@ -210,7 +210,7 @@ class DdsLink:
         participant = self._participant
         if participant is None:
             return
-        reason = "the link was closed"
+        failure = ""
         try:
             if participant.shares_domain:
                 listener.warned(
@@ -219,15 +219,16 @@ class DdsLink:
             while not self._closing:
                 self._turn(participant, listener)
         except Exception as error:  # noqa: BLE001 - told to the user, who would wait forever
-            reason = f"the link failed: {type(error).__name__}: {error}"
-            listener.warned(f"{reason}; close it, and open another one")
+            failure = f"the link failed: {type(error).__name__}: {error}"
         finally:
             for vehicle in list(self._vehicles.values()):
-                self._disconnect(vehicle, participant, listener, reason)
+                self._disconnect(vehicle, participant, listener, failure or "the link was closed")
             self._vehicles.clear()
             with self._lock:
                 self._participant = None
                 participant.close()
+            if failure:
+                listener.failed(failure)
 
     def _turn(self, participant: Participant, listener: Listener) -> None:
         """Wait for something, and deal with it."""
@@ -290,7 +291,7 @@ class DdsLink:
 
     def _connect(self, vehicle: _Vehicle, participant: Participant, listener: Listener) -> None:
         self._count += 1
-        remote = Remote(self._count, f"domain {self._domain}", 0, vehicle.namespace, adopted=False)
+        remote = Remote(self._count, f"domain {self._domain}", 0, vehicle.namespace, continued=False)
         vehicle.remote = remote
         self._by_remote[remote.number] = vehicle
         listener.connected(remote)

@@ -14,7 +14,7 @@ class LinkTimeoutError(LinkError, TimeoutError):
 
 
 class TopicError(LinkError):
-    """A name that is no endpoint, or a message that does not fit the endpoint."""
+    """A name that no endpoint has, or a message that is not that of the topic."""
 
 
 class FormatError(LinkError):

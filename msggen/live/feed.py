@@ -36,6 +36,8 @@ class Feed:
         self.newest: Item | None = None
         self.received = self.dropped = self.undecodable = self.callback_errors = 0
         self.error: FormatError | None = None
+        self.failure = ""
+        """The error of the link that has ended the subscription."""
         self.is_closed = False
         self._wakers: tuple[Waker, ...] = ()
         self._lock = threading.Lock()
@@ -95,8 +97,9 @@ class Feed:
             LOGGER.error("the callback of '%s' is no longer called: %s", self.topic.stem, error)
         self.wake()
 
-    def close(self) -> None:
-        """End the iterators after the samples in the queue. Can be repeated."""
+    def close(self, failure: str = "") -> None:
+        """End the iterators after the samples in the queue, with an error if the link has failed. Can be repeated."""
+        self.failure = self.failure or failure
         self.is_closed = True
         self.wake()
 

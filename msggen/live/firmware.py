@@ -18,7 +18,7 @@ PROTOCOL_VERSION = 1
 """LATEST_PROTOCOL_VERSION of MessageFormatRequest in all releases that have it."""
 
 _REQUEST = struct.Struct("<4sQH50s")
-_RESPONSE = struct.Struct("<4xQH50s?3xI")
+_RESPONSE = struct.Struct("<4sQH50s?3xI")
 _HEADER = b"\x00\x01\x00\x00"
 _NAME_SIZE = 50
 
@@ -108,6 +108,20 @@ def _likeness(found: Mapping[str, Route], hashes: Mapping[str, int], known: Mapp
     return score
 
 
+def answer_of(request: bytes, time: int, hash_of: Callable[[str], int | None]) -> bytes | None:
+    """Return the answer of a vehicle to a MessageFormatRequest, or None to other bytes. Both are CDR with a header.
+
+    `time` is its timestamp in us. `hash_of` gets the name of a uORB topic: PX4 looks up what follows the last `/`.
+    """
+    try:
+        _, _, version, name = _REQUEST.unpack_from(request)
+    except struct.error:
+        return None
+    _, slash, topic = name.partition(b"\0")[0].decode("ascii", "replace").rpartition("/")
+    found = hash_of(topic) if slash and version == PROTOCOL_VERSION else None
+    return _RESPONSE.pack(_HEADER, time, PROTOCOL_VERSION, name, found is not None, found or 0)
+
+
 RETRY_NS = 300_000_000
 TRIES = 4
 
@@ -156,7 +170,7 @@ class FormatCheck:
     def receive(self, payload: bytes) -> bool:
         """Take an answer. Return whether it was the one that was expected."""
         try:
-            _, _, name, is_found, message_hash = _RESPONSE.unpack_from(payload)
+            _, _, _, name, is_found, message_hash = _RESPONSE.unpack_from(payload)
         except struct.error:
             return False
         asked = self._asked

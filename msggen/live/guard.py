@@ -71,6 +71,13 @@ class Guard:
                 self._told.add(f"warned {len(self._told)}")
                 traceback.print_exc()
 
+    def failed(self, reason: str) -> None:
+        """Pass on."""
+        try:
+            self._listener.failed(reason)
+        except Exception as error:  # noqa: BLE001 - the code of the user
+            self._tell(error)
+
     def _tell(self, error: Exception) -> None:
         trace = traceback.extract_tb(error.__traceback__)
         place = f"{trace[-1].filename}:{trace[-1].lineno}"

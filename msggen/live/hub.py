@@ -37,9 +37,10 @@ class Entry:
         self.routes: dict[str, Route] = {}
         self.services: dict[str, Service] = {}
         self.table: dict[str, tuple[Row, ...]] = {}
-        self.connected_ns = time.time_ns()
         self.opened_at = time.monotonic()
         self.heard_ns = 0
+        self.heard_beside = 0
+        """The number of the newest vehicle when this one was heard last."""
         self.ticked_ns = self.due_ns = 0
         """When `Hub.tick` has something to do, of the clock of the samples: at once, for the first one."""
         self.is_started = self.is_checked = False
@@ -101,15 +102,21 @@ class Member:
 
 
 class Hub:
-    """The listener of a link. `closed` is called once the link is closed."""
+    """The listener of a link."""
 
     def __init__(self, link: Link) -> None:
         self.link = link
         self.changed = threading.Condition(threading.RLock())
         """Guards everything except `table` of an entry, which is replaced as a whole."""
         self.entries: dict[int, Entry] = {}
+        self.newest = 0
+        """The number of the vehicle that connected last."""
         self.members: tuple[Member, ...] = ()
         self.thread: int | None = None
+        self.failure = ""
+        """The error that has ended the link."""
+        self.closed = threading.Event()
+        """Set when the link was closed after the last member has left."""
 
     # the thread of the link
 
@@ -117,6 +124,7 @@ class Hub:
         """Give a vehicle to the members that wait for it."""
         with self.changed:
             self.thread = threading.get_ident()
+            self.newest = remote.number
             entry = self.entries[remote.number] = Entry(remote, self)
             for member in self.members:
                 self._offer(member, entry)
@@ -152,7 +160,7 @@ class Hub:
                     LOGGER.info("%s disconnected: %s", shown(remote), reason)
                     for later in tuple(self.entries.values()):
                         # a vehicle that was connected while this one was still heard is another vehicle
-                        if later.connected_ns > entry.heard_ns:
+                        if later.remote.number > entry.heard_beside:
                             self._offer(member, later)
             self.changed.notify_all()
 
@@ -161,7 +169,7 @@ class Hub:
         entry = self.entries.get(remote.number)
         if entry is None:
             return
-        entry.heard_ns = time
+        entry.heard_ns, entry.heard_beside = time, self.newest
         for push, decoding in entry.table.get(route.name, ()):
             push(payload, time, decoding)
         if not entry.ticked_ns <= time < entry.due_ns:  # also if the clock was set back
@@ -182,6 +190,16 @@ class Hub:
     def warned(self, text: str) -> None:
         """Tell the user."""
         LOGGER.warning("%s", text)
+
+    def failed(self, reason: str) -> None:
+        """Tell everybody who waits that nothing follows."""
+        LOGGER.error("%s; close the Vehicle, and make a new one", reason)
+        with self.changed:
+            self.failure = reason
+            for member in self.members:
+                for feed in member.feeds:
+                    feed.close(reason)
+            self.changed.notify_all()
 
     def tick(self, entry: Entry, now: int) -> None:
         """Do what is due: ask for definitions, and tell of topics that the vehicle does not have.
@@ -244,10 +262,10 @@ class Hub:
             feed.close()
 
     def attach(self, member: Member, feed: Feed) -> None:
-        """Begin a subscription, which ends at once if the member has left."""
+        """Begin a subscription, which ends at once if the member has left or the link has failed."""
         with self.changed:
-            if member.is_closed:
-                feed.close()
+            if member.is_closed or self.failure:
+                feed.close(self.failure)
                 return
             member.feeds = (*member.feeds, feed)
             entry = member.entry
@@ -326,7 +344,7 @@ class Hub:
             member.has_told_of_another = True
             text = "%s connected too and is ignored, as this Vehicle has %s: select one by key=, namespace= or address="
             LOGGER.warning(text, shown(remote), shown(own))
-        elif remote.adopted and not selection.accepts(remote):
+        elif remote.continued and not selection.accepts(remote):
             member.has_told_of_another = True
             text = "%s continues an earlier session, so its key and namespace are not known: select it with address="
             LOGGER.warning(text, shown(remote))

@@ -13,6 +13,7 @@ import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
+from queue import Empty, SimpleQueue
 from typing import Any
 
 from msggen.live.address import Address
@@ -23,6 +24,8 @@ from msggen.live.pipe import CALL, EVENT, SAMPLE, KnownVehicle, Record, record_o
 _START_S = 60.0
 _END_S = 5.0
 _LOOK_S = 0.05
+_ANSWER_S = 1.0
+"""The longest wait in s for the process to tell whether it could send a request."""
 _ATTEMPTS = 5
 """How often in a row a process is started again that has lived for less than `_STABLE_S`."""
 _STABLE_S = 10.0
@@ -47,6 +50,8 @@ class IsolatedLink:
         self._vehicles: dict[int, KnownVehicle] = {}
         self._offset = self._last = 0
         """The number of the last vehicle of the child processes before this one."""
+        self._answers: dict[tuple[int, int], SimpleQueue[str]] = {}
+        """Why requests could not be sent, or "", by the numbers of the vehicle and of the call."""
         self._is_closing = False
         self._statistics = self._earlier = NOTHING
 
@@ -66,7 +71,18 @@ class IsolatedLink:
     def call(self, remote: Remote, service: Service, number: int, payload: bytes) -> None:
         """Send a request. From any thread. Raises LinkError."""
         own, vehicle = self._find(remote)
-        self._write(record_of(CALL, payload, own, vehicle.services.index(service), number))
+        answers = self._answers[remote.number, number] = SimpleQueue()
+        try:
+            self._write(record_of(CALL, payload, own, vehicle.services.index(service), number))
+            if threading.current_thread() is self._thread:  # which would take the answer
+                return
+            error = answers.get(timeout=_ANSWER_S)
+        except Empty:  # the reply tells
+            error = ""
+        finally:
+            del self._answers[remote.number, number]
+        if error:
+            raise LinkError(error)
 
     def routes(self, remote: Remote) -> Sequence[Route | Service]:
         """Return the routes and services of a connected vehicle, or none if it is not connected."""
@@ -99,7 +115,10 @@ class IsolatedLink:
         if not sys.executable:
             raise LinkError("the program of Python is not known: use the link without isolated=True")
         command = [sys.executable, "-I", "-c", _MAIN.format(path=sys.path)]
-        process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)  # noqa: S603
+        try:
+            process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)  # noqa: S603
+        except OSError as error:
+            raise LinkError(f"the process of the link cannot be started: {error}") from error
         self._process = process
         assert process.stdout is not None  # noqa: S101 - it is a pipe
         timer = threading.Timer(_START_S, process.kill)
@@ -120,6 +139,20 @@ class IsolatedLink:
         return records
 
     def _run(self, listener: Listener, records: Iterator[Record]) -> None:
+        try:
+            failure = self._serve(listener, records)
+        except Exception as error:  # noqa: BLE001 - told to the user, who would wait forever
+            failure = f"the link failed: {type(error).__name__}: {error}"
+            process = self._process
+            assert process is not None  # noqa: S101 - `start` has set it
+            process.kill()
+            _end(process)
+            self._forget(listener, failure)
+        if failure:
+            listener.failed(failure)
+
+    def _serve(self, listener: Listener, records: Iterator[Record]) -> str:
+        """Deliver records until the link is closed. Return why it cannot go on, or "" if the user has closed it."""
         attempts = 0
         while True:
             started = time.monotonic()
@@ -133,26 +166,26 @@ class IsolatedLink:
             )
             self._forget(listener, reason)
             if self._is_closing:
-                return
+                return ""
             attempts = 0 if time.monotonic() - started > _STABLE_S else attempts + 1
             restarted = self._restarted(listener, reason, attempts)
-            if restarted is None:
-                return
+            if isinstance(restarted, str):
+                return restarted
             records = restarted
 
-    def _restarted(self, listener: Listener, reason: str, attempts: int) -> Iterator[Record] | None:
+    def _restarted(self, listener: Listener, reason: str, attempts: int) -> Iterator[Record] | str:
+        """Start the process again. Return its records, or as `_serve`."""
         problem = reason
         for attempt in range(attempts, _ATTEMPTS):
             listener.warned(f"{problem}, and is started again")
             time.sleep(0.05 * 2**attempt)
             if self._is_closing:
-                return None
+                return ""
             try:
                 return self._launch()
-            except (LinkError, OSError) as error:
+            except LinkError as error:
                 problem = str(error)
-        listener.warned(f"{problem}: the link to {self._address} stays closed: close the Vehicle and make a new one")
-        return None
+        return f"{problem}: the link to {self._address} stays closed"
 
     def _deliver(self, listener: Listener, kind: int, number: int, index: int, when: int, body: bytes) -> None:  # noqa: PLR0913, PLR0917
         """Tell the listener of a record."""
@@ -172,6 +205,11 @@ class IsolatedLink:
             self._statistics = Statistics(*event["statistics"])
         elif "warned" in event:
             listener.warned(event["warned"])
+        elif "called" in event:
+            vehicle, call = event["called"]
+            answers = self._answers.get((self._offset + vehicle, call))
+            if answers is not None:
+                answers.put(event["error"])
         elif "connected" in event:
             number, *others = event["connected"]
             self._last = self._offset + number
@@ -202,6 +240,8 @@ class IsolatedLink:
         for number, vehicle in tuple(self._vehicles.items()):
             del self._vehicles[number]
             listener.disconnected(vehicle.remote, reason)
+        for answers in tuple(self._answers.values()):
+            answers.put(f"{reason}: wait until the vehicle is connected again")
         self._offset = self._last
         self._earlier, self._statistics = self.statistics(), NOTHING
 

@@ -42,7 +42,9 @@ class Child:
         self._lost: dict[int, int] = {}
         """Counts of lost samples that the parent was not told yet, by vehicle."""
         self._told: set[str] = set()
+        self._reported: Statistics | None = None
         self._is_ended = False
+        self.has_failed = False
 
     def connected(self, remote: Remote) -> None:
         """Pass on."""
@@ -102,6 +104,16 @@ class Child:
         """Pass on."""
         self.tell(warned=text)
 
+    def failed(self, reason: str) -> None:
+        """Pass on, and end the process. The parent starts another one."""
+        self.warned(reason)
+        self.has_failed = True
+        self._end()
+
+    def _end(self) -> None:
+        self._is_ended = True
+        self._filled.set()
+
     def tell(self, **event: object) -> None:
         """Send an event to the parent."""
         self._put(record_of(EVENT, json.dumps(event).encode()))
@@ -120,38 +132,48 @@ class Child:
             for record in records:
                 self._obey(link, record)
         finally:
-            self._is_ended = True
-            self._filled.set()
+            self._end()
 
     def _obey(self, link: Link, record: Record) -> None:
         kind, number, index, when, body = record
+        problem = ""
         try:
             vehicle = self._vehicles[number]
             if kind == SAMPLE:
                 link.publish(vehicle.remote, vehicle.routes[index], body)
             elif kind == CALL:
                 link.call(vehicle.remote, vehicle.services[index], when, body)
-        except LookupError:  # the vehicle has just disconnected, which the parent will be told
-            return
+        except LookupError:  # the parent will be told
+            problem = "the vehicle has just disconnected: wait until it is connected again"
         except LinkError as error:
-            text = str(error)
-            if text not in self._told and len(self._told) < TOLD:
-                self._told.add(text)
-                self.warned(text)
+            problem = str(error)
+        if kind == CALL:
+            self.tell(called=(number, when), error=problem)
+        elif problem and number in self._vehicles and problem not in self._told and len(self._told) < TOLD:
+            self._told.add(problem)
+            self.warned(problem)
 
     def send(self, link: Link, output: IO[bytes]) -> None:
         """Write records until the parent has closed the other pipe, and the counters of the link now and then."""
-        last: Statistics | None = None
         while not self._is_ended:
             self._filled.wait(_BEAT_S)
             self._filled.clear()
-            counters = link.statistics()
-            counters = counters._replace(dropped=counters.dropped + self._dropped)
-            if counters != last:
-                last = counters
-                self.tell(statistics=counters)
+            self._report(link)
             self._tell_lost()
             self.flush(output)
+
+    def _report(self, link: Link) -> None:
+        """Tell the counters of the link, if they have changed."""
+        counters = link.statistics()
+        counters = counters._replace(dropped=counters.dropped + self._dropped)
+        if counters != self._reported:
+            self._reported = counters
+            self.tell(statistics=counters)
+
+    def finish(self, link: Link, output: IO[bytes]) -> None:
+        """Write what the closed link has told last, and its last counters."""
+        self._report(link)
+        self.flush(output)
 
     def flush(self, output: IO[bytes]) -> None:
         """Write the records that wait."""
@@ -186,4 +208,6 @@ def _serve(setup: Mapping[str, Any], records: Iterator[Record], output: IO[bytes
         child.send(link, output)
     finally:
         link.close()
-    child.flush(output)
+    child.finish(link, output)
+    if child.has_failed:
+        sys.exit(1)

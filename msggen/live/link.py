@@ -15,7 +15,7 @@ class LinkError(RuntimeError):
 
 
 class Route(NamedTuple):
-    """An endpoint of a connected vehicle."""
+    """A topic of a connected vehicle, as the link carries it. The registry of a package has endpoints instead."""
 
     name: str
     """The name in ROS 2, with the namespace and the version suffix: `/uav_1/fmu/out/vehicle_status_v1`."""
@@ -51,7 +51,7 @@ class Remote(NamedTuple):
     """The key of the client (parameter UXRCE_DDS_KEY), 0 on DDS."""
     namespace: str
     """The namespace without slashes at both ends: `uav_1`, or "" without one or if it is not known."""
-    adopted: bool
+    continued: bool
     """Whether the link continues a session that an earlier program began. Services cannot be called then."""
 
 
@@ -65,7 +65,7 @@ class Listener(Protocol):
         """A vehicle has a route or a service, from now on."""
 
     def disconnected(self, remote: Remote, reason: str) -> None:
-        """A vehicle has ended its session, or has been silent for too long, or the link has failed."""
+        """A vehicle has ended its session, or has been silent for too long, or the link has ended."""
 
     def sample(self, remote: Remote, route: Route, payload: bytes, time: int) -> None:
         """A vehicle has published a sample.
@@ -83,6 +83,9 @@ class Listener(Protocol):
     def warned(self, text: str) -> None:
         """The link has something to tell the user, such as a vehicle that was refused."""
 
+    def failed(self, reason: str) -> None:
+        """An error has ended the link. Its vehicles are disconnected, all is released, and nothing follows."""
+
 
 class Statistics(NamedTuple):
     """Counters of a link since it was opened."""
@@ -93,7 +96,8 @@ class Statistics(NamedTuple):
     refused: int
     """Datagrams or frames that were malformed, or from an address or a key that is not allowed."""
     dropped: int
-    """Datagrams that the kernel dropped because the receive buffer was full, or frames with a wrong checksum."""
+    """Datagrams that the kernel dropped because the receive buffer was full, frames with a wrong checksum, and samples
+    that a program with an isolated link did not read in time."""
     lost: int
     """Missing sequence numbers of all vehicles."""
     receive_buffer: int

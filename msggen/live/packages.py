@@ -92,7 +92,7 @@ class Topic(NamedTuple):
     """The class that the user expects."""
     package: ModuleType
     is_typed: bool
-    """Whether the user has named a class or an endpoint, so that samples must become messages of that class."""
+    """Whether the user has named a class, an endpoint or a version, so that samples must become messages of it."""
 
 
 class Decoding(NamedTuple):
@@ -192,7 +192,18 @@ def _by_name(name: str, way: Way, packages: Packages) -> Topic:
             errors.append(str(error))
         else:
             _check_way(endpoint, way)
-            return Topic(stem_of(endpoint.ros_name), namespace, endpoint.message, package, is_typed=False)
+            stem, version = stem_of(endpoint.ros_name), version_of(name)
+            if not version:
+                return Topic(stem, namespace, endpoint.message, package, is_typed=False)
+            classes = [each.message for each in package.topics.versions_of(endpoint.ros_name)]
+            for cls in classes:
+                if cls.__msg__.message_version == version:
+                    return Topic(stem, namespace, cls, package, is_typed=True)
+            have = ", ".join(str(cls.__msg__.message_version) for cls in classes)
+            errors.append(
+                f"{package.__name__} has no version {version} of '{stem}', but {have}: leave the version out of the "
+                "name for that of the vehicle, or give types that have it"
+            )
     raise TopicError(errors[0])
 
 

@@ -55,7 +55,6 @@ class Repeater:
         self.error: Exception | None = None
         """The exception that ended the repeater."""
         self._thread = threading.Thread(target=self._run, name=f"msggen.live every {hz:g} Hz", daemon=True)
-        self._thread.start()
 
     def __repr__(self) -> str:
         state = "running" if self.is_running else f"ended by {self.error!r}" if self.error else "closed"
@@ -72,13 +71,17 @@ class Repeater:
         count = self._count
         return Jitter(count, self._late, self._skipped, self._worst, self._total / count if count else 0.0)
 
+    def start(self) -> None:
+        """Begin to publish."""
+        self._thread.start()
+
     def close(self) -> None:
         """End the repeater. Can be repeated. No message is published after it returns.
 
         Callables of repeaters can call it. It does not wait in them: two would wait for each other.
         """
         self._ended.set()
-        if not hasattr(_thread, "repeats"):
+        if not hasattr(_thread, "repeats") and self._thread.ident is not None:
             self._thread.join()
 
     def __enter__(self) -> Self:

@@ -20,8 +20,8 @@ class Selection(NamedTuple):
         return self == Selection()
 
     def accepts(self, remote: Remote) -> bool:
-        """Whether a vehicle is meant. Key and namespace of an adopted session are not known."""
-        is_known = not remote.adopted
+        """Whether a vehicle is meant. Key and namespace of a continued session are not known."""
+        is_known = not remote.continued
         return (
             (self.address in (None, remote.address, host_of(remote.address)))
             and (self.key is None or (is_known and remote.key == self.key))
@@ -37,14 +37,14 @@ def host_of(address: str) -> str:
 
 def is_same(earlier: Remote, later: Remote) -> bool:
     """Whether `later` may be the vehicle `earlier` that has connected again, by what is known of both."""
-    if earlier.adopted or later.adopted:
+    if earlier.continued or later.continued:
         return host_of(earlier.address) == host_of(later.address)
     return (earlier.key, earlier.namespace) == (later.key, later.namespace)
 
 
 def shown(remote: Remote) -> str:
     """Return a vehicle for messages to the user."""
-    if remote.adopted:
+    if remote.continued:
         return f"the vehicle at {remote.address}"
     namespace = f", namespace {remote.namespace}" if remote.namespace else ""
     return f"the vehicle at {remote.address} (key {remote.key}{namespace})"

@@ -59,6 +59,7 @@ class SerialLink(SelectorLink):
     def open(self, listener: Listener) -> None:
         """Open the device."""
         super().open(listener)
+        self.resources.callback(self._close_device)
         self._plug(open_line(self.path, self.baud))
 
     def _plug(self, fd: int) -> None:
@@ -155,12 +156,10 @@ class SerialLink(SelectorLink):
         """Return the number of frames with a wrong checksum, or that were cut."""
         return self._broken + self._deframer.broken
 
-    def release(self) -> None:
-        """Close the device."""
+    def _close_device(self) -> None:
         if self._fd >= 0:
             close_line(self._fd)
             self._fd = -1
-        super().release()
 
 
 def close_line(fd: int) -> None:

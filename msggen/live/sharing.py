@@ -36,11 +36,10 @@ def link_of(
 
 
 class _Shared(NamedTuple):
-    """A hub of a link, who may connect to it, and whether the link is closed."""
+    """A hub of a link, and who may connect to it."""
 
     hub: Hub
     allow: frozenset[str | int]
-    closed: threading.Event
 
 
 _hubs: dict[Hashable, _Shared] = {}
@@ -50,60 +49,62 @@ _lock = threading.RLock()
 def join_hub(name: Hashable, open_link: Callable[[], Link], member: Member, allow: Iterable[str | int] = ()) -> Hub:
     """Return the hub with this name, which all its members share, and open its link for the first one.
 
-    Raises LinkError if the link cannot be opened, or is open for others than `allow`.
+    A link that has failed is left to its members, and another one is opened. Raises LinkError if the link cannot be
+    opened, or is open for others than `allow`.
     """
     allowed = frozenset(allow)
     while True:
         with _lock:
             found = _hubs.get(name)
-            if found is None:
+            if found is None or found.hub.failure:
                 hub = Hub(open_link())
+                if found is not None and hub.link is found.hub.link:
+                    raise LinkError(f"{found.hub.failure}; make another {type(hub.link).__name__}")
                 hub.join(member)
                 hub.link.start(hub)
-                _hubs[name] = _Shared(hub, allowed, threading.Event())
+                _hubs[name] = _Shared(hub, allowed)
                 return hub
-            hub, others, closed = found
+            hub, others = found
             if hub.members:
                 if others != allowed:
                     raise LinkError(f"{name} is open with another allow=: give its Vehicle objects the same one")
                 hub.join(member)
                 return hub
-        if not closed.wait(_END_S):  # another thread closes the link
+        if not hub.closed.wait(_END_S):  # another thread closes the link
             raise LinkError(f"{name} is still being closed: close Vehicle objects before the program opens new ones")
 
 
-def leave_hub(name: Hashable, member: Member) -> None:
+def leave_hub(name: Hashable, hub: Hub, member: Member) -> None:
     """Remove a member, and close the link after the last one. Can be repeated."""
     with _lock:
-        found = _hubs.get(name)
-        if found is None or member not in found.hub.members:
+        if member not in hub.members:
             return
-        hub, _, closed = found
         hub.leave(member)
         if hub.members:
             return
     if hub.thread == threading.get_ident():  # a callback closes its own vehicle: the link waits for its thread to end
-        threading.Thread(target=_close, args=(name, hub, closed), name="msggen.live close", daemon=True).start()
+        threading.Thread(target=_close, args=(name, hub), name="msggen.live close", daemon=True).start()
     else:
-        _close(name, hub, closed)
+        _close(name, hub)
 
 
-def _close(name: Hashable, hub: Hub, closed: threading.Event) -> None:
+def _close(name: Hashable, hub: Hub) -> None:
     try:
         hub.link.close()
     finally:
         with _lock:
-            _hubs.pop(name, None)
-        closed.set()
+            if name in _hubs and _hubs[name].hub is hub:  # otherwise it has failed, and another one took its place
+                del _hubs[name]
+        hub.closed.set()
 
 
-def leave_soon(name: Hashable, member: Member) -> None:
+def leave_soon(name: Hashable, hub: Hub, member: Member) -> None:
     """Remove the member of a Vehicle that was forgotten.
 
     The garbage collector can run in any thread and under any lock, so another thread closes the link.
     """
     try:
-        threading.Thread(target=leave_hub, args=(name, member), name="msggen.live close", daemon=True).start()
+        threading.Thread(target=leave_hub, args=(name, hub, member), name="msggen.live close", daemon=True).start()
     except RuntimeError:  # the interpreter is about to end: `_close_all` is called
         return
 
@@ -111,7 +112,7 @@ def leave_soon(name: Hashable, member: Member) -> None:
 @atexit.register
 def _close_all() -> None:
     """Close the links that are left at the end of the program."""
-    for name, (hub, _, closed) in tuple(_hubs.items()):
+    for name, (hub, _) in tuple(_hubs.items()):
         for member in hub.members:
-            leave_hub(name, member)
-        closed.wait(_END_S)  # another thread may close it
+            leave_hub(name, hub, member)
+        hub.closed.wait(_END_S)  # another thread may close it

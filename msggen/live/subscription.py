@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 import weakref
 from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
+from msggen.live.absence import PATIENCE
 from msggen.live.errors import FormatError, LinkTimeoutError, TopicError
 from msggen.live.feed import LOGGER, Feed, Item, Waker, check_outside_callback
+from msggen.live.link import LinkError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -33,10 +37,11 @@ class Subscription(Generic[Value]):
     """
 
     def __init__(
-        self, feed: Feed, attach: Callable[[Feed], None], detach: Callable[[Feed], None], owner: object = None
+        self, feed: Feed, attach: Callable[[Feed], None], detach: Callable[[Feed], None], tell_absence: Waker
     ) -> None:
+        """Make a subscription. `tell_absence` is called if no sample arrives for long; it may warn the user."""
         self._feed = feed
-        self._owner = owner  # a subscription keeps its Vehicle open
+        self._tell_absence = tell_absence  # a method of its Vehicle, which this keeps open
         self._attach, self._detach = attach, detach
         self._latest: tuple[Item, Value] | None = None
         if feed.callback is None:  # nothing would read the queue of a forgotten subscription
@@ -76,20 +81,24 @@ class Subscription(Generic[Value]):
     def __iter__(self) -> Iterator[Value]:
         """Yield each message, and wait for the next one, until the subscription or the vehicle is closed.
 
-        Raises FormatError if the definition of the vehicle differs.
+        Raises FormatError if the definition of the vehicle differs, and LinkError if the link has failed.
         """
         for value, _ in self.timed():
             yield value
 
     def timed(self) -> Iterator[tuple[Value, int]]:
         """Yield each message with the time of its arrival in ns since 1970, of the clock `time.time_ns`."""
-        while True:
-            item = self._next(None)
-            if item is None:
-                return
-            value = self._feed.decoded(item)
-            if value is not None:
-                yield value, item[1]
+        self._check_reader()
+        feed, signal = self._feed, _Signal()
+        feed.add_waker(signal.set)
+        try:
+            while (item := self._next(signal, None)) is not None:
+                value = feed.decoded(item)
+                if value is not None:
+                    yield value, item[1]
+        finally:
+            feed.remove_waker(signal.set)
+        self._check_link()
 
     async def __aiter__(self) -> AsyncIterator[Value]:
         """Yield each message, as `__iter__`, in an event loop of asyncio. Needs no further thread."""
@@ -111,6 +120,7 @@ class Subscription(Generic[Value]):
 
         self._check_reader()
         self._feed.add_waker(wake)
+        reminder = loop.call_later(PATIENCE, self._tell_absence)
         try:
             while True:
                 event.clear()
@@ -123,10 +133,12 @@ class Subscription(Generic[Value]):
                     if run % RUN == 0:  # a queue that never empties must not stop the other tasks
                         await sleep(0)
                 elif self._feed.is_closed:
+                    self._check_link()
                     return
                 else:
                     await event.wait()
         finally:
+            reminder.cancel()
             self._feed.remove_waker(wake)
 
     def latest(self) -> Value | None:
@@ -149,30 +161,33 @@ class Subscription(Generic[Value]):
         """Return the newest message if `predicate` is true for it, or else the first one for which it is.
 
         Messages that arrived before the newest one are not considered. The queue keeps all messages. `timeout` is in s.
-        Raises LinkTimeoutError, TopicError if the subscription is closed, and FormatError.
+        Raises LinkTimeoutError, TopicError if the subscription is closed, FormatError, and LinkError.
         """
         feed = self._feed
         deadline = _deadline(timeout)
         watch = Feed(feed.topic, max(feed.size, 256), None, feed.options)
         self._attach(watch)
-        watcher: Subscription[Value] = Subscription(watch, self._attach, self._detach)
-        feed.add_waker(watch.wake)  # for its end
+        watcher: Subscription[Value] = Subscription(watch, self._attach, self._detach, self._tell_absence)
+        signal = _Signal()
+        watch.add_waker(signal.set)
+        feed.add_waker(signal.set)  # for its end
         try:
             newest = self.latest()
             if newest is not None and predicate(newest):
                 return newest
             while not feed.is_closed:
                 self._check()
-                item = watcher._next(deadline, lambda: feed.is_closed)
+                item = watcher._next(signal, deadline, lambda: feed.is_closed)
                 value = None if item is None else watch.decoded(item)
                 if value is not None and predicate(value):
                     found: Value = value
                     return found
-                if item is not None and deadline is not None and time.monotonic() >= deadline:
-                    raise LinkTimeoutError(_absence(watch))  # samples arrive faster than the condition is computed
+                if deadline is not None and time.monotonic() >= deadline and not feed.is_closed:
+                    raise LinkTimeoutError(_absence(watch, timeout))
         finally:
-            feed.remove_waker(watch.wake)
+            feed.remove_waker(signal.set)
             self._detach(watch)
+        self._check_link()
         raise TopicError(f"the subscription of '{feed.topic.stem}' was closed")
 
     def drain(self) -> NDArray[np.void]:
@@ -218,27 +233,27 @@ class Subscription(Generic[Value]):
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _next(self, deadline: float | None, is_ended: Callable[[], bool] = lambda: False) -> Item | None:
-        """Return the next sample, or None at the end. Raises LinkTimeoutError at the deadline."""
-        self._check_reader()
-        item = self._pop()
-        if item is not None:
-            return item
-        check_outside_callback()
-        event = threading.Event()
-        self._feed.add_waker(event.set)
-        try:
-            while True:
-                event.clear()
-                item = self._pop()
-                if item is not None or self._feed.is_closed or is_ended():
-                    return item
-                rest = SLICE if deadline is None else deadline - time.monotonic()
-                if rest <= 0:
-                    raise LinkTimeoutError(_absence(self._feed))
-                event.wait(min(rest, SLICE))
-        finally:
-            self._feed.remove_waker(event.set)
+    def _next(
+        self, signal: _Signal, deadline: float | None, is_ended: Callable[[], bool] = lambda: False
+    ) -> Item | None:
+        """Return the next sample, or None at the end or at the deadline.
+
+        `signal` is set for each sample, and at the end.
+        """
+        told_at = time.monotonic() + PATIENCE
+        while True:
+            is_last = self._feed.is_closed or is_ended()
+            item = self._pop()
+            if item is not None or is_last:
+                return item
+            check_outside_callback()
+            rest = SLICE if deadline is None else deadline - time.monotonic()
+            if rest <= 0:
+                return None
+            if deadline is None and time.monotonic() > told_at:
+                self._tell_absence()
+                told_at = math.inf
+            signal.wait(min(rest, SLICE))
 
     def _pop(self) -> Item | None:
         self._check()
@@ -251,21 +266,45 @@ class Subscription(Generic[Value]):
         if self._feed.error is not None:
             raise FormatError(str(self._feed.error))
 
+    def _check_link(self) -> None:
+        if self._feed.failure:
+            raise LinkError(self._feed.failure)
+
     def _check_reader(self) -> None:
         if self._feed.callback is not None:
             raise TopicError("a subscription with a callback has no queue: subscribe again without one to iterate")
+
+
+class _Signal:
+    """An event for one thread that waits. It is a lock, because `threading.Event` takes ten times as long."""
+
+    __slots__ = ("_lock",)
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._lock.acquire()
+
+    def set(self) -> None:
+        """Let the thread go on, or not wait the next time."""
+        with suppress(RuntimeError):  # it is set
+            self._lock.release()
+
+    def wait(self, timeout: float) -> None:
+        """Wait until the signal is set, at most some seconds, and clear it."""
+        self._lock.acquire(timeout=timeout)
 
 
 def _deadline(timeout: float | None) -> float | None:
     return None if timeout is None else time.monotonic() + timeout
 
 
-def _absence(feed: Feed) -> str:
-    """Return why a wait for a sample ends without one."""
+def _absence(feed: Feed, timeout: float | None) -> str:
+    """Return why a wait of `timeout` seconds for a sample ends without one."""
+    waited = f"within {timeout or 0:g} s"
     if feed.received:
-        return f"none of {feed.received} samples of '{feed.topic.stem}' in the given time met the condition"
+        return f"none of {feed.received} samples of '{feed.topic.stem}' met the condition {waited}"
     return (
-        f"no new sample of '{feed.topic.stem}' arrived in the given time: check that the vehicle is connected, "
+        f"no new sample of '{feed.topic.stem}' arrived {waited}: check that the vehicle is connected, "
         "and that its dds_topics.yaml has the topic"
     )
 

@@ -106,12 +106,14 @@ class TapLink(SelectorLink):
         self._is_open_to_all = not allow
         self._bound: Bound | None = None
         self._clients: dict[Address, _Client] = {}
-        self._has_told_of_agent = self._has_told_of_clients = False
+        self._told: set[str] = set()
 
     def open(self, listener: Listener) -> None:
         """Bind the socket that clients send to."""
         super().open(listener)
         self._bound = Bound(self.host, self.port)
+        self.resources.callback(self._bound.close)
+        self.resources.callback(self._close_clients)
         self.host, self.port = self._bound.host, self._bound.port
         try:
             self.agent_address = (socket.gethostbyname(self.agent_address[0]), self.agent_address[1])
@@ -159,8 +161,10 @@ class TapLink(SelectorLink):
             if client is not None:
                 try:
                     client.socket.send(data)
-                except OSError:
-                    self._miss_agent(listener)
+                except BlockingIOError:  # lost, as on the network
+                    pass
+                except OSError as error:
+                    self._miss_agent(error, listener)
             if client is not None or not self._is_allowed(address):
                 received.append((data, address))
         now = time.time_ns()
@@ -173,7 +177,7 @@ class TapLink(SelectorLink):
     def _answer(self) -> None:
         """Throw answers away, since the agent gives them, but for the ones that continue the session of an earlier tap.
 
-        Those make the client take any number for a new one (docs/xrce.md, "Take-over").
+        Those make the client take any number for a new one (docs/xrce.md, "Continued sessions").
         """
         for data, address in self.agent.take_outgoing():
             client = self._clients.get(address)
@@ -190,18 +194,13 @@ class TapLink(SelectorLink):
         if not self._is_allowed(address):
             return None  # the agent of this link counts it
         if len(self._clients) >= MAX_CLIENTS and not self._make_room():
-            if not self._has_told_of_clients:
-                self._has_told_of_clients = True
-                listener.warned(f"ignored {address[0]}:{address[1]}: there are more than {MAX_CLIENTS} clients")
+            text = f"ignored {address[0]}:{address[1]}: there are more than {MAX_CLIENTS} clients"
+            self._tell_once("too many clients", text, listener)
             return None
-        sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        sock.settimeout(0.0)
-        sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
         try:
-            sock.connect(self.agent_address)
+            sock = self._towards_agent()
         except OSError as error:
-            sock.close()
-            listener.warned(f"cannot send to the agent at {self._agent_name()}: {error}")
+            self._miss_agent(error, listener)
             return None
         client = _Client(address, sock)
         with self.lock:
@@ -209,29 +208,49 @@ class TapLink(SelectorLink):
         self.selector.register(sock, selectors.EVENT_READ, lambda _, told: self._from_agent(client, told))
         return client
 
+    def _towards_agent(self) -> socket.socket:
+        sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            sock.settimeout(0.0)
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+            sock.connect(self.agent_address)
+        except BaseException:
+            sock.close()
+            raise
+        return sock
+
     def _from_agent(self, client: _Client, listener: Listener) -> None:
         """Forward what the agent has sent to a client."""
+        if self._clients.get(client.address) is not client:
+            return  # another client has just taken its place
         with self.lock:
             for _ in range(BATCH):
                 try:
                     data = client.socket.recv(LONGEST)
                 except BlockingIOError:
                     return
-                except OSError:
+                except OSError as error:
+                    problem = error
                     break
                 self._to_client(client.shift.forward(data), client.address)
             else:
                 return
-        self._miss_agent(listener)
+        self._miss_agent(problem, listener)
 
-    def _miss_agent(self, listener: Listener) -> None:
-        if not self._has_told_of_agent:
-            self._has_told_of_agent = True
-            port = self.agent_address[1]
-            listener.warned(f"no agent answers at {self._agent_name()}: start it with MicroXRCEAgent udp4 -p {port}")
+    def _miss_agent(self, error: OSError, listener: Listener) -> None:
+        """Tell why the agent cannot be reached. Nobody listens at its port if a connection is refused."""
+        host, port = self.agent_address
+        if isinstance(error, ConnectionError):
+            text = f"no agent answers at {host}:{port}: start it with MicroXRCEAgent udp4 -p {port}"
+            self._tell_once("no agent", text, listener)
+        else:
+            text = f"cannot send to the agent at {host}:{port}: {error.strerror}"
+            self._tell_once(f"error {error.errno}", text, listener)
 
-    def _agent_name(self) -> str:
-        return f"{self.agent_address[0]}:{self.agent_address[1]}"
+    def _tell_once(self, kind: str, text: str, listener: Listener) -> None:
+        if kind not in self._told:
+            self._told.add(kind)
+            listener.warned(text)
 
     def _make_room(self) -> bool:
         """Forget the client that is silent for longest, if PX4's would not be. Return whether there was one."""
@@ -262,14 +281,10 @@ class TapLink(SelectorLink):
         """Return the size of the receive buffer in bytes that the kernel granted."""
         return self._bound.receive_buffer if self._bound else 0
 
-    def release(self) -> None:
-        """Close all sockets."""
-        if self._bound is not None:
-            self._bound.close()
+    def _close_clients(self) -> None:
         for client in self._clients.values():
             client.socket.close()
         self._clients.clear()
-        super().release()
 
 
 def _is_at(host: str, listening: str) -> bool:

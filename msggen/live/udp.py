@@ -60,9 +60,10 @@ class UdpLink(AgentLink):
     def open(self, listener: Listener) -> None:
         """Bind the socket."""
         self.bound = Bound(self.host, self.port)
+        self.resources.callback(self.bound.close)
         self.host, self.port = self.bound.host, self.bound.port
         self.bound.warn(listener, is_open_to_all=self._is_open_to_all)
-        self._waits = self.bound.socket.dup()  # the same socket, with another time-out
+        self._waits = self.resources.enter_context(self.bound.socket.dup())  # the same socket, with another time-out
 
     def wait(self, seconds: float, listener: Listener) -> None:
         """Give the agent what arrives.
@@ -116,12 +117,6 @@ class UdpLink(AgentLink):
         """Return the size of the receive buffer in bytes that the kernel granted."""
         return self.bound.receive_buffer if self.bound else 0
 
-    def release(self) -> None:
-        """Close the socket."""
-        if self.bound is not None:
-            self._waits.close()
-            self.bound.close()
-
 
 class Bound:
     """A UDP socket at an address of this computer, and what the kernel tells of it."""
@@ -172,10 +167,7 @@ def allowed(networks: Sequence[str]) -> Callable[[Address], bool]:
     """Return a function that tells whether an address is in one of some networks. Raises LinkError."""
     if isinstance(networks, str):
         networks = (networks,)
-    try:
-        parsed = [ipaddress.ip_network(network, strict=False) for network in networks]
-    except ValueError as error:
-        raise LinkError(f"cannot allow {error}: expected addresses or networks, such as '192.168.0.0/24'") from error
+    parsed = [_network(each) for each in networks]
 
     @lru_cache(maxsize=1024)
     def is_allowed(host: str) -> bool:
@@ -183,6 +175,14 @@ def allowed(networks: Sequence[str]) -> Callable[[Address], bool]:
         return not parsed or any(address in network for network in parsed)
 
     return lambda address: is_allowed(address[0])
+
+
+def _network(text: str) -> ipaddress.IPv4Network | ipaddress.IPv6Network:
+    try:
+        return ipaddress.ip_network(text, strict=False)
+    except ValueError:
+        expected = "expected one such as '192.168.0.7' or '192.168.0.0/24'"
+        raise LinkError(f"'{text}' in allow= is not an IP address or a network: {expected}") from None
 
 
 def bound(host: str, port: int) -> socket.socket:

@@ -9,8 +9,9 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any, Literal, overload
 
 from msggen.diagnostics import suggestion
+from msggen.live.absence import PATIENCE, absence
 from msggen.live.errors import LinkTimeoutError, NotConnectedError, TopicError
-from msggen.live.feed import Feed, Options
+from msggen.live.feed import LOGGER, Feed, Options
 from msggen.live.hub import Entry, Member
 from msggen.live.link import Link, LinkError, Remote, Route, Service, Statistics
 from msggen.live.names import is_topic, stem_of
@@ -88,12 +89,14 @@ class Vehicle:
         allowed = (allow,) if isinstance(allow, (str, int)) else tuple(allow)
         self._name, opened = link_of(url, allowed, self._packages, selection, is_isolated=isolated)
         self._hub = join_hub(self._name, opened, self._member, allowed)
+        self._has_told_of_absence = False
         self._repeaters: weakref.WeakSet[Repeater] = weakref.WeakSet()
-        weakref.finalize(self, leave_soon, self._name, self._member).atexit = False
+        weakref.finalize(self, leave_soon, self._name, self._hub, self._member).atexit = False
 
     def __repr__(self) -> str:
         remote = self._member.entry.remote if self._member.entry else None
-        state = "closed" if self._member.is_closed else shown(remote) if remote else "not connected"
+        absence = self._hub.failure or "not connected"
+        state = "closed" if self._member.is_closed else shown(remote) if remote else absence
         return f"<Vehicle on {self._name}: {state}>"
 
     def __enter__(self) -> Self:
@@ -106,7 +109,7 @@ class Vehicle:
         """End all subscriptions and repeaters, and close the link if no other Vehicle uses it. Can be repeated."""
         for repeater in tuple(self._repeaters):
             repeater.close()
-        leave_hub(self._name, self._member)
+        leave_hub(self._name, self._hub, self._member)
 
     # the connection
 
@@ -119,12 +122,29 @@ class Vehicle:
     def wait_connected(self, timeout: float | None = None) -> Remote:
         """Wait until a vehicle is connected and its topics are known, and return it. `timeout` is in s.
 
-        Raises LinkTimeoutError, and NotConnectedError if the Vehicle is closed.
+        Without a `timeout`, a warning in the log says after 12 s what to check.
+
+        Raises LinkTimeoutError, NotConnectedError if the Vehicle is closed, and LinkError if the link has failed.
         """
-        member = self._member
-        if not self._hub.wait(lambda: self.is_connected or member.is_closed, timeout, 0.05):
-            raise LinkTimeoutError(self._absence(timeout))
+        hub, member, received = self._hub, self._member, self.statistics.received
+        seconds = PATIENCE if timeout is None else timeout
+
+        def is_over() -> bool:
+            return self.is_connected or member.is_closed or bool(hub.failure)
+
+        if not hub.wait(is_over, seconds, 0.05):
+            text = absence(self._name, hub, member, seconds, received)
+            if timeout is not None:
+                raise LinkTimeoutError(text)
+            LOGGER.warning("%s", text)
+            hub.wait(is_over, None, 0.05)
         return self.remote
+
+    def _tell_absence(self) -> None:
+        """Warn a program that waits for samples, once, if no vehicle has connected."""
+        if self._member.last is None and not self._member.is_closed and not self._has_told_of_absence:
+            self._has_told_of_absence = True
+            LOGGER.warning("%s", absence(self._name, self._hub, self._member, PATIENCE))
 
     def wait_disconnected(self, timeout: float | None = None) -> str:
         """Wait until the vehicle is disconnected, and return the reason. `timeout` is in s.
@@ -132,7 +152,7 @@ class Vehicle:
         Raises LinkTimeoutError.
         """
         if not self._hub.wait(lambda: self._member.entry is None, timeout):
-            raise LinkTimeoutError(f"{shown(self.remote)} is still connected")
+            raise LinkTimeoutError(f"{shown(self.remote)} is still connected after {timeout:g} s")
         return self._member.reason
 
     @property
@@ -166,7 +186,8 @@ class Vehicle:
         """
         entry = self._entry()
         if not self._hub.wait(lambda: entry.check.is_complete or self._member.entry is not entry, timeout):
-            raise LinkTimeoutError(f"{shown(entry.remote)} has not answered for all its messages: {entry.firmware()}")
+            text = f"{shown(entry.remote)} has not answered for all its messages within {timeout:g} s"
+            raise LinkTimeoutError(f"{text}: {entry.firmware()}")
         return self.firmware
 
     @property
@@ -232,7 +253,7 @@ class Vehicle:
         """Return the samples of a topic, from now on and whenever the vehicle is connected.
 
         `topic` is a message class, an endpoint such as `topics.out.vehicle_status`, or a name, with or without
-        namespace and version: "vehicle_status", "/fmu/out/vehicle_status_v1".
+        namespace and version: "vehicle_status", "/fmu/out/vehicle_status_v1". A name with a version means that version.
 
         The thread of the link calls `callback` for each message; it must return at once. Without it, samples wait in a
         queue of `queue` samples, which drops the oldest. With `raw`, the values are the bytes of CDR samples with their
@@ -256,7 +277,9 @@ class Vehicle:
         def attach(feed: Feed) -> None:
             hub.attach(member, feed)
 
-        subscription: Subscription[Any] = Subscription(feed, attach, lambda feed: hub.detach(member, feed), self)
+        subscription: Subscription[Any] = Subscription(
+            feed, attach, lambda feed: hub.detach(member, feed), self._tell_absence
+        )
         attach(feed)
         return subscription
 
@@ -329,6 +352,7 @@ class Vehicle:
 
         repeater = Repeater(hz, message, publish)
         self._repeaters.add(repeater)
+        repeater.start()  # now that `close` knows it, because its callable may close this Vehicle
         return repeater
 
     def call(self, request: Message, timeout: float = 5.0) -> Any:
@@ -341,7 +365,7 @@ class Vehicle:
         """
         entry = self._entry()
         response, service_name = response_of(request)
-        if entry.remote.adopted:
+        if entry.remote.continued:
             raise LinkError(
                 f"'{service_name}' cannot be called, because this session was begun by an earlier program: restart the "
                 "client on the vehicle (uxrce_dds_client stop, uxrce_dds_client start), or publish to 'vehicle_command'"
@@ -358,6 +382,8 @@ class Vehicle:
     def _check_open(self) -> None:
         if self._member.is_closed:
             raise NotConnectedError("the Vehicle is closed: make a new one")
+        if self._hub.failure:
+            raise LinkError(f"{self._hub.failure}; close the Vehicle, and make a new one")
 
     def _entry(self) -> Entry:
         self._check_open()
@@ -411,18 +437,3 @@ class Vehicle:
         raise TopicError(
             f"{shown(entry.remote)} does not read '{found.stem}'{near or ': it is not in its dds_topics.yaml'}"
         )
-
-    def _absence(self, timeout: float | None) -> str:
-        """Return the reason why no vehicle is connected, as far as it can be known."""
-        statistics = self._hub.link.statistics()
-        text = f"no vehicle connected to {self._name} within {timeout:g} s: "
-        if self._member.entry is not None:
-            return f"{text}{shown(self._member.entry.remote)} has not opened its topics yet"
-        others = [shown(entry.remote) for entry in tuple(self._hub.entries.values())]
-        if others:
-            return f"{text}{', '.join(others)} is not the vehicle that key=, namespace= or address= select"
-        if statistics.refused or statistics.dropped:
-            told = f"{statistics.refused} datagrams were refused and {statistics.dropped} dropped"
-            return f"{text}{told}: check allow= for the vehicle's address, and the baud rate of a serial line"
-        question = "is uxrce_dds_client running on the vehicle, with this computer's address (UXRCE_DDS_AG_IP) and port"
-        return f"{text}{question} (UXRCE_DDS_PRT), or on this serial line?"

@@ -12,7 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from msggen.diagnostics import printable
-from msggen.finding import Excerpt, Finding, Reader, Report
+from msggen.finding import OF_VEHICLES, Excerpt, Finding, Reader, Report
 from msggen.report.line import conclusion, is_misread, mark, remedies, silent_mark
 
 _DECODE = "decode wrong values without an error"
@@ -38,7 +38,9 @@ def write_full(report: Report, *, width: int, colour: bool) -> str:
         _environ={},
     )
     with console.capture() as capture:
-        for subject, findings in _by_subject(report.findings).items():
+        _print_lines(console, [each for each in report.findings if each.rule.category in OF_VEHICLES])
+        of_files = [each for each in report.findings if each.rule.category not in OF_VEHICLES]
+        for subject, findings in _by_subject(of_files).items():
             _print_group(console, report, subject, findings)
         for readers, subjects in _misread_subjects(report.findings).items():
             _print_line(
@@ -76,14 +78,18 @@ def _print_group(console: Console, report: Report, subject: str, findings: Seque
     for readers in _misread_subjects(findings):
         heading = Text.assemble(heading, " ", (f"({_explain_silent(readers)})", _ALARM))
     _print_line(console, heading)
-    for finding in findings:
-        _print_line(console, _line(finding))
+    _print_lines(console, findings)
     pairs = dict.fromkeys((finding.change.before, finding.change.after) for finding in findings)
     pairs.pop((None, None), None)
     if pairs:
         _print_line(console, Text())
         console.print(_side_by_side(report, list(pairs), console.width))
     _print_line(console, Text())
+
+
+def _print_lines(console: Console, findings: Sequence[Finding]) -> None:
+    for finding in findings:
+        _print_line(console, _line(finding))
 
 
 def _print_line(console: Console, text: Text) -> None:

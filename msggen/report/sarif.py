@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -117,7 +118,12 @@ def _place(location: Location) -> dict[str, Any]:
 
 
 def _uri(path: str) -> str:
-    """Return the URI of a path: a relative reference below the current folder, otherwise an absolute URI."""
+    """Return the URI of a path: a relative reference below the current folder, otherwise an absolute URI.
+
+    The address of a link is a URI already.
+    """
+    if re.match("(udp|serial|tap|dds)://", path):
+        return quote(path, safe=":/?=[]")
     below = os.path.relpath(path)
     outside = below == os.pardir or below.startswith(os.pardir + os.sep)
     text = os.path.abspath(path) if outside else below

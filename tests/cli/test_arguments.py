@@ -92,6 +92,7 @@ def test_no_arguments_lead_to_a_trace_or_to_the_exit_code_of_findings(
 
     monkeypatch.setattr("msggen.live.sim.Simulator.serve", interrupt)  # `msggen sim` would not end by itself
     monkeypatch.setattr("msggen.live.vehicle.Vehicle.__init__", fail)  # there is none
+    monkeypatch.setattr("msggen.doctor.observe._wait", interrupt)  # nor wait for vehicles
     choose = random.Random(name)  # noqa: S311 - the same arguments in every run
     write_definitions(working_folder, FILES)
     for _ in range(ROUNDS):
@@ -101,7 +102,7 @@ def test_no_arguments_lead_to_a_trace_or_to_the_exit_code_of_findings(
         except SystemExit as stopped:
             code = int(stopped.code or 0)
         assert code in (0, 1, 2), words
-        finds = {"check", "breaking", "lint", "--check", "--diff", "--dry-run"}
+        finds = {"check", "breaking", "lint", "doctor", "--check", "--diff", "--dry-run"}
         assert code != 1 or finds & {*words}, words
         told = capsys.readouterr()
         assert (code == 2) <= bool(told.err), words

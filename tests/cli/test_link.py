@@ -166,11 +166,11 @@ def test_the_release_of_a_vehicle_is_remembered(url: str, cache: Path, px4_types
     with Simulator(px4_types, url, [SHORT]):
         with connection(given) as found:
             assert (found.package, found.label) == (package_of("v1.18"), "v1.18")
-            assert not found.vehicle.remote.adopted
+            assert not found.vehicle.remote.continued
         (memory,) = (cache / "links").iterdir()
         assert memory.read_text() == "v1.18"
         with connection(given) as again:
-            assert again.vehicle.remote.adopted
+            assert again.vehicle.remote.continued
             assert again.package is found.package
 
 

@@ -33,14 +33,19 @@ def meaning(action: argparse.Action) -> tuple[object, ...]:
     return (type(action), text, action.type, action.default, action.metavar, action.nargs, choices)
 
 
-OF_OTHERS = {"topic": {"-t", "-v", "--verbose"}, "top": {"--once"}, "px4-generate": {"--json", "-f"}}
-"""Options that mean what they mean in `ros2 topic`, and in the firmware's scripts."""
+OF_OTHERS = {
+    "doctor": {"--json", "--for"},
+    "topic": {"-t", "-v", "--verbose"},
+    "top": {"--once"},
+    "px4-generate": {"--json", "-f"},
+}
+"""Options that mean what they mean in `ros2 topic`, in the firmware's scripts, or for one command only."""
 
 
 def meanings() -> dict[str, dict[str, tuple[object, ...]]]:
-    """Return the meaning of each spelling, by command. Those of `sim` tell what to simulate."""
+    """Return the meaning of each spelling, by command. `sim` and `play` are vehicles, and `record` writes a file."""
     found: dict[str, dict[str, tuple[object, ...]]] = defaultdict(dict)
-    for command in COMMANDS.keys() - {"sim"}:
+    for command in COMMANDS.keys() - {"sim", "play", "record"}:
         for action in actions(command):
             of_others = OF_OTHERS.get(command.partition(" ")[0], set())
             for spelling in {*action.option_strings} - of_others:
@@ -108,7 +113,7 @@ def test_the_help_lists_each_command_in_a_line(
 
 
 PAGES = {command: command for command in ("build", "sync", "check", "bump", "render")}
-PAGES |= {"breaking": "check", "docs": "site", "lint": "lint"}
+PAGES |= {"breaking": "check", "docs": "site", "lint": "lint", "record": "record", "play": "record"}
 
 
 @pytest.mark.parametrize("command", PAGES)

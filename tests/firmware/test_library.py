@@ -5,10 +5,10 @@ from __future__ import annotations
 import doctest
 import importlib
 import json
-import os
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -17,6 +17,7 @@ import msggen
 from msggen import InputError, Location, endpoints, read
 from msggen.firmware.embedded import EMBEDDED
 from support.catalogs import write_definitions
+from support.checkers import mypy
 from support.repository import DEFINITIONS, ROOT
 
 PAGE = (ROOT / "docs" / "library.md").read_text(encoding="utf-8")
@@ -208,26 +209,24 @@ hash: str = msggen.message_hash(msggen.read(), msggen.read().uorb_messages[0])
 """
 
 
-CHECKERS = {
-    "mypy": ("--strict", "--python-version=3.10", "user.py"),
-    "basedpyright": ("--level=error", "--pythonpath", sys.executable, "-p", "."),
-}
+def by_mypy(folder: Path) -> subprocess.CompletedProcess[str]:
+    return mypy(folder, "user.py", path=ROOT)
+
+
+def by_pyright(folder: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "basedpyright", "--level=error", "--pythonpath", sys.executable, "-p", "."]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("checker", CHECKERS)
+@pytest.mark.parametrize("check", [by_mypy, by_pyright])
 @pytest.mark.parametrize(("program", "wrong"), [(USER, set()), (MISTAKES, {3, 4, 5, 6})], ids=["right", "wrong"])
-def test_programs_are_typed(checker: str, program: str, wrong: set[int], tmp_path: Path) -> None:
+def test_programs_are_typed(
+    check: Callable[[Path], subprocess.CompletedProcess[str]], program: str, wrong: set[int], tmp_path: Path
+) -> None:
     settings = {"extraPaths": [str(ROOT)], "typeCheckingMode": "strict", "pythonVersion": "3.10"}
     write_definitions(tmp_path, {"user.py": program, "pyrightconfig.json": json.dumps(settings)})
-    done = subprocess.run(
-        [sys.executable, "-m", checker, *CHECKERS[checker]],
-        cwd=tmp_path,
-        env={**os.environ, "MYPYPATH": str(ROOT), "MYPY_CACHE_DIR": str(ROOT / ".mypy_cache" / "library")},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = check(tmp_path)
     assert done.returncode == bool(wrong), done.stdout + done.stderr
     assert {int(line) for line in re.findall(r"user\.py:(\d+):", done.stdout)} == wrong, done.stdout
 

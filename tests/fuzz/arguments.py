@@ -23,8 +23,9 @@ from support.scratch import inside, scratch_folder
 
 COUNT = 150
 
-COMMANDS = tuple(name for name in _MODULES if name not in ("sim", "topic", "top", "command", "call"))
-"""The commands that need no other process."""
+ON_A_LINK = frozenset(("sim", "topic", "top", "command", "call", "record", "play", "view", "doctor", "relay"))
+COMMANDS = tuple(name for name in _MODULES if name not in ON_A_LINK)
+"""The commands that end by themselves, and need no other process."""
 
 Case = tuple[str, ...]
 """The arguments."""
@@ -86,7 +87,8 @@ LIKELY: dict[str, tuple[str, ...]] = {
 def options(command: str) -> tuple[str, ...]:
     """Return the options of a command."""
     (commands,) = (each for each in parser_for([command])._actions if isinstance(each, argparse._SubParsersAction))
-    return tuple(commands.choices[command]._option_string_actions) if command in commands.choices else ()
+    found = commands.choices[command]._option_string_actions if command in commands.choices else ()
+    return tuple(option for option in found if option != "--live")  # it waits for a vehicle
 
 
 def case(chance: Random) -> Case:

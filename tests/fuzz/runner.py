@@ -30,6 +30,7 @@ NAMES = (
     "strangers",
     "arguments",
     "datagrams",
+    "recordings",
 )
 """The campaigns, each a module of this package."""
 

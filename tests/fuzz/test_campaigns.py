@@ -99,8 +99,9 @@ PLANTED: dict[str, tuple[str, Any]] = {
     "kills": ("msggen.generate.build.write_output", write_in_place),
     "faults": ("msggen.generate.build.write_output", write_in_place),
     "strangers": ("msggen.generate.build.write_output", write_in_place),
-    "arguments": ("msggen.firmware.sources.near_release", fail),
+    "arguments": ("msggen.firmware.catalog.decode_text", fail),
     "datagrams": ("msggen.live.xrce.wire.WireError", KeyError),
+    "recordings": ("msggen.recordings.writer.McapWriter.flush", lambda _: None),
 }
 """An error for each campaign: the function or the number that is replaced, and by what."""
 

@@ -27,6 +27,8 @@ from support.repository import ROOT
         ("serial://COM3?baud=115200", Address("serial", path="COM3", baud=115200)),
         ("tap://127.0.0.1:8888?agent=10.0.0.2:8889", Address("tap", agent=("10.0.0.2", 8889))),
         ("tap://", Address("tap", agent=("127.0.0.1", 8889))),
+        ("tap://127.0.0.1:8888?agent=8908", Address("tap", agent=("127.0.0.1", 8908))),
+        ("udp://9000", Address("udp", "127.0.0.1", 9000)),
         ("dds://0", Address("dds", domain=0)),
         ("dds://232", Address("dds", domain=232)),
         ("dds://", Address("dds", domain=0)),
@@ -53,15 +55,27 @@ def test_the_forms_are_right(form: str) -> None:
         ("serial:/dev/ttyACM0", "is not the address of a link, did you mean 'serial:///dev/ttyACM0'?"),
         ("COM3", "is not the address of a link, did you mean 'serial://COM3'?"),
         ("0", "is not the address of a link, did you mean 'dds://0'?"),
+        ("8888", "is not the address of a link, did you mean 'udp://127.0.0.1:8888'?"),
+        ("ttyUSB0", "is not the address of a link, did you mean 'serial:///dev/ttyUSB0'?"),
+        ("localhost:8888", "is not the address of a link, did you mean 'udp://localhost:8888'?"),
+        ("udp//localhost:8888", "is not the address of a link, did you mean 'udp://localhost:8888'?"),
+        ("http://127.0.0.1:8888/?a=b", "is not the address of a link, did you mean 'udp://127.0.0.1:8888'?"),
         ("http://1?!", "is not the address of a link: expected one of udp://127.0.0.1:8888, serial:///dev"),
         ("", f"is not the address of a link: expected one of {', '.join(FORMS.values())}"),
         ("serial://dev/ttyUSB0", "has no absolute path, did you mean 'serial:///dev/ttyUSB0'?"),
+        ("serial://ttyUSB0", "has no absolute path, did you mean 'serial:///dev/ttyUSB0'?"),
         ("serial://", f"has no device: expected an address such as '{FORMS['serial']}'"),
         ("serial:///dev/a?baud=fast", "'fast' is not a baud rate: expected a number from 1 to 2147483647"),
         ("serial:///dev/a?bauds=9600", "unknown key 'bauds', did you mean 'baud'?"),
         ("udp://127.0.0.1:88888", "'88888' is not a port: expected a number from 1 to 65535"),
         ("udp://127.0.0.1:", "'' is not a port: expected a number from 1 to 65535"),
         ("udp://a:b:c", "'a:b:c' is not a host and a port: expected an address such as 'udp://127.0.0.1:8888'"),
+        ("udp://127.0.0.1,8888", "is not a host and a port, did you mean 'udp://127.0.0.1:8888'?"),
+        ("udp://h/8888", "is not a host and a port, did you mean 'udp://h:8888'?"),
+        ("udp://h:1?key=1", "'key' is not part of an address: give it to Vehicle, Vehicle('udp://h:1', key=1)"),
+        ("udp://h?namespace=uav_1&x=2&queue=9", ": give it to Vehicle, Vehicle('udp://h', namespace='uav_1', queue=9)"),
+        ("tap://h?agent=1&types=px4_types", "'types' is not part of an address: give it to Vehicle"),
+        ("dds://0?allow=10.8.0.0/24", "Vehicle('dds://0', allow='10.8.0.0/24')"),
         ("udp://127.0.0.1:8888?baud=1", "unknown key 'baud': expected an address such as 'udp://127.0.0.1:8888'"),
         ("tap://127.0.0.1:8889", "the agent has the tap's own address: start the agent on another port, 8889"),
         ("dds://233", "'233' is not a DDS domain: expected a number from 0 to 232"),
@@ -81,6 +95,12 @@ def test_any_text_is_an_address_or_an_error(text: str) -> None:
     except LinkError:
         return
     assert parse_address(str(found)) == found
+
+
+@pytest.mark.parametrize("scheme", ["tap", "tcp", "dds"])
+def test_an_address_with_another_scheme_is_suggested_with_one_that_fits(scheme: str) -> None:
+    with pytest.raises(LinkError, match=r"is not the address of a link, did you mean 'udp://127\.0\.0\.1:8888'"):
+        parse_address(f"{scheme}://127.0.0.1:8888?agent=127.0.0.1:8889", ("udp", "serial"))
 
 
 def test_keys_and_addresses_are_only_for_links_that_have_them() -> None:

@@ -29,6 +29,13 @@ def test_samples_are_sent_and_measured(measure: Callable[[Load], link.Result], l
     assert result.cpu > 0
 
 
+def test_what_is_published_arrives_at_the_vehicle_and_is_measured() -> None:
+    result = link.measure_to_vehicle(600, 0.2)
+    assert result.sent == 120
+    assert 0 < result.received <= result.sent
+    assert result.latencies[0] > 0
+
+
 def test_a_row_shows_loss_latency_and_cpu_time() -> None:
     result = link.Result(200, 100, list(range(1000, 101_000, 1000)), 0.002)
     assert result.row("name") == ["name", "200", "50 %", "51", "100", "20"]

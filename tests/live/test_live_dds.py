@@ -77,7 +77,7 @@ def test_a_vehicle_is_found_read_written_and_called(px4_types: Any) -> None:
             command = records.route("/uav_1/fmu/in/vehicle_command")
             service = records.route("/uav_1/fmu/vehicle_command")
             (remote,) = records.remotes
-            assert remote == Remote(1, f"domain {domain}", 0, "uav_1", adopted=False)
+            assert remote == Remote(1, f"domain {domain}", 0, "uav_1", continued=False)
             assert status == Route("/uav_1/fmu/out/vehicle_status_v4", "px4_msgs/msg/VehicleStatus", "out", -1)
             assert isinstance(service, Service)
             expected = {
@@ -161,7 +161,9 @@ def test_routes_of_a_vehicle_are_bounded(monkeypatch: pytest.MonkeyPatch) -> Non
     participant: Any = SimpleNamespace(reader=lambda *_, **__: object())
     for number in range(50):
         topic = f"rt/fmu/out/topic_{number}"
-        found = Found(number, is_writer=True, participant="px4", topic=topic, type="px4_msgs::msg::dds_::A_")
+        found = Found(
+            number, is_writer=True, participant="px4", topic=topic, type="px4_msgs::msg::dds_::A_", is_reliable=False
+        )
         link._found(found, participant, records)
         if number:
             link._gone(number, participant, records)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import socket
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
@@ -15,15 +14,14 @@ from IPython.core import interactiveshell
 from msggen.cli import main
 from msggen.live.sim import Options, Simulator
 from support.example_program import EXAMPLES, LONGEST, Program, interrupted
+from support.ports import free_port
 from support.repository import ROOT
 
 
 @pytest.fixture
 def address() -> str:
     """An address for an example, whose port nobody uses."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as each:
-        each.bind(("127.0.0.1", 0))
-        return f"udp://127.0.0.1:{each.getsockname()[1]}"
+    return f"udp://127.0.0.1:{free_port()}"
 
 
 @pytest.fixture

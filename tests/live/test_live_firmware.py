@@ -260,6 +260,21 @@ def test_another_version_is_converted_or_decoded_by_name(archived: dict[str, Any
         assert converted.drain()["timestamp"].tolist() == [1, 2]
 
 
+def test_a_name_with_a_version_means_that_version(archived: dict[str, Any]) -> None:
+    new, old = archived["v1.18"], archived["v1.17"]
+    version = old.VehicleStatus.__msg__.message_version
+    link = FakeLink(old)
+    with Vehicle(link, new) as vehicle:
+        right = vehicle.subscribe(f"/fmu/out/vehicle_status_v{version}")
+        converted = vehicle.subscribe("vehicle_status_v4", convert=True)
+        wrong = vehicle.subscribe("vehicle_status_v4")
+        link.sample(link.connect(), old.VehicleStatus(timestamp=1))
+        assert right.latest() == getattr(new, f"VehicleStatusV{version}")(timestamp=1)
+        assert type(converted.latest()) is new.VehicleStatus
+        with pytest.raises(FormatError, match="and VehicleStatus is version 4"):
+            wrong.latest()
+
+
 def test_another_package_decodes_what_differs(archived: dict[str, Any], px4_types: Any) -> None:
     old = archived["v1.17"]
     link = FakeLink(old)

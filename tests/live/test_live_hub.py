@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import asyncio
 import gc
 import subprocess
 import sys
 import threading
+import time
+from collections.abc import Callable
 from typing import Any
 
 import pytest
 
 from msggen.live import LinkError, LinkTimeoutError, NotConnectedError, Vehicle
+from msggen.live import vehicle as vehicle_module
+from msggen.live.sim import Options, Simulator
 from support.fake_link import FakeLink
+from support.link_records import nothing_is_left
 from support.ports import free_port
 from support.repository import ROOT
 
@@ -127,9 +133,26 @@ def test_another_vehicle_with_the_same_key_is_not_a_restarted_one(link: FakeLink
         assert not vehicle.is_connected
 
 
-def test_an_adopted_session_belongs_to_a_vehicle_by_its_address(link: FakeLink) -> None:
+@pytest.mark.parametrize("step", [-(10**18), 0, 10**18])
+def test_a_clock_that_is_set_changes_nothing(link: FakeLink, px4_types: Any, step: int) -> None:
+    """Whether a vehicle was heard after another one connected does not depend on the time of day."""
+    with Vehicle(link) as vehicle:
+        now = time.time_ns()
+        first = link.connect(1, address="127.0.0.1:1")
+        link.sample(first, px4_types.VehicleStatus(), when=now)
+        again = link.connect(1, address="127.0.0.1:2")
+        link.sample(again, px4_types.VehicleStatus(), when=now + step)
+        link.disconnect(first)
+        assert vehicle.remote == again
+        link.connect(1, address="127.0.0.1:3")
+        link.sample(again, px4_types.VehicleStatus(), when=now - step)
+        link.disconnect(again)
+        assert not vehicle.is_connected
+
+
+def test_a_continued_session_belongs_to_a_vehicle_by_its_address(link: FakeLink) -> None:
     with Vehicle(link, key=1) as by_key, Vehicle(link, address="127.0.0.1") as by_address, Vehicle(link) as by_any:
-        remote = link.connect(0, adopted=True)
+        remote = link.connect(0, continued=True)
         assert [by_address.remote, by_any.remote] == [remote, remote]
         with pytest.raises(NotConnectedError):
             _ = by_key.remote
@@ -138,9 +161,11 @@ def test_an_adopted_session_belongs_to_a_vehicle_by_its_address(link: FakeLink) 
         assert [vehicle.remote for vehicle in (by_key, by_address, by_any)] == [again] * 3
 
 
-def test_an_adopted_session_that_no_selection_accepts_is_told(link: FakeLink, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_continued_session_that_no_selection_accepts_is_told(
+    link: FakeLink, caplog: pytest.LogCaptureFixture
+) -> None:
     with Vehicle(link, key=1):
-        link.connect(0, adopted=True)
+        link.connect(0, continued=True)
     assert "continues an earlier session" in caplog.text
 
 
@@ -151,6 +176,31 @@ def test_a_wrong_selection_is_told(link: FakeLink) -> None:
             LinkTimeoutError, match=r"\(key 1\) is not the vehicle that key=, namespace= or address= se"
         ):
             vehicle.wait_connected(0.01)
+
+
+@pytest.mark.parametrize("link_name", ["dds://0", "udp://127.0.0.1:8888"])
+def test_a_wait_without_a_limit_tells_once_what_to_check(
+    link_name: str, link: FakeLink, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(vehicle_module, "PATIENCE", 0.05)
+    with Vehicle(link) as vehicle:
+        vehicle._name = link_name
+        timer = threading.Timer(0.6, link.connect)
+        timer.start()
+        vehicle.wait_connected()
+    (told,) = [record for record in caplog.records if "no vehicle connected" in record.message]
+    assert told.levelname == "WARNING"
+    assert told.message.startswith(f"no vehicle connected to {link_name} within 0.05 s: ")
+    assert ("is an agent running" if link_name == "dds://0" else "is uxrce_dds_client running") in told.message
+
+
+def test_time_limits_are_told(link: FakeLink) -> None:
+    with Vehicle(link) as vehicle:
+        link.connect()
+        with pytest.raises(LinkTimeoutError, match=r"is still connected after 0\.01 s"):
+            vehicle.wait_disconnected(0.01)
+        with pytest.raises(LinkTimeoutError, match=r"has not answered for all its messages within 0\.01 s: "):
+            vehicle.wait_firmware(0.01)
 
 
 def test_a_link_that_cannot_be_opened_leaves_nothing(link: FakeLink) -> None:
@@ -203,6 +253,100 @@ def test_vehicles_join_and_leave_from_many_threads(link: FakeLink, px4_types: An
     assert errors == []
     assert link.closed.is_set()
     gc.collect()
+
+
+# A link that fails
+
+
+FAILED = "the link failed: OSError: no more"
+
+
+def raised(call: Callable[[], object]) -> Callable[[], str]:
+    """Call a function in another thread. Return a function that waits, and returns the text of its error."""
+    errors: list[str] = []
+
+    def run() -> None:
+        with pytest.raises(LinkError) as caught:
+            call()
+        errors.append(str(caught.value))
+
+    thread = threading.Thread(target=run)
+    thread.start()
+
+    def joined() -> str:
+        thread.join(WAIT)
+        return errors[0]
+
+    return joined
+
+
+def test_everybody_who_waits_is_told_that_the_link_has_failed(
+    link: FakeLink, px4_types: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def read() -> None:
+        async for _ in vehicle.subscribe(px4_types.VehicleStatus):
+            pass
+
+    with Vehicle(link) as vehicle, Vehicle(link, key=2) as other:
+        remote = link.connect()
+        read_before = vehicle.subscribe(px4_types.VehicleStatus)
+        link.sample(remote, px4_types.VehicleStatus(timestamp=7))
+        waits = [
+            raised(lambda: next(iter(vehicle.subscribe(px4_types.VehicleStatus)))),
+            raised(lambda: vehicle.subscribe(px4_types.VehicleStatus).wait_for(bool)),
+            raised(lambda: asyncio.run(read())),
+            raised(other.wait_connected),
+        ]
+        while len(vehicle._member.feeds) < 5:  # that of wait_for, too
+            time.sleep(0.01)
+        link.fail()
+        assert [wait() for wait in waits] == [FAILED] * 3 + [f"{FAILED}; close the Vehicle, and make a new one"]
+        messages = iter(read_before)
+        assert next(messages).timestamp == 7, "what has arrived can be read"
+        with pytest.raises(LinkError, match=FAILED):
+            next(messages)
+        with pytest.raises(LinkError, match=FAILED):
+            vehicle.publish(px4_types.TrajectorySetpoint())
+        with pytest.raises(LinkError, match=FAILED):
+            vehicle.subscribe(px4_types.VehicleStatus)
+        assert vehicle.wait_disconnected(0) == FAILED
+        assert FAILED in repr(vehicle)
+    assert caplog.messages.count(f"{FAILED}; close the Vehicle, and make a new one") == 1
+
+
+def test_a_repeater_ends_when_the_link_has_failed(link: FakeLink, px4_types: Any) -> None:
+    with Vehicle(link) as vehicle:
+        link.connect()
+        repeater = vehicle.every(100, px4_types.TrajectorySetpoint())
+        assert link.sent.wait(WAIT)
+        link.fail()
+        repeater._thread.join(WAIT)
+        assert not repeater.is_running
+        assert FAILED in str(repeater.error)
+
+
+def test_a_new_vehicle_gets_another_link_than_the_one_that_has_failed(
+    monkeypatch: pytest.MonkeyPatch, px4_types: Any
+) -> None:
+    url = f"udp://127.0.0.1:{free_port()}"
+    with nothing_is_left():
+        failed = Vehicle(url, px4_types)
+        link: Any = failed._hub.link
+        monkeypatch.setattr(link.agent, "tick", lambda _: 1 / 0)
+        with pytest.raises(LinkError, match="the link failed: ZeroDivisionError"):
+            failed.wait_connected(WAIT)
+        with Vehicle(url, px4_types) as vehicle, Simulator(px4_types, url, [Options(sync="off")]):
+            failed.close()  # and leaves the other one as it is
+            assert vehicle.wait_connected(WAIT).key == 1
+            with Vehicle(url, px4_types) as third:
+                assert third._hub is vehicle._hub
+
+
+def test_a_link_object_that_has_failed_says_why(link: FakeLink) -> None:
+    with Vehicle(link):
+        link.fail()
+        with pytest.raises(LinkError, match=f"{FAILED}; make another FakeLink"):
+            Vehicle(link)
 
 
 END = """

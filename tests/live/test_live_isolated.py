@@ -91,6 +91,44 @@ def test_a_killed_process_is_told_and_started_again(url: str, px4_types: Any, ca
     assert "the process of the link ended (killed by signal 9), and is started again" in caplog.messages
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+def test_readers_are_told_when_the_process_cannot_be_started_again(
+    url: str, px4_types: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with Vehicle(url, px4_types, isolated=True) as vehicle:
+        monkeypatch.setattr("msggen.live.isolated._MAIN", "{path}; raise SystemExit(3)")
+        monkeypatch.setattr("msggen.live.isolated._ATTEMPTS", 2)
+        child_of(vehicle).kill()
+        with pytest.raises(LinkError, match=f"the link to {url} stays closed"):
+            next(iter(vehicle.subscribe(px4_types.VehicleStatus)))
+        with pytest.raises(LinkError, match="stays closed"):
+            vehicle.wait_connected(WAIT)
+
+
+def test_a_link_that_fails_ends_its_process() -> None:
+    """The parent starts another process, with another link."""
+    child, output = Child(), io.BytesIO()
+    child.failed("the link failed: OSError")
+    child.send(FakeLink(), output)  # returns at once
+    child.flush(output)
+    assert {"warned": "the link failed: OSError"} in [json.loads(body) for _, body in pieces(output.getvalue())]
+    assert child.has_failed
+
+
+def test_a_request_that_the_link_refuses_raises(url: str, px4_types: Any) -> None:
+    """A tap cannot call services: the caller need not wait for a reply that will not come."""
+    with Vehicle(url, px4_types) as agent:
+        address = f"tap://127.0.0.1:{free_port()}?agent={url.removeprefix('udp://')}"
+        with (
+            Vehicle(address, px4_types, isolated=True) as vehicle,
+            Simulator(px4_types, address.partition("?")[0].replace("tap", "udp"), OPTIONS),
+        ):
+            agent.wait_connected(WAIT)
+            vehicle.wait_connected(WAIT)
+            with pytest.raises(LinkError, match="cannot be called through a tap"):
+                vehicle.call(px4_types.srv.VehicleCommand.Request(), 3 * WAIT)
+
+
 def test_a_link_that_cannot_be_opened_raises_the_same_error() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
         sock.bind(("127.0.0.1", 0))
@@ -152,7 +190,7 @@ def test_records_come_out_as_they_went_in(records: list[Any], cut: int) -> None:
 
 
 def test_samples_that_exceed_the_backlog_are_dropped_and_events_are_not() -> None:
-    child, remote = Child(), Remote(1, "127.0.0.1:1", 1, "", adopted=False)
+    child, remote = Child(), Remote(1, "127.0.0.1:1", 1, "", continued=False)
     route = Route("/fmu/out/a", "px4_msgs/msg/A", "out", 1)
     child.connected(remote)
     child.opened(remote, route)
@@ -174,7 +212,7 @@ def test_samples_that_exceed_the_backlog_are_dropped_and_events_are_not() -> Non
     assert len(list(pieces(again.getvalue()))) == 3
 
 
-REMOTE = Remote(1, "127.0.0.1:1", 1, "", adopted=False)
+REMOTE = Remote(1, "127.0.0.1:1", 1, "", continued=False)
 
 
 def test_lost_samples_are_told_as_one_sum() -> None:
@@ -202,6 +240,17 @@ def test_a_process_whose_parent_does_not_read_ends(monkeypatch: pytest.MonkeyPat
     with pytest.raises(SystemExit):
         deque(map(child.connected, remotes), maxlen=0)
     assert child._size < 101_000
+
+
+def test_the_counters_are_complete_when_the_link_is_closed() -> None:
+    """They are told every 0.2 s, and once more at the end."""
+    child, link, output = Child(), FakeLink(), io.BytesIO()
+    child.obey(link, iter(()))
+    child.send(link, output)  # returns at once
+    link.published.append((REMOTE, Route("/fmu/in/a", "px4_msgs/msg/A", "in", 1), b""))
+    child.finish(link, output)
+    child.finish(link, output)
+    assert [json.loads(body) for _, body in pieces(output.getvalue())] == [{"statistics": [0, 1, 0, 0, 0, 0]}]
 
 
 class Refusing(FakeLink):

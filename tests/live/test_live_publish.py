@@ -302,7 +302,7 @@ def test_calls_of_several_threads_are_on_the_wire_one_at_a_time(
 def test_a_late_reply_is_not_that_of_the_next_call(link: FakeLink, vehicle: Vehicle, px4_types: Any) -> None:
     remote = link.connect()
     request = px4_types.srv.VehicleCommand.Request()
-    with pytest.raises(LinkTimeoutError, match="'/fmu/vehicle_command': no reply within the given time"):
+    with pytest.raises(LinkTimeoutError, match=r"'/fmu/vehicle_command': no reply within 0\.01 s; PX4"):
         vehicle.call(request, 0.01)
     link.called.clear()
     call = Call(vehicle, request)
@@ -364,7 +364,7 @@ def test_a_call_that_cannot_be_made_names_the_cure(link: FakeLink, vehicle: Vehi
     request = px4_types.srv.VehicleCommand.Request()
     with pytest.raises(NotConnectedError, match="no vehicle is connected"):
         vehicle.call(request)
-    remote = link.connect(adopted=True)
+    remote = link.connect(continued=True)
     with pytest.raises(LinkError, match="restart the client on the vehicle"):
         vehicle.call(request)
     link.disconnect(remote)

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import os
-import threading
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from typing import Any
 
 import pytest
@@ -15,6 +13,7 @@ from msggen.live.serial import SerialLink
 from msggen.live.sim import Misbehaviour, Options, Simulator
 from msggen.live.tap import TapLink
 from msggen.live.udp import UdpLink
+from support.lines import joined
 from support.link_records import Records, nothing_is_left
 from support.ports import free_port
 
@@ -31,35 +30,6 @@ def started(link: Any) -> Iterator[Records]:
         yield records
     finally:
         link.close()
-
-
-@contextmanager
-def joined() -> Iterator[tuple[str, str]]:
-    """Join two pseudo terminals, as two ends of a line, and return their paths."""
-    masters, slaves = zip(os.openpty(), os.openpty(), strict=True)
-    for master in masters:
-        os.set_blocking(master, True)
-    ended = False
-
-    def carry(source: int, target: int) -> None:
-        with suppress(OSError):
-            while not ended:
-                os.write(target, os.read(source, 4096))
-
-    threads = [threading.Thread(target=carry, args=pair, daemon=True) for pair in (masters, masters[::-1])]
-    for thread in threads:
-        thread.start()
-    try:
-        yield os.ttyname(slaves[0]), os.ttyname(slaves[1])
-    finally:
-        ended = True
-        for slave in slaves:  # ends the reads of the threads, with a byte or with an error
-            with suppress(OSError):
-                os.write(slave, b"\0")
-        for thread in threads:
-            thread.join()
-        for file in (*masters, *slaves):
-            os.close(file)
 
 
 @contextmanager
@@ -152,7 +122,7 @@ def test_a_link_that_is_opened_again_goes_on_with_the_session(kind: str, px4_typ
         with started(again) as others:
             others.wait(lambda: others.samples)
             (remote,) = others.remotes
-            assert remote.adopted
+            assert remote.continued
             records.samples.clear()
             arm(again, others, px4_types, remote._replace(key=1))
             assert [found.number for found in others.remotes] == [1], "the vehicle did not connect again"

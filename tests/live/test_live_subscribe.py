@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 from msggen.live import LinkTimeoutError, NotConnectedError, TopicError, Vehicle
+from msggen.live import subscription as subscription_module
 from support.fake_link import FakeLink, routes_of
 
 WAIT = 10.0
@@ -53,9 +54,9 @@ def test_a_subscription_yields_the_messages_in_order(link: FakeLink, vehicle: Ve
     "name",
     [
         "vehicle_status",
-        "vehicle_status_v1",
+        "vehicle_status_v4",
         "/fmu/out/vehicle_status",
-        "/fmu/out/vehicle_status_v1",
+        "/fmu/out/vehicle_status_v4",
         "rt/fmu/out/vehicle_status_v4",
         "/uav_1/fmu/out/vehicle_status_v4",
     ],
@@ -66,6 +67,22 @@ def test_a_topic_is_found_by_any_of_its_names(link: FakeLink, px4_types: Any, na
         remote = link.connect(namespace="uav_1")
         link.sample(remote, status(px4_types, 3))
         assert subscription.latest() == status(px4_types, 3)
+
+
+@pytest.mark.parametrize("name", ["vehicle_status_v9", "/uav_1/fmu/out/vehicle_status_v1"])
+def test_a_version_that_the_types_do_not_have_is_an_error(link: FakeLink, px4_types: Any, name: str) -> None:
+    error = (
+        f"px4_types has no version {name[-1]} of '/fmu/out/vehicle_status', but 4: leave the version out of the name"
+    )
+    with Vehicle(link, px4_types) as vehicle, pytest.raises(TopicError, match=error):
+        vehicle.subscribe(name)
+
+
+def test_a_version_to_the_vehicle_that_the_types_do_not_have_is_an_error(link: FakeLink, px4_types: Any) -> None:
+    with Vehicle(link, px4_types) as vehicle:
+        link.connect()
+        with pytest.raises(TopicError, match="has no version 9 of '/fmu/in/trajectory_setpoint', but 0"):
+            vehicle.publish(px4_types.TrajectorySetpoint(), "trajectory_setpoint_v9")
 
 
 def test_a_topic_is_found_by_its_endpoint(link: FakeLink, vehicle: Vehicle, px4_types: Any) -> None:
@@ -258,13 +275,53 @@ def test_latest_is_the_newest_and_stays(link: FakeLink, vehicle: Vehicle, px4_ty
     assert len(subscription) == 3
 
 
+WAITS = {
+    "iterator": lambda subscription: next(iter(subscription)),
+    "wait_for": lambda subscription: subscription.wait_for(lambda _: True),
+    "asyncio": lambda subscription: asyncio.run(anext(aiter(subscription))),
+}
+
+
+@pytest.mark.parametrize("wait", WAITS.values(), ids=WAITS)
+def test_who_waits_for_samples_without_a_vehicle_is_told_once_what_to_check(
+    wait: Any, link: FakeLink, px4_types: Any, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(subscription_module, "PATIENCE", 0.01)
+    vehicle, found = Vehicle(link), []
+    subscription = vehicle.subscribe(px4_types.VehicleStatus)
+    thread = threading.Thread(target=lambda: found.append(wait(subscription)), daemon=True)
+    thread.start()
+    while "is uxrce_dds_client running on the vehicle" not in caplog.text and thread.is_alive():
+        thread.join(0.01)
+    remote = link.connect()
+    while thread.is_alive():
+        link.sample(remote, status(px4_types, 1))
+        thread.join(0.01)
+    vehicle._tell_absence()
+    vehicle.close()
+    assert stamps(found) == [1]
+    assert [record.levelname for record in caplog.records if "no vehicle" in record.message] == ["WARNING"]
+
+
+def test_who_waits_for_samples_of_a_connected_vehicle_is_not_told(
+    link: FakeLink, vehicle: Vehicle, px4_types: Any, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(subscription_module, "PATIENCE", 0.0)
+    remote = link.connect()
+    subscription = vehicle.subscribe(px4_types.VehicleStatus)
+    timer = threading.Timer(0.5, lambda: link.sample(remote, status(px4_types, 1)))
+    timer.start()
+    assert next(iter(subscription)).timestamp == 1
+    assert "no vehicle" not in caplog.text
+
+
 def test_wait_for_returns_the_newest_or_a_later_message(link: FakeLink, vehicle: Vehicle, px4_types: Any) -> None:
     subscription = vehicle.subscribe(px4_types.VehicleStatus)
     remote = link.connect()
     for number in (1, 2):
         link.sample(remote, status(px4_types, number))
     assert subscription.wait_for(lambda message: message.timestamp == 2, WAIT).timestamp == 2
-    with pytest.raises(LinkTimeoutError, match="no new sample of '/fmu/out/vehicle_status' arrived in the given time"):
+    with pytest.raises(LinkTimeoutError, match=r"no new sample of '/fmu/out/vehicle_status' arrived within 0\.01 s"):
         subscription.wait_for(lambda message: message.timestamp == 1, 0.01)
     asked = threading.Event()
 
@@ -289,7 +346,9 @@ def test_wait_for_ends_in_time_although_samples_arrive_all_the_time(
     subscription = vehicle.subscribe(px4_types.VehicleStatus)
     remote = link.connect()
     link.sample(remote, status(px4_types, 2))
-    with pytest.raises(LinkTimeoutError, match=r"none of \d+ samples of '/fmu/out/vehicle_status' in the given"):
+    with pytest.raises(
+        LinkTimeoutError, match=r"none of \d+ samples of '/fmu/out/vehicle_status' met the condition within 0"
+    ):
         subscription.wait_for(lambda _: link.sample(remote, status(px4_types, 2)), 0.05)
 
 
@@ -451,7 +510,7 @@ def test_a_topic_that_the_vehicle_does_not_have_is_told(
 def test_a_wait_leaves_nothing_behind(link: FakeLink, vehicle: Vehicle, px4_types: Any) -> None:
     subscription = vehicle.subscribe(px4_types.VehicleStatus)
     remote = link.connect()
-    iterator = iter(subscription)
+    iterator: Any = iter(subscription)
     for number in range(3):
         timer = threading.Timer(0.01, link.sample, (remote, status(px4_types, number)))
         timer.start()
@@ -468,6 +527,7 @@ def test_a_wait_leaves_nothing_behind(link: FakeLink, vehicle: Vehicle, px4_type
         await reader.aclose()  # type: ignore[attr-defined]
 
     asyncio.run(read())
+    iterator.close()
     assert subscription._feed._wakers == ()
     assert vehicle._member.feeds == (subscription._feed,)
 

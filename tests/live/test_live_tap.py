@@ -140,27 +140,33 @@ def test_a_new_session_counts_from_the_start() -> None:
             ours.wait(lambda: len(ours.gone) == len(ours.remotes))
 
 
-def test_datagrams_that_nobody_understands_are_forwarded_untouched() -> None:
-    odd = [b"", b"\x7f", b"abc", b"\x81\x01\x00", b"\x05\x01\x00\x00keys" + bytes(9), bytes(1400), b"\x81\x02\x07\x00?"]
+@contextmanager
+def bare_tap() -> Iterator[tuple[socket.socket, TapLink, Records]]:
+    """Run a tap in front of a socket that stands for the agent."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as agent:
         agent.bind(("127.0.0.1", 0))
         agent.settimeout(20)
-        link = TapLink(port=0, agent=agent.getsockname())
-        link.start(Records())
+        link, records = TapLink(port=0, agent=agent.getsockname()), Records()
+        link.start(records)
         try:
-            with Client(link.port) as client:
-                for data in odd:
-                    client.socket.send(data)
-                    forwarded, source = agent.recvfrom(65536)
-                    assert forwarded == data
-                    agent.sendto(data, source)
-                    client.socket.settimeout(20)
-                    assert client.socket.recv(65536) == data
-                with Client(link.port) as other:
-                    other.socket.send(b"x")
-                    assert agent.recvfrom(65536)[1] != source
+            yield agent, link, records
         finally:
             link.close()
+
+
+def test_datagrams_that_nobody_understands_are_forwarded_untouched() -> None:
+    odd = [b"", b"\x7f", b"abc", b"\x81\x01\x00", b"\x05\x01\x00\x00keys" + bytes(9), bytes(1400), b"\x81\x02\x07\x00?"]
+    with bare_tap() as (agent, link, _), Client(link.port) as client:
+        for data in odd:
+            client.socket.send(data)
+            forwarded, source = agent.recvfrom(65536)
+            assert forwarded == data
+            agent.sendto(data, source)
+            client.socket.settimeout(20)
+            assert client.socket.recv(65536) == data
+        with Client(link.port) as other:
+            other.socket.send(b"x")
+            assert agent.recvfrom(65536)[1] != source
 
 
 def test_a_tap_that_restarts_goes_on_with_the_session() -> None:
@@ -169,7 +175,7 @@ def test_a_tap_that_restarts_goes_on_with_the_session() -> None:
         client.play(running)
         ours.wait(lambda: len(ours.samples) >= 490)
         (remote,) = ours.remotes
-        assert remote.adopted
+        assert remote.continued
         assert theirs.remotes == []
         link.publish(remote, in_route(ours), b"\0\1\0\0" + b"1" * 8)
         numbers = [int.from_bytes(data[2:4], "little") for data in client.received() if kind(data) == DATA]
@@ -226,6 +232,49 @@ def test_clients_beyond_the_bound_are_ignored_and_silent_ones_make_room(monkeypa
         time.sleep(0.2)
         connect(clients[2], link, theirs, ours)
         assert len(link._clients) == 2
+
+
+def test_an_agent_is_not_missed_because_a_client_made_room(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The agent's answer to a client and the datagram of the client that takes its place arrive at the same time."""
+    monkeypatch.setattr(tap, "MAX_CLIENTS", 1)
+    monkeypatch.setattr(tap, "SILENT", 0.0)
+    for _ in range(5):
+        with bare_tap() as (agent, link, records), Client(link.port) as old, Client(link.port) as new:
+            old.socket.send(b"old")
+            _, source = agent.recvfrom(65536)
+            with link.lock:  # the thread waits for it when it has taken the next datagram
+                old.socket.send(b"old")
+                time.sleep(0.05)
+                new.socket.send(b"new")
+                agent.sendto(b"answer", source)
+                time.sleep(0.05)
+            new.socket.send(b"new")
+            records.wait(lambda: len(link._clients) == 1)
+            assert {agent.recvfrom(65536)[0] for _ in range(3)} == {b"old", b"new"}
+        assert records.warnings == []
+
+
+def test_a_datagram_that_cannot_be_sent_now_is_not_the_agents_absence(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Full:
+        def __init__(self, error: OSError) -> None:
+            self.error = error
+
+        def send(self, _data: bytes) -> int:
+            raise self.error
+
+    with bare_tap() as (agent, link, records), Client(link.port) as client:
+        client.socket.send(b"first")
+        agent.recvfrom(65536)
+        (known,) = link._clients.values()
+        for error in (BlockingIOError(), OSError(101, "Network is unreachable")):
+            monkeypatch.setattr(known, "socket", Full(error))
+            refused = link.statistics().refused
+            client.socket.send(b"second")
+            records.wait(lambda refused=refused: link.statistics().refused > refused)  # type: ignore[misc]
+            monkeypatch.undo()
+        records.wait(lambda: records.warnings)
+        host, port = agent.getsockname()
+        assert records.warnings == [f"cannot send to the agent at {host}:{port}: Network is unreachable"]
 
 
 def test_silent_clients_are_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:

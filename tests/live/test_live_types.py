@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from support.checkers import GENERATED, mypy
 from support.repository import ROOT
 
 RIGHT = """
@@ -100,9 +101,7 @@ WRONG_FILES = sorted(f"wrong_{number}.py" for number in range(len(WRONG)))
 
 @pytest.mark.slow  # the generated package is checked with it
 def test_mypy_knows_the_types(folder: Path) -> None:
-    command = [sys.executable, "-m", "mypy", "--strict", "--python-version=3.10", "--no-error-summary", "."]
-    environment = {"MYPYPATH": f"{ROOT}:{ROOT / 'generated'}", "PATH": ""}
-    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+    done = mypy(folder, ".", path=f"{ROOT}:{GENERATED}")
     found = {line.partition(":")[0] for line in done.stdout.splitlines() if ": error:" in line}
     assert sorted(found) == WRONG_FILES, done.stdout
 
@@ -110,7 +109,7 @@ def test_mypy_knows_the_types(folder: Path) -> None:
 @pytest.mark.slow  # the generated package is checked with it
 def test_pyright_knows_the_types(folder: Path) -> None:
     settings = {"include": ["."], "typeCheckingMode": "strict", "pythonVersion": "3.10"}
-    paths = [str(ROOT), str(ROOT / "generated")]
+    paths = [str(ROOT), str(GENERATED)]
     (folder / "pyrightconfig.json").write_text(json.dumps({**settings, "extraPaths": paths}))
     command = [sys.executable, "-m", "basedpyright", "--outputjson", "--pythonpath", sys.executable, "-p", str(folder)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)

@@ -14,9 +14,10 @@ import pytest
 
 from msggen.live import FormatError, LinkError, LinkTimeoutError, Vehicle
 from msggen.live.sim import Options, Simulator
+from support.lines import joined
 from support.link_records import nothing_is_left
 from support.ports import free_port
-from support.replay import DELETE, Client, kind, sent
+from support.replay import DELETE, GET_INFO, Client, kind, sent
 
 WAIT = 20.0
 
@@ -34,11 +35,31 @@ def simulated(package: Any, url: str, **options: Any) -> Iterator[Any]:
         yield simulator.vehicles[0]
 
 
-def test_messages_come_and_go_over_udp(url: str, px4_types: Any) -> None:
-    with Vehicle(url) as vehicle, simulated(px4_types, url, namespace="uav_1", rate=50.0) as simulated_vehicle:
+@contextmanager
+def addresses(scheme: str) -> Iterator[tuple[str, str]]:
+    """Yield the address for a Vehicle and the one for its simulated vehicle. An agent is behind a tap."""
+    udp = f"udp://127.0.0.1:{free_port()}"
+    if scheme == "serial":
+        with joined() as (ours, theirs):
+            yield f"serial://{ours}?baud=115200", f"serial://{theirs}?baud=115200"
+    elif scheme == "tap":
+        with Vehicle(f"udp://127.0.0.1:{free_port()}") as agent:
+            yield f"{udp.replace('udp', 'tap')}?agent={agent._name.removeprefix('udp://')}", udp
+    else:
+        yield udp, udp
+
+
+@pytest.mark.parametrize("scheme", ["udp", "serial", "tap"])
+def test_messages_come_and_go(scheme: str, px4_types: Any) -> None:
+    with (
+        nothing_is_left(),
+        addresses(scheme) as (url, other),
+        Vehicle(url) as vehicle,
+        simulated(px4_types, other, namespace="uav_1", rate=20.0) as simulated_vehicle,
+    ):
         status = vehicle.subscribe(px4_types.VehicleStatus)
         remote = vehicle.wait_connected(WAIT)
-        assert (remote.key, remote.namespace, remote.adopted) == (1, "uav_1", False)
+        assert (remote.key, remote.namespace, remote.continued) == (1, "uav_1", False)
         assert len(vehicle.routes) == len(px4_types.topics.ENDPOINTS)
         assert type(status.wait_for(lambda _: True, WAIT)) is px4_types.VehicleStatus
         for _ in range(3):
@@ -46,15 +67,45 @@ def test_messages_come_and_go_over_udp(url: str, px4_types: Any) -> None:
         command = px4_types.VehicleCommand(
             command=px4_types.VehicleCommand.VEHICLE_CMD_REQUEST_MESSAGE, target_system=1, target_component=1
         )
-        reply = vehicle.call(px4_types.srv.VehicleCommand.Request(request=command), WAIT)
-        assert type(reply) is px4_types.srv.VehicleCommand.Response
-        assert reply.reply.command == command.command
+        request = px4_types.srv.VehicleCommand.Request(request=command)
+        if scheme == "tap":
+            with pytest.raises(LinkError, match="cannot be called through a tap"):
+                vehicle.call(request, WAIT)
+        else:
+            reply = vehicle.call(request, WAIT)
+            assert type(reply) is px4_types.srv.VehicleCommand.Response
+            assert reply.reply.command == command.command
         assert str(vehicle.wait_firmware(WAIT)) == "v1.18"
         assert vehicle.firmware.is_complete
         assert len(vehicle.firmware.hashes) == len({each.message for each in px4_types.topics.ENDPOINTS})
         assert (vehicle.lost, status.undecodable) == (0, 0)
         assert vehicle.statistics.received > 0
     assert simulated_vehicle.received["/uav_1/fmu/in/trajectory_setpoint"] == 3
+
+
+def test_a_tap_and_its_agent_serve_one_vehicle(url: str, px4_types: Any) -> None:
+    """The agent's program does all that it does without a tap, and the tap's program reads and publishes beside it."""
+    tap = f"tap://127.0.0.1:{free_port()}"
+    with (
+        Vehicle(url) as agent,
+        Vehicle(f"{tap}?agent={url.removeprefix('udp://')}") as vehicle,
+        simulated(px4_types, tap.replace("tap", "udp"), rate=50.0) as simulated_vehicle,
+    ):
+        subscriptions = [each.subscribe(px4_types.VehicleStatus) for each in (agent, vehicle)]
+        for each, subscription in zip((agent, vehicle), subscriptions, strict=True):
+            assert each.wait_connected(WAIT).key == 1
+            subscription.wait_for(bool, WAIT)
+        for _ in range(10):
+            agent.publish(px4_types.TrajectorySetpoint())
+            vehicle.publish(px4_types.OffboardControlMode())
+        command = px4_types.VehicleCommand(command=400, param1=1.0, target_system=1)
+        assert agent.call(px4_types.srv.VehicleCommand.Request(request=command), WAIT).reply.result == 0
+        subscriptions[1].wait_for(lambda message: message.arming_state == message.ARMING_STATE_ARMED, WAIT)
+        vehicle.publish(px4_types.VehicleCommand(command=400, param1=0.0, target_system=1))
+        subscriptions[0].wait_for(lambda message: message.arming_state != message.ARMING_STATE_ARMED, WAIT)
+        assert (agent.lost, vehicle.lost) == (0, 0)
+        assert simulated_vehicle.received["/fmu/in/trajectory_setpoint"] == 10
+        assert simulated_vehicle.received["/fmu/in/offboard_control_mode"] == 10
 
 
 def test_two_vehicles_share_a_port(url: str, px4_types: Any) -> None:
@@ -84,6 +135,34 @@ def test_a_vehicle_that_is_not_allowed_is_refused(url: str, px4_types: Any) -> N
         vehicle.wait_connected(0.3)
 
 
+@pytest.mark.parametrize("is_isolated", [False, True])
+def test_a_tap_without_an_agent_says_so(px4_types: Any, *, is_isolated: bool) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as silent:
+        silent.bind(("127.0.0.1", 0))
+        agent = f"127.0.0.1:{silent.getsockname()[1]}"
+        url = f"127.0.0.1:{free_port()}"
+        expected = f"datagrams? of a client arrived, but no agent answers at {agent}: start it with MicroXRCEAgent"
+        tap = Vehicle(f"tap://{url}?agent={agent}", isolated=is_isolated)
+        client = simulated(px4_types, f"udp://{url}")
+        with tap as vehicle, client, pytest.raises(LinkTimeoutError, match=expected):
+            vehicle.wait_connected(1.5)
+
+
+def test_a_vehicle_that_has_not_opened_its_topics_yet_is_told(url: str, px4_types: Any) -> None:
+    client = Simulator(px4_types, url, [Options(sync="px4")])
+    with Vehicle(url) as vehicle, client, pytest.raises(LinkTimeoutError, match="has not opened its topics yet, which"):
+        vehicle.wait_connected(0.5)
+
+
+def test_a_client_without_a_session_is_told(url: str) -> None:
+    with Vehicle(url) as vehicle, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client:
+        ping = next(data for data in sent("session-udp") if kind(data) == GET_INFO)
+        timer = threading.Timer(0.1, client.sendto, (ping, ("127.0.0.1", int(url.rpartition(":")[2]))))
+        timer.start()
+        with pytest.raises(LinkTimeoutError, match="1 datagram of a client arrived, but it has not begun a session"):
+            vehicle.wait_connected(0.5)
+
+
 def test_a_program_that_restarts_continues_the_session(url: str, px4_types: Any) -> None:
     with simulated(px4_types, url, rate=50.0) as simulated_vehicle:
         with Vehicle(url, px4_types) as vehicle:
@@ -94,7 +173,7 @@ def test_a_program_that_restarts_continues_the_session(url: str, px4_types: Any)
         with Vehicle(url, px4_types) as vehicle:
             remote = vehicle.wait_connected(WAIT)
             vehicle.subscribe("vehicle_status").wait_for(bool, WAIT)
-            assert remote.adopted
+            assert remote.continued
             with pytest.raises(LinkError, match="restart the client on the vehicle"):
                 vehicle.call(px4_types.srv.VehicleCommand.Request())
             assert str(vehicle.wait_firmware(WAIT)) == "v1.18"

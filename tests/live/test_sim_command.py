@@ -175,7 +175,7 @@ def test_addresses(text: str, expected: Address) -> None:
         ("udp://host:x", "'x' is not a port"),
         ("udp://host:99999", "'99999' is not a port: expected a number from 1 to 65535"),
         ("udp://host?a=1", "unknown key 'a': expected an address such as 'udp://127.0.0.1:8888'"),
-        ("tap://host:1", ": expected one of udp://127.0.0.1:8888, serial:///dev/ttyUSB0?baud=921600"),
+        ("tap://host:1", ", did you mean 'udp://host:1'?"),
         ("dds://0", ": expected one of udp://127.0.0.1:8888, serial:///dev/ttyUSB0?baud=921600"),
         ("0", ": expected one of udp://127.0.0.1:8888, serial:///dev/ttyUSB0?baud=921600"),
         ("serial:///dev/tty?baud=0", "'0' is not a baud rate"),
@@ -199,7 +199,7 @@ def test_a_run_prints_what_happens(server: Server, capsys: pytest.CaptureFixture
         "T  uav_1  connected",
         "T  uav_2  connected",
     ]
-    assert re.fullmatch(r"\d+ samples sent, 0 received, in 1\.\d s", last)
+    assert re.fullmatch(r"\d+ samples sent, 0 received, in \d+\.\d s", last)
     wait_until(lambda: len(server.of(Disconnected)) == 2)
 
 
@@ -211,9 +211,9 @@ def test_ctrl_c_ends_the_session(server: Server) -> None:
     with subprocess.Popen(
         [sys.executable, "-m", "msggen", *words], stdout=subprocess.PIPE, env=environment, text=True
     ) as process:
-        wait_until(lambda: server.of(Sample), 20.0)
+        wait_until(lambda: server.of(Sample), 60.0)
         process.send_signal(signal.SIGINT)
-        output, _ = process.communicate(timeout=10)
+        output, _ = process.communicate(timeout=60)
     assert process.returncode == 0
     assert output.startswith("the embedded PX4 v1.17: 27 topics out, 38 in; 1 vehicle to udp://127.0.0.1:")
     wait_until(lambda: server.of(Disconnected))
@@ -223,6 +223,7 @@ def test_ctrl_c_ends_the_session(server: Server) -> None:
     ("words", "text"),
     [
         (["127.0.0.1:8888"], "ADDRESS: L101 '127.0.0.1:8888' is not the address of a link, did you mean 'udp://"),
+        (["tap://127.0.0.1:8888"], "is not the address of a link, did you mean 'udp://127.0.0.1:8888'?"),
         (["serial:///dev/no"], "serial:///dev/no: L102 there is no device /dev/no: is it plugged in?"),
         (["serial:///dev/no", "--count", "2"], "serial:///dev/no: L102 a serial line has one vehicle"),
         (["--types", "no_such_types"], "no_such_types: L103 cannot be imported: No module named 'no_such_types'"),
@@ -244,8 +245,11 @@ def test_errors_have_codes(words: list[str], text: str, capsys: pytest.CaptureFi
         (["--key", "250", "--count", "9"], "--key 250: the last of 9 vehicles needs a key up to 255"),
         (["--drop", "10"], "argument --drop: expected a share from 0 to 1, found '10'"),
         (["--garbage", "nan"], "argument --garbage: expected a share from 0 to 1, found 'nan'"),
+        (["--clock-off", "inf"], "argument --clock-off: expected a number from -1e+06 to 1e+06, found 'inf'"),
         (["--rate", "x"], "argument --rate: expected a number, found 'x'"),
         (["--for", "-1"], "argument --for: expected a number above 0, found '-1'"),
+        (["--rate", "2e6"], "argument --rate: expected a number above 0 and up to 1000000, found '2e6'"),
+        (["udp://127.0.0.1:8888?key=2"], "argument ADDRESS: 'key' is not part of an address: give it as --key"),
         (["--namespace", "a b"], "argument --namespace: expected a name such as uav_1, found 'a b'"),
         (["--version", "VehicleStatus"], "argument --version: expected a message and a version such as"),
         (["--version", "VehicleStatu=3"], "argument --version: no topic has a message 'VehicleStatu', did you mean"),
@@ -319,3 +323,11 @@ def test_the_summary_of_the_page_has_the_format_of_the_command(
     masked = [re.sub(r"[\d.]+", "N", line) for line in capsys.readouterr().out.splitlines()]
     shown = [re.sub(r"[\d.]+", "N", line) for line in PAGE.split("```")[1].splitlines()]
     assert {line.split("N")[0] for line in masked[1:]} <= {line.split("N")[0] for line in shown}
+
+
+def test_the_help_names_no_option_of_other_commands(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["sim", "--help"])
+    text = capsys.readouterr().out
+    assert "--quiet" in text
+    assert "--diff" not in text

@@ -372,12 +372,42 @@ def test_silence(px4_types: Any) -> None:
     assert len(bench.sent) > 500
 
 
+def test_timestamps_are_wrong_on_request(px4_types: Any) -> None:
+    clocks = []
+    for seconds in (0.0, -7.0, 3.0):
+        bench = Bench(px4_types, SHORT._replace(misbehaviour=Misbehaviour(clock_off=seconds)))
+        bench.run(2.0)
+        clocks.append(bench.last("vehicle_attitude").timestamp)
+    assert [clock - clocks[0] for clock in clocks] == [0, -7 * SECOND, 3 * SECOND]
+
+
+def test_a_client_without_answers_about_the_time_starts_over(px4_types: Any) -> None:
+    bench = Bench(px4_types, SHORT._replace(misbehaviour=Misbehaviour(no_time_reply=True)))
+    bench.run(30.0)
+    assert not bench.vehicle.is_connected
+    assert [change.text for change in bench.vehicle.changes][:2] == [
+        "disconnected: the agent did not answer TIMESTAMP",
+        "disconnected: the agent did not answer TIMESTAMP",
+    ]
+
+
 def test_restarts(px4_types: Any) -> None:
     bench = Bench(px4_types, SHORT._replace(misbehaviour=Misbehaviour(restart_every=0.5)))
     bench.run(2.2)
     assert {connection for _, _, connection in bench.sent} == {0, 1, 2, 3, 4}
     assert not [data for _, data, _ in bench.sent if data[4] == wire.DELETE]
     assert [change.text for change in bench.vehicle.changes].count("connected") == 5
+
+
+@pytest.mark.parametrize("wrong", [Misbehaviour(restart_every=0.5), Misbehaviour(silent_after=0.5)])
+def test_the_first_interval_is_as_long_as_the_others_whenever_a_vehicle_starts(
+    wrong: Misbehaviour, px4_types: Any
+) -> None:
+    bench = Bench(px4_types, SHORT._replace(misbehaviour=wrong))
+    bench.now = SECOND
+    bench.run(0.6)
+    last = max(when for when, _, connection in bench.sent if connection == 0)
+    assert 1.4 * SECOND < last <= 1.5 * SECOND
 
 
 # --- with the agent of this package

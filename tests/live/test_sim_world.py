@@ -300,6 +300,16 @@ def test_a_mode_without_position_control_holds_its_place() -> None:
     assert pilot.world.flight.position == pytest.approx(before, abs=0.2)
 
 
+@pytest.mark.parametrize("axis", [0, 1])
+def test_the_speed_of_one_axis_has_the_limit_of_both(axis: int) -> None:
+    """Also if the other axis is not controlled."""
+    flight = Flight()
+    goal = (1e4, NAN, -10.0) if axis == 0 else (NAN, 1e4, -10.0)
+    for _ in range(round(20 * SECOND / STEP)):
+        flight.step(STEP / SECOND, Target(position=goal))
+    assert 11.5 < flight.velocity[axis] <= 12.0
+
+
 numbers = st.floats(width=32)
 vectors = st.tuples(numbers, numbers, numbers)
 

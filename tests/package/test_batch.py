@@ -435,8 +435,8 @@ message = EscStatus.decode(EscStatus(timestamp=7).encode())
 assert message == EscStatus.lazy(message.encode()) != EscStatus()
 try:
     EscStatus.decode_batch([])
-except ImportError:
-    print("needs numpy")
+except ImportError as error:
+    print(error)
 """
 
 
@@ -444,7 +444,7 @@ def test_only_batches_need_numpy() -> None:
     done = subprocess.run(
         [sys.executable, "-c", PROGRAM], cwd=ROOT / "generated", capture_output=True, text=True, check=False
     )
-    assert (done.stdout, done.stderr) == ("needs numpy\n", "")
+    assert (done.stdout, done.stderr) == ("batches need numpy: pip install numpy\n", "")
 
 
 # Elements and columns

@@ -123,6 +123,21 @@ def test_an_unknown_command_names_the_nearest(commands: Any) -> None:
         assert str(caught.value) == f"no command '{name}', did you mean 'NAV_TAKEOFF'?"
 
 
+@pytest.mark.parametrize(
+    ("name", "end"),
+    [
+        ("ARM", ": there are 'COMPONENT_ARM_DISARM', 'ARM_AUTHORIZATION_REQUEST'"),
+        ("disarm", ", did you mean 'COMPONENT_ARM_DISARM'?"),
+        ("VEHICLE_CMD_LAUNCH", ", did you mean 'NAV_RETURN_TO_LAUNCH'?"),
+        ("ZZZ", ": dir(commands) lists them"),
+    ],
+)
+def test_a_word_of_a_command_names_it(name: str, end: str, commands: Any) -> None:
+    with pytest.raises(AttributeError) as caught:
+        getattr(commands, name)
+    assert str(caught.value) == f"no command '{name}'{end}"
+
+
 @pytest.mark.parametrize("kind", [np.float32, np.float64, np.int16, np.uint8, int, Fraction])
 def test_numbers_of_any_kind_are_values(commands: Any, kind: Any) -> None:
     message = commands.DO_ORBIT(radius=kind(5), orbit_yaw_behaviour=kind(2))

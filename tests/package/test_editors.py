@@ -19,17 +19,15 @@ from msggen.firmware.catalog import read_catalog
 from msggen.firmware.sources import find_sources, with_archived
 from msggen.generate.python.package import TOOLS, render_package
 from support.catalogs import catalog_of, write_definitions
+from support.checkers import GENERATED, mypy
 from support.nested_packages import sources
-from support.repository import ROOT
-
-FOLDER = ROOT / "generated"
 
 
-def script(code: str, folder: Path = FOLDER) -> jedi.Script:
+def script(code: str, folder: Path = GENERATED) -> jedi.Script:
     return jedi.Script(code, project=jedi.Project(folder, added_sys_path=[str(folder)], smart_sys_path=False))
 
 
-def completions(code: str, folder: Path = FOLDER) -> set[str]:
+def completions(code: str, folder: Path = GENERATED) -> set[str]:
     return {found.name for found in script(code, folder).complete()}
 
 
@@ -189,9 +187,7 @@ EVERY_LINE = {number for number, line in enumerate(MISSPELT.splitlines(), 1) if 
 
 @pytest.mark.slow
 def test_mypy_refuses_misspelt_names(programs: Path) -> None:
-    command = [sys.executable, "-m", "mypy", "--strict", "--no-error-summary", "misspelt.py", "correct.py"]
-    environment = {"MYPYPATH": str(FOLDER), "PATH": ""}
-    done = subprocess.run(command, cwd=programs, env=environment, capture_output=True, text=True, check=False)
+    done = mypy(programs, "misspelt.py", "correct.py", path=GENERATED)
     found = [line.split(":")[:2] for line in done.stdout.splitlines()]
     assert {path for path, _ in found} == {"misspelt.py"}, done.stdout
     assert {int(number) for _, number in found} == EVERY_LINE
@@ -199,7 +195,7 @@ def test_mypy_refuses_misspelt_names(programs: Path) -> None:
 
 @pytest.mark.slow
 def test_basedpyright_refuses_misspelt_names(programs: Path) -> None:
-    settings = {"typeCheckingMode": "standard", "extraPaths": [str(FOLDER)], "reportUnusedExpression": False}
+    settings = {"typeCheckingMode": "standard", "extraPaths": [str(GENERATED)], "reportUnusedExpression": False}
     (programs / "pyrightconfig.json").write_text(json.dumps(settings))
     command = [sys.executable, "-m", "basedpyright", "--outputjson", "--pythonpath", sys.executable, "--level", "error"]
     done = subprocess.run(command, cwd=programs, capture_output=True, text=True, check=False)
@@ -216,7 +212,7 @@ def test_the_public_types_are_complete() -> None:
     """numpy's own types are incomplete, so types of other packages are ignored."""
     options = ["--pythonpath", sys.executable, "--verifytypes", "px4_types", "--ignoreexternal", "--outputjson"]
     command = [sys.executable, "-m", "basedpyright", *options]
-    environment = {**os.environ, "PYTHONPATH": str(FOLDER)}
+    environment = {**os.environ, "PYTHONPATH": str(GENERATED)}
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     report = json.loads(done.stdout)["typeCompleteness"]
     incomplete = [symbol["name"] for symbol in report["symbols"] if not symbol["isTypeKnown"]]

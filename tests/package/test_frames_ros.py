@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-import subprocess
-import sys
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -19,6 +17,7 @@ from msggen.firmware.sources import find_sources
 from msggen.generate.python.package import list_package
 from msggen.model import Catalog
 from support.catalogs import import_package, write_definitions
+from support.checkers import mypy
 from support.repository import ROOT
 from support.ros_packages import DEFINITIONS
 
@@ -183,8 +182,5 @@ pose: Pose = ros.pose(same)
 def test_type_checkers_know_the_types(package: Any, tmp_path: Path) -> None:
     """Slow, because mypy reads numpy."""
     (tmp_path / "application.py").write_text(APPLICATION.format(name=package.__name__))
-    command = [sys.executable, "-m", "mypy", "--strict", "--python-version=3.10", "application.py"]
-    folder = str(Path(package.__file__).parent.parent)
-    environment = {"MYPYPATH": folder, "PATH": "/usr/bin"}
-    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+    done = mypy(tmp_path, "application.py", path=Path(package.__file__).parent.parent)
     assert done.returncode == 0, done.stdout + done.stderr

@@ -32,6 +32,7 @@ from msggen.generate.python.package import list_package, render_package
 from msggen.model import ArrayKind, Catalog, FieldType, Message
 from msggen.primitives import FLOATS, INTEGERS, PRIMITIVES, STRINGS
 from support.catalogs import import_package, write_definitions
+from support.checkers import mypy
 from support.imports import HEAVY
 from support.random_definitions import values_of
 from support.reference import HEADERS, serialize, to_object, to_values
@@ -1199,17 +1200,15 @@ def checked(folder: Path, *command: str) -> tuple[int, str]:
     return done.returncode, done.stdout + done.stderr
 
 
-MYPY = ("mypy", "--strict", "--python-version=3.10")
-
-
 @pytest.mark.slow
 def test_mypy_is_content_with_a_package_of_versions(typed: Path) -> None:
-    assert checked(typed, *MYPY, "lamps", "application.py")[0] == 0, checked(typed, *MYPY, "lamps", "application.py")[1]
+    done = mypy(typed, "lamps", "application.py")
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
 @pytest.mark.slow
 def test_the_types_of_versions_catch_mistakes(typed: Path) -> None:
-    lines = checked(typed, *MYPY, "--no-error-summary", "mistakes.py")[1].splitlines()
+    lines = mypy(typed, "mistakes.py").stdout.splitlines()
     assert {int(line.split(":")[1]) for line in lines if "error:" in line} == {5, 6, 7, 8, 9}
 
 

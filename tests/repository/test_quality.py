@@ -15,12 +15,13 @@ from msggen.firmware.sources import find_sources
 from msggen.generate.build import Build
 from msggen.generate.python.package import render_package
 from support.catalogs import catalog_of, write_definitions
+from support.checkers import GENERATED, mypy
 from support.imports import HEAVY
 from support.nested_packages import sources
 from support.repository import ROOT
 from support.unusual_names import write_sources
 
-PACKAGE = ROOT / "generated" / "px4_types"
+PACKAGE = GENERATED / "px4_types"
 
 
 def run(*command: str, cwd: Path = ROOT) -> None:
@@ -63,7 +64,8 @@ def test_mypy_is_content() -> None:
 
 @pytest.mark.slow
 def test_mypy_is_content_with_the_generated_package() -> None:
-    run("mypy", "--strict", "--python-version=3.10", "generated/px4_types")
+    done = mypy(ROOT, "generated/px4_types")
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
 UNUSUAL = {
@@ -117,8 +119,8 @@ def unusual(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_mypy_is_content_with_packages_of_unusual_messages(unusual: Path) -> None:
     (unusual.parent / "nesting.py").write_text(NESTING)
     (unusual.parent / "naming.py").write_text(NAMING)
-    packages = (unusual.name, "nested", "names", "nesting.py", "naming.py")
-    run("mypy", "--strict", "--python-version=3.10", *packages, cwd=unusual.parent)
+    done = mypy(unusual.parent, unusual.name, "nested", "names", "nesting.py", "naming.py")
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
 def test_the_committed_record_is_current(tmp_path: Path) -> None:
@@ -184,16 +186,7 @@ def errors(tmp_path_factory: pytest.TempPathFactory) -> dict[str, set[int]]:
     folder = tmp_path_factory.mktemp("applications")
     (folder / "application.py").write_text(APPLICATION)
     (folder / "mistakes.py").write_text(MISTAKES)
-    command = [sys.executable, "-m", "mypy", "--strict", "--no-error-summary", "--python-version=3.10"]
-    environment = {"MYPYPATH": str(PACKAGE.parent), "PATH": ""}
-    done = subprocess.run(
-        [*command, "application.py", "mistakes.py"],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        check=False,
-        env=environment,
-    )
+    done = mypy(folder, "application.py", "mistakes.py", path=GENERATED)
     assert done.stderr == ""
     found: dict[str, set[int]] = {"application.py": set(), "mistakes.py": set()}
     for line in done.stdout.splitlines():

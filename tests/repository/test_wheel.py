@@ -1,4 +1,4 @@
-"""Tests of the wheel as a user installs it: in an empty environment, outside the checkout."""
+"""Tests of the wheel as a user installs it: in an empty environment of every Python, outside the checkout."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import os
 import shutil
 import subprocess
 import sys
-import venv
 import zipfile
 from pathlib import Path
 
@@ -15,7 +14,10 @@ import pytest
 from msggen.diagnostics import CODES
 from msggen.finding import Category
 from msggen.rules import RULES
+from support.interpreters import VERSIONS, environment, interpreter
 from support.repository import ROOT
+
+OWN = f"{sys.version_info.major}.{sys.version_info.minor}"
 
 EXPLAINED = [*CODES, *Category.__members__, *(rule.id for rule in RULES)]
 """All names that `msggen explain` knows."""
@@ -52,33 +54,43 @@ def test_the_wheel_brings_templates_and_the_embedded_set(wheel: Path) -> None:
 
 @pytest.mark.slow
 def test_it_works_in_an_empty_environment(wheel: Path, tmp_path: Path) -> None:
-    environment = tmp_path / "environment"
-    venv.create(environment, with_pip=True)
-    python = str(environment / "bin" / "python")
-    run(tmp_path, python, "-m", "pip", "install", "--quiet", str(wheel))
-    run(tmp_path, str(environment / "bin" / "msggen"), "build", "-o", "made")
-    run(tmp_path, str(environment / "bin" / "msggen"), "build", "-o", "made", "--check")
+    programs = environment(sys.executable, tmp_path / "environment", wheel)
+    python, msggen = str(programs / "python"), str(programs / "msggen")
+    run(tmp_path, msggen, "build", "-o", "made")
+    run(tmp_path, msggen, "build", "-o", "made", "--check")
     for command in (["sync", "--create", "px4_msgs"], ["check", "px4_msgs"], ["completion", "zsh"], ["releases"]):
-        run(tmp_path, str(environment / "bin" / "msggen"), *command)
+        run(tmp_path, msggen, *command)
     explain_all = f"from msggen.cli import main; assert not any([main(['explain', name]) for name in {EXPLAINED}])"
     run(tmp_path, python, "-I", "-c", explain_all)
     assert len(list((tmp_path / "px4_msgs" / "msg").iterdir())) == 259
     program = "from px4_types import SensorCombined as S; assert S.decode(S(timestamp=1).encode()).timestamp == 1"
     run(tmp_path / "made", python, "-I", "-c", f"import sys; sys.path.insert(0, '.'); {program}")
-    made, committed = tmp_path / "made" / "px4_types", ROOT / "generated" / "px4_types"
-    for path in committed.rglob("*.py"):
-        assert (made / path.relative_to(committed)).read_bytes() == path.read_bytes()
+    check_package(tmp_path / "made" / "px4_types")
     if shutil.which("cmake"):
         (tmp_path / "CMakeLists.txt").write_text(CMAKE)
-        programs = f"{environment / 'bin'}{os.pathsep}{os.environ['PATH']}"
-        run(tmp_path, "cmake", "-S", ".", "-B", "found", PATH=programs)
+        path = f"{programs}{os.pathsep}{os.environ['PATH']}"
+        run(tmp_path, "cmake", "-S", ".", "-B", "found", PATH=path)
         run(tmp_path, "cmake", "--build", "found")
         assert (tmp_path / "found" / "python" / "wheel_types" / "topics.py").is_file()
 
 
-def run(folder: Path, *command: str, **environment: str) -> None:
+@pytest.mark.slow
+@pytest.mark.tools
+@pytest.mark.parametrize("version", [version for version in VERSIONS if version != OWN])
+def test_the_tool_works_on(version: str, wheel: Path, tmp_path: Path) -> None:
+    programs = environment(interpreter(version), tmp_path / "environment", wheel)
+    run(tmp_path, str(programs / "msggen"), "build", "--quiet")
+    check_package(tmp_path / "generated" / "px4_types")
+
+
+def check_package(made: Path) -> None:
+    """Check that a package has the files of the committed one."""
+    committed = ROOT / "generated" / "px4_types"
+    for path in committed.rglob("*.py"):
+        assert (made / path.relative_to(committed)).read_bytes() == path.read_bytes()
+
+
+def run(folder: Path, *command: str, **more: str) -> None:
     variables = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-    done = subprocess.run(
-        command, cwd=folder, env={**variables, **environment}, capture_output=True, text=True, check=False
-    )
+    done = subprocess.run(command, cwd=folder, env={**variables, **more}, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr

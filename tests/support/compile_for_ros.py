@@ -1,7 +1,7 @@
-"""Compile messages of px4_msgs for rclpy, as colcon does, but only what rclpy needs, in a few seconds.
+"""Compile messages of a package for rclpy, as colcon does, but only what rclpy needs, in a few seconds.
 
-Run by the Python of an environment with the wheels of ROS 2. Arguments: the folder for the package, and .msg files.
-The files must not contain constants or nested messages.
+Run by the Python of an environment with the wheels of ROS 2. Arguments: the folder for the package, whose name is that
+of the package, and .msg files. Nested messages are of `DEPENDENCIES`. The files must not contain constants.
 """
 
 from __future__ import annotations
@@ -22,18 +22,23 @@ from rosidl_generator_type_description import generate_type_hash
 from rosidl_typesupport_fastrtps_c import generate_typesupport_fastrtps_c
 
 PREFIX = Path(sys.prefix)
+DEPENDENCIES = ("builtin_interfaces", "std_msgs", "geometry_msgs")
+"""The packages that nested messages can be of, which the environment has."""
 LIBRARIES = ("rosidl_runtime_c", "rosidl_typesupport_c", "rosidl_typesupport_fastrtps_c", "fastcdr", "rcutils")
+KINDS = ("rosidl_generator_c", "rosidl_generator_py", "rosidl_typesupport_fastrtps_c")
+"""The libraries of each dependency."""
 
 
 def generate(folder: Path, definitions: list[Path]) -> None:
     """Write the sources of a package."""
+    package = folder.name
     for definition in definitions:
-        convert_msg_to_idl(definition.parent, "px4_msgs", Path(definition.name), folder / "msg")
+        convert_msg_to_idl(definition.parent, package, Path(definition.name), folder / "msg")
     names = [definition.stem for definition in definitions]
 
     def arguments(generator: str) -> str:
         written = {
-            "package_name": "px4_msgs",
+            "package_name": package,
             "output_dir": str(folder),
             "template_dir": str(PREFIX / "share" / generator / "resource"),
             "idl_tuples": [f"{folder}:msg/{name}.idl" for name in names],
@@ -41,7 +46,7 @@ def generate(folder: Path, definitions: list[Path]) -> None:
             "ros_interface_dependencies": [],
             "type_description_tuples": [f"msg/{name}.idl:{folder}/msg/{name}.json" for name in names],
             "target_dependencies": [],
-            "include_paths": [],
+            "include_paths": [f"{name}:{PREFIX / 'share' / name}" for name in DEPENDENCIES],
         }
         path = folder / f"{generator}.json"
         path.write_text(json.dumps(written), encoding="utf-8")
@@ -56,24 +61,26 @@ def generate(folder: Path, definitions: list[Path]) -> None:
         header = f"{generator}__visibility_control.h"
         template = PREFIX / "share" / generator / "resource" / f"{header}.in"
         generate_visibility_control_file(
-            package_name="px4_msgs", template_path=template, output_path=folder / "msg" / header
+            package_name=package, template_path=template, output_path=folder / "msg" / header
         )
 
 
 def compile_sources(folder: Path) -> None:
     """Compile the sources into one library, which Python imports."""
-    headers = [folder.parent, sysconfig.get_path("include"), np.get_include(), *(PREFIX / "include").iterdir()]
+    # the headers of Fast CDR are without a folder of their own; those of Debian are of another version
+    of_ros = PREFIX / "include"
+    headers = [folder.parent, of_ros, sysconfig.get_path("include"), np.get_include(), *of_ros.iterdir()]
     sources = sorted(path for path in folder.rglob("*") if path.suffix in {".c", ".cpp"})
     command = ["g++", "-shared", "-fPIC", "-O0", "-w", *(f"-I{header}" for header in headers)]
     languages = [argument for path in sources for argument in ("-x", "c" if path.suffix == ".c" else "c++", path)]
     libraries = [f"-L{PREFIX / 'lib'}", *(f"-l{name}" for name in LIBRARIES)]
-    library = folder / "px4_msgs_s__rosidl_typesupport_c.so"
+    libraries += [f"-l{name}__{kind}" for name in DEPENDENCIES for kind in KINDS]
+    library = folder / f"{folder.name}_s__rosidl_typesupport_c.so"
     subprocess.run([*command, *languages, "-x", "none", *libraries, "-o", library], check=True)
 
 
-def main(output: Path, definitions: list[Path]) -> None:
+def main(folder: Path, definitions: list[Path]) -> None:
     """Generate and compile the package."""
-    folder = output / "px4_msgs"
     (folder / "msg").mkdir(parents=True)
     (folder / "__init__.py").touch()
     generate(folder, definitions)

@@ -37,6 +37,7 @@ class FakeLink:
         self.closed = threading.Event()
         self.error: LinkError | None = None
         self.opened: dict[int, list[Route | Service]] = {}
+        self.remotes: dict[int, Remote] = {}
         self._numbers = 0
         self.starts = 0
 
@@ -80,14 +81,15 @@ class FakeLink:
         namespace: str = "",
         address: str = "127.0.0.1:40000",
         *,
-        adopted: bool = False,
+        continued: bool = False,
         routes: Iterable[Route] | None = None,
         is_open: bool = True,
     ) -> Remote:
         """Let a vehicle connect and open the routes, by default those of the package, and the service."""
         self._numbers += 1
-        remote = Remote(self._numbers, address, key, namespace, adopted)
+        remote = Remote(self._numbers, address, key, namespace, continued)
         self.opened[remote.number] = []
+        self.remotes[remote.number] = remote
         self.user().connected(remote)
         if is_open:
             chosen = routes if routes is not None else routes_of(self.package, namespace) if self.package else ()
@@ -101,8 +103,14 @@ class FakeLink:
         self.user().opened(remote, route)
 
     def disconnect(self, remote: Remote, reason: str = "no answer for 3 s") -> None:
-        self.opened.pop(remote.number)
+        del self.opened[remote.number], self.remotes[remote.number]
         self.user().disconnected(remote, reason)
+
+    def fail(self, reason: str = "the link failed: OSError: no more") -> None:
+        """End the link by an error."""
+        for remote in [*self.remotes.values()]:
+            self.disconnect(remote, reason)
+        self.user().failed(reason)
 
     def route(self, remote: Remote, name: str) -> Route:
         """Return the route whose name without version ends so."""

@@ -35,6 +35,7 @@ class Records:
         self.replies: list[tuple[Remote, Service, int, bytes]] = []
         self.losses: list[tuple[Remote, int]] = []
         self.warnings: list[str] = []
+        self.failures: list[str] = []
         self.threads: set[int] = set()
         self._changed = threading.Condition()
 
@@ -91,6 +92,10 @@ class Records:
     def warned(self, text: str) -> None:
         with self._change():
             self.warnings.append(text)
+
+    def failed(self, reason: str) -> None:
+        with self._change():
+            self.failures.append(reason)
 
 
 def held() -> tuple[set[int | None], int]:

@@ -1,4 +1,4 @@
-"""ROS 2 from the package index, and px4_msgs compiled for it."""
+"""ROS 2 from the package index, and packages of messages compiled for it."""
 
 from __future__ import annotations
 
@@ -7,21 +7,23 @@ import subprocess
 import sys
 import sysconfig
 import venv
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from support.catalogs import write_definitions
 from support.programs import required
 from support.repository import ROOT
 
 FOLDER = ROOT / ".venv-ros"
-"""The environment, which git ignores: 246 MB that stay until the interpreter or the list of packages changes.
+"""The environment, which git ignores: 260 MB that stay until the interpreter or the list of packages changes.
 
 ROS needs an environment of its own, because its wheels restart every Python of theirs with another LD_LIBRARY_PATH.
 """
 STAMP = FOLDER / "installed.txt"
-PACKAGES = ("ros-rclpy", "ros-rmw-fastrtps-cpp", "ros-std-msgs")
+PACKAGES = ("ros-rclpy", "ros-rmw-fastrtps-cpp", "ros-nav-msgs", "ros-sensor-msgs")
 WANTED = f"{sys.version}\n{PACKAGES}\n"
 PATIENCE = 300.0
 """Seconds that an installation or a compilation may take."""
@@ -48,15 +50,22 @@ def ros_python() -> Path:
 def compile_px4_msgs(python: Path, folder: Path, *messages: Any) -> Path:
     """Compile px4_msgs with the messages of these classes, and return the folder to import it from.
 
-    The definitions have no constants: ROS parses them slowly, and they are no part of the type.
+    The definitions have no constants: ROS parses them slowly, and they are no part of the type. An archived version
+    becomes the type that it is a version of.
     """
-    definitions = folder / "definitions"
-    definitions.mkdir()
+    texts = {}
     for message in messages:
         lines = message.__msg__.definition.splitlines()
-        text = "".join(f"{line}\n" for line in lines if "=" not in line)
-        (definitions / f"{message.__name__}.msg").write_text(text, encoding="utf-8")
+        texts[message.__msg__.ros_type.rpartition("/")[2]] = "".join(f"{line}\n" for line in lines if "=" not in line)
+    return compile_package(python, folder, "px4_msgs", texts)
+
+
+def compile_package(python: Path, folder: Path, name: str, definitions: Mapping[str, str]) -> Path:
+    """Compile a package with these definitions of messages, and return the folder to import it from."""
+    files = write_definitions(
+        folder / f"{name} definitions", {f"{each}.msg": definitions[each] for each in definitions}
+    )
     program = ROOT / "tests" / "support" / "compile_for_ros.py"
-    command = [python, program, folder / "ros", *sorted(definitions.iterdir())]
+    command = [python, program, folder / "ros" / name, *sorted(files.iterdir())]
     subprocess.run(command, stdout=subprocess.DEVNULL, timeout=PATIENCE, check=True)
     return folder / "ros"

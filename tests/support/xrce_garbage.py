@@ -66,9 +66,9 @@ def datagrams(random: Random) -> Iterator[tuple[bytes, tuple[str, int]]]:
 def check(agent: Agent, limits: Limits) -> None:
     """Check that the state of an agent is within its limits."""
     assert len(agent._sessions) <= limits.clients
-    assert len(agent._ended) <= limits.clients
+    assert len(agent._continuation._ended) <= limits.clients
     assert len(agent._connected) <= limits.clients
-    assert len(agent._warned) <= 100
+    assert all(len(told) <= 20 for _, told in agent._warned.values())
     assert len(agent.refused) < 50
     assert len(agent._shared_keys) <= limits.clients
     for session in agent._sessions.values():

@@ -281,6 +281,7 @@ FILES = (
     _support("lazy.py"),
     _support("lookup.py"),
     _support("meaning.py"),
+    _support("odometry.py"),
     _File("orb_id.py", lambda package: _render("orb_id", topics=package.topics)),
     _support("parameters.py", lambda package: has_commands(package.catalog)),
     _support("places.py"),

@@ -28,6 +28,10 @@ class Misbehaviour(NamedTuple):
     """The messages whose hash in a MessageFormatResponse is wrong, as after a change of their definitions."""
     versions: Mapping[str, int] | None = None
     """The messages whose topics have another version suffix."""
+    clock_off: float = 0.0
+    """The error in s of the timestamps of all samples."""
+    no_time_reply: bool = False
+    """Whether the agent's answers to requests for the time are lost."""
 
 
 class Channel:

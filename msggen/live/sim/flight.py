@@ -133,8 +133,7 @@ class Flight:
         """Return the acceleration that leads to the target, within the limits."""
         found = zip(target.position, target.velocity, self.position, strict=True)
         x, y, z = [_speed(goal - here, speed) for goal, speed, here in found]
-        if not (math.isnan(x) or math.isnan(y)):
-            x, y = _limited(x, y, _MAX_SPEED)
+        x, y = _limited(x, y, _MAX_SPEED)
         z = max(-_MAX_CLIMB, min(_MAX_SINK, z)) if not math.isnan(z) else z
         speeds = zip((x, y, z), target.acceleration, self.velocity, strict=True)
         x, y, z = [_pull(speed, feed, here) for speed, feed, here in speeds]
@@ -164,7 +163,8 @@ def _pull(speed: float, feed: float, here: float) -> float:
 
 
 def _limited(x: float, y: float, most: float) -> tuple[float, float]:
-    size = math.hypot(x, y)
+    """Return a horizontal vector of limited length. A component that is not controlled is NaN, and stays so."""
+    size = math.hypot(*(each for each in (x, y) if not math.isnan(each)))
     return (x * most / size, y * most / size) if size > most else (x, y)
 
 

@@ -2,24 +2,15 @@
 
 from __future__ import annotations
 
-import selectors
-import threading
-import time
 from collections.abc import Sequence
-from contextlib import suppress
 from types import ModuleType
-from typing import Any
 
-from msggen.live.link import LinkError
-from msggen.live.sim.transport import DEFAULT_ADDRESS, Transport, open_transport, read_address
+from msggen.live.sim.runner import Runner
+from msggen.live.sim.transport import DEFAULT_ADDRESS, read_address
 from msggen.live.sim.vehicle import Options, SimulatedVehicle
 
-_LONGEST_WAIT = 0.1
-_SHORTEST_WAIT = 0.001
-"""The time in s for which samples that are due are collected, so that many vehicles need little time."""
 
-
-class Simulator:
+class Simulator(Runner):
     """Vehicles that connect to one agent.
 
         with Simulator(px4_types, "udp://127.0.0.1:8888") as simulator:
@@ -30,9 +21,6 @@ class Simulator:
     `vehicles` tells their state. It changes while the thread runs.
     """
 
-    boot = 1_000_000
-    """The time since boot in us at which a simulator starts."""
-
     def __init__(
         self, package: ModuleType, address: str = DEFAULT_ADDRESS, options: Sequence[Options] = (Options(),)
     ) -> None:
@@ -41,108 +29,5 @@ class Simulator:
         `package` is a package that msggen generated. Raises ValueError for an address that is none, and LinkError if
         it cannot be opened.
         """
-        agent = read_address(address)
-        if agent.scheme == "serial" and len(options) > 1:
-            raise LinkError("a serial line has one vehicle: give every vehicle a line, or use udp://")
         self.vehicles = tuple(SimulatedVehicle(package, each) for each in options)
-        self._start = time.monotonic_ns() // 1000 - self.boot
-        self._selector = selectors.DefaultSelector()
-        self._transports: list[Transport] = []
-        self._registered: list[int] = []
-        self._closing = threading.Event()
-        self.error: LinkError | None = None
-        """What ended the thread."""
-        self._thread: threading.Thread | None = None
-        try:
-            for number in range(len(self.vehicles)):
-                self._transports.append(open_transport(agent))
-                self._registered.append(-1)
-                self._register(number)
-        except LinkError:
-            self._release()
-            raise
-
-    def __enter__(self) -> Simulator:  # noqa: PYI034 - Self needs Python 3.11
-        """Start the thread."""
-        self._thread = threading.Thread(target=self._run, name="msggen sim", daemon=True)
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    @property
-    def now(self) -> int:
-        """The time since boot in us."""
-        return time.monotonic_ns() // 1000 - self._start
-
-    def serve(self, seconds: float) -> None:
-        """Run the vehicles in this thread for some time. Raises LinkError if the device is gone."""
-        end = self.now + round(seconds * 1e6)
-        while self.now < end and not self._closing.is_set():
-            self._step(end)
-
-    def close(self) -> None:
-        """End the sessions, which takes up to 1 s without an answer, and release all. Can be repeated."""
-        self._closing.set()
-        if self._thread:
-            self._thread.join()
-            self._thread = None
-        if self._transports:
-            self._leave()
-            self._release()
-
-    def _run(self) -> None:
-        try:
-            while not self._closing.is_set():
-                self._step(self.now + 10_000_000)
-        except LinkError as error:
-            self.error = error
-
-    def _leave(self) -> None:
-        for vehicle in self.vehicles:
-            vehicle.close(self.now)
-        end = self.now + 1_500_000
-        with suppress(LinkError):
-            while self.now < end and not all(vehicle.is_closed for vehicle in self.vehicles):
-                self._step(end)
-
-    def _step(self, end: int) -> None:
-        """Do what is due, and wait for the next datagram or time."""
-        now = self.now
-        for number, vehicle in enumerate(self.vehicles):
-            if vehicle.next_time <= now:
-                vehicle.advance(now)
-            self._send(number)
-        next_time = min(end, *(vehicle.next_time for vehicle in self.vehicles))
-        wait = min(_LONGEST_WAIT, max(_SHORTEST_WAIT, (next_time - self.now) / 1e6))
-        for key, _ in self._selector.select(wait):
-            self._receive(key.data)
-
-    def _receive(self, number: int) -> None:
-        vehicle = self.vehicles[number]
-        for data in self._transports[number].receive():
-            vehicle.receive(data, self.now)
-        self._send(number)
-
-    def _send(self, number: int) -> None:
-        transport = self._transports[number]
-        for data, connection in self.vehicles[number].take_outgoing():
-            transport.send(data, connection)
-            if transport.fileno() != self._registered[number]:
-                self._register(number)
-
-    def _register(self, number: int) -> None:
-        """Wait for the socket of a vehicle. A closed one has left the selector of the system by itself."""
-        transport: Any = self._transports[number]
-        known = self._selector.get_map()
-        for key in [key for key in known.values() if key.data == number]:
-            self._selector.unregister(key.fileobj)
-        self._registered[number] = transport.fileno()
-        self._selector.register(transport.fileno(), selectors.EVENT_READ, number)
-
-    def _release(self) -> None:
-        self._selector.close()
-        for transport in self._transports:
-            transport.close()
-        self._transports.clear()
+        super().__init__(self.vehicles, read_address(address))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import socket
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from typing import Any, Protocol
 
 from msggen.live.address import FORMS, Address, parse_address
@@ -56,14 +56,15 @@ class Udp:
         self._socket = self._open()
 
     def _open(self) -> socket.socket:
-        opened = socket.socket(self._family, socket.SOCK_DGRAM)
-        opened.setblocking(False)  # noqa: FBT003 - the name of the method says what it means
-        try:
-            opened.connect(self._agent)
-        except OSError as error:
-            opened.close()
-            raise LinkError(f"cannot send to {self._agent[0]}: {error.strerror}") from None
-        return opened
+        with ExitStack() as stack:
+            try:
+                opened = stack.enter_context(socket.socket(self._family, socket.SOCK_DGRAM))
+                opened.setblocking(False)  # noqa: FBT003 - the name of the method says what it means
+                opened.connect(self._agent)
+            except OSError as error:
+                raise LinkError(f"cannot send to {self._agent[0]}: {error.strerror}") from None
+            stack.pop_all()
+            return opened
 
     def fileno(self) -> int:
         """Return the file descriptor, another one after `send` on a new connection."""
@@ -82,7 +83,7 @@ class Udp:
     def receive(self) -> list[bytes]:
         """Return the datagrams that have arrived."""
         found: list[bytes] = []
-        with suppress(BlockingIOError):
+        with suppress(OSError):  # all are read, or the network is gone for now
             while True:
                 try:
                     found.append(self._socket.recv(_LONGEST))

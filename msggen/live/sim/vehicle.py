@@ -24,7 +24,7 @@ from msggen.live.sim.values import Clocks, Filler, Scene
 from msggen.live.sim.world import ACCEPTED, DENIED, TEMPORARILY_REJECTED, UNSUPPORTED, Home, World
 from msggen.live.xrce import client as xrce
 from msggen.live.xrce.client_entities import Reader, Server, Settings, Sync, Writer
-from msggen.live.xrce.wire import ENCAPSULATION
+from msggen.live.xrce.wire import ENCAPSULATION, HEADER, TIMESTAMP_REPLY
 
 _DEFAULT_INTERVAL = 4_000
 """The interval in us of a topic without a limit."""
@@ -80,7 +80,10 @@ class Change(NamedTuple):
 
 class _Publication(NamedTuple):
     number: int
+    name: str
+    """The name of the topic in ROS 2."""
     interval: int
+    """In us."""
     filler: Filler
 
 
@@ -112,6 +115,7 @@ class SimulatedVehicle:
         self._due: list[tuple[int, int]] = []
         self._settings = self._client_settings()
         self._client = xrce.Client(self._settings)
+        self._start: int | None = None
         self._client_start = 0
         self._shown = (False, self.world.mode, False)
 
@@ -139,8 +143,10 @@ class SimulatedVehicle:
         return min(due, self._client.next_time)
 
     def advance(self, now: int) -> None:
-        """Move the vehicle and publish what is due."""
+        """Move the vehicle and publish what is due. The intervals of misbehaviour count from the first call."""
         self._now = now
+        if self._start is None:
+            self._start = self._client_start = now
         self._restart_if_due()
         self._client.advance(now)
         self._handle()
@@ -151,7 +157,9 @@ class SimulatedVehicle:
     def receive(self, data: bytes, now: int) -> None:
         """Take a datagram of the newest connection, or the message of a frame. Never raises."""
         self._now = now
-        if self._is_silent():
+        if self._is_silent() or (
+            self.options.misbehaviour.no_time_reply and data[HEADER.size : HEADER.size + 1] == bytes((TIMESTAMP_REPLY,))
+        ):
             return
         for arrived, _ in self._from_agent.carry([(data, 0)]):
             self._client.receive(arrived, now)
@@ -173,7 +181,7 @@ class SimulatedVehicle:
     def _read_topics(self) -> None:
         namespace = f"/{self.options.namespace}" if self.options.namespace else ""
         versions = self.options.misbehaviour.versions or {}
-        self._names: dict[int, str] = {}
+        self._received_names: dict[int, str] = {}
         self._publications: list[_Publication] = []
         self._by_topic: dict[str, _Publication] = {}
         self._handlers: dict[int, tuple[Any, Callable[[Any], None]]] = {}
@@ -188,15 +196,14 @@ class SimulatedVehicle:
             name = namespace + _versioned(endpoint.ros_name, versions.get(endpoint.message_name))
             number, dds_type = endpoint.object_id, endpoint.dds_type
             if endpoint.direction == "in":
-                self._names[number] = name
+                self._received_names[number] = name
                 self._readers.append(Reader(number, f"rt{name}", dds_type, endpoint.qos.reader.depth))
                 handler = handlers.get(endpoint.uorb_topic)
                 if handler:
                     self._handlers[number] = (endpoint.message, handler)
             else:
-                self._names[-number - 1] = name
                 self._writers.append(Writer(number, f"rt{name}", dds_type))
-                publication = _Publication(number, self._interval(endpoint), Filler(endpoint.message))
+                publication = _Publication(number, name, self._interval(endpoint), Filler(endpoint.message))
                 self._by_topic[endpoint.uorb_topic] = publication
                 if endpoint.uorb_topic not in _ANSWERS:
                     self._publications.append(publication)
@@ -204,9 +211,8 @@ class SimulatedVehicle:
     def _interval(self, endpoint: Any) -> int:
         if self.options.rate:
             return max(1, round(1e6 / self.options.rate))
-        return max(
-            (endpoint.publish_interval_ms or 0) * 1000 or _DEFAULT_INTERVAL, _OWN_INTERVALS.get(endpoint.uorb_topic, 0)
-        )
+        of_bridge = (endpoint.publish_interval_ms or 0) * 1000 or _DEFAULT_INTERVAL
+        return max(of_bridge, _OWN_INTERVALS.get(endpoint.uorb_topic, 0))
 
     def _client_settings(self) -> Settings:
         options = self.options
@@ -237,12 +243,12 @@ class SimulatedVehicle:
 
     def _publish(self, publication: _Publication, message: Any) -> None:
         """Send a message, with its times in the agent's clock (docs/time.md)."""
-        offset = self._client.offset
+        offset = self._client.offset + round(self.options.misbehaviour.clock_off * 1e6)
         message.timestamp = max(0, message.timestamp + offset)
         if publication.filler.is_sampled:
             message.timestamp_sample = max(0, message.timestamp_sample + offset)
         if self._client.write(publication.number, message.encode()[4:]):
-            self.sent[self._names[-publication.number - 1]] += 1
+            self.sent[publication.name] += 1
 
     def _answer(self, topic: str, **values: Any) -> None:
         """Publish a message on a topic, if the release has it."""
@@ -268,7 +274,7 @@ class SimulatedVehicle:
         self._client.refused.clear()
 
     def _take_sample(self, event: xrce.Received) -> None:
-        name = self._names[event.number]
+        name = self._received_names[event.number]
         self.received[name] += 1
         handler = self._handlers.get(event.number)
         if handler:
@@ -364,7 +370,7 @@ class SimulatedVehicle:
 
     def _is_silent(self) -> bool:
         after = self.options.misbehaviour.silent_after
-        return after is not None and self._now >= after * 1e6
+        return after is not None and self._start is not None and self._now - self._start >= after * 1e6
 
     def _restart_if_due(self) -> None:
         every = self.options.misbehaviour.restart_every

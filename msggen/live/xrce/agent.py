@@ -17,10 +17,11 @@ import os
 import struct
 from collections import Counter
 from collections.abc import Callable, Container, Iterable, Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 from msggen.live.link import LinkError, Route, Service
-from msggen.live.xrce import entities, wire
+from msggen.live.xrce import wire
+from msggen.live.xrce.continuation import Continuation
 from msggen.live.xrce.events import (
     Address,
     Connected,
@@ -34,12 +35,14 @@ from msggen.live.xrce.events import (
     Warned,
 )
 from msggen.live.xrce.session import Limits, Session
+from msggen.live.xrce.streams import NEAR
 from msggen.live.xrce.wire import BEST_EFFORT, ENCAPSULATION, WRITE_DATA, WireError
 
 __all__ = [
     "DEFAULTS",
     "Address",
     "Agent",
+    "Client",
     "Connected",
     "Disconnected",
     "Event",
@@ -57,16 +60,32 @@ TICK: Final = 0.1
 """Seconds between calls of `Agent.tick`."""
 
 _unpack_write = struct.Struct("<BBHBBH2x2s").unpack_from  # headers, request id and object id of a WRITE_DATA
+_MOST_MISSING = NEAR - 1
 _LONGEST_STEP = 1.0  # seconds: a longer step is a process that slept, or a clock that jumped
 _REPEATED = 0.5  # seconds in which a second CREATE_CLIENT is the first one, doubled on its way
-_PROOFS = 5  # topics that must have samples of the expected size before a session is continued
-_REMEMBERED = 10.0  # seconds in which an address whose session has ended begins no take-over
-_WARNINGS = 100
+_WARNINGS = 20  # of a kind in a minute: a hostile sender can provoke any number of some kinds
+_MINUTE = 60.0
 
 
 def everybody(address: Address) -> bool:  # noqa: ARG001
     """Allow every address."""
     return True
+
+
+class Client(NamedTuple):
+    """A client that has begun a session, connected or not."""
+
+    address: str
+    key: int
+    """UXRCE_DDS_KEY, 0 in a session that an earlier program began."""
+    number: int
+    """`Remote.number`, 0 while it is not reported as connected."""
+    age: float
+    """The time in s since the session began."""
+    silence: float
+    """The time in s since the client was last heard."""
+    timestamps: int
+    """How often the client has asked for the time."""
 
 
 class Agent:
@@ -93,13 +112,7 @@ class Agent:
         """
         self._allow = allow
         self._keys = keys
-        self._known = [route for route in known if keys is None and 0 <= route.object_id <= entities.LARGEST_NUMBER]
-        self._known_sizes = {
-            entities.object_id(route.object_id, entities.WRITER): route.size
-            for route in self._known
-            if route.direction == "out"
-        }
-        self._proofs: dict[Address, set[bytes]] = {}
+        self._continuation = Continuation(known if keys is None else (), limits.clients)
         self._limits = limits
         self._outbox = Outbox(limits.outgoing)
         self._sessions: dict[Address, Session] = {}
@@ -108,8 +121,7 @@ class Agent:
         self._guid = os.urandom(12)
         self._last_tick = now
         self._clock = 0.0  # the sum of steps, so that jumps of `now` do no harm
-        self._ended: dict[Address, float] = {}
-        self._warned: set[str] = set()
+        self._warned: dict[str, tuple[float, set[str]]] = {}  # by kind, the texts since a time
         self._shared_keys: set[int] = set()  # of vehicles that send at the same time
 
     @property
@@ -119,7 +131,9 @@ class Agent:
 
     @property
     def late(self) -> int:
-        """Datagrams of best-effort streams that were dropped: the same one, or a newer one, had been received."""
+        """Datagrams of best-effort streams that were dropped, because the same one or a newer one had been received, or
+        because their sequence number was far from the last one.
+        """
         return self._outbox.late
 
     @property
@@ -142,13 +156,15 @@ class Agent:
             session_id, stream, sequence, kind, flags, length, object_id = _unpack_write(data)
             if kind == WRITE_DATA and stream == BEST_EFFORT and session_id == session.fast_id and flags == 1:
                 route = session.writers.get(object_id)
-                if route is not None and 4 <= length <= len(data) - 8 < length + 4:  # one submessage
-                    best_effort = session.best_effort
-                    missing = (sequence - best_effort.last - 1) & 0xFFFF
+                best_effort = session.best_effort
+                missing = (sequence - best_effort.last - 1) & 0xFFFF
+                if (
+                    route is not None
+                    and missing < _MOST_MISSING
+                    and 4 <= length <= len(data) - 8 < length + 4  # one submessage
+                    and (route.size < 0 or route.size == length - 4)
+                ):
                     outbox = self._outbox
-                    if missing >= 0x7FFF:
-                        outbox.late += 1
-                        return
                     if missing:
                         session.miss(missing)
                     best_effort.last = sequence
@@ -179,7 +195,7 @@ class Agent:
                 self._disconnect(session, f"the vehicle has sent nothing for {self._limits.silence:g} s")
             else:
                 session.tick(self._clock)
-        self._ended = {address: at for address, at in self._ended.items() if self._clock - at < _REMEMBERED}
+        self._continuation.tick(self._clock)
 
     def take_events(self) -> list[Event]:
         """Return the events since the last call."""
@@ -206,7 +222,7 @@ class Agent:
 
         The answer is a Replied with the same number `request`, which is unique for this vehicle, from 1 to 2**63 - 1.
         `payload` as for `publish`.
-        Raises LinkError if the vehicle is not connected or was adopted, has no such service, or leaves too many
+        Raises LinkError if the vehicle is not connected or was continued, has no such service, or leaves too many
         requests without acknowledgement, or if the payload does not fit.
         """
         self._find(number).call(object_id, request, payload)
@@ -214,6 +230,20 @@ class Agent:
     def routes(self, number: int) -> Sequence[Route | Service]:
         """Return the routes and services of a connected vehicle. Raises LinkError if it is not connected."""
         return self._find(number).inventory.routes()
+
+    def clients(self) -> list[Client]:
+        """Return all clients that have begun a session, also those that are silent by now."""
+        return [
+            Client(
+                address=_name(session.address),
+                key=session.create.key,
+                number=session.remote.number if session.remote else 0,
+                age=self._clock - session.begun_at,
+                silence=0.0 if session.heard else self._clock - session.heard_at,
+                timestamps=session.timestamps,
+            )
+            for session in self._sessions.values()
+        ]
 
     def close(self, reason: str = "the link was closed") -> None:
         """Forget all clients and report them as disconnected. The protocol has no message for it."""
@@ -231,7 +261,7 @@ class Agent:
         outbox = self._outbox
         if session is None and not self._allow(address):
             outbox.refuse("address that is not allowed")
-            self._warn(f"refused {_host(address)}: only allowed addresses may connect; add it to allow=")
+            self._warn("address", f"refused {_host(address)}: only allowed addresses may connect; add it to allow=")
             return
         try:
             self._dispatch(data, address, session, time)
@@ -283,54 +313,35 @@ class Agent:
         elif submessage.id == wire.DELETE and submessage.payload[2:4] == wire.CLIENT_ID:
             self._send(header, wire.Status(submessage.payload[:2], wire.CLIENT_ID).pack(), address)
             self._outbox.received += 1
-        elif self._may_adopt(header, submessage, address):
-            if self._is_proved(submessage, address) and self._has_room():
-                session = self._begin(wire.CreateClient(0, header.session_id), address)
-                session.adopt(self._known)
-                self._connect(session)
-                session.receive(header, body, time)
+        elif self._continuation.may_continue(header, submessage, address):
+            self._continue(header, body, address, time)
         else:
             raise WireError("message of an unknown session")
 
-    def _may_adopt(self, header: wire.Header, submessage: wire.Submessage, address: Address) -> bool:
-        """Whether a message may belong to a session that can be continued: it is a sample."""
-        return (
-            bool(self._known_sizes)
-            and submessage.id == WRITE_DATA
-            and header.stream == BEST_EFFORT
-            and header.session_id > wire.NO_SESSION
-            and address not in self._ended
-        )
-
-    def _is_proved(self, submessage: wire.Submessage, address: Address) -> bool:
-        """Whether a client has the expected firmware, as far as the samples so far show.
-
-        With other definitions, object ids mean other topics: samples of this program would reach a wrong one.
-        """
-        size = self._known_sizes.get(submessage.payload[2:4])
-        if size is None or size not in (-1, len(submessage.payload) - 4):
-            self._proofs.pop(address, None)
-            self._end(address)
+    def _continue(self, header: wire.Header, body: bytes, address: Address, time: int) -> None:
+        """Take a sample of a session that an earlier program began, and continue the session if it is safe."""
+        submessage = _first(body)
+        if not self._continuation.fits(submessage):
+            self._continuation.end(address, self._clock)
             self._warn(
+                "session",
                 f"{_host(address)} has a session of an earlier program whose topics are not those of types=: "
-                "it is not continued, and the vehicle connects again in a few seconds"
+                "it is not continued, and the vehicle connects again in a few seconds",
             )
             raise WireError("sample of another firmware than the expected one")
-        if address not in self._proofs and len(self._proofs) >= self._limits.clients:
-            del self._proofs[next(iter(self._proofs))]
-        proofs = self._proofs.setdefault(address, set())
-        proofs.add(submessage.payload[2:4])
-        if len(proofs) < min(_PROOFS, len(self._known_sizes)):
-            return False
-        del self._proofs[address]
-        return True
+        if self._continuation.is_proved(submessage, address) and self._has_room():
+            session = self._begin(wire.CreateClient(0, header.session_id), address)
+            session.continue_with(self._continuation.known)
+            self._connect(session)
+            session.receive(header, body, time)
 
     def _create_client(
         self, header: wire.Header, create: wire.CreateClient, address: Address, session: Session | None
     ) -> None:
         status = wire.OK
         if self._keys is not None and create.key not in self._keys:
-            self._warn(f"refused {_host(address)}: key {create.key} is not allowed; add it to the keys in allow=")
+            text = f"refused {_host(address)}: key {create.key} is not allowed; add it to the keys in allow="
+            self._warn("key", text)
             raise WireError("key that is not allowed")
         if create.session_id in (wire.NO_SESSION, wire.NO_SESSION_WITH_KEY):
             raise WireError("wrong session id or key")
@@ -343,7 +354,8 @@ class Agent:
                 status = wire.ERR_RESOURCES
                 self._outbox.refuse("too many clients")
                 self._warn(
-                    f"refused {_host(address)}: {self._limits.clients} vehicles are connected, the most for a port"
+                    "room",
+                    f"refused {_host(address)}: {self._limits.clients} vehicles are connected, the most for a port",
                 )
         key = wire.key_bytes(create.key) if create.session_id < 0x80 else b""
         self._send(header._replace(session_id=create.session_id, key=key), wire.StatusAgent(status).pack(), address)
@@ -390,7 +402,8 @@ class Agent:
             if len(self._shared_keys) >= self._limits.clients:
                 self._shared_keys.clear()
             self._shared_keys.add(key)
-            self._warn(f"two vehicles have the key {key}: set the parameter UXRCE_DDS_KEY of one to another number")
+            text = f"two vehicles have the key {key}: set the parameter UXRCE_DDS_KEY of one to another number"
+            self._warn("two", text)
             session.replaced_at = None
         self._connect(session)
         return True
@@ -408,22 +421,19 @@ class Agent:
     def _forget(self, session: Session, reason: str) -> None:
         self._disconnect(session, reason)
         del self._sessions[session.address]
-        self._end(session.address)
-
-    def _end(self, address: Address) -> None:
-        """Begin no take-over for a while."""
-        if len(self._ended) >= self._limits.clients:
-            del self._ended[next(iter(self._ended))]
-        self._ended[address] = self._clock
+        self._continuation.end(session.address, self._clock)
 
     def _send(self, header: wire.Header, submessage: bytes, address: Address) -> None:
         """Send a submessage outside of streams, with the session id and key of a header."""
         self._outbox.send(wire.HEADER.pack(header.session_id, 0, 0) + header.key + submessage, address)
 
-    def _warn(self, text: str) -> None:
-        """Tell the user, each text once."""
-        if text not in self._warned and len(self._warned) < _WARNINGS:
-            self._warned.add(text)
+    def _warn(self, kind: str, text: str) -> None:
+        """Tell the user, each text once, as long as there are few texts of its kind."""
+        since, told = self._warned.setdefault(kind, (self._clock, set()))
+        if len(told) >= _WARNINGS and self._clock - since > _MINUTE:
+            since, told = self._warned[kind] = self._clock, set()
+        if text not in told and len(told) < _WARNINGS:
+            told.add(text)
             self._outbox.events.append(Warned(text))
 
 

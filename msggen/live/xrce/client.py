@@ -46,8 +46,6 @@ _STATUSES: Final = 16
 """The number of STATUS that are kept. PX4's client waits for three at a time."""
 _PINGS: Final = 3
 """The pings without an answer after which the next one ends the session."""
-_SILENCE: Final = 3 * _SECOND
-"""The time without a sample from the vehicle after which it ends the session: UXRCE_DDS_TX_TO."""
 
 
 class Connected(NamedTuple):
@@ -299,9 +297,10 @@ class Client:
         self._events.append(Connected())
         sync_time = ping_time = self._now + _SECOND
         missed, is_answered = 0, True
+        silence = self.settings.silence
         while True:
-            if self._now - self._last_write >= _SILENCE:
-                return f"no sample was sent for {_SILENCE // _SECOND} s"
+            if self._now - self._last_write >= silence:
+                return f"no sample was sent for {silence // _SECOND} s"
             if self.clock.window and self._now >= sync_time:
                 is_done = yield from self._exchange(_SYNC_WAIT)
                 sync_time = self._now + (_SECOND if is_done and self.clock.is_converged else 1)
@@ -315,7 +314,7 @@ class Client:
                         return "the agent does not know this session, or does not answer"
                 self._written = self._read = 0
                 ping_time = max(ping_time + _SECOND, self._now + 1)
-            next_time = min(ping_time, self._last_write + _SILENCE)
+            next_time = min(ping_time, self._last_write + silence)
             yield min(next_time, sync_time) if self.clock.window else next_time
 
     def _ping(self) -> _Outcome:

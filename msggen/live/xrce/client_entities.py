@@ -76,6 +76,8 @@ class Settings(NamedTuple):
     namespace: str = ""
     """Becomes part of the name of the participant."""
     sync: Sync = "px4"
+    silence: int = 3_000_000
+    """The time in us without a sample from the vehicle after which it ends the session: UXRCE_DDS_TX_TO."""
     localhost: bool = False
     """The parameter UXRCE_DDS_PTCFG: ask the agent to use the loopback interface only."""
 

@@ -114,9 +114,8 @@ class Endpoint(NamedTuple):
         if isinstance(self.topic, tuple):
             raise TypeError("an endpoint in binary has the object id of its topic")
         depth = b"\0" if self.depth is None else b"\1\0" + _U16.pack(self.depth)
-        absent = bytes(
-            4 if self.kind == WRITER else 5
-        )  # deadline, life span, user data; then ownership strength or filters
+        # no deadline, life span and user data; then no ownership strength of a writer, or no filters of a reader
+        absent = bytes(4 if self.kind == WRITER else 5)
         return _pack_binary(self.kind, self.topic + b"\1\0" + _U16.pack(self.flags) + depth + absent, self.parent)
 
 
@@ -146,7 +145,7 @@ Entity: TypeAlias = Participant | Topic | Group | Endpoint | Replier
 
 def parse(create: Create) -> Entity:
     """Return the entity of a CREATE. Raises WireError if it is malformed, RefusedError if its kind is unknown."""
-    kind, data = create.object_id[1] & 15, create.representation
+    kind, data = object_kind(create.object_id), create.representation
     if len(data) < 8:
         raise WireError("payload too short")
     if data[0] != kind:
@@ -242,12 +241,13 @@ def _replier(data: bytes, parent: bytes) -> Replier:
     service, at = read_string(data, 0)
     request_type, at = read_string(data, at)
     reply_type, at = read_string(data, at)
-    request_topic, at = _optional_string(data, at)
-    reply_topic, at = _optional_string(data, at)
+    request_topic, at = _topic_name(data, at)
+    reply_topic, at = _topic_name(data, at)
     return Replier(service, request_type, reply_type, request_topic, reply_topic, parent)
 
 
-def _optional_string(data: bytes, at: int) -> tuple[str, int]:
+def _topic_name(data: bytes, at: int) -> tuple[str, int]:
+    """Return the name of a replier's topic, which XRCE allows to be absent, and the offset of its end."""
     if not _flag(data, at):
         raise WireError("replier without topics")
     return read_string(data, at + 1)
@@ -259,6 +259,7 @@ def _read_text(data: bytes) -> tuple[str, int]:
 
 
 def _flag(data: bytes, at: int) -> bool:
+    """Whether an optional member follows."""
     if at >= len(data):
         raise WireError("payload too short")
     return data[at] != 0

@@ -62,7 +62,7 @@ class Inventory:
         """Return what the client publishes, and what it has asked for."""
         return [*self.writers.values(), *(reading.route for reading in self.readings.values())]
 
-    def adopt(self, known: Iterable[Route]) -> None:
+    def continue_with(self, known: Iterable[Route]) -> None:
         """Take routes for those of a client that has created them before."""
         self.namespace = ""
         for route in known:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterable
 from typing import ClassVar, Final, NamedTuple
 
@@ -10,7 +11,7 @@ from msggen.live.xrce import entities, wire
 from msggen.live.xrce.entities import RefusedError
 from msggen.live.xrce.events import Address, Connected, Disconnected, Lost, Opened, Outbox, Replied, Sample
 from msggen.live.xrce.inventory import Inventory, Reading
-from msggen.live.xrce.streams import BestEffortInput, Fragments, ReliableInput, ReliableOutput
+from msggen.live.xrce.streams import NEAR, BestEffortInput, Fragments, ReliableInput, ReliableOutput
 from msggen.live.xrce.wire import BEST_EFFORT, RELIABLE, Submessage, WireError
 
 HEARTBEAT_PERIOD: Final = 0.1
@@ -67,7 +68,9 @@ class Session:
         """The time at which another session with this key and namespace began, until this one sends again."""
         self.pinged = False
         """Whether the client has sent a ping outside of a session, as it does before it begins one."""
-        self.adopted = False
+        self.continued = False
+        self.timestamps = 0
+        """How often the client has asked for the time."""
         self.inventory = Inventory(limits.entities, limits.text)
         self.writers = self.inventory.writers
         self.fast_id = -1
@@ -83,7 +86,7 @@ class Session:
 
     def _reset(self) -> None:
         """Begin all streams."""
-        self.best_effort = BestEffortInput()
+        self.best_effort = BestEffortInput(near=NEAR)
         self.input = ReliableInput()
         self._output = ReliableOutput()
         self._next = 0  # the number of the next best-effort message
@@ -96,7 +99,7 @@ class Session:
 
     def connect(self, number: int, name: str, guid: bytes) -> None:
         """Report the client as connected, with the routes it has. `name` is its address as text."""
-        self.remote = Remote(number, name, self.create.key, self.inventory.namespace or "", self.adopted)
+        self.remote = Remote(number, name, self.create.key, self.inventory.namespace or "", self.continued)
         self._guid = guid + (number & 0xFFFFFF).to_bytes(3, "big") + b"\x03"
         self._outbox.events.append(Connected(self.remote))
         self._outbox.events += [Opened(self.remote, route) for route in self.inventory.routes()]
@@ -110,11 +113,11 @@ class Session:
         self.fast_id = -1
         self.best_effort.last = None
 
-    def adopt(self, known: Iterable[Route]) -> None:
-        """Take over a session that an earlier program began: docs/xrce.md, 10."""
-        self.adopted = True
-        self.inventory.adopt(known)
-        self.best_effort = BestEffortInput(None)
+    def continue_with(self, known: Iterable[Route]) -> None:
+        """Continue a session that an earlier program began: docs/xrce.md, 10."""
+        self.continued = True
+        self.inventory.continue_with(known)
+        self.best_effort = BestEffortInput(None, NEAR)
         self.input = ReliableInput(None)
         for number in (*range(0, 0x10000, 0x2000), 0):
             self._next = number
@@ -150,7 +153,7 @@ class Session:
 
     def call(self, object_id: int, request: int, payload: bytes) -> None:
         """Send a request: `Agent.call`."""
-        if self.adopted:
+        if self.continued:
             raise LinkError(
                 "services cannot be called in a session that an earlier program began; "
                 "restart uxrce_dds_client on the vehicle"
@@ -213,17 +216,28 @@ class Session:
         elif header.stream == wire.NO_STREAM:
             self._submessages(body, wire.NO_STREAM)
         elif header.stream == BEST_EFFORT:
-            missing = self.best_effort.accept(header.sequence)
-            if missing is None:
-                self._outbox.late += 1
+            if not self._advance(header.sequence, body):
                 return
-            self.miss(missing)
-            self._open_fast_path()
             self._submessages(body, BEST_EFFORT)
         else:
             self._outbox.refuse("unknown stream")
             return
         self._outbox.received += 1
+
+    def _advance(self, sequence: int, body: bytes) -> bool:
+        """Take the number of a message of the best-effort stream. Return whether the message is to be taken, too."""
+        try:
+            deque(wire.submessages(body), maxlen=0)  # the number of a damaged message counts for nothing
+        except WireError as error:
+            self._outbox.refuse(str(error))
+            return False
+        missing = self.best_effort.accept(sequence)
+        if missing is None:
+            self._outbox.late += 1
+            return False
+        self.miss(missing)
+        self._open_fast_path()
+        return True
 
     def miss(self, count: int) -> None:
         """Report missing messages of the best-effort stream."""
@@ -277,10 +291,11 @@ class Session:
         sample = wire.Sample.unpack(submessage.payload, submessage.flags)
         route = self.writers.get(sample.object_id)
         service = self.inventory.services.get(sample.object_id)
-        if self.remote is None or (route is None and service is None):
-            if self.adopted:
-                self.ended = "its topics are not those of types=, so it has to connect again"
-                return
+        is_known = self.remote is not None and (route is not None or service is not None)
+        if self.continued and not (is_known and route is not None and route.size in {-1, len(sample.data)}):
+            self.ended = "its topics are not those of types=, so it has to connect again"
+            return
+        if self.remote is None or not is_known:
             raise WireError("data of an unknown entity")
         if route is not None:
             payload = wire.ENCAPSULATION + sample.data
@@ -296,7 +311,7 @@ class Session:
 
     def _create(self, submessage: Submessage) -> None:
         create = wire.Create.unpack(submessage.payload, submessage.flags)
-        if self.adopted:
+        if self.continued:
             self.ended = "the vehicle had not created all of its topics, so it has to connect again"
             return
         status = self._try(lambda: self._open(self.inventory.create(create)))
@@ -353,6 +368,7 @@ class Session:
         self._acknowledge()
 
     def _timestamp(self, submessage: Submessage) -> None:
+        self.timestamps += 1
         self._send(wire.NO_STREAM, wire.answer_timestamp(submessage.payload, self._time))
 
     def _restart(self, submessage: Submessage) -> None:  # noqa: ARG002

@@ -11,6 +11,9 @@ from msggen.live.xrce.wire import WireError
 
 INPUT_WINDOW: Final = 16
 """Messages of a reliable stream that are kept while an earlier one is missing: as many as an ACKNACK can ask for."""
+NEAR: Final = 1024
+"""The distance of sequence numbers beyond which a message belongs to the stream only if the next one follows it. A
+damaged or forged number then neither counts as thousands of lost messages, nor makes later messages look old."""
 OUTPUT_WINDOW: Final = 32
 """Messages of a reliable stream that are kept until they are acknowledged."""
 
@@ -23,22 +26,33 @@ def distance(older: int, newer: int) -> int:
 class BestEffortInput:
     """The receiving end of a best-effort stream: drops what is not newer than the last message."""
 
-    __slots__ = ("last",)
+    __slots__ = ("_far", "_near", "last")
 
-    def __init__(self, last: int | None = 0xFFFF) -> None:
+    def __init__(self, last: int | None = 0xFFFF, near: int = 0x8000) -> None:
         self.last = last
         """The last number, 65535 before the first message. None takes any number as the first one."""
+        self._near = near
+        self._far = -1  # the last number that was not near
 
     def accept(self, sequence: int) -> int | None:
-        """Return how many messages are missing before this one, or None if it is late or doubled."""
+        """Return how many messages are missing before this one, or None if it is dropped.
+
+        A message is dropped if it is late or doubled, or if its number is `near` or more away from the last one. If the
+        next message follows that one, the stream goes on there.
+        """
         if self.last is None:
             self.last = sequence
             return 0
         ahead = distance(self.last, sequence)
-        if ahead <= 0:
+        if abs(ahead) >= self._near:
+            is_next, self._far = sequence == (self._far + 1) & 0xFFFF and self._far >= 0, sequence
+            if not is_next:
+                return None
+            self._far = -1
+        elif ahead <= 0:
             return None
         self.last = sequence
-        return ahead - 1
+        return max(ahead - 1, 0)
 
 
 class ReliableInput:

@@ -176,9 +176,8 @@ class CreateClient(NamedTuple):
         at = 14
         if properties:
             count, at = read_u32(payload, at)
-            for _ in range(
-                min(count, len(payload)) * 2
-            ):  # a string takes 5 bytes or more: a false count ends in an error
+            most = min(count, len(payload))  # a string takes 5 bytes or more, so a false count ends in an error
+            for _ in range(2 * most):  # a name and a value for each
                 _, at = read_string(payload, at)
             at += at & 1
         _need(payload, at + 2)

@@ -1,4 +1,4 @@
-"""Sessions of clients with an agent: life, streams both ways, loss, limits, strangers and take-over."""
+"""Sessions of clients with an agent: life, streams both ways, loss, limits, strangers and continued sessions."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SERVED = Service("/fmu/s", "px4_msgs/srv/S_Request", "px4_msgs/srv/S_Response", 
 
 def test_a_client_connects_and_opens_its_routes() -> None:
     world, client = connected()
-    remote = Remote(1, "127.0.0.1:50001", 1, "", adopted=False)
+    remote = Remote(1, "127.0.0.1:50001", 1, "", continued=False)
     assert world.events == [
         Connected(remote),
         Opened(remote, ROUTE),
@@ -115,7 +115,7 @@ def test_a_silent_client_is_disconnected_and_forgotten() -> None:
         world.agent.publish(1, 2, LE)
     client.write(1, b"a")  # the session is still there, and continues
     world.settle()
-    remote = Remote(2, "127.0.0.1:50001", 1, "", adopted=False)
+    remote = Remote(2, "127.0.0.1:50001", 1, "", continued=False)
     assert world.events[5:] == [
         Connected(remote),
         *(Opened(remote, r) for r in (ROUTE, READ, SERVED)),
@@ -223,7 +223,7 @@ def test_a_client_that_restarts_fifty_times_leaves_nothing() -> None:
     assert [event.remote.number for event in world.all(Disconnected)] == list(range(1, 51))
     assert list(world.agent._connected) == [51]
     world.run(70)
-    assert (world.agent._sessions, world.agent._connected, world.agent._ended) == ({}, {}, {})
+    assert (world.agent._sessions, world.agent._connected, world.agent._continuation._ended) == ({}, {}, {})
     assert world.all(Warned) == []
 
 
@@ -336,15 +336,67 @@ def test_late_and_doubled_samples_are_dropped_and_gaps_are_counted() -> None:
     assert (world.agent.lost, world.agent.late) == (3, 4)
 
 
-@pytest.mark.parametrize(("ahead", "arrives"), [(1, True), (32767, True), (32768, False), (65535, False)])
-def test_half_of_all_numbers_are_newer(ahead: int, arrives: bool) -> None:  # noqa: FBT001
+@pytest.mark.parametrize("is_fast", [True, False])
+@pytest.mark.parametrize(("ahead", "arrives"), [(1, True), (1023, True), (1024, False), (32768, False), (65535, False)])
+def test_numbers_that_are_near_and_newer_are_taken(ahead: int, arrives: bool, is_fast: bool) -> None:  # noqa: FBT001
     world, client = connected()
     client.write(1, b"a")
+    world.settle()
+    if not is_fast:
+        world.agent._sessions[client.address].fast_id = -1
     client.next = ahead
     client.write(1, b"b")
     world.settle()
     assert len(world.all(Sample)) == 1 + arrives
     assert world.agent.lost == (ahead - 1 if arrives else 0)
+
+
+@pytest.mark.parametrize("number", [1024, 20000, 32767, 40000, 60000])
+def test_a_forged_number_neither_counts_as_lost_nor_hides_what_follows(number: int) -> None:
+    world, client = connected()
+    for index in range(10):
+        client.write(1, b"real")
+        client.next, real = number + 7 * index, client.next
+        client.write(1, b"forged")
+        client.next = real
+    world.settle()
+    assert [event.payload for event in world.all(Sample)] == [LE + b"real"] * 10
+    assert (world.agent.lost, world.agent.late) == (0, 10)
+
+
+def test_a_damaged_message_does_not_move_the_number() -> None:
+    world, client = connected()
+    for number in range(10):
+        client.write(1, b"real")
+        client.outgoing.append(b"\x81\x01" + (number + 500).to_bytes(2, "little") + b"\x07\x01\xff\xff damaged")
+    world.settle()
+    assert len(world.all(Sample)) == 10
+    assert world.agent.lost == 0
+    assert world.agent.refused == {"submessage longer than its message": 10}
+
+
+@pytest.mark.parametrize("gap", [2000, 30000])
+def test_a_long_gap_is_counted_once_the_stream_goes_on(gap: int) -> None:
+    """What arrived and what was lost are what was sent."""
+    world, client = connected()
+    client.write(1, b"a")
+    client.next += gap
+    for _ in range(5):
+        client.write(1, b"b")
+    world.settle()
+    assert len(world.all(Sample)) == 1 + 4
+    assert len(world.all(Sample)) + world.agent.lost == client.next
+
+
+def test_a_stream_that_begins_anew_goes_on_after_two_messages() -> None:
+    world, client = connected()
+    client.next = 10000
+    for number in (10000, 0):
+        client.next = number
+        for _ in range(5):
+            client.write(1, b"a")
+    world.settle()
+    assert len(world.all(Sample)) == 4 + 4
 
 
 def test_what_follows_a_sample_in_its_message_counts() -> None:
@@ -657,8 +709,33 @@ def test_many_strangers_cost_little() -> None:
     agent = Agent(0.0, allow=lambda _: False)
     for number in range(1000):
         agent.receive(b"\x80\0\0\0", (f"10.0.{number // 256}.{number % 256}", 1), 0)
-    assert len(agent.take_events()) == 100
+    assert len(agent.take_events()) == 20
     assert agent.refused == {"address that is not allowed": 1000}
+
+
+def test_a_hostile_sender_cannot_use_up_the_warnings() -> None:
+    def warnings() -> list[str]:
+        return [event.text for event in agent.take_events() if isinstance(event, Warned)]
+
+    def flood(network: int) -> None:
+        for number in range(1000):
+            agent.receive(b"\x80\0\0\0", (f"{network}.0.{number // 256}.{number % 256}", 1), 0)
+
+    agent = Agent(0.0, allow=lambda address: address[0] == "127.0.0.1", keys={1})
+    client = Client(key=2)
+    client.begin()
+    flood(10)
+    assert len(warnings()) == 20
+    agent.receive(client.outgoing[0], client.address, 0)
+    assert warnings() == ["refused 127.0.0.1: key 2 is not allowed; add it to the keys in allow="]
+    for second in range(70):
+        flood(10)
+        agent.tick(second)
+    agent.take_events()
+    for second in range(70, 140):
+        agent.tick(second)
+    agent.receive(b"\x80\0\0\0", ("192.168.0.7", 1), 0)
+    assert warnings() == ["refused 192.168.0.7: only allowed addresses may connect; add it to allow="]
 
 
 def test_a_key_that_is_not_allowed_gets_no_session() -> None:
@@ -817,7 +894,7 @@ def test_a_stranger_that_is_malformed_is_refused_with_a_reason(text: str, reason
     assert (agent.take_events(), agent.take_outgoing(), agent._sessions) == ([], [], {})
 
 
-# --- take-over
+# --- continued sessions
 
 
 def running(**options: object) -> tuple[World, Client]:
@@ -837,7 +914,7 @@ def test_a_session_is_taken_over(last: int) -> None:
     client.write(1, b"new")
     client.ping(in_session=True)
     world.settle()
-    remote = Remote(1, "127.0.0.1:50001", 0, "", adopted=True)
+    remote = Remote(1, "127.0.0.1:50001", 0, "", continued=True)
     sample = Sample(remote, ROUTE, LE + b"new", 0)
     assert world.events == [Connected(remote), Opened(remote, ROUTE), Opened(remote, READ), sample]
     assert [wire.Info.unpack(payload).known for payload in client.all(wire.INFO)] == [True]
@@ -934,6 +1011,26 @@ def test_a_further_topic_ends_a_session_that_was_taken_over() -> None:
     assert world.events[-1] == ended
 
 
+@pytest.mark.parametrize("is_fast", [True, False])
+@pytest.mark.parametrize(("writer", "size"), [(5, 24), (5, 16), (6, 20)])
+def test_a_later_sample_of_another_size_ends_a_session_that_was_taken_over(
+    writer: int,
+    size: int,
+    is_fast: bool,  # noqa: FBT001
+) -> None:
+    world, client = newcomer()
+    for number in range(1, 6):
+        client.write(number, bytes(4 * number))
+    world.settle()
+    assert len(world.all(Connected)) == 1
+    if not is_fast:
+        world.agent._sessions[client.address].fast_id = -1
+    client.write(writer, bytes(size))
+    world.settle()
+    (gone,) = world.all(Disconnected)
+    assert gone.reason == "its topics are not those of types=, so it has to connect again"
+
+
 def test_a_session_that_turns_out_to_be_incomplete_is_given_up() -> None:
     world, client = running()
     client.write(1, b"new")
@@ -961,7 +1058,7 @@ def test_a_session_that_has_ended_is_not_taken_over_by_late_samples() -> None:
     assert [type(event).__name__ for event in world.events][-2:] == ["Sample", "Disconnected"]
 
 
-def test_a_key_that_cannot_be_checked_prevents_a_take_over() -> None:
+def test_a_key_that_cannot_be_checked_prevents_a_continued_session() -> None:
     world, client = running(keys={1})
     client.write(1, b"new")
     world.settle()
@@ -976,6 +1073,6 @@ def test_a_client_that_was_taken_over_may_begin_a_session() -> None:
     world.clients.append(client)
     start(client)
     world.settle()
-    assert [event.remote.adopted for event in world.all(Connected)] == [True, False]
+    assert [event.remote.continued for event in world.all(Connected)] == [True, False]
     answer = [event for event in world.all(Opened) if isinstance(event.route, Service)]
     assert len(answer) == 1

@@ -120,7 +120,7 @@ def test_the_samples_are_those_that_the_client_wrote() -> None:
 )
 def test_a_session_begins_and_ends(name: str, namespace: str) -> None:
     done = replay(name)
-    remote = Remote(1, "127.0.0.1:50001", 1, namespace, adopted=False)
+    remote = Remote(1, "127.0.0.1:50001", 1, namespace, continued=False)
     assert [event for event in done.events if isinstance(event, (Connected, Disconnected))] == [
         Connected(remote),
         Disconnected(remote, "the vehicle has ended the session"),
@@ -255,7 +255,7 @@ def test_a_running_session_is_continued() -> None:
     after = [row for row in rows("takeover") if row.time >= started]
     done = Replay(started, known_routes())
     done.feed(after)
-    assert done.all(Connected) == [Connected(Remote(1, "127.0.0.1:50001", 0, "", adopted=True))]
+    assert done.all(Connected) == [Connected(Remote(1, "127.0.0.1:50001", 0, "", continued=True))]
     written = [row.data for row in after if row.sender == "client" and row.data[4] == wire.WRITE_DATA]
     assert len(done.all(Sample)) == len(written) - 4 > 200, "those that proved the firmware"
     assert done.all(Lost) == []

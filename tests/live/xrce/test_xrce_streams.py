@@ -51,6 +51,24 @@ def test_half_of_all_numbers_are_newer(ahead: int) -> None:
     assert (BestEffortInput(0).accept(ahead) is not None) == (ahead <= 32767)
 
 
+@given(NUMBERS, st.lists(st.integers(-32768, 32767) | st.integers(-70, 70), max_size=30), st.integers(1, 64))
+def test_a_stream_goes_to_a_number_that_is_far_away_when_the_next_one_follows(
+    start: int, steps: list[int], near: int
+) -> None:
+    """The model looks at the whole history, and finds a far number followed by the next one."""
+    stream, last, number = BestEffortInput(start, near), start, start
+    far: int | None = None
+    for step in steps:
+        number = (number + step) % 65536
+        ahead = distance(last, number)
+        is_far = abs(ahead) >= near
+        is_taken = (far is not None and number == (far + 1) % 65536) if is_far else ahead > 0
+        assert stream.accept(number) == (max(ahead - 1, 0) if is_taken else None)
+        if is_far:
+            far = None if is_taken else number
+        last = number if is_taken else last
+
+
 def transfer(random: Random, start: int, count: int, network: Network) -> int:
     """Send messages through a bad network until all have arrived. Return the rounds that it took."""
     there: list[Any] = []

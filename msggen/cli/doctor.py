@@ -1,0 +1,167 @@
+"""`msggen doctor`, and `msggen check --live`: why nothing arrives from a vehicle, and whether its definitions match."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from typing import TYPE_CHECKING
+
+from msggen.cli.link import add_link, given_package, link_of
+from msggen.cli.options import FAILED_CODES, Commands, add_command, add_output_format, non_empty
+from msggen.cli.packages import import_package
+from msggen.cli.printing import print_report
+from msggen.cli.values import convert_values, positive
+from msggen.diagnostics import input_error
+from msggen.exit_codes import DONE, FINDINGS
+from msggen.firmware.embedded import EMBEDDED
+from msggen.settings import read_settings
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from msggen.doctor.expected import Expected
+    from msggen.doctor.observation import Observation
+    from msggen.firmware.sources import Sources
+    from msggen.live.address import Address
+    from msggen.live.selection import Selection
+
+_SECONDS = 5.0
+_LEAST = 1.0
+"""The time in s for which `check --live` watches a vehicle. It goes on until the vehicle has told its definitions."""
+
+
+def add_to(commands: Commands) -> None:
+    """Add the command to the command line."""
+    parser = add_command(
+        commands,
+        "doctor",
+        _doctor,
+        help="find out why nothing arrives from a vehicle",
+        description="Watch a link to a vehicle for some seconds, and say why nothing arrives, or not what a program "
+        "expects: the port, agents, the session, names, definitions, times, rates and losses, in this order. Nothing "
+        "is changed at the vehicle.",
+        epilog="Examples: `msggen doctor`, `msggen doctor /fmu/out/vehicle_status`, `msggen doctor --types px4_types "
+        f"--link dds://0`. Exit codes: 0 nothing found, 1 findings, {FAILED_CODES}",
+    )
+    parser.add_argument(
+        "topics",
+        metavar="TOPIC",
+        nargs="*",
+        type=non_empty,
+        help="topic that does not arrive, as the program has it, such as /fmu/out/vehicle_status, vehicle_status or "
+        "VehicleStatus (default: all)",
+    )
+    parser.add_argument(
+        "--for", metavar="SECONDS", type=non_empty, help=f"watch the vehicle this long (default: {_SECONDS:g})"
+    )
+    add_link(parser)
+    add_output_format(parser)
+    parser.add_argument(
+        "--json", action="store_const", const="json", dest="output_format", help="the same as --output-format json"
+    )
+
+
+def _doctor(options: argparse.Namespace) -> int:
+    from msggen.doctor.case import Case
+    from msggen.doctor.diagnose import diagnose
+    from msggen.doctor.observe import look_around
+
+    convert_values(options, {"for": positive})
+    given = given_package(options)
+    address = _address(options)
+    seen = look_around(_observe(options, address, getattr(options, "for") or _SECONDS), address)
+    expected: Mapping[int, Expected]
+    if given is None:
+        expected = {each.remote.number: _embedded(each.release) for each in seen.vehicles}
+    else:
+        from msggen.doctor.expected import expected_of
+
+        label = options.types or options.px4 or read_settings(os.curdir).types or given.__name__
+        expected = dict.fromkeys(
+            (each.remote.number for each in seen.vehicles), expected_of(given, label, is_given=True)
+        )
+    report = diagnose(Case(seen, expected, tuple(options.topics), _selection(options)))
+    print_report(report, options)
+    return FINDINGS if report.fails else DONE
+
+
+def _address(options: argparse.Namespace) -> Address:
+    from msggen.live.address import parse_address
+
+    return parse_address(link_of(options))
+
+
+def _selection(options: argparse.Namespace) -> Selection:
+    from msggen.live.selection import Selection
+
+    namespace = options.namespace
+    return Selection(options.key, None if namespace is None else namespace.strip("/"))
+
+
+def _observe(options: argparse.Namespace, address: Address, seconds: float) -> Observation:
+    """Watch the link. Raises InputError if it cannot be opened."""
+    from msggen.doctor.observe import Plan, observe
+    from msggen.live.link import LinkError
+
+    def tell() -> None:
+        print(f"waiting for a vehicle on {address}", file=sys.stderr, flush=True)
+
+    plan = Plan(seconds, allow=options.allow)
+    try:
+        return observe(address, plan._replace(wait=options.wait) if options.wait else plan, tell)
+    except LinkError as error:
+        raise input_error(str(address), "L102", str(error), 0) from None
+
+
+def _embedded(release: str) -> Expected:
+    from msggen.doctor.expected import expected_of
+    from msggen.generate.cache import package_of
+
+    name = release or EMBEDDED[0]
+    return expected_of(package_of(name), f"PX4 {name}", is_given=False)
+
+
+# check --live
+
+
+def check_live(options: argparse.Namespace, sources: Sources | None) -> int:
+    """Compare the definitions of a vehicle with those of sources, by default those of the generated package `side`.
+
+    Raises InputError if there is no vehicle, or if it does not tell its definitions.
+    """
+    from dataclasses import replace
+
+    from msggen.doctor.case import Case
+    from msggen.doctor.diagnose import diagnose
+    from msggen.doctor.rules import LIVE
+
+    expected = _of_sources(sources) if sources else _of_package(options.side)
+    address = _address(options)
+    seen = _observe(options, address, _LEAST)
+    case = Case(seen, dict.fromkeys((each.remote.number for each in seen.vehicles), expected), (), _selection(options))
+    if seen.is_taken or not any(each.routes for each in case.vehicles):
+        what = "it is in use" if seen.is_taken else f"no vehicle has created its topics within {seen.waited:.0f} s"
+        raise input_error(str(address), "L104", f"{what}: `msggen doctor --link {address}` finds out why", 0)
+    if not all(each.hashes for each in case.vehicles):
+        text = "the vehicle does not tell its definitions: firmware before v1.15 cannot, and later firmware needs"
+        raise input_error(str(address), "L104", f"{text} message_format_request in its dds_topics.yaml", 0)
+    report = diagnose(case, LIVE)
+    told = min(len(each.hashes) for each in case.vehicles)
+    verdict = "differs from" if report.fails else "matches"
+    summary = f"{expected.label} {verdict} the vehicle on {address}: {told} definitions compared"
+    print_report(replace(report, previous=str(address), current=expected.label, summary=summary), options)
+    return FINDINGS if report.fails else DONE
+
+
+def _of_sources(sources: Sources) -> Expected:
+    from msggen.doctor.expected import expected_of_catalog
+    from msggen.firmware.catalog import COMPARABLE, read_catalog
+
+    return expected_of_catalog(read_catalog(sources, tolerated=COMPARABLE), sources.label)
+
+
+def _of_package(text: str) -> Expected:
+    from msggen.doctor.expected import expected_of
+
+    return expected_of(import_package(text), text, is_given=False)

@@ -1,0 +1,362 @@
+"""`msggen record`: record the topics of a running vehicle in MCAP files."""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import json
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING, Any
+
+from msggen.cli.link import Connection, add_link, connection
+from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, non_empty
+from msggen.cli.printing import terminal_width
+from msggen.cli.values import convert_values, positive
+from msggen.diagnostics import counted, few, input_error
+from msggen.exit_codes import DONE
+
+if TYPE_CHECKING:
+    from msggen.live import Vehicle
+    from msggen.recordings.choice import Choice
+    from msggen.recordings.definitions import Definitions
+    from msggen.recordings.recorder import Counts, Recorder
+
+_REFRESH = 1.0
+"""The time in s between two looks at the vehicle, and after which the state is shown."""
+_COMPRESSIONS = ("zstd", "lz4", "none")
+_UNITS = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9, "t": 10**12}
+
+
+def add_to(commands: Commands) -> None:
+    """Add the command to the command line."""
+    parser = add_command(
+        commands,
+        "record",
+        _record,
+        help="record the topics of a running vehicle in an MCAP file",
+        description="Record what a running vehicle publishes in an MCAP file, which ros2 bag, Foxglove and "
+        "`msggen play` read. Ctrl-C ends the recording. The file is whole at any time, even if the program is killed.",
+        epilog=f"Exit codes: 0 done, or ended by Ctrl-C, {FAILED_CODES}",
+    )
+    add_topics(parser, "record")
+    parser.add_argument(
+        "-o",
+        "--output",
+        metavar="FILE|DIR",
+        type=non_empty,
+        help="file to write, or folder for a file that is named after the time (default: the current folder)",
+    )
+    parser.add_argument("--for", metavar="SECONDS", type=non_empty, help="end after this time")
+    parser.add_argument("--max-size", metavar="SIZE", type=non_empty, help="end at this size of all files, such as 2G")
+    parser.add_argument(
+        "--split-size", metavar="SIZE", type=non_empty, help="continue in another file at this size, such as 500M"
+    )
+    parser.add_argument(
+        "--split-every", metavar="SECONDS", type=non_empty, help="continue in another file after this time"
+    )
+    parser.add_argument(
+        "--compression",
+        choices=_COMPRESSIONS,
+        default=_COMPRESSIONS[0],
+        metavar="NAME",
+        help=f"{', '.join(_COMPRESSIONS)} (default: {_COMPRESSIONS[0]})",
+    )
+    parser.add_argument("--json", action="store_true", help="print the summary as JSON, and nothing else")
+    add_link(parser)
+    add_shared(parser, "-q, --quiet")
+
+
+def add_topics(parser: argparse.ArgumentParser, verb: str) -> None:
+    """Add the arguments that choose topics to record or to play."""
+    parser.add_argument(
+        "topics",
+        metavar="TOPIC",
+        nargs="*",
+        type=non_empty,
+        help=f"topics to {verb}, such as vehicle_status, VehicleStatus, /fmu/out/vehicle_status_v4 or 'sensor_*' "
+        "(default: all)",
+    )
+    parser.add_argument(
+        "--exclude",
+        metavar="TOPIC",
+        type=non_empty,
+        action="append",
+        default=[],
+        help="topic to leave out, spelt as the others; repeatable",
+    )
+
+
+def _size(text: str) -> float:
+    """Return the bytes in a text such as 500M."""
+    number, unit = (text[:-1], text[-1].lower()) if text[-1].isalpha() else (text, "")
+    try:
+        found = float(number) * _UNITS[unit]
+    except (KeyError, ValueError):
+        found = 0.0
+    if not 1 <= found < float("inf"):
+        raise argparse.ArgumentTypeError(f"expected a number of bytes such as 500M or 2G, found {text!r}")
+    return found
+
+
+_VALUES: Mapping[str, Callable[[str], Any]] = {
+    "for": positive,
+    "max_size": _size,
+    "split_size": _size,
+    "split_every": positive,
+}
+
+
+def _record(options: argparse.Namespace) -> int:
+    from msggen.recordings.choice import Choice
+    from msggen.recordings.definitions import Definitions
+
+    convert_values(options, _VALUES)
+    check_packages("R101")
+    check_free(_first_file(options.output, options))
+    choice = Choice(options.topics, options.exclude)
+    with connection(options) as found:
+        _check_topics(options, choice, found.vehicle)
+        from msggen.generate.cache import package_of
+
+        definitions = Definitions(found.vehicle, found.package, package_of)
+        recorder = _open(options, choice, definitions)
+        gc.enable()  # unlike other commands, this one may run for days
+        _Session(options, found, recorder, definitions).run()
+    return DONE
+
+
+def check_packages(code: str) -> None:
+    """Raise an InputError if a package of the extra is missing."""
+    try:
+        import mcap.writer  # noqa: F401
+    except ImportError as error:
+        raise input_error(
+            str(error.name), code, "this package is not installed: pip install 'msggen[recordings]'", 0
+        ) from None
+
+
+# The file
+
+
+def _path(output: str | None) -> str:
+    """Return the file to write."""
+    name = time.strftime("px4_%Y-%m-%d_%H-%M-%S.mcap")
+    if output is None:
+        return name
+    if os.path.isdir(output) or output.endswith((os.sep, "/")):
+        return os.path.join(output, name)
+    return output if os.path.splitext(output)[1] else f"{output}.mcap"
+
+
+def _first_file(output: str | None, options: argparse.Namespace) -> str:
+    """Return the file to write, or the first one of several."""
+    path = _path(output)
+    if options.split_size is None and options.split_every is None:
+        return path
+    front, end = os.path.splitext(path)
+    return f"{front}_0{end}"
+
+
+def check_free(path: str) -> None:
+    """Raise an InputError if a file cannot be created because of its name, before the vehicle is waited for."""
+    folder = os.path.dirname(path) or os.curdir
+    if os.path.lexists(path):
+        raise input_error(path, "R101", "there is such a file already: choose another name, or remove it", 0)
+    if not os.path.isdir(folder):
+        raise input_error(path, "R101", f"there is no folder '{folder}': create it first", 0)
+
+
+def _open(options: argparse.Namespace, choice: Choice, definitions: Definitions) -> Recorder:
+    from msggen.recordings.recorder import Limits, Recorder
+
+    path = _path(options.output)
+    try:
+        return Recorder(
+            path,
+            definitions.channel,
+            takes=lambda route: choice.takes(route.name, route.ros_type),
+            is_ready=definitions.is_complete,
+            compression=options.compression,
+            limits=Limits(options.max_size, options.split_size, options.split_every),
+        )
+    except FileExistsError as error:
+        check_free(str(error.filename))
+        raise
+    except OSError as error:
+        raise input_error(path, "R101", f"cannot be written: {error.strerror}", 0) from None
+
+
+def _check_topics(options: argparse.Namespace, choice: Choice, vehicle: Vehicle) -> None:
+    """Refuse names that no topic of the vehicle has."""
+    routes = [(route.name, route.ros_type) for route in vehicle.routes if route.direction == "out"]
+    problem = choice.problem(routes)
+    if problem:
+        options.parser.error(f"argument TOPIC: {problem}: `msggen topic list` prints those of the vehicle")
+
+
+# The run
+
+
+class _Session:
+    """A recording that runs, and what is told of it."""
+
+    def __init__(
+        self, options: argparse.Namespace, found: Connection, recorder: Recorder, definitions: Definitions
+    ) -> None:
+        self._options, self._found = options, found
+        self._recorder, self._definitions = recorder, definitions
+        self._losses = _Losses(found.vehicle)
+        self._tells = not (options.quiet or options.json)
+        self._is_terminal = self._tells and sys.stdout.isatty() and os.environ.get("TERM") != "dumb"
+        self._start = time.monotonic()
+
+    def run(self) -> None:
+        """Record until the end. Raises InputError if the disk fails."""
+        recorder = self._recorder
+        self._say(f"recording {self._found.label} on {self._found.link} to {recorder.counts().files[0]}")
+        watch = self._found.vehicle.watch(recorder.take)
+        try:
+            with _interrupted_by_sigterm(), suppress(KeyboardInterrupt):
+                self._wait()
+            self._losses.update()
+        finally:
+            seconds = time.monotonic() - self._start
+            watch.close()
+            recorder.close()
+        self._summarise(recorder.counts(), seconds)
+        if isinstance(recorder.error, OSError):
+            text = f"cannot be written: {recorder.error.strerror}; what was recorded before is in the file"
+            raise input_error(recorder.counts().files[-1], "R101", text, 0)
+        if recorder.error is not None:
+            raise recorder.error
+
+    def _wait(self) -> None:
+        """Wait for the end of the recording, and tell what happens."""
+        seconds = getattr(self._options, "for")  # a keyword
+        end = None if seconds is None else self._start + seconds
+        hashes, is_connected = self._definitions.hashes, True
+        while end is None or time.monotonic() < end:
+            if self._recorder.ended.wait(_REFRESH if end is None else min(_REFRESH, end - time.monotonic())):
+                return
+            self._losses.update()
+            if self._definitions.is_complete():
+                self._definitions.update()
+                if hashes != self._definitions.hashes:
+                    hashes = self._definitions.hashes
+                    self._recorder.describe_again()
+            is_connected = self._tell_connection(was_connected=is_connected)
+            self._show_state()
+
+    def _tell_connection(self, *, was_connected: bool) -> bool:
+        """Tell when the vehicle disconnects and connects again. Return whether it is connected."""
+        vehicle = self._found.vehicle
+        is_connected = vehicle.is_connected
+        if is_connected and not was_connected:
+            self._say(f"{self._elapsed():8.1f} s  connected again")
+        elif was_connected and not is_connected:
+            self._say(f"{self._elapsed():8.1f} s  disconnected: {vehicle.wait_disconnected(0)}")
+        return is_connected
+
+    def _elapsed(self) -> float:
+        return time.monotonic() - self._start
+
+    def _say(self, text: str) -> None:
+        if self._tells:
+            self._clear()
+            print(text, flush=True)
+
+    def _clear(self) -> None:
+        if self._is_terminal:
+            print("\r\033[K", end="")
+
+    def _show_state(self) -> None:
+        if self._is_terminal:
+            self._clear()
+            text = f"{self._elapsed():8.1f} s  {_shown(self._recorder.counts(), self._losses.count)}"
+            print(text[: terminal_width(80) - 1], end="", flush=True)
+
+    def _summarise(self, counts: Counts, seconds: float) -> None:
+        if self._options.json:
+            print(json.dumps(_summary(counts, self._losses.count, seconds), indent=2))
+            return
+        text = _shown(counts, self._losses.count)
+        files = f", {len(counts.files)} files" if len(counts.files) > 1 else ""
+        self._say(f"{text}, in {seconds:.1f} s{files}")
+        if counts.dropped:
+            text = "were dropped, because the disk was too slow: record fewer topics, or on a faster disk"
+            print(f"warning: {counted(counts.dropped, 'sample')} {text}", file=sys.stderr)
+        if counts.unknown:
+            names = few(sorted(counts.unknown))
+            text = (
+                "recorded without a definition, because the vehicle's is that of no known release; give it with --px4"
+            )
+            print(f"warning: {names}: {text} or --types", file=sys.stderr)
+
+
+class _Losses:
+    """The samples of a vehicle that did not arrive, in all its sessions since the recording began."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._vehicle = vehicle
+        self._sessions: dict[int, int] = {}
+        self._before = 0
+        self.update()
+        self._before = sum(self._sessions.values())
+
+    @property
+    def count(self) -> int:
+        """The number of samples."""
+        return sum(self._sessions.values()) - self._before
+
+    def update(self) -> None:
+        """Look at the vehicle."""
+        from msggen.live import NotConnectedError
+
+        with suppress(NotConnectedError):
+            self._sessions[self._vehicle.remote.number] = self._vehicle.lost
+
+
+def _shown(counts: Counts, lost: int) -> str:
+    """Return what was recorded, in a line."""
+    samples = sum(counts.samples.values())
+    topics, missing = counted(len(counts.samples), "topic"), lost + counts.dropped
+    return f"{topics}, {counted(samples, 'sample')}, {_bytes(counts.size)}, {missing} lost"
+
+
+def _bytes(size: int) -> str:
+    for unit, factor in (("GB", 10**9), ("MB", 10**6)):
+        if size >= factor:
+            return f"{size / factor:.1f} {unit}"
+    return f"{size / 1000:.0f} kB"
+
+
+def _summary(counts: Counts, lost: int, seconds: float) -> Mapping[str, object]:
+    return {
+        "files": counts.files,
+        "seconds": round(seconds, 3),
+        "samples": sum(counts.samples.values()),
+        "bytes": counts.size,
+        "lost": lost,
+        "dropped": counts.dropped,
+        "topics": {name: counts.samples[name] for name in sorted(counts.samples)},
+        "without_definition": sorted(counts.unknown),
+    }
+
+
+@contextmanager
+def _interrupted_by_sigterm() -> Iterator[None]:
+    """Let SIGTERM, as of systemd and docker, end the recording as Ctrl-C does."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)

@@ -1,0 +1,171 @@
+"""`msggen view`: show a running vehicle or a recording in Foxglove."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from logging import CRITICAL, getLogger
+from typing import TYPE_CHECKING
+
+from msggen.cli.link import add_link, connection, given_package
+from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, non_empty
+from msggen.cli.values import convert_values, positive, whole
+from msggen.diagnostics import input_error
+from msggen.exit_codes import DONE
+from msggen.firmware.embedded import EMBEDDED
+from msggen.generate.cache import package_of
+
+if TYPE_CHECKING:
+    from types import ModuleType
+
+    from msggen.recordings.reader import Recording
+    from msggen.view.recording import Controls
+    from msggen.view.server import Server
+
+_HOST, _PORT = "127.0.0.1", 8765
+_LOCAL = ("127.0.0.1", "::1", "localhost")
+_SLICE = 0.01
+"""The time in s between two steps of a playback."""
+_CHECK = 0.5
+"""The time in s between two looks at a vehicle."""
+
+
+def add_to(commands: Commands) -> None:
+    """Add the command to the command line."""
+    parser = add_command(
+        commands,
+        "view",
+        _view,
+        help="show a running vehicle or a recording in Foxglove",
+        description="Show all topics of a running vehicle, or of a recording, in Foxglove, over its websocket. The "
+        "vehicle is also sent as frame, pose and location, so that it moves in the panels 3D and Map. "
+        "Needs the packages of the extra `view`.",
+        epilog=f"Exit codes: 0 done, or ended by Ctrl-C, {FAILED_CODES}",
+    )
+    parser.add_argument(
+        "file", metavar="FILE", nargs="?", type=non_empty, help="recording in MCAP (default: the vehicle on the link)"
+    )
+    group = parser.add_argument_group("server")
+    group.add_argument("--host", metavar="ADDRESS", type=non_empty, help=f"address to serve on (default: {_HOST})")
+    group.add_argument("--port", metavar="N", type=non_empty, help=f"port to serve on (default: {_PORT})")
+    group.add_argument("--for", metavar="SECONDS", type=non_empty, help="end after this time")
+    add_shared(parser, "-q, --quiet")
+    add_link(parser)
+
+
+def _view(options: argparse.Namespace) -> int:
+    convert_values(options, {"port": whole(0, 65535), "for": positive})
+    try:
+        from msggen.view import recording
+    except ImportError as error:
+        text = f"this command needs the package {error.name}, which is not installed: pip install 'msggen[view]'"
+        raise input_error("view", "L111", text, 0) from None
+    del recording
+    for name in ("foxglove", "foxglove_py"):  # they tell what single clients do
+        getLogger(name).setLevel(CRITICAL)
+    if options.file:
+        _show_recording(options)
+    else:
+        _show_vehicle(options)
+    return DONE
+
+
+def _show_vehicle(options: argparse.Namespace) -> None:
+    from msggen.view.live import LiveView
+
+    with connection(options) as found, _server(options, f"msggen: {found.link}") as server:
+        view = LiveView(server, found.vehicle, found.package, _warn)
+        with found.vehicle.watch(view):
+            _announce(options, server, f"{found.label} on {found.link}")
+
+            def step() -> None:
+                if found.vehicle.is_connected:
+                    view.check()
+                server.draw_model(time.time_ns())
+
+            _run(options, step, _CHECK)
+        _summarise(options, view.samples)
+
+
+def _show_recording(options: argparse.Namespace) -> None:
+    from msggen.view.recording import Controls, RecordingView, package_for
+
+    controls = Controls()
+    recording = _recording(options.file)
+    with _server(options, options.file, recording, controls) as server:
+        view = RecordingView(server, recording, controls, package_for(recording, _packages(options)))
+        seconds = (recording.last - recording.first) / 1e9
+        _announce(options, server, f"{options.file}: {len(recording.topics)} topics, {seconds:.1f} s")
+
+        def step() -> None:
+            view.advance()
+
+        _run(options, step, _SLICE)
+        _summarise(options, view.samples)
+
+
+def _packages(options: argparse.Namespace) -> Iterator[ModuleType]:
+    """Yield the packages whose definitions a recording may have: the one that is given, or the embedded releases."""
+    given = given_package(options)
+    if given is not None:
+        yield given
+        return
+    yield from map(package_of, EMBEDDED)
+
+
+def _recording(path: str) -> Recording:
+    from msggen.recordings.reader import Recording, RecordingError
+    from msggen.view.recording import UnviewableRecordingError, channels_of
+
+    try:
+        recording = Recording(path)
+        channels_of(recording)
+    except (RecordingError, UnviewableRecordingError) as error:
+        raise input_error(path, "R102", str(error), 0) from None
+    return recording
+
+
+def _server(
+    options: argparse.Namespace, name: str, recording: Recording | None = None, controls: Controls | None = None
+) -> Server:
+    from msggen.view.server import Server
+
+    host, port = options.host or _HOST, _PORT if options.port is None else options.port
+    span = (recording.first, recording.last) if recording else None
+    try:
+        server = Server(name, host, port, span, controls)
+    except OSError as error:
+        text = f"cannot serve there: {error}; another --port, or 0 for a free one"
+        raise input_error(f"{host}:{port}", "L102", text, 0) from None
+    if host not in _LOCAL:
+        _warn(f"the server on {host} has no authentication: whoever reaches it sees all samples")
+    return server
+
+
+def _run(options: argparse.Namespace, step: Callable[[], None], period: float) -> None:
+    """Call `step` again and again, until the time is over or Ctrl-C."""
+    seconds = getattr(options, "for")  # a keyword
+    end = None if seconds is None else time.monotonic() + seconds
+    with suppress(KeyboardInterrupt):
+        while end is None or time.monotonic() < end:
+            step()
+            time.sleep(period)
+
+
+def _announce(options: argparse.Namespace, server: Server, label: str) -> None:
+    if not options.quiet:
+        print(label)
+        print(f"open {server.app_url}")
+        print(f"or in Foxglove: Open connection, ws://{options.host or _HOST}:{server.port}; Ctrl-C ends", flush=True)
+
+
+def _summarise(options: argparse.Namespace, samples: int) -> None:
+    if not options.quiet:
+        print(f"{samples} samples shown")
+
+
+def _warn(text: str) -> None:
+    print(f"warning: {text}", file=sys.stderr, flush=True)

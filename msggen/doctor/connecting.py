@@ -1,0 +1,226 @@
+"""Why no vehicle connects, or does not stay connected."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from msggen.diagnostics import counted, few
+from msggen.doctor.case import Case
+from msggen.doctor.observation import Observation
+from msggen.finding import Change
+from msggen.live.selection import shown
+from msggen.live.xrce.agent import Client
+
+_STATUS = "`uxrce_dds_client status` in PX4's shell shows where it sends"
+_REFUSALS = {
+    "address that is not allowed": "address is not in --allow",
+    "key that is not allowed": "key is not allowed",
+}
+_RETRIES = 3
+"""The requests for the time without an answer that are enough to say so. PX4's client repeats one after 1 s."""
+
+
+def find_taken(case: Case) -> Iterator[Change]:
+    """Find that another process has the port or the device."""
+    seen = case.seen
+    if not seen.is_taken:
+        return
+    place = _place(seen)
+    if seen.owners:
+        names = few(list(map(str, seen.owners)))
+        pids = " ".join(str(owner.pid) for owner in seen.owners)
+        text = f"{place} is in use by {names}: end it (`kill {pids}`)"
+    else:
+        text = f"{place} is in use by a process of another user: `sudo {_search(seen)}` shows it, end it"
+    other = "" if seen.scheme == "serial" else ", or use another port here and at the vehicle (UXRCE_DDS_PRT)"
+    yield case.change(place, text + other)
+
+
+def _search(seen: Observation) -> str:
+    return f"fuser -v {_place(seen)}" if seen.scheme == "serial" else f"ss -ulpn sport = :{seen.port}"
+
+
+def find_busy_agent(case: Case) -> Iterator[Change]:
+    """Find agents that have the vehicle."""
+    for agent in case.seen.agents:
+        if agent.clients or agent.namespaces:
+            whose = few([*map(str, agent.clients), *(f"namespace '{name}'" for name in agent.namespaces or () if name)])
+            yield case.change(
+                agent.address,
+                f"an agent at {agent.address} has the vehicle{f', {whose}' if whose else ''}: use --link dds://0 "
+                "beside it, or end the agent, or start it on another port and use a tap (docs/links.md)",
+            )
+
+
+def find_idle_agent(case: Case) -> Iterator[Change]:
+    """Find agents without a client."""
+    for agent in case.seen.agents:
+        if not agent.clients and not agent.namespaces:
+            where = "no process of this computer sends to it"
+            if agent.namespaces is not None:
+                where += ", and there is no vehicle in DDS domain 0"
+            yield case.change(
+                agent.address,
+                f"an agent answers at {agent.address}, but has no client as far as can be seen: {where}; {_STATUS}",
+            )
+
+
+def find_no_agent(case: Case) -> Iterator[Change]:
+    """Find that a link that needs an agent has none."""
+    seen = case.seen
+    if seen.scheme in ("tap", "dds") and seen.has_asked_agents and not seen.agents and not case.vehicles:
+        where = seen.link.partition("?agent=")[2] or "UDP ports 8888 and 8889 of this computer"
+        port = where.rpartition(":")[2] if seen.scheme == "tap" else "8888"
+        yield case.change(seen.link, f"no agent answers at {where}: start it with `MicroXRCEAgent udp4 -p {port}`")
+
+
+def find_elsewhere(case: Case) -> Iterator[Change]:
+    """Find a PX4 on this computer that sends to another address."""
+    if not case.seen.is_taken:
+        for process, address in case.seen.senders:
+            yield case.change(
+                address,
+                f"{process} sends to {address}, not to {case.seen.link}: use --link udp://{address}, or start its "
+                f"client with `uxrce_dds_client start -t udp -h 127.0.0.1 -p {case.seen.port}`",
+            )
+
+
+def find_no_client(case: Case) -> Iterator[Change]:
+    """Find that nothing arrives at all."""
+    seen = case.seen
+    has_arrived = seen.statistics.received or seen.statistics.refused or seen.vehicles
+    if (
+        seen.is_taken
+        or has_arrived
+        or any(list(find(case)) for find in (find_busy_agent, find_elsewhere, find_garbled))
+    ):
+        return
+    wait = f"in {seen.waited:.0f} s"
+    if seen.scheme == "dds":
+        text = (
+            f"no vehicle is in DDS domain {seen.link.rpartition('/')[2]} {wait}: check UXRCE_DDS_DOM_ID of the vehicle "
+            "and ROS_DOMAIN_ID, and that its agent runs on this computer"
+        )
+    elif seen.scheme == "serial":
+        text = (
+            f"nothing has arrived from {seen.link} {wait}: check the wires, that uxrce_dds_client runs on this port "
+            f"(UXRCE_DDS_CFG) with {seen.baud} baud; {_STATUS}"
+        )
+    else:
+        text = (
+            f"no client has sent anything to UDP port {seen.port} {wait}: check that it sends to this computer "
+            f"(UXRCE_DDS_AG_IP) and port (UXRCE_DDS_PRT {seen.port}), and the firewall; {_STATUS}"
+        )
+    yield case.change(seen.link, text)
+
+
+def find_garbled(case: Case) -> Iterator[Change]:
+    """Find a serial line with another speed or protocol."""
+    if case.seen.scheme == "serial" and not case.seen.vehicles:
+        for text in case.seen.warnings:
+            if "no intact frame" in text:
+                yield case.change(case.seen.link, text)
+
+
+def find_refused(case: Case) -> Iterator[Change]:
+    """Find clients that may not connect."""
+    for reason, why in _REFUSALS.items():
+        number = case.seen.refused.get(reason, 0)
+        if number and not case.vehicles:
+            told = [
+                text.partition(":")[0].removeprefix("refused ")
+                for text in case.seen.warnings
+                if text.startswith("refused ")
+            ]
+            whose = f" of {few(told)}" if told else ""
+            yield case.change(
+                case.seen.link,
+                f"{counted(number, 'datagram')}{whose} refused, because the {why}: add it if it is yours",
+            )
+
+
+def find_no_time(case: Case) -> Iterator[Change]:
+    """Find clients that get no answer to their requests for the time."""
+    for client in case.seen.clients:
+        if _waits_for_time(case, client):
+            yield case.change(
+                client.address,
+                f"the client at {client.address} (key {client.key}) has asked for the time {client.timestamps} times "
+                f"in {client.age:.0f} s, and does not get the answers: check that packets reach the vehicle "
+                "(firewall, agent behind the tap), or set UXRCE_DDS_SYNCT to 0",
+            )
+
+
+def _waits_for_time(case: Case, client: Client) -> bool:
+    is_ready = any(each.remote.number == client.number and each.routes for each in case.seen.vehicles)
+    return not is_ready and _RETRIES <= client.timestamps <= 1.5 * client.age + 1
+
+
+def find_unready(case: Case) -> Iterator[Change]:
+    """Find clients that send, but create no topics."""
+    seen = case.seen
+    has_arrived = seen.statistics.received + seen.statistics.refused > 0 and seen.scheme != "dds"
+    if not has_arrived or any(each.routes for each in seen.vehicles):
+        return
+    if not any(list(find(case)) for find in (find_no_time, find_refused, find_garbled)):
+        yield case.change(
+            seen.link,
+            f"a client sends, but has not created its topics within {seen.waited:.0f} s: it may still have the "
+            "session of an earlier program, which it ends within 14 s: run this again; if that does not help, "
+            f"packets to the vehicle get lost; {_STATUS}",
+        )
+
+
+def find_shared_key(case: Case) -> Iterator[Change]:
+    """Find clients with the same key."""
+    for key, addresses in case.shared_keys.items():
+        yield case.change(
+            f"key {key}",
+            f"{counted(len(addresses), 'client')} have the key {key} ({few(addresses)}): an agent keeps one of them; "
+            "set UXRCE_DDS_KEY to another number at each vehicle",
+        )
+
+
+def find_restarts(case: Case) -> Iterator[Change]:
+    """Find vehicles that begin session after session."""
+    sessions: dict[tuple[int, str], list[str]] = {}
+    for each in case.seen.vehicles:
+        remote = each.remote
+        if remote.key not in case.shared_keys and case.selection.accepts(remote):
+            sessions.setdefault((remote.key, remote.namespace), []).append(shown(remote))
+    for names in sessions.values():
+        if len(names) > 1:
+            text = f"{names[-1]} has begun {len(names)} sessions in {case.seen.waited + case.seen.seconds:.0f} s: "
+            yield case.change(
+                names[-1],
+                text + "its client restarts, or pings get lost; look at PX4's console, and at the link's load",
+            )
+
+
+def find_silent(case: Case) -> Iterator[Change]:
+    """Find vehicles that have stopped to send."""
+    for vehicle in case.vehicles:
+        if vehicle.routes and case.is_silent(vehicle):
+            since = (
+                f" for {(case.seen.now - vehicle.heard) / 1e9:.1f} s" if vehicle.heard else " since it has connected"
+            )
+            reason = f" ({vehicle.ended})" if vehicle.ended else ""
+            yield case.of(
+                vehicle,
+                f"has sent nothing{since}{reason}: check its power and the line; {_STATUS}, or that it has ended",
+            )
+
+
+def find_wrong_key(case: Case) -> Iterator[Change]:
+    """Find that no vehicle has the key that the user means."""
+    key, seen = case.selection.key, case.seen
+    keys = sorted({each.remote.key for each in seen.vehicles if each.routes})
+    if key is not None and keys and key not in keys and key not in {client.key for client in seen.clients}:
+        shown_keys = ", ".join(map(str, keys))
+        yield case.change(
+            f"key {key}", f"no vehicle has the key {key}: use --key {shown_keys}, or set UXRCE_DDS_KEY to {key}"
+        )
+
+
+def _place(seen: Observation) -> str:
+    return seen.link.partition("?")[0].removeprefix("serial://") if seen.scheme == "serial" else f"UDP port {seen.port}"

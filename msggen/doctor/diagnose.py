@@ -1,0 +1,50 @@
+"""From a case to a report."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from msggen.diagnostics import counted
+from msggen.doctor.case import Case
+from msggen.doctor.observation import VehicleSeen
+from msggen.doctor.rules import DOCTOR
+from msggen.finding import Finding, Report, Rule
+from msggen.live.selection import shown
+
+
+def diagnose(case: Case, rules: Sequence[Rule] = DOCTOR) -> Report:
+    """Return the findings of rules in their order, and a summary that tells what was looked at."""
+    findings = tuple(Finding(rule, change) for rule in rules for change in dict.fromkeys(rule.find(case)))
+    topics = sum(len(case.routes(vehicle)) for vehicle in case.vehicles)
+    verdict = f"{counted(len(findings), 'problem')} found" if findings else "no problem found"
+    return Report(
+        previous="",
+        current=case.seen.link,
+        rules=tuple(rules),
+        findings=findings,
+        compared=topics,
+        summary=f"{verdict}: {_looked_at(case)}",
+    )
+
+
+def _looked_at(case: Case) -> str:
+    """Return what was looked at."""
+    seen = case.seen
+    if not case.vehicles:
+        return f"{seen.link}, no vehicle in {seen.waited:.0f} s"
+    parts = [seen.link, *(_vehicle(case, vehicle) for vehicle in case.vehicles[:3])]
+    if len(case.vehicles) > len(parts) - 1:
+        parts.append(f"{len(case.vehicles) - 3} more vehicles")
+    samples = sum(vehicle.samples for vehicle in case.vehicles)
+    return f"{', '.join(parts)}, {counted(samples, 'sample')} in {seen.seconds:.1f} s"
+
+
+def _vehicle(case: Case, vehicle: VehicleSeen) -> str:
+    routes = case.routes(vehicle)
+    heard = sum(route.name in vehicle.topics for route in routes)
+    hashes = len({route.ros_type for route in routes} & vehicle.hashes.keys())
+    release = f" with PX4 {vehicle.release}" if vehicle.release else ""
+    return (
+        f"{shown(vehicle.remote)}{release}: {counted(len(routes), 'topic')}, {heard} heard, "
+        f"{counted(hashes, 'definition')} compared with {case.expected_by(vehicle).label}"
+    )

@@ -1,0 +1,123 @@
+"""What was seen of a link and of the vehicles on it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from msggen.live.link import Remote, Route, Statistics
+from msggen.live.xrce.agent import Client
+
+NOTHING = Statistics(received=0, sent=0, refused=0, dropped=0, lost=0, receive_buffer=0)
+
+
+class Process(NamedTuple):
+    """A process of this computer."""
+
+    pid: int
+    name: str
+
+    def __str__(self) -> str:
+        return f"{self.name} (pid {self.pid})"
+
+
+class AgentSeen(NamedTuple):
+    """A Micro XRCE-DDS agent that answers, and who uses it."""
+
+    address: str
+    """`127.0.0.1:8888`."""
+    clients: tuple[Process, ...] = ()
+    """The processes of this computer that send to it."""
+    namespaces: tuple[str, ...] | None = None
+    """The namespaces of the vehicles in its DDS domain, None if nobody looked."""
+
+
+class Sender(NamedTuple):
+    """A PX4 of this computer that sends to another address than that of the link."""
+
+    process: Process
+    address: str
+
+
+class ReaderSeen(NamedTuple):
+    """A reader of a vehicle's topic, of another program in the DDS domain."""
+
+    name: str
+    """The name of the topic in ROS 2."""
+    is_reliable: bool
+    has_writer: bool
+    """Whether anybody publishes the topic."""
+
+
+class TopicSeen(NamedTuple):
+    """The samples of a topic."""
+
+    samples: int
+    size: int
+    """The bytes of the newest sample, with the encapsulation."""
+    age: float | None = None
+    """The arrival minus the timestamp in s, of the sample where they differ least. None without timestamps."""
+
+
+class VehicleSeen(NamedTuple):
+    """A session of a vehicle."""
+
+    remote: Remote
+    routes: tuple[Route, ...]
+    topics: Mapping[str, TopicSeen]
+    """By the names of routes, those that were heard."""
+    hashes: Mapping[str, int]
+    """The `message_hash` of definitions by their ROS types, as far as the vehicle has told them."""
+    release: str
+    """The nearest embedded release, "" if there is none."""
+    lost: int
+    """Missing sequence numbers."""
+    seconds: float = 0.0
+    """The time between the first and the last sample."""
+    heard: int = 0
+    """The arrival of the last sample in ns since 1970, 0 if there was none."""
+    ended: str = ""
+    """The reason why the session ended, "" if it goes on."""
+
+    def rate(self, name: str) -> float:
+        """Return the samples a second of a topic that was heard, at most, since the first sample of any topic."""
+        return (self.topics[name].samples + 1) / self.seconds if self.seconds else math.inf
+
+    @property
+    def samples(self) -> int:
+        """The number of samples of all topics."""
+        return sum(topic.samples for topic in self.topics.values())
+
+
+class Observation(NamedTuple):
+    """What was seen. Times are those of `time.time_ns`."""
+
+    link: str
+    """The address of the link."""
+    scheme: str
+    port: int
+    baud: int
+    waited: float
+    """How long a vehicle was waited for, in s."""
+    seconds: float
+    """How long its samples were watched, in s."""
+    now: int
+    is_taken: bool = False
+    """Whether the link could not be opened, because another process has the port or the device."""
+    owners: tuple[Process, ...] = ()
+    """Who has it, as far as this user may know."""
+    agents: tuple[AgentSeen, ...] = ()
+    has_asked_agents: bool = False
+    """Whether agents were looked for."""
+    senders: tuple[Sender, ...] = ()
+    vehicles: tuple[VehicleSeen, ...] = ()
+    """All sessions, those that have ended too."""
+    clients: tuple[Client, ...] = ()
+    readers: tuple[ReaderSeen, ...] = ()
+    statistics: Statistics = NOTHING
+    refused: Mapping[str, int] = {}
+    """The number of datagrams that were refused, by reason."""
+    warnings: tuple[str, ...] = ()
+    buffer_limit: int = 0
+    """The largest receive buffer that the kernel grants, 0 if it is not known."""

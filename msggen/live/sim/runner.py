@@ -1,0 +1,159 @@
+"""Clients with sockets or a serial device, and the clock of the system."""
+
+from __future__ import annotations
+
+import selectors
+import threading
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any, Protocol
+
+from msggen.live.address import Address
+from msggen.live.link import LinkError
+from msggen.live.sim.transport import Transport, open_transport
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
+_LONGEST_WAIT = 0.1
+_SHORTEST_WAIT = 0.001
+"""The time in s for which samples that are due are collected, so that many vehicles need little time."""
+
+
+class Running(Protocol):
+    """A client without input or output: a simulated vehicle, or a recording that is played. Times are in us."""
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether the session has ended after `close`."""
+
+    @property
+    def next_time(self) -> int:
+        """The time at which `advance` is to be called next."""
+
+    def advance(self, now: int) -> None:
+        """Do what is due."""
+
+    def receive(self, data: bytes, now: int) -> None:
+        """Take a datagram of the newest connection, or the message of a frame."""
+
+    def take_outgoing(self) -> list[tuple[bytes, int]]:
+        """Return the datagrams to send, each with the number of its connection."""
+
+    def close(self, now: int) -> None:
+        """End the session."""
+
+
+class Runner:
+    """Clients that connect to one agent. The thread runs within a `with` block; `serve` runs them in this thread."""
+
+    boot = 1_000_000
+    """The time since boot in us at which the clients start."""
+
+    def __init__(self, clients: Sequence[Running], agent: Address) -> None:
+        """Open the connection of each client. Raises LinkError if one cannot be opened."""
+        if agent.scheme == "serial" and len(clients) > 1:
+            raise LinkError("a serial line has one vehicle: give every vehicle a line, or use udp://")
+        self._clients = clients
+        self._start = time.monotonic_ns() // 1000 - self.boot
+        self._selector = selectors.DefaultSelector()
+        self._transports: list[Transport] = []
+        self._registered: list[int] = []
+        self._closing = threading.Event()
+        self.error: LinkError | None = None
+        """What ended the thread."""
+        self._thread: threading.Thread | None = None
+        try:
+            for number in range(len(clients)):
+                self._transports.append(open_transport(agent))
+                self._registered.append(-1)
+                self._register(number)
+        except BaseException:
+            self._release()
+            raise
+
+    def __enter__(self) -> Self:
+        """Start the thread."""
+        self._thread = threading.Thread(target=self._run, name="msggen client", daemon=True)
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def now(self) -> int:
+        """The time since boot in us."""
+        return time.monotonic_ns() // 1000 - self._start
+
+    def serve(self, seconds: float, is_done: Callable[[], bool] = lambda: False) -> None:
+        """Run the clients in this thread for some time, or until `is_done`. Raises LinkError if the device is gone."""
+        end = self.now + round(seconds * 1e6)
+        while self.now < end and not self._closing.is_set() and not is_done():
+            self._step(end)
+
+    def close(self) -> None:
+        """End the sessions, which takes up to 1 s without an answer, and release all. Can be repeated."""
+        self._closing.set()
+        if self._thread:
+            self._thread.join()
+            self._thread = None
+        if self._transports:
+            self._leave()
+            self._release()
+
+    def _run(self) -> None:
+        try:
+            while not self._closing.is_set():
+                self._step(self.now + 10_000_000)
+        except LinkError as error:
+            self.error = error
+
+    def _leave(self) -> None:
+        for client in self._clients:
+            client.close(self.now)
+        end = self.now + 1_500_000
+        with suppress(LinkError):
+            while self.now < end and not all(client.is_closed for client in self._clients):
+                self._step(end)
+
+    def _step(self, end: int) -> None:
+        """Do what is due, and wait for the next datagram or time."""
+        now = self.now
+        for number, client in enumerate(self._clients):
+            if client.next_time <= now:
+                client.advance(now)
+            self._send(number)
+        next_time = min(end, *(client.next_time for client in self._clients))
+        wait = min(_LONGEST_WAIT, max(_SHORTEST_WAIT, (next_time - self.now) / 1e6))
+        for key, _ in self._selector.select(wait):
+            self._receive(key.data)
+
+    def _receive(self, number: int) -> None:
+        client = self._clients[number]
+        for data in self._transports[number].receive():
+            client.receive(data, self.now)
+        self._send(number)
+
+    def _send(self, number: int) -> None:
+        transport = self._transports[number]
+        for data, connection in self._clients[number].take_outgoing():
+            transport.send(data, connection)
+            if transport.fileno() != self._registered[number]:
+                self._register(number)
+
+    def _register(self, number: int) -> None:
+        """Wait for the socket of a client. A closed one has left the selector of the system by itself."""
+        transport: Any = self._transports[number]
+        known = self._selector.get_map()
+        for key in [key for key in known.values() if key.data == number]:
+            self._selector.unregister(key.fileobj)
+        self._registered[number] = transport.fileno()
+        self._selector.register(transport.fileno(), selectors.EVENT_READ, number)
+
+    def _release(self) -> None:
+        self._selector.close()
+        for transport in self._transports:
+            transport.close()
+        self._transports.clear()

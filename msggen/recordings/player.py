@@ -1,0 +1,216 @@
+"""A recording that is played by a client of DDS-XRCE, as if the vehicle published it again.
+
+It has no input or output and no clock, as `live/sim/vehicle.py`: a `Runner` gives it times and datagrams.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import deque
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+from msggen.live.firmware import REQUEST, RESPONSE, Known, answer_of, releases
+from msggen.live.names import stem_of, without_namespace
+from msggen.live.xrce import client as xrce
+from msggen.live.xrce.client_entities import Reader, Settings, Sync, Writer
+from msggen.live.xrce.wire import ENCAPSULATION
+from msggen.recordings.choice import Choice
+from msggen.recordings.reader import Recording, Sample, Topic
+from msggen.recordings.schemas import hash_of
+
+_OUT = re.compile(r"(?:/(.+))?/fmu/out/.+")
+_FIRST_NUMBER = 3000
+"""The first number of the topics that no release has: the releases have numbers below 2100."""
+_DEPTH = 10
+_NEVER = 1 << 62
+_HEADER = len(ENCAPSULATION)
+
+
+class Endpoints(NamedTuple):
+    """The topics of the vehicle that a recording shows."""
+
+    release: str
+    """The embedded release that most of its definitions are of."""
+    namespace: str
+    writers: Mapping[str, Writer]
+    """The topics to play, by their names."""
+    readers: Mapping[int, str]
+    """The topics that the vehicle reads: their names by number."""
+    hashes: Mapping[str, int]
+    """The `message_hash` of uORB topics, as far as it is known."""
+    settings: Settings
+
+
+def is_played(topic: Topic) -> bool:
+    """Whether a vehicle publishes a topic, and a player does: answers to questions of long ago are not played."""
+    return _OUT.fullmatch(topic.name) is not None and not stem_of(topic.name).endswith(RESPONSE)
+
+
+def endpoints_of(recording: Recording, choice: Choice, key: int = 1, sync: Sync = "short") -> Endpoints:
+    """Return the endpoints of a recording, of those of its topics that `choice` takes."""
+    played = [topic for topic in recording.topics.values() if is_played(topic)]
+    found = _OUT.fullmatch(played[0].name) if played else None
+    namespace = (found and found[1]) or ""
+    hashes = {topic.name: hash_of(topic.ros_type, topic.definition) for topic in played}
+    known = {without_namespace(name, namespace): value for name, value in hashes.items()}
+    release = max(releases(), key=lambda each: _likeness(known, releases()[each]))
+    rows = releases()[release]
+    front = f"/{namespace}" if namespace else ""
+    writers: dict[str, Writer] = {}
+    free = iter(range(_FIRST_NUMBER, 1 << 12))
+    for topic in played:
+        row = rows.get(without_namespace(topic.name, namespace))
+        if choice.takes(topic.name, topic.ros_type):
+            number = next(free) if row is None else row.object_id
+            writers[topic.name] = Writer(number, f"rt{topic.name}", _dds_type(topic.ros_type))
+    others = [Writer(rows[RESPONSE].object_id, f"rt{front}{RESPONSE}", _px4_type(rows[RESPONSE]))] * (RESPONSE in rows)
+    readers = {row.object_id: name for name, row in rows.items() if "/fmu/in/" in name}
+    settings = Settings(
+        [Reader(number, f"rt{front}{name}", _px4_type(rows[name]), _DEPTH) for number, name in readers.items()],
+        [*writers.values(), *others],
+        key=key,
+        namespace=namespace,
+        sync=sync,
+        silence=_NEVER,
+    )
+    return Endpoints(release, namespace, writers, readers, _uorb_hashes(known, rows), settings)
+
+
+def _likeness(hashes: Mapping[str, int | None], rows: Mapping[str, Known]) -> int:
+    """Return how many topics of a release have these names and hashes."""
+    return sum(name in rows and value in (None, rows[name].message_hash) for name, value in hashes.items())
+
+
+def _uorb_hashes(hashes: Mapping[str, int | None], rows: Mapping[str, Known]) -> dict[str, int]:
+    """Return the hashes by uORB topic: those of the recording, and if all are of the release, its others too."""
+    found = {}
+    if all(name in rows and rows[name].message_hash == value for name, value in hashes.items()):
+        found = {row.uorb_topic: row.message_hash for row in rows.values()}
+    for name, value in hashes.items():
+        if value is not None:
+            found[rows[name].uorb_topic if name in rows else stem_of(name).rpartition("/")[2]] = value
+    return found
+
+
+def _dds_type(ros_type: str) -> str:
+    package, folder, name = ros_type.split("/")
+    return f"{package}::{folder}::dds_::{name}_"
+
+
+def _px4_type(row: Known) -> str:
+    return _dds_type(f"px4_msgs/msg/{row.message}")
+
+
+class Player:
+    """Plays a recording to one agent, by log time.
+
+    `rate` is the speed, `start` the time in s after the first sample. With `is_repeated`, it begins again at the end.
+    Samples are never skipped: while the client waits for an answer of the agent, they wait too.
+    """
+
+    def __init__(
+        self,
+        recording: Recording,
+        endpoints: Endpoints,
+        *,
+        rate: float = 1.0,
+        start: float = 0.0,
+        is_repeated: bool = False,
+    ) -> None:
+        self._recording, self._endpoints, self._rate = recording, endpoints, rate
+        self._start, self._is_repeated = recording.first + round(start * 1e9), is_repeated
+        self._numbers = {name: writer.number for name, writer in endpoints.writers.items()}
+        self._request = next((number for number, name in endpoints.readers.items() if name == REQUEST), None)
+        self._client = xrce.Client(endpoints.settings)
+        self._samples = self._read()
+        self._next = next(self._samples, None)
+        self._zero: int | None = None
+        """The time of the client at which the sample at `_start` is due, None if the session has not begun."""
+        self._position = self._start
+        self.sent = 0
+        """The number of samples that were sent."""
+        self.received = 0
+        """The number of samples that the vehicle was sent."""
+        self.changes: deque[str] = deque()
+        """What happened and was not yet taken, for people to read."""
+
+    # what the runner calls
+
+    @property
+    def is_done(self) -> bool:
+        """Whether all samples were sent."""
+        return self._next is None
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether the session has ended after `close`."""
+        return self._client.is_closed
+
+    @property
+    def next_time(self) -> int:
+        """The time in us at which `advance` is to be called next."""
+        if self._next is None or self._zero is None or not self._client.is_ready:
+            return self._client.next_time
+        return min(self._due(self._next), self._client.next_time)
+
+    def advance(self, now: int) -> None:
+        """Send what is due."""
+        self._client.advance(now)
+        self._handle(now)
+        while self._next is not None and self._zero is not None and self._due(self._next) <= now:
+            if not self._client.write(self._numbers[self._next.topic], self._next.payload[_HEADER:]):
+                return
+            self.sent += 1
+            self._position = self._next.time
+            self._next = next(self._samples, None)
+            if self._next is None and self._is_repeated:
+                self._repeat(now)
+                return
+
+    def receive(self, data: bytes, now: int) -> None:
+        """Take a datagram of the newest connection, or the message of a frame. Never raises."""
+        self._client.receive(data, now)
+        self._handle(now)
+
+    def take_outgoing(self) -> list[tuple[bytes, int]]:
+        """Return the datagrams to send, each with the number of its connection."""
+        return self._client.take_outgoing()
+
+    def close(self, now: int) -> None:
+        """End the session."""
+        self._client.close(now)
+
+    # samples
+
+    def _read(self) -> Iterator[Sample]:
+        return self._recording.samples(self._start, self._numbers.__contains__)
+
+    def _due(self, sample: Sample) -> int:
+        assert self._zero is not None  # noqa: S101 - the callers check it
+        return self._zero + round((sample.time - self._start) / 1000 / self._rate)
+
+    def _repeat(self, now: int) -> None:
+        self._samples = self._read()
+        self._next = next(self._samples, None)
+        self._zero = now
+
+    def _handle(self, now: int) -> None:
+        for event in self._client.take_events():
+            if isinstance(event, xrce.Connected):
+                self.changes.append("connected")
+                self._zero = now - round((self._position - self._start) / 1000 / self._rate)
+            elif isinstance(event, xrce.Disconnected):
+                self.changes.append(f"disconnected: {event.reason}")
+                self._zero = None
+            elif isinstance(event, xrce.Received):
+                self.received += 1
+                if event.number == self._request:
+                    self._answer(event.data, now)
+
+    def _answer(self, request: bytes, now: int) -> None:
+        """Answer a request for a definition, as PX4 does."""
+        answer = answer_of(ENCAPSULATION + request, now + self._client.offset, self._endpoints.hashes.get)
+        row = releases()[self._endpoints.release].get(RESPONSE)
+        if answer is not None and row is not None:
+            self._client.write(row.object_id, answer[_HEADER:])

@@ -1,0 +1,1 @@
+"""`msggen view`: a vehicle or a recording in Foxglove, over its websocket."""

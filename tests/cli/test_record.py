@@ -1,0 +1,326 @@
+"""Tests of `msggen record` and `msggen play` with simulated vehicles: sockets, errors, and docs/record.md."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from msggen.cli import main, parser_for
+from msggen.live.sim import Misbehaviour, Options, Simulator
+from msggen.live.xrce import client
+from msggen.live.xrce.wire import ENCAPSULATION
+from support.ports import free_port
+from support.recordings import Found, check_decoded, check_read, read_mcap
+from support.repository import ROOT
+
+PACKAGE = str(ROOT / "generated" / "px4_types")
+SHORT = Options(sync="short")
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    return tmp_path
+
+
+@pytest.fixture
+def address() -> str:
+    return f"udp://127.0.0.1:{free_port()}"
+
+
+@pytest.fixture
+def sent(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, bytes]]:
+    """The samples that clients of this process send: the numbers of their topics and payloads."""
+    found: list[tuple[int, bytes]] = []
+    real = client.Client.write
+
+    def write(self: client.Client, number: int, data: bytes) -> bool:
+        is_sent = real(self, number, data)
+        if is_sent:
+            found.append((number, ENCAPSULATION + data))
+        return is_sent
+
+    monkeypatch.setattr(client.Client, "write", write)
+    return found
+
+
+def record(address: str, *words: str, types: str = PACKAGE) -> int:
+    return main(["record", "--link", address, "--types", types, *words])
+
+
+def check_complete(found: Sequence[Found], sent: Sequence[tuple[int, bytes]], package: Any) -> None:
+    """Check that each topic has a stretch of what was sent, without a gap, and that all have been recorded together."""
+    numbers = {each.ros_name: each.object_id for each in package.topics.out}
+    for name in {each.topic for each in found}:
+        ours = [each.payload for each in found if each.topic == name]
+        theirs = [payload for number, payload in sent if number == numbers[name]]
+        starts = [start for start in range(len(theirs)) if theirs[start : start + len(ours)] == ours]
+        assert starts, name
+
+
+def test_every_payload_is_that_of_the_vehicle(
+    address: str, px4_types: Any, sent: list[tuple[int, bytes]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    with Simulator(px4_types, address, [SHORT]):
+        assert record(address, "-o", "flight", "--for", "1.5", "--json") == 0
+    summary = json.loads(capsys.readouterr().out)
+    found = read_mcap("flight.mcap")
+    assert (summary["files"], summary["lost"], summary["dropped"]) == (["flight.mcap"], 0, 0)
+    assert summary["samples"] == len(found) == sum(summary["topics"].values())
+    assert summary["bytes"] == os.path.getsize("flight.mcap")
+    assert summary["without_definition"] == []
+    assert len(summary["topics"]) >= 20
+    check_complete(found, sent, px4_types)
+    check_read("flight.mcap", found)
+    assert check_decoded("flight.mcap", px4_types) == len(found)
+
+
+@pytest.mark.slow  # two commands that wait for each other
+def test_a_recording_is_played_and_recorded_again(
+    address: str, px4_types: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with Simulator(px4_types, address, [SHORT]):
+        assert record(address, "-o", "flight.mcap", "--for", "1.5", "-q") == 0
+    first = read_mcap("flight.mcap")
+    codes: list[int] = []
+    other = f"udp://127.0.0.1:{free_port()}"
+    player = threading.Thread(
+        target=lambda: codes.append(main(["play", "flight.mcap", "--to", other, "--rate", "0.5", "-q"]))
+    )
+    player.start()
+    try:
+        assert record(other, "-o", "again.mcap", "--for", "1.0", "--wait", "20") == 0
+    finally:
+        player.join(60)
+    assert codes == [0]
+    again = [each for each in read_mcap("again.mcap") if "message_format" not in each.topic]
+    assert len(again) > 100
+    for name in {each.topic for each in again}:
+        ours, theirs = ([each.payload for each in found if each.topic == name] for found in (again, first))
+        assert any(theirs[start : start + len(ours)] == ours for start in range(len(theirs))), name
+    assert re.search(r"\d+ topics, \d+ samples, \d+ kB, 0 lost, in 1\.\d s", capsys.readouterr().out)
+
+
+def test_chosen_topics_are_recorded_in_several_files(address: str, px4_types: Any, here: Path) -> None:
+    words = ["vehicle_*", "SensorCombined", "--exclude", "VehicleOdometry", "--split-every", "0.5", "--for", "1.4"]
+    (here / "flights").mkdir()
+    with Simulator(px4_types, address, [SHORT]):
+        assert record(address, *words, "-o", "flights", "--compression", "lz4", "-q") == 0
+    names = sorted(each.name for each in (here / "flights").iterdir())
+    assert len(names) >= 2
+    assert all(re.fullmatch(r"px4_\d{4}-\d\d-\d\d_\d\d-\d\d-\d\d_\d\.mcap", name) for name in names)
+    topics = {each.topic.rpartition("/")[2] for name in names for each in read_mcap(f"flights/{name}")}
+    assert {"sensor_combined", "vehicle_attitude"} <= topics
+    assert all(name.startswith("vehicle_") or name == "sensor_combined" for name in topics)
+    assert "vehicle_odometry" not in topics
+
+
+def test_a_definition_that_differs_is_told(address: str, px4_types: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    options = SHORT._replace(misbehaviour=Misbehaviour(wrong_hashes=("SensorCombined",)))
+    with Simulator(px4_types, address, [options]):
+        assert record(address, "sensor_combined", "vehicle_attitude", "-o", "a.mcap", "--for", "5") == 0
+    assert "warning: /fmu/out/sensor_combined: recorded without a definition" in capsys.readouterr().err
+    assert {each.topic for each in read_mcap("a.mcap")} == {"/fmu/out/sensor_combined", "/fmu/out/vehicle_attitude"}
+
+
+@contextmanager
+def process(*words: str) -> Iterator[subprocess.Popen[str]]:
+    """Run msggen as a process."""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "-m", "msggen", *words]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdout=pipe, stderr=pipe, env=environment, text=True) as started:
+        try:
+            yield started
+        finally:
+            started.kill()
+
+
+@pytest.mark.parametrize("ended_by", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_a_process_that_is_ended_leaves_a_whole_file(address: str, px4_types: Any, ended_by: signal.Signals) -> None:
+    words = ["record", "sensor_*", "vehicle_attitude", "-o", "a.mcap", "--link", address, "--types", PACKAGE]
+    with Simulator(px4_types, address, [SHORT]), process(*words) as recording:
+        limit = threading.Timer(60, recording.kill)
+        limit.start()
+        while recording.poll() is None:
+            if os.path.exists("a.mcap") and os.path.getsize("a.mcap") > 10_000:
+                recording.send_signal(ended_by)
+                break
+            threading.Event().wait(0.05)
+        output, errors = recording.communicate()
+        limit.cancel()
+    found = read_mcap("a.mcap")
+    assert len(found) > 50
+    check_read("a.mcap", found)
+    if ended_by is signal.SIGKILL:
+        assert recording.returncode == -signal.SIGKILL
+    else:
+        assert (recording.returncode, errors) == (0, "")
+        assert f"2 topics, {len(found)} samples, " in output
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["record", "-o", "taken.mcap"], "taken.mcap: R101 there is such a file already"),
+        (["record", "-o", "taken"], "taken.mcap: R101 there is such a file already"),
+        (["record", "-o", "no/flight.mcap"], "no/flight.mcap: R101 there is no folder 'no'"),
+        (["record", "--link", "udp"], "--link: L101 'udp' is not the address of a link"),
+        (["play", "no.mcap"], "no.mcap: R102 cannot be read: No such file or directory"),
+        (["play", "taken.mcap"], "taken.mcap: R102 is not an MCAP file"),
+        (["play", "."], ".: R102 cannot be read: Is a directory"),
+    ],
+)
+def test_errors_have_codes(words: list[str], text: str, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (here / "taken.mcap").write_text("mine")
+    assert main(words) == 2
+    assert text in capsys.readouterr().err
+    assert (here / "taken.mcap").read_text() == "mine"
+
+
+def test_a_package_that_is_missing_is_named(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in [name for name in sys.modules if name.partition(".")[0] == "mcap"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "mcap", None)
+    for words in (["record"], ["play", "a.mcap"]):
+        assert main(words) == 2
+        assert "this package is not installed: pip install 'msggen[recordings]'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (
+            ["record", "--max-size", "5x"],
+            "argument --max-size: expected a number of bytes such as 500M or 2G, found '5x'",
+        ),
+        (["record", "--split-size", "nan"], "argument --split-size: expected a number of bytes such as"),
+        (["record", "--split-size", "0"], "argument --split-size: expected a number of bytes such as"),
+        (["record", "--split-every", "0"], "argument --split-every: expected a number above 0"),
+        (["record", "--for", "x"], "argument --for: expected a number"),
+        (["record", "--compression", "gzip"], "invalid choice: 'gzip'"),
+        (["play", "a.mcap", "--rate", "0"], "argument --rate: expected a number above 0"),
+        (["play", "a.mcap", "--key", "0"], "argument --key: expected a number from 1"),
+    ],
+)
+def test_errors_of_usage(words: list[str], text: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        main(words)
+    assert stopped.value.code == 2
+    assert text in capsys.readouterr().err
+
+
+def test_errors_about_the_recording_and_the_vehicle(
+    address: str, px4_types: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with Simulator(px4_types, address, [SHORT]):
+        with pytest.raises(SystemExit):
+            record(address, "vehicle_statu")
+        text = "no topic is called 'vehicle_statu', did you mean 'vehicle_status'?: `msggen topic list` prints"
+        assert text in capsys.readouterr().err
+        assert not list(Path().glob("*.mcap"))
+        assert record(address, "wind", "sensor_combined", "-o", "a.mcap", "--for", "1", "-q") == 0
+    for words, text in (
+        (["wing"], "argument TOPIC: no topic is called 'wing', did you mean 'wind'?"),
+        (["--exclude", "*"], "argument TOPIC: all topics are left out"),
+        (["--start", "60"], "argument --start: the recording has "),
+    ):
+        with pytest.raises(SystemExit):
+            main(["play", "a.mcap", *words])
+        assert text in capsys.readouterr().err
+    for to, code in (("127.0.0.1", "--to: L101"), ("serial:///dev/no", "serial:///dev/no: L102")):
+        assert main(["play", "a.mcap", "--to", to]) == 2
+        assert code in capsys.readouterr().err
+
+
+def test_a_recording_is_played_without_an_agent_until_the_time_is_over(
+    address: str, px4_types: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with Simulator(px4_types, address, [SHORT]):
+        record(address, "sensor_combined", "-o", "a.mcap", "--for", "1", "-q")
+    capsys.readouterr()
+    assert main(["play", "a.mcap", "--to", f"udp://127.0.0.1:{free_port()}", "--for", "0.3"]) == 0
+    first, last = capsys.readouterr().out.splitlines()
+    assert re.fullmatch(r"a\.mcap: 1 topic of v1\.18, \d\.\d s; to udp://127\.0\.0\.1:\d+", first)
+    assert last == "0 samples sent, 0 received"
+    assert parser_for(["play"]).parse_args(["play", "a.mcap"]).to == "udp://127.0.0.1:8888"
+
+
+# --- the page
+
+PAGE = (ROOT / "docs" / "record.md").read_text(encoding="utf-8")
+SESSIONS = re.findall(r"```console\n(.*?)```", PAGE, re.DOTALL)
+
+
+def masked(text: str) -> list[str]:
+    """Return the lines of an output with N for numbers, and JSON without line breaks."""
+    return [re.sub(r"[\d.:_-]*\d", "N", line) for line in text.splitlines()]
+
+
+def shown(command: str) -> list[str]:
+    """Return the output that the page shows for a command."""
+    (text,) = re.findall(
+        rf"^\$ {re.escape(command)}.*?\n(.*?)(?=^\$ |\Z)", "$ \n".join(SESSIONS), re.DOTALL | re.MULTILINE
+    )
+    return masked(text)
+
+
+@pytest.mark.slow  # as processes would be, one after the other
+def test_the_commands_of_the_page_print_what_it_shows(
+    address: str, here: Path, px4_types: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (here / "pyproject.toml").write_text(f'[tool.msggen]\nlink = "{address}"\n', encoding="utf-8")
+    with Simulator(px4_types, address, [SHORT]):
+        assert main(["record", "--for", "1.5"]) == 0
+        assert masked(capsys.readouterr().out) == shown("msggen record --for 10")
+        assert main(["record", "vehicle_status", "sensor_*", "--for", "1.5", "--json", "-o", "two"]) == 0
+        printed = capsys.readouterr().out
+    page = shown("msggen record vehicle_status 'sensor_*' --for 3")
+    assert [line for line in masked(printed) if "vtx" not in line] == page
+    (file,) = here.glob("px4_*.mcap")
+    assert main(["play", file.name, "--to", address, "--for", "0.2"]) == 0  # there is no agent
+    first, *_, last = masked(capsys.readouterr().out)
+    play = shown("msggen play")
+    assert (first, last) == (play[0], play[-1])
+    assert re.fullmatch(r" +N s  connected", play[1])
+    for code in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL):
+        exec(code, {})  # noqa: S102 - the code of the page
+    assert re.match(r"/fmu/out/\w+ \d{16}\n", capsys.readouterr().out)
+
+
+def test_the_commands_of_the_page_are_accepted() -> None:
+    commands = re.findall(r"^\$ msggen ((?:record|play).*)$", "\n".join(SESSIONS), re.MULTILINE)
+    assert len(commands) == 3
+    for command in commands:
+        words = command.replace("'", "").split()
+        parser_for(words).parse_args(words)
+    for options in re.findall(r"^\| `(-.*?)` \|", PAGE, re.MULTILINE):
+        for words in (option.split() for option in options.split("`, `")):
+            known = [parser_for([verb]) for verb in ("record", "play")]
+            assert any(is_accepted(parser, words) for parser in known), words
+
+
+def is_accepted(parser: argparse.ArgumentParser, words: Sequence[str]) -> bool:
+    """Whether a command has the options."""
+    command = next(action for action in parser._actions if action.nargs == argparse.PARSER)
+    (name,) = dict(command.choices or {})
+    try:
+        parser.parse_args([name, "a.mcap", *words])
+    except SystemExit:
+        return False
+    return True

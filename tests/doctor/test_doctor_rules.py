@@ -1,0 +1,380 @@
+"""Tests of the doctor's rules on what was seen, without sockets: each example, and what must not be found."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import astuple
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from msggen.doctor.case import Case, matches, plain
+from msggen.doctor.diagnose import diagnose
+from msggen.doctor.examples import _EXAMPLES, HEALTHY, case_of
+from msggen.doctor.expected import expected_of, expected_of_catalog
+from msggen.doctor.observation import AgentSeen, Observation, Process, ReaderSeen, TopicSeen, VehicleSeen
+from msggen.doctor.rules import DOCTOR, LIVE
+from msggen.finding import OF_VEHICLES, Rule
+from msggen.firmware.catalog import read_catalog
+from msggen.firmware.sources import find_sources
+from msggen.live.link import Route, Statistics
+from msggen.live.names import stem_of
+from msggen.live.selection import Selection
+from msggen.report import FORMATS, render
+
+SEEN = HEALTHY.seen
+VEHICLE = SEEN.vehicles[0]
+ROUTES = VEHICLE.routes
+EFFECTS = {"AGENT_HAS_CLIENT": {"PORT_TAKEN"}, "AGENT_WITHOUT_CLIENT": {"NO_CLIENT"}, "AGENT_MISSING": {"NO_CLIENT"}}
+"""Examples that have further findings."""
+
+each_rule = pytest.mark.parametrize("rule", DOCTOR, ids=lambda rule: rule.id)
+
+
+def ids(case: Case) -> list[str]:
+    """Return the rules that find something."""
+    return [finding.rule.id for finding in diagnose(case).findings]
+
+
+def texts(case: Case) -> str:
+    return "\n".join(finding.change.message for finding in diagnose(case).findings)
+
+
+def seen(**values: Any) -> Case:
+    return HEALTHY._replace(seen=SEEN._replace(**values))
+
+
+def vehicle(**values: Any) -> Case:
+    return seen(vehicles=(VEHICLE._replace(**values),))
+
+
+def test_nothing_is_found_in_the_healthy_vehicle() -> None:
+    report = diagnose(HEALTHY)
+    assert (report.findings, report.fails) == ((), False)
+    assert report.summary.startswith("no problem found: udp://127.0.0.1:8888, the vehicle at 127.0.0.1:40123 (key 1)")
+
+
+@each_rule
+def test_the_example_of_a_rule_has_its_finding_and_no_other(rule: Rule) -> None:
+    assert {*ids(case_of(rule))} == {rule.id} | EFFECTS.get(rule.id, set())
+    (finding,) = (each for each in diagnose(case_of(rule)).findings if each.rule is rule)
+    assert finding.fails
+    assert "\n" not in finding.change.message
+    assert finding.change.message.isprintable()
+
+
+def test_every_rule_has_an_example() -> None:
+    assert [*_EXAMPLES] == [rule.id for rule in DOCTOR]
+    assert {rule.category for rule in DOCTOR} == {*OF_VEHICLES}
+    assert len(LIVE) == 3
+
+
+@each_rule
+@pytest.mark.parametrize("output_format", FORMATS)
+def test_every_format_shows_every_finding(rule: Rule, output_format: str) -> None:
+    shown = render(diagnose(case_of(rule)), output_format, width=100, colour=False)
+    assert rule.id in shown
+    if output_format == "sarif":
+        (run,) = json.loads(shown)["runs"]
+        locations = [place for result in run["results"] for place in result["locations"]]
+        uris = {place["physicalLocation"]["artifactLocation"]["uri"] for place in locations}
+        assert uris == {case_of(rule).seen.link}
+
+
+# --- names
+
+
+SPELLINGS = st.sampled_from(
+    [
+        "/fmu/out/vehicle_status_v1",
+        "rt/fmu/out/vehicle_status_v1",
+        "fmu/out/vehicle_status_v1",
+        "vehicle_status_v1",
+        "vehicle_status",
+        "VehicleStatus",
+    ]
+)
+
+
+@given(SPELLINGS)
+def test_every_spelling_of_a_topic_is_right(name: str) -> None:
+    assert ids(HEALTHY._replace(wanted=(name,))) == []
+    assert matches(name, ROUTES[0])
+
+
+@given(st.text("abfmuoutinv_/0123456789V", max_size=30))
+def test_names_are_right_or_have_one_finding(name: str) -> None:
+    """The reference: the names that ROS 2 has, and the last parts of these."""
+    right = {route.name for route in ROUTES} | {route.name.rpartition("/")[2] for route in ROUTES}
+    found = ids(HEALTHY._replace(wanted=(name,)))
+    if plain(name) in right:
+        assert found == []
+    else:
+        assert len(found) == 1
+        assert set(found) <= {"NAMESPACE_WRONG", "VERSION_WRONG", "TOPIC_NOT_BRIDGED", "TOPIC_UNKNOWN"}
+
+
+@given(st.sampled_from(ROUTES), st.integers(0, 9))
+def test_another_suffix_is_a_wrong_version(route: Route, version: int) -> None:
+    name = stem_of(route.name) + (f"_v{version}" if version else "")
+    expected = [] if name == route.name else ["VERSION_WRONG"]
+    assert ids(HEALTHY._replace(wanted=(name,))) == expected
+
+
+@given(st.sampled_from(ROUTES), st.from_regex(r"[a-z][a-z0-9_]{0,8}", fullmatch=True))
+def test_a_name_in_another_namespace_is_told_with_the_right_one(route: Route, namespace: str) -> None:
+    asked = f"/{namespace}{route.name}"
+    assert ids(HEALTHY._replace(wanted=(asked,))) == ["NAMESPACE_WRONG"]
+    remote = VEHICLE.remote._replace(namespace=namespace)
+    own = tuple(each._replace(name=f"/{namespace}{each.name}") for each in ROUTES)
+    topics = {f"/{namespace}{name}": topic for name, topic in VEHICLE.topics.items()}
+    inside = vehicle(remote=remote, routes=own, topics=topics)
+    assert ids(inside) == ids(inside._replace(wanted=(asked,))) == []
+    other = inside._replace(wanted=(route.name,))
+    assert ids(other) == ["NAMESPACE_WRONG"]
+    assert f"'{asked}'" in texts(other)
+
+
+def test_a_topic_of_the_other_direction_is_named() -> None:
+    case = HEALTHY._replace(wanted=("/fmu/out/vehicle_command",))
+    assert ids(case) == ["TOPIC_NOT_BRIDGED"]
+    assert "the vehicle reads '/fmu/in/vehicle_command_v1'" in texts(case)
+
+
+def test_a_topic_of_a_given_package_that_the_vehicle_lacks_is_found() -> None:
+    case = vehicle(routes=ROUTES[1:])
+    assert ids(case) == []
+    given_types = {1: case.expected[1]._replace(is_given=True)}
+    assert ids(case._replace(expected=given_types)) == ["TOPIC_NOT_BRIDGED"]
+
+
+def test_readers_in_dds_that_get_nothing_are_found() -> None:
+    readers = (
+        ReaderSeen("/fmu/out/vehicle_status", is_reliable=False, has_writer=False),
+        ReaderSeen("/fmu/out/vehicle_attitude", is_reliable=False, has_writer=True),
+        ReaderSeen("/fmu/out/sensor_gyro", is_reliable=False, has_writer=True),
+    )
+    case = seen(readers=readers)
+    assert ids(case) == ["VERSION_WRONG"]
+    assert texts(case).startswith("a reader in DDS gets nothing: '/fmu/out/vehicle_status' has another version suffix")
+
+
+def test_a_selection_that_fits_no_vehicle_is_found() -> None:
+    assert ids(HEALTHY._replace(selection=Selection(namespace="uav_2"))) == ["NAMESPACE_WRONG"]
+    assert ids(HEALTHY._replace(selection=Selection(namespace=""))) == []
+    assert ids(HEALTHY._replace(selection=Selection(key=1))) == []
+
+
+# --- definitions
+
+
+@given(st.sampled_from(ROUTES), st.integers(0, 0xFFFFFFFF))
+def test_definitions_are_compared_by_their_hashes(route: Route, value: int) -> None:
+    own = VEHICLE.hashes[route.ros_type]
+    found = ids(vehicle(hashes={**VEHICLE.hashes, route.ros_type: value}))
+    assert found == ([] if value == own else ["DEFINITION_DIFFERS"])
+
+
+def test_only_the_named_topics_are_compared() -> None:
+    differing = {**VEHICLE.hashes, ROUTES[0].ros_type: 1}
+    assert ids(vehicle(hashes=differing)._replace(wanted=("vehicle_attitude",))) == []
+    assert ids(vehicle(hashes=differing)._replace(wanted=("vehicle_status",))) == ["DEFINITION_DIFFERS"]
+
+
+def test_a_vehicle_that_tells_no_hashes_is_not_judged_by_them() -> None:
+    assert ids(vehicle(hashes={})) == []
+
+
+def test_another_version_is_not_also_another_definition() -> None:
+    routes = (ROUTES[0]._replace(name="/fmu/out/vehicle_status_v2"), *ROUTES[1:])
+    topics = {**VEHICLE.topics, "/fmu/out/vehicle_status_v2": VEHICLE.topics[ROUTES[0].name]}
+    assert ids(vehicle(routes=routes, topics=topics, hashes={ROUTES[0].ros_type: 1})) == ["VERSION_WRONG"]
+
+
+def test_definitions_of_a_package_and_of_its_sources_are_the_same(px4_types: Any) -> None:
+    built = expected_of(px4_types, "a package", is_given=True)
+    catalog = expected_of_catalog(read_catalog(find_sources("v1.18")), "sources")
+    assert len(built.messages) > 60
+    assert built.messages.items() <= catalog.messages.items()
+    assert {"/fmu/out/vehicle_status_v4", "/fmu/in/trajectory_setpoint"} <= {topic.name for topic in built.topics}
+    assert "sensor_gyro" in built.uorb
+
+
+# --- times and flow
+
+
+@given(st.lists(st.floats(-1e9, 2e9), min_size=1, max_size=3))
+def test_the_clock_is_judged_by_the_median_of_the_topics(ages: list[float]) -> None:
+    topics = {name: topic._replace(age=age) for (name, topic), age in zip(VEHICLE.topics.items(), ages, strict=False)}
+    middle = sorted(ages)[len(ages) // 2] if len(ages) % 2 else sum(ages) / 2
+    is_boot = SEEN.now / 1e3 - middle * 1e6 < 1e15
+    expected = ["TIME_NOT_SYNCED"] if is_boot else ["CLOCK_WRONG"] if abs(middle) > 1 else []
+    assert ids(vehicle(topics=topics)) == expected
+
+
+def test_samples_without_timestamps_tell_no_time() -> None:
+    topics = {name: topic._replace(age=None) for name, topic in VEHICLE.topics.items()}
+    assert ids(vehicle(topics=topics)) == []
+
+
+@given(st.integers(1, 1000), st.floats(0, 20))
+def test_rates_are_compared_with_half_of_the_limit(samples: int, seconds: float) -> None:
+    topics = {name: topic._replace(samples=samples) for name, topic in VEHICLE.topics.items()}
+    is_slow = samples + 1 < 25 * seconds
+    assert ids(vehicle(topics=topics, seconds=seconds)) == (["RATE_LOW"] if is_slow else [])
+
+
+def test_a_single_slow_topic_is_found_if_it_is_named() -> None:
+    topics = {**VEHICLE.topics, ROUTES[1].name: TopicSeen(samples=10, size=52, age=0.0)}
+    assert ids(vehicle(topics=topics)) == []
+    assert ids(vehicle(topics=topics)._replace(wanted=("vehicle_attitude",))) == ["RATE_LOW"]
+
+
+def test_topics_that_px4_publishes_rarely_have_no_rate() -> None:
+    topics = {**VEHICLE.topics, ROUTES[0].name: TopicSeen(samples=2, size=52, age=0.0)}
+    assert ids(vehicle(topics=topics)) == []
+    assert ids(vehicle(topics=topics)._replace(wanted=("vehicle_status",))) == []
+
+
+@given(st.integers(0, 3000), st.integers(0, 3000))
+def test_losses_are_found_from_one_percent(lost: int, dropped: int) -> None:
+    statistics = SEEN.statistics._replace(dropped=dropped)
+    case = seen(statistics=statistics, vehicles=(VEHICLE._replace(lost=lost),))
+    is_dropped = dropped >= 5 and dropped > 0.01 * (dropped + statistics.received)
+    is_lost = lost >= 5 and lost > 0.01 * (lost + VEHICLE.samples)
+    assert ids(case) == (["BUFFER_FULL"] if is_dropped else ["SAMPLES_LOST"] if is_lost else [])
+
+
+def test_a_large_buffer_that_was_full_is_due_to_a_busy_computer() -> None:
+    case = seen(statistics=SEEN.statistics._replace(dropped=100), buffer_limit=4 << 20)
+    assert "this computer is too busy" in texts(case)
+
+
+@given(st.integers(1, 5000), st.integers(12, 300), st.floats(0.1, 20))
+def test_a_line_is_full_by_its_bytes(samples: int, size: int, seconds: float) -> None:
+    topics = {name: TopicSeen(samples, size, 0.0) for name in VEHICLE.topics}
+    case = vehicle(topics=topics, lost=2000, seconds=seconds)
+    line = case.seen._replace(scheme="serial", link="serial:///dev/ttyUSB0?baud=57600", baud=57600)
+    expected = "LINE_FULL" if sum(3 * [samples * (size + 14) / seconds]) / 5760 >= 0.85 else "SAMPLES_LOST"
+    assert expected in ids(case._replace(seen=line))
+    assert "LINE_FULL" not in ids(case)
+
+
+def test_single_samples_have_no_rate() -> None:
+    topics = {name: TopicSeen(1, 52, 0.0) for name in VEHICLE.topics}
+    assert ids(vehicle(topics=topics, seconds=0.0)) == []
+
+
+# --- sessions
+
+
+def test_a_vehicle_that_connected_and_never_sent_is_silent() -> None:
+    case = vehicle(heard=0, topics={})
+    assert ids(case) == ["VEHICLE_SILENT"]
+    assert "has sent nothing since it has connected" in texts(case)
+
+
+@given(st.floats(0, 1e3))
+def test_silence_counts_from_two_seconds(seconds: float) -> None:
+    found = ids(vehicle(heard=SEEN.now - round(seconds * 1e9)))
+    assert found == (["VEHICLE_SILENT"] if round(seconds * 1e9) / 1e9 > 2.0 else [])
+
+
+@given(st.integers(0, 500), st.floats(0, 60))
+def test_requests_for_the_time_are_found_if_they_are_repeated_slowly(timestamps: int, age: float) -> None:
+    client = SEEN.clients[0]._replace(timestamps=timestamps, age=age, number=0)
+    case = seen(vehicles=(), clients=(client,))
+    assert ids(case) == (["NO_TIME_SYNC"] if 3 <= timestamps <= 1.5 * age + 1 else ["CLIENT_UNREADY"])
+
+
+@given(st.floats(0, 10), st.floats(0, 20))
+def test_a_client_that_restarts_does_not_share_its_key(silence: float, age: float) -> None:
+    """A client that is heard after another one began is another vehicle, a client that is not has a new port."""
+    earlier = SEEN.clients[0]._replace(address="127.0.0.1:40125", silence=silence, age=age + 20, timestamps=0)
+    newest = SEEN.clients[0]._replace(age=age, timestamps=0)
+    found = ids(seen(clients=(newest, earlier)))
+    assert found == (["KEY_SHARED"] if silence < age - 0.5 else [])
+
+
+def test_no_client_is_not_told_if_somebody_else_has_it() -> None:
+    empty: Mapping[str, Any] = {"vehicles": (), "clients": (), "statistics": Statistics(0, 0, 0, 0, 0, 0)}
+    agent = AgentSeen("127.0.0.1:8889", (Process(1, "px4"),))
+    assert ids(seen(**empty)) == ["NO_CLIENT"]
+    assert ids(seen(**empty, agents=(agent,))) == ["AGENT_HAS_CLIENT"]
+    assert ids(seen(**empty, agents=(agent._replace(clients=(), namespaces=("",)),))) == ["AGENT_HAS_CLIENT"]
+
+
+@pytest.mark.parametrize(
+    ("link", "scheme", "text"),
+    [
+        ("tap://127.0.0.1:8888?agent=127.0.0.1:8889", "tap", "no agent answers at 127.0.0.1:8889"),
+        ("serial:///dev/ttyUSB0?baud=57600", "serial", "nothing has arrived from serial:///dev/ttyUSB0"),
+        ("dds://7", "dds", "no vehicle is in DDS domain 7 in 3 s"),
+    ],
+)
+def test_the_findings_of_other_links_name_what_they_have(link: str, scheme: str, text: str) -> None:
+    case = seen(link=link, scheme=scheme, vehicles=(), clients=(), statistics=Statistics(0, 0, 0, 0, 0, 0))
+    assert text in texts(case._replace(seen=case.seen._replace(has_asked_agents=True)))
+
+
+def test_a_port_of_another_user_is_found_without_a_name() -> None:
+    taken = seen(is_taken=True, vehicles=(), clients=(), statistics=Statistics(0, 0, 0, 0, 0, 0))
+    assert "by a process of another user: `sudo ss -ulpn sport = :8888` shows it" in texts(taken)
+    serial = taken.seen._replace(link="serial:///dev/ttyUSB0?baud=57600", scheme="serial")
+    assert "`sudo fuser -v /dev/ttyUSB0` shows it" in texts(taken._replace(seen=serial))
+
+
+# --- any observation
+
+NAMES = st.text(max_size=12) | st.sampled_from([route.name for route in ROUTES])
+VEHICLES = st.builds(
+    VehicleSeen,
+    remote=st.builds(
+        VEHICLE.remote._replace,
+        number=st.sampled_from([1, 2]),
+        key=st.integers(0, 3),
+        namespace=st.sampled_from(["", "a"]),
+    ),
+    routes=st.lists(st.builds(Route, NAMES, NAMES, st.sampled_from(["in", "out"]), st.just(-1)), max_size=4).map(tuple),
+    topics=st.dictionaries(
+        NAMES,
+        st.builds(
+            TopicSeen,
+            st.integers(1, 9),
+            st.integers(4, 99),
+            st.none() | st.floats(-1e9, 2e9),
+        ),
+        max_size=4,
+    ),
+    hashes=st.dictionaries(NAMES, st.integers(0, 0xFFFFFFFF), max_size=3),
+    release=st.sampled_from(["", "v1.18"]),
+    lost=st.integers(0, 99),
+    seconds=st.floats(0, 9),
+    heard=st.just(0) | st.just(SEEN.now),
+    ended=st.sampled_from(["", "gone"]),
+)
+OBSERVATIONS = st.builds(
+    SEEN._replace,
+    scheme=st.sampled_from(["udp", "tap", "dds", "serial"]),
+    vehicles=st.lists(VEHICLES, max_size=3).map(tuple),
+    clients=st.lists(st.builds(SEEN.clients[0]._replace, address=NAMES, silence=st.floats(0, 9)), max_size=2).map(
+        tuple
+    ),
+    readers=st.lists(st.builds(ReaderSeen, NAMES, st.booleans(), st.booleans()), max_size=2).map(tuple),
+    is_taken=st.booleans(),
+    seconds=st.floats(0, 9),
+    baud=st.integers(0, 99999),
+)
+
+
+@given(OBSERVATIONS, st.lists(NAMES, max_size=2).map(tuple), st.none() | st.integers(1, 3))
+def test_any_observation_has_a_report(observation: Observation, wanted: tuple[str, ...], key: int | None) -> None:
+    report = diagnose(Case(observation, HEALTHY.expected, wanted, Selection(key=key)))
+    assert report.summary.startswith(("no problem found: ", f"{len(report.findings)} problem"))
+    order = [rule.id for rule in DOCTOR]
+    places = [order.index(finding.rule.id) for finding in report.findings]
+    assert places == sorted(places)
+    assert len({astuple(finding.change) for finding in report.findings}) == len(report.findings)

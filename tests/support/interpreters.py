@@ -1,0 +1,35 @@
+"""The supported versions of Python on this machine, and environments for them."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+VERSIONS = ["3.10", "3.11", "3.12", "3.13"]
+
+
+def interpreter(version: str) -> str:
+    """Return the Python of this version from the PATH or from pyenv, or skip the test."""
+    candidates = [shutil.which(f"python{version}"), *Path.home().glob(f".pyenv/versions/{version}.*/bin/python")]
+    for candidate in candidates:
+        if candidate:
+            asked = [str(candidate), "-c", "import sys; print('%d.%d' % sys.version_info[:2])"]
+            done = subprocess.run(asked, capture_output=True, text=True, check=False)
+            if done.stdout.strip() == version:
+                return str(candidate)
+    pytest.skip(f"needs Python {version}")
+
+
+def environment(python: str, folder: Path, wheel: Path) -> Path:
+    """Create an environment with a wheel and what it needs in `folder`, and return the folder of its programs.
+
+    The pip of this process installs, so that the environment needs none.
+    """
+    subprocess.run([python, "-m", "venv", "--without-pip", folder], check=True)
+    pip = [sys.executable, "-m", "pip", f"--python={folder / 'bin' / 'python'}", "install", "--quiet", "--no-compile"]
+    subprocess.run([*pip, wheel], check=True)
+    return folder / "bin"
