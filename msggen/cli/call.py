@@ -56,10 +56,12 @@ def service_of(options: argparse.Namespace, package: ModuleType) -> Any:
     }
     if options.service is None and len(known) == 1:
         return next(iter(known.values()))
+    if not known:
+        refuse(options, "argument SERVICE: the firmware has no services: PX4 has one since v1.15")
     name = _plain((options.service or "").rpartition("/")[2])
     if name not in known:
-        names = [f"'{_snake(each.__name__)}'" for each in known.values()]
-        refuse(options, f"argument SERVICE: no service '{options.service}': there is {' and '.join(names) or 'none'}")
+        names = " and ".join(f"'{_snake(each.__name__)}'" for each in known.values())
+        refuse(options, f"argument SERVICE: no service '{options.service or ''}': there is {names}")
     return known[name]
 
 

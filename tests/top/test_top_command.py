@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import signal
-import sys
 from collections.abc import Iterator
 from types import ModuleType
 from typing import Any
@@ -93,7 +92,6 @@ def test_a_signal_restores_the_terminal(url: str, program: TerminalProgram, px4_
 
 
 def test_a_pipe_gets_the_table_once(url: str, px4_types: Any, capsys: pytest.CaptureFixture[str]) -> None:
-    sys.modules.pop("px4_types", None)  # the command imports it by its folder
     with Simulator(px4_types, url, [SOON]):
         assert main(["top", "--link", url, "--types", PACKAGE, "--window", "0.5"]) == 0
         heading, *lines = capsys.readouterr().out.splitlines()
