@@ -38,9 +38,9 @@ def add_to(commands: Commands) -> None:
         "doctor",
         _doctor,
         help="find out why nothing arrives from a vehicle",
-        description=f"Watch a link to a vehicle, by default for {_SECONDS:g} s, and say why nothing arrives, or not what a program "
-        "expects: the port, agents, the session, names, definitions, times, rates and losses, in this order. Nothing "
-        "is changed at the vehicle.",
+        description=f"Watch a link to a vehicle, by default for {_SECONDS:g} s, and say why nothing arrives, or not "
+        "what a program expects: the port, agents, the session, names, definitions, times, rates and losses, in this "
+        "order. Nothing is changed at the vehicle.",
         epilog="Examples: `msggen doctor`, `msggen doctor /fmu/out/vehicle_status`, `msggen doctor --types px4_types "
         f"--link dds://0`. Exit codes: 0 nothing found, 1 findings, {FAILED_CODES}",
     )
