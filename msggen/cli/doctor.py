@@ -38,9 +38,9 @@ def add_to(commands: Commands) -> None:
         "doctor",
         _doctor,
         help="find out why nothing arrives from a vehicle",
-        description="Watch a link to a vehicle for some seconds, and say why nothing arrives, or not what a program "
-        "expects: the port, agents, the session, names, definitions, times, rates and losses, in this order. Nothing "
-        "is changed at the vehicle.",
+        description=f"Watch a link to a vehicle, by default for {_SECONDS:g} s, and say why nothing arrives, or not "
+        "what a program expects: the port, agents, the session, names, definitions, times, rates and losses, in this "
+        "order. Nothing is changed at the vehicle.",
         epilog="Examples: `msggen doctor`, `msggen doctor /fmu/out/vehicle_status`, `msggen doctor --types px4_types "
         f"--link dds://0`. Exit codes: 0 nothing found, 1 findings, {FAILED_CODES}",
     )
@@ -52,14 +52,10 @@ def add_to(commands: Commands) -> None:
         help="topic that does not arrive, as the program has it, such as /fmu/out/vehicle_status, vehicle_status or "
         "VehicleStatus (default: all)",
     )
-    parser.add_argument(
-        "--for", metavar="SECONDS", type=non_empty, help=f"watch the vehicle this long (default: {_SECONDS:g})"
-    )
+    parser.add_argument("--for", metavar="SECONDS", type=non_empty, help="end after this time")
     add_link(parser)
     add_output_format(parser)
-    parser.add_argument(
-        "--json", action="store_const", const="json", dest="output_format", help="the same as --output-format json"
-    )
+    parser.add_argument("--json", action="store_true", help="print JSON instead of text")
 
 
 def _doctor(options: argparse.Namespace) -> int:
@@ -68,6 +64,7 @@ def _doctor(options: argparse.Namespace) -> int:
     from msggen.doctor.observe import look_around
 
     convert_values(options, {"for": positive})
+    options.output_format = "json" if options.json else options.output_format
     given = given_package(options)
     address = _address(options)
     seen = look_around(_observe(options, address, getattr(options, "for") or _SECONDS), address)

@@ -42,14 +42,17 @@ def _search(seen: Observation) -> str:
 
 def find_busy_agent(case: Case) -> Iterator[Change]:
     """Find agents that have the vehicle."""
-    for agent in case.seen.agents:
+    seen = case.seen
+    cure = (
+        "use --link dds://0 beside it, or end the agent, or start it on another port and use a tap (docs/links.md)"
+        if seen.scheme != "dds"
+        else f"its DDS domain is not that of {seen.link}: compare UXRCE_DDS_DOM_ID, and the networks that both use"
+    )
+    for agent in seen.agents:
         if agent.clients or agent.namespaces:
             whose = few([*map(str, agent.clients), *(f"namespace '{name}'" for name in agent.namespaces or () if name)])
-            yield case.change(
-                agent.address,
-                f"an agent at {agent.address} has the vehicle{f', {whose}' if whose else ''}: use --link dds://0 "
-                "beside it, or end the agent, or start it on another port and use a tap (docs/links.md)",
-            )
+            text = f"an agent at {agent.address} has the vehicle{f', {whose}' if whose else ''}: {cure}"
+            yield case.change(agent.address, text)
 
 
 def find_idle_agent(case: Case) -> Iterator[Change]:

@@ -305,6 +305,10 @@ def test_no_client_is_not_told_if_somebody_else_has_it() -> None:
     assert ids(seen(**empty)) == ["NO_CLIENT"]
     assert ids(seen(**empty, agents=(agent,))) == ["AGENT_HAS_CLIENT"]
     assert ids(seen(**empty, agents=(agent._replace(clients=(), namespaces=("",)),))) == ["AGENT_HAS_CLIENT"]
+    assert "use --link dds://0 beside it" in texts(seen(**empty, agents=(agent,)))
+    other_domain = seen(**empty, agents=(agent,), link="dds://7", scheme="dds", has_asked_agents=True)
+    assert ids(other_domain) == ["AGENT_HAS_CLIENT"]
+    assert "its DDS domain is not that of dds://7: compare UXRCE_DDS_DOM_ID" in texts(other_domain)
 
 
 @pytest.mark.parametrize(
