@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, non_empty
-from msggen.diagnostics import counted, few, input_error
+from msggen.diagnostics import counted, few, input_error, printable
 from msggen.exit_codes import DONE
 from msggen.firmware.embedded import EMBEDDED
 from msggen.generate.cache import package_of
@@ -200,7 +200,7 @@ def _report(options: argparse.Namespace, found: Connection, plan: Plan, relay: R
     rows = plan.rows
     out = sum(row.route.direction == "out" for row in rows)
     for name, reason in plan.refused:
-        print(f"{name} is not carried: {reason}", file=sys.stderr)
+        print(printable(f"{name} is not carried: {reason}"), file=sys.stderr)
     if plan.missing:
         print(f"not installed, so their topics are not carried: {few(plan.missing)}", file=sys.stderr)
     if plan.refused or plan.missing:
@@ -241,4 +241,4 @@ class _Totals:
         for name, number in rows:
             print(f"  {name:{width}}  {number:7}  {number / seconds:7.1f} Hz")
         for name, number in self.refusals.counts.items():
-            print(f"  not carried: {counted(number, 'sample')} of {name}: {self.refusals.reasons[name]}")
+            print(printable(f"  not carried: {counted(number, 'sample')} of {name}: {self.refusals.reasons[name]}"))

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from logging import getLogger
 
+from msggen.diagnostics import printable
+
 LOGGER = getLogger("msggen.ros")
 
 
@@ -18,6 +20,7 @@ class Refusals:
     def add(self, topic: str, reason: object) -> None:
         """Count a sample."""
         if topic not in self.reasons:
-            self.reasons[topic] = str(reason)
-            LOGGER.warning("a sample of '%s' is not carried, and further ones are only counted: %s", topic, reason)
+            self.reasons[topic] = printable(str(reason))
+            text = "a sample of '%s' is not carried, and further ones are only counted: %s"
+            LOGGER.warning(text, topic, self.reasons[topic])
         self.counts[topic] += 1
