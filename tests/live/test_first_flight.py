@@ -1,0 +1,54 @@
+"""Tests that the commands of docs/first-flight.md, in its order, do what the page shows, with a simulated vehicle."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from msggen.live.sim import Options, Simulator
+from support.commands import run
+from support.ports import free_port
+from support.repository import ROOT
+
+PAGE = (ROOT / "docs" / "first-flight.md").read_text(encoding="utf-8")
+STEP = re.compile(r"^\$ (.+)\n((?:(?!\$ |```).*\n)*)", re.MULTILINE)
+STEPS = [step for step in STEP.findall(PAGE) if step[0] != "msggen sim --sync short"]
+NOTICES = ("waiting for a vehicle", "the vehicle has disconnected", "the vehicle is connected")
+
+
+def comparable(text: str) -> str:
+    """Return a text without numbers."""
+    return re.sub(r"-?\d+(?:\.\d+)?", "1", text)
+
+
+@pytest.mark.slow  # it flies
+def test_the_commands_do_what_the_page_shows(
+    px4_types: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    url = f"udp://127.0.0.1:{free_port()}"
+    types = ROOT / "generated" / "px4_types"
+    (tmp_path / "pyproject.toml").write_text(f'[tool.msggen]\nlink = "{url}"\ntypes = "{types}"\n')
+    monkeypatch.chdir(tmp_path)
+    with Simulator(px4_types, url, [Options(sync="short")]):
+        for command, shown in STEPS:
+            outcome = run(shlex.split(command)[1:])
+            told = [line for line in outcome.stderr.splitlines(keepends=True) if not line.startswith(NOTICES)]
+            printed = "".join([*told, outcome.stdout])
+            if command.startswith(("msggen record", "msggen doctor")):
+                assert outcome.code == 0, printed
+                assert comparable(printed).split(" ")[:2] == comparable(shown).split(" ")[:2]
+            else:  # `hz` reports each second, as often as there is time for
+                lines = comparable(printed).splitlines()[: shown.count("\n")]
+                assert lines == comparable(shown).splitlines(), command
+    code = re.search(r"```python\n(.*?)```\n\n```text\n(.*?)```", PAGE, re.DOTALL)
+    assert code
+    exec(compile(code[1], "docs/first-flight.md", "exec"), {})
+
+
+def test_the_page_covers_the_way_from_looking_to_recording() -> None:
+    words = {command.split()[1] for command, _ in STEPS}
+    assert words == {"topic", "command", "record", "doctor"}
