@@ -450,3 +450,17 @@ def test_vehicle_and_agent_connect_with_10_percent_of_loss_both_ways(px4_types: 
     assert len(samples) > 1000
     assert {sample.remote.key for sample in samples} == {1}
     assert agent.lost > 0
+
+
+def test_an_answer_waits_while_the_client_waits(px4_types: Any) -> None:
+    """PX4's client sends nothing while it waits for a ping or a time. What is in uORB's queues follows."""
+    bench = Bench(px4_types)
+    bench.run(3)
+    while bench.vehicle._client.is_ready:
+        bench.now += 1000
+        bench.vehicle.advance(bench.now)
+    message = px4_types.VehicleCommand(command=px4_types.VehicleCommand.VEHICLE_CMD_CUSTOM_0, target_system=1)
+    bench.publish(message, "vehicle_command")  # arrives before the answer to the client
+    bench.run(0.5)
+    unsupported = px4_types.VehicleCommandAck.VEHICLE_CMD_RESULT_UNSUPPORTED
+    assert [ack.result for ack in bench.messages("vehicle_command_ack")] == [unsupported]

@@ -42,6 +42,9 @@ _ANSWERS = {
 }
 """The topics that PX4 publishes as answers or when something happens, not at a rate."""
 
+_QUEUE = 8
+"""The number of answers that wait: ORB_QUEUE_LENGTH of VehicleCommandAck."""
+
 _RESULTS = {
     ACCEPTED: "accepted",
     TEMPORARILY_REJECTED: "temporarily rejected",
@@ -113,6 +116,7 @@ class SimulatedVehicle:
         self._outgoing: list[tuple[bytes, int]] = []
         self._read_topics()
         self._due: list[tuple[int, int]] = []
+        self._answers: deque[tuple[_Publication, Any]] = deque(maxlen=_QUEUE)
         self._settings = self._client_settings()
         self._client = xrce.Client(self._settings)
         self._start: int | None = None
@@ -233,6 +237,7 @@ class SimulatedVehicle:
         due, now = self._due, self._now
         if not self._client.is_ready:
             return
+        self._publish_answers()
         scene = Scene(self.world, self._noise, self._clocks)
         while due and due[0][0] <= now:
             time, index = due[0]
@@ -251,10 +256,15 @@ class SimulatedVehicle:
             self.sent[publication.name] += 1
 
     def _answer(self, topic: str, **values: Any) -> None:
-        """Publish a message on a topic, if the release has it."""
+        """Publish a message on a topic, if the release has it. It waits while the client waits, as in uORB's queue."""
         publication = self._by_topic.get(topic)
         if publication:
-            self._publish(publication, publication.filler.message(timestamp=self._now, **values))
+            self._answers.append((publication, publication.filler.message(timestamp=self._now, **values)))
+            self._publish_answers()
+
+    def _publish_answers(self) -> None:
+        while self._answers and self._client.is_ready:
+            self._publish(*self._answers.popleft())
 
     # What arrives
 
@@ -266,6 +276,7 @@ class SimulatedVehicle:
                 self._take_request(event)
             elif isinstance(event, xrce.Connected):
                 self._tell("connected")
+                self._answers.clear()
                 self._due = [(self._now + index * _SPREAD, index) for index in range(len(self._publications))]
             else:
                 self._tell(f"disconnected: {event.reason}")
