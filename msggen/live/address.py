@@ -1,14 +1,14 @@
-"""Addresses of links: `udp://127.0.0.1:8888`. The module of a transport is imported when an address names it."""
+"""Addresses of links: `udp://127.0.0.1:8888`."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from typing import NamedTuple
 from urllib.parse import parse_qsl, unquote
 
 from msggen.diagnostics import suggestion
-from msggen.live.link import Link, LinkError, Route
+from msggen.live.link import LinkError
 
 FORMS = {
     "udp": "udp://127.0.0.1:8888",
@@ -26,14 +26,6 @@ PORT = 8888
 
 BAUD = 921600
 """The rate of TELEM2 in PX4's guide, in bit/s."""
-
-_LINKS = {
-    "udp": ("UdpLink", ("host", "port"), ("allow", "keys", "known")),
-    "serial": ("SerialLink", ("path", "baud"), ("keys", "known")),
-    "tap": ("TapLink", ("host", "port"), ("agent", "allow", "known")),
-    "dds": ("DdsLink", ("domain",), ()),
-}
-"""The class of each link, its positional arguments from the address, and its options."""
 
 _ARGUMENTS = ("key", "namespace", "address", "allow", "types", "queue", "isolated")
 """Arguments of Vehicle, which are not part of an address."""
@@ -87,33 +79,6 @@ def parse_address(text: str, schemes: Collection[str] = tuple(FORMS)) -> Address
     if agent == (host, port):
         raise LinkError(f"'{text}': the agent has the tap's own address: start the agent on another port, 8889")
     return Address(scheme, host, port, agent=agent)
-
-
-def open_link(
-    address: Address, allow: Sequence[str | int] = (), known: Sequence[Route] = (), *, is_isolated: bool = False
-) -> Link:
-    """Return the link of an address, which is not started yet.
-
-    `allow` has IP addresses, networks and keys of clients. `known` has the routes of the expected firmware, with which
-    the session of an earlier program is continued. `is_isolated` runs it in a process of its own. Raises LinkError.
-    """
-    from importlib import import_module
-
-    keys = tuple(each for each in allow if not isinstance(each, str))
-    addresses = tuple(each for each in allow if isinstance(each, str))
-    given = {"allow": addresses, "keys": keys, "known": tuple(known), "agent": address.agent}
-    name, places, options = _LINKS[address.scheme]
-    for option, noun in (("allow", "addresses"), ("keys", "keys")):
-        if given[option] and option not in options:
-            raise LinkError(f"'{address}' has no {noun} that allow= could name: leave them out")
-    if is_isolated:
-        from msggen.live.isolated import IsolatedLink
-
-        return IsolatedLink(address, allow, known)
-    cls = getattr(import_module(f"msggen.live.{address.scheme}"), name)
-    arguments = [getattr(address, place) for place in places]
-    link: Link = cls(*arguments, **{option: given[option] for option in options})
-    return link
 
 
 def _joined(host: str, port: int) -> str:

@@ -11,8 +11,9 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from typing import IO, Any
 
-from msggen.live.address import open_link, parse_address
+from msggen.live.address import parse_address
 from msggen.live.link import Link, LinkError, Remote, Route, Service, Statistics
+from msggen.live.opening import open_link
 from msggen.live.pipe import CALL, EVENT, HEADER, SAMPLE, KnownVehicle, Record, record_of, records_of
 
 BACKLOG = 16 << 20

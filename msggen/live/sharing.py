@@ -7,9 +7,10 @@ import threading
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from typing import NamedTuple
 
-from msggen.live.address import open_link, parse_address
+from msggen.live.address import parse_address
 from msggen.live.hub import Hub, Member
 from msggen.live.link import Link, LinkError
+from msggen.live.opening import open_link
 from msggen.live.packages import Packages, known_routes
 from msggen.live.selection import Selection
 

@@ -1,0 +1,42 @@
+"""The link of an address. The module of a transport is imported when an address names it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib import import_module
+
+from msggen.live.address import Address
+from msggen.live.link import Link, LinkError, Route
+
+_LINKS = {
+    "udp": ("UdpLink", ("host", "port"), ("allow", "keys", "known")),
+    "serial": ("SerialLink", ("path", "baud"), ("keys", "known")),
+    "tap": ("TapLink", ("host", "port"), ("agent", "allow", "known")),
+    "dds": ("DdsLink", ("domain",), ()),
+}
+"""The class of each link, its positional arguments from the address, and its options."""
+
+
+def open_link(
+    address: Address, allow: Sequence[str | int] = (), known: Sequence[Route] = (), *, is_isolated: bool = False
+) -> Link:
+    """Return the link of an address, which is not started yet.
+
+    `allow` has IP addresses, networks and keys of clients. `known` has the routes of the expected firmware, with which
+    the session of an earlier program is continued. `is_isolated` runs it in a process of its own. Raises LinkError.
+    """
+    keys = tuple(each for each in allow if not isinstance(each, str))
+    addresses = tuple(each for each in allow if isinstance(each, str))
+    given = {"allow": addresses, "keys": keys, "known": tuple(known), "agent": address.agent}
+    name, places, options = _LINKS[address.scheme]
+    for option, noun in (("allow", "addresses"), ("keys", "keys")):
+        if given[option] and option not in options:
+            raise LinkError(f"'{address}' has no {noun} that allow= could name: leave them out")
+    if is_isolated:
+        from msggen.live.isolated import IsolatedLink
+
+        return IsolatedLink(address, allow, known)
+    cls = getattr(import_module(f"msggen.live.{address.scheme}"), name)
+    arguments = [getattr(address, place) for place in places]
+    link: Link = cls(*arguments, **{option: given[option] for option in options})
+    return link

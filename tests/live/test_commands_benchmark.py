@@ -1,0 +1,19 @@
+"""Tests of benchmarks/commands.py: the CPU time of a command is measured."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("termios")
+
+import commands
+
+
+def test_the_time_of_a_command_is_measured(tmp_path: Path) -> None:
+    types = commands.build(tmp_path)
+    case = commands.CASES[0]
+    command, vehicle, share = commands.measure(case, types[case.topics], 0.5, 1.5)
+    assert (command, vehicle) == ("msggen topic echo vehicle_status", "one, 250 Hz")
+    assert float(share)
