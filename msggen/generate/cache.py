@@ -16,6 +16,9 @@ from msggen.firmware.embedded import unknown_release
 from msggen.firmware.sources import Sources, find_sources, with_archived
 from msggen.generate.build import Build
 
+_ANY = "vehicle_types"
+"""The name of packages that are not of an embedded release."""
+
 _ARCHIVED_SINCE = "v1.16"
 """The first release that has archived versions."""
 
@@ -41,12 +44,16 @@ def package_of(release: str) -> ModuleType:
     return _imported(name, folder)
 
 
-def package_from(sources: Sources, name: str = "px4_types") -> ModuleType:
-    """Return the generated package of any sources, built into the user's cache if it is not there.
+def package_from(sources: Sources) -> ModuleType:
+    """Return the generated package of any sources as the module `vehicle_types`, built into the user's cache.
 
-    Raises InputError for errors in the sources, and OSError if the cache cannot be written.
+    It takes the place of an earlier one. Raises InputError for errors in the sources, and OSError if the cache cannot
+    be written.
     """
-    return _imported(name, _built(sources, name))
+    folder = _built(sources, _ANY)
+    for name in [name for name in sys.modules if name.partition(".")[0] == _ANY]:
+        del sys.modules[name]
+    return _imported(_ANY, folder)
 
 
 def cache_folder() -> str:

@@ -84,9 +84,25 @@ def _echo(options: argparse.Namespace) -> int:
             )
         printer = _Printer(options, condition)
         printer.prepare(message)
-        with found.vehicle.subscribe(topic.name) as samples:
+        with _subscribed(options, found.vehicle, topic) as samples:
             _confirm(found.vehicle, topic)
             return _print(options, found, topic, samples, printer)
+
+
+def _subscribed(options: argparse.Namespace, vehicle: Vehicle, topic: Named) -> Subscription[Any]:
+    """Return the samples of a topic. Ends the process if the types have another version of it."""
+    from msggen.live import TopicError
+
+    try:
+        return vehicle.subscribe(topic.name)
+    except TopicError as error:
+        _refuse_types(options, error)
+
+
+def _refuse_types(options: argparse.Namespace, error: Exception) -> NoReturn:
+    """Report types that are not the vehicle's. The end of the error is a cure for programs."""
+    how = "name the vehicle's firmware, --px4 PX4-Autopilot, or its package, --types"
+    refuse(options, f"argument TOPIC: {str(error).rpartition(': ')[0]}: {how}")
 
 
 def _confirm(vehicle: Vehicle, topic: Named) -> None:
@@ -130,8 +146,7 @@ def _print(
                     printer.take(*next(arrivals))
                 samples.latest()  # raises an error that is not one of a sample
             except FormatError as error:
-                how = "name the vehicle's firmware, --px4 PX4-Autopilot, or its package, --types"
-                refuse(options, f"argument TOPIC: {str(error).rpartition(': ')[0]}: {how}")
+                _refuse_types(options, error)
             if printer.is_done:
                 break
             if not (is_told or samples.received) and number * _PERIOD > _NOTICE:
