@@ -147,15 +147,12 @@ def expected_package(options: argparse.Namespace) -> ModuleType:
 
 def given_package(options: argparse.Namespace) -> ModuleType | None:
     """Return the package that the options or the settings name, or None. Raises InputError if it cannot be used."""
-    if options.px4:
-        found = package_from(find_sources(options.px4))
-    else:
-        types = options.types or read_settings(os.curdir).types
-        if types is None:
-            return None
-        found = import_package(types)
+    named = options.px4 or options.types or read_settings(os.curdir).types
+    if named is None:
+        return None
+    found = package_from(find_sources(options.px4)) if options.px4 else import_package(named)
     if not getattr(topics_of(found), "ENDPOINTS", ()):
-        raise input_error(found.__name__, "L103", "no topics of the bridge: no dds_topics.yaml", 0)
+        raise input_error(named, "L103", "no topics of the bridge: no dds_topics.yaml", 0)
     return found
 
 
