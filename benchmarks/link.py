@@ -222,14 +222,20 @@ def run(process: subprocess.Popen[str], latencies: list[int]) -> Result:
     """Let a sender send, and return what arrived."""
     time.sleep(SETTLE)  # discovery, on both sides
     before = time.process_time()
+    sent = send(process)
+    cpu = time.process_time() - before
+    found = sorted(latencies)
+    return Result(sent, len(found), found, cpu)
+
+
+def send(process: subprocess.Popen[str]) -> int:
+    """Let a sender send, and return the number of its samples when the last one has arrived."""
     if process.stdin:
         process.stdin.write("go\n")
         process.stdin.flush()
     sent = int(line(process))
     time.sleep(SETTLE)
-    cpu = time.process_time() - before
-    found = sorted(latencies)
-    return Result(sent, len(found), found, cpu)
+    return sent
 
 
 def wait(true: Callable[[], object]) -> None:

@@ -20,7 +20,7 @@ from typing import Any
 from mcap.reader import make_reader
 from rich.console import Console
 
-from link import SETTLE, line, sender
+from link import SETTLE, send, sender
 from link_sender import Load
 from msggen.live import Vehicle
 from msggen.live.link import Route
@@ -54,11 +54,7 @@ def measure(topics: int, hz: float, seconds: float, compression: str) -> list[st
             vehicle.watch(recorder.take if compression else watch)
             time.sleep(SETTLE)
             before = time.process_time()
-            if process.stdin:
-                process.stdin.write("go\n")
-                process.stdin.flush()
-            sent = int(line(process))
-            time.sleep(SETTLE)
+            sent = send(process)
             recorder.close()
             cpu = time.process_time() - before
         name = f"{topics} topic{'s' * (topics > 1)} at {hz:,.0f} Hz, {compression or 'only received'}"

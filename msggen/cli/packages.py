@@ -1,4 +1,4 @@
-"""Generated packages that an option names."""
+"""Packages that a command needs: generated ones that an option names, and those of an extra."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import os
 import sys
 from types import ModuleType
 
-from msggen.diagnostics import input_error
+from msggen.diagnostics import InputError, input_error
 
 
 def import_package(text: str) -> ModuleType:
@@ -32,3 +32,8 @@ def topics_of(package: ModuleType) -> ModuleType:
         return import_module(f"{package.__name__}.topics")
     except ImportError:
         raise input_error(package.__name__, "L103", "not a package that msggen has generated", 0) from None
+
+
+def missing_extra(error: ImportError, extra: str, code: str) -> InputError:
+    """Return the error about a package that comes with an extra of msggen, and is not installed."""
+    return input_error(str(error.name), code, f"this package is not installed: pip install 'msggen[{extra}]'", 0)

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, non_empty
+from msggen.cli.packages import missing_extra
 from msggen.cli.printing import terminal_width
 from msggen.cli.values import convert_values, positive
 from msggen.diagnostics import counted, few, input_error
@@ -136,9 +137,7 @@ def check_packages(code: str) -> None:
     try:
         import mcap.writer  # noqa: F401
     except ImportError as error:
-        raise input_error(
-            str(error.name), code, "this package is not installed: pip install 'msggen[recordings]'", 0
-        ) from None
+        raise missing_extra(error, "recordings", code) from None
 
 
 # The file

@@ -6,12 +6,13 @@ import argparse
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from logging import CRITICAL, getLogger
 from typing import TYPE_CHECKING
 
 from msggen.cli.link import add_link, connection, given_package
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, non_empty
+from msggen.cli.packages import missing_extra
+from msggen.cli.topic.watching import watching
 from msggen.cli.values import convert_values, positive, whole
 from msggen.diagnostics import input_error
 from msggen.exit_codes import DONE
@@ -61,8 +62,7 @@ def _view(options: argparse.Namespace) -> int:
     try:
         from msggen.view import recording
     except ImportError as error:
-        text = f"this command needs the package {error.name}, which is not installed: pip install 'msggen[view]'"
-        raise input_error("view", "L111", text, 0) from None
+        raise missing_extra(error, "view", "L111") from None
     del recording
     for name in ("foxglove", "foxglove_py"):  # they tell what single clients do
         getLogger(name).setLevel(CRITICAL)
@@ -149,7 +149,7 @@ def _run(options: argparse.Namespace, step: Callable[[], None], period: float) -
     """Call `step` again and again, until the time is over or Ctrl-C."""
     seconds = getattr(options, "for")  # a keyword
     end = None if seconds is None else time.monotonic() + seconds
-    with suppress(KeyboardInterrupt):
+    with watching():
         while end is None or time.monotonic() < end:
             step()
             time.sleep(period)
