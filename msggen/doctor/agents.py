@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import socket
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
+from itertools import pairwise
 
-from msggen.doctor.observation import AgentSeen, Sender
-from msggen.doctor.sockets import owners, senders_to, sockets
+from msggen.doctor.observation import SIM, AgentSeen, Sender
+from msggen.doctor.sockets import owners, senders_to, sockets, words_of
 from msggen.live.link import LinkError
 from msggen.live.xrce import wire
 
@@ -55,8 +57,8 @@ def find_agents(addresses: Iterable[tuple[str, int]], domain: int) -> tuple[Agen
 
 def namespaces_in(domain: int) -> tuple[str, ...] | None:
     """Return the namespaces of the vehicles in a DDS domain, None if the package cyclonedds is not installed."""
-    from msggen.live.dds import DdsLink
     from msggen.live.hub import Hub
+    from msggen.live.links.dds import DdsLink
 
     link = DdsLink(domain)
     hub = Hub(link)
@@ -72,12 +74,17 @@ def namespaces_in(domain: int) -> tuple[str, ...] | None:
 
 
 def find_senders(port: int) -> tuple[Sender, ...]:
-    """Return the simulated PX4 on this computer whose clients send to other ports of it than `port`."""
+    """Return the simulated vehicles on this computer, of PX4 or `msggen sim`, that send to other ports of it."""
     remotes = {f"socket:[{each.inode}]": each.remote for each in sockets() if each.remote[1] not in (0, port)}
     return tuple(
-        Sender(process, f"{host}:{number}")
+        Sender(process._replace(name=SIM if is_sim else process.name), f"{host}:{number}")
         for name, (host, number) in remotes.items()
         if host.startswith("127.")
         for process in owners([name])
-        if process.name == _PX4
+        if (is_sim := _is_sim(words_of(process.pid))) or process.name == _PX4
     )
+
+
+def _is_sim(words: Sequence[str]) -> bool:
+    """Whether a command line is that of `msggen sim`."""
+    return any(os.path.basename(program) == "msggen" and action == "sim" for program, action in pairwise(words))

@@ -9,7 +9,7 @@ from msggen.doctor.expected import Expected
 from msggen.doctor.observation import Observation, VehicleSeen
 from msggen.finding import Change
 from msggen.live.link import Route
-from msggen.live.names import is_named_after, stem_of
+from msggen.live.messages.names import is_named_after, stem_of
 from msggen.live.selection import Selection, shown
 from msggen.live.xrce.agent import Client
 from msggen.location import Location

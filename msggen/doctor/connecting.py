@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from msggen.diagnostics import counted, few
 from msggen.doctor.case import Case
-from msggen.doctor.observation import Observation
+from msggen.doctor.observation import SIM, Observation
 from msggen.finding import Change
 from msggen.live.selection import shown
 from msggen.live.xrce.agent import Client
@@ -81,10 +81,11 @@ def find_elsewhere(case: Case) -> Iterator[Change]:
     """Find a PX4 on this computer that sends to another address."""
     if not case.seen.is_taken:
         for process, address in case.seen.senders:
+            client = f"its client with `uxrce_dds_client start -t udp -h 127.0.0.1 -p {case.seen.port}`"
+            start = f"`{SIM} udp://127.0.0.1:{case.seen.port}`" if process.name == SIM else client
             yield case.change(
                 address,
-                f"{process} sends to {address}, not to {case.seen.link}: use --link udp://{address}, or start its "
-                f"client with `uxrce_dds_client start -t udp -h 127.0.0.1 -p {case.seen.port}`",
+                f"{process} sends to {address}, not to {case.seen.link}: use --link udp://{address}, or start {start}",
             )
 
 
@@ -112,7 +113,8 @@ def find_no_client(case: Case) -> Iterator[Change]:
     else:
         text = (
             f"no client has sent anything to UDP port {seen.port} {wait}: check that it sends to this computer "
-            f"(UXRCE_DDS_AG_IP) and port (UXRCE_DDS_PRT {seen.port}), and the firewall; {_STATUS}"
+            f"(UXRCE_DDS_AG_IP) and port (UXRCE_DDS_PRT {seen.port}), and the firewall; {_STATUS}. "
+            f"Without a vehicle, `{SIM} udp://127.0.0.1:{seen.port}` simulates one"
         )
     yield case.change(seen.link, text)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from msggen.diagnostics import counted
+from msggen.diagnostics import counted, few
 from msggen.doctor.case import Case
 from msggen.doctor.observation import VehicleSeen
 from msggen.doctor.rules import DOCTOR
@@ -31,11 +31,17 @@ def _looked_at(case: Case) -> str:
     """Return what was looked at."""
     seen = case.seen
     if not case.vehicles:
-        return f"{seen.link}, no vehicle in {seen.waited:.0f} s"
+        others = [shown(vehicle.remote) for vehicle in seen.vehicles if vehicle.routes]
+        return f"{seen.link}, {f'only {few(others)}' if others else f'no vehicle in {seen.waited:.0f} s'}"
     parts = [seen.link, *(_vehicle(case, vehicle) for vehicle in case.vehicles[:3])]
     if len(case.vehicles) > len(parts) - 1:
         parts.append(f"{len(case.vehicles) - 3} more vehicles")
-    samples = sum(vehicle.samples for vehicle in case.vehicles)
+    samples = sum(
+        vehicle.topics[route.name].samples
+        for vehicle in case.vehicles
+        for route in case.routes(vehicle)
+        if route.name in vehicle.topics
+    )
     return f"{', '.join(parts)}, {counted(samples, 'sample')} in {seen.seconds:.1f} s"
 
 

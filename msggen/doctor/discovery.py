@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 
 from msggen.doctor.observation import ReaderSeen
-from msggen.live.cyclone import Found, Participant
-from msggen.live.dds import LOOPBACK
+from msggen.live.links.cyclone import Found, Participant
+from msggen.live.links.dds import LOOPBACK
 
 _TURN_S = 0.2
 

@@ -9,7 +9,7 @@ from msggen.diagnostics import counted, few
 from msggen.doctor.case import Case, message_of
 from msggen.doctor.observation import VehicleSeen
 from msggen.finding import Change
-from msggen.live.names import stem_of, version_of, without_namespace
+from msggen.live.messages.names import stem_of, version_of, without_namespace
 
 _FIRST_UTC = 1e15
 """Timestamps below are times since boot: as UTC in us, it is in September 2001."""

@@ -10,7 +10,7 @@ from msggen.diagnostics import counted, few, suggestion
 from msggen.doctor.case import Case, matches, message_of, plain
 from msggen.finding import Change
 from msggen.live.link import Route
-from msggen.live.names import stem_of, version_of, without_namespace
+from msggen.live.messages.names import stem_of, version_of, without_namespace
 from msggen.live.selection import shown
 
 _FULL = re.compile(r"(?:/(.+))?(/fmu/.+)")
@@ -93,9 +93,13 @@ def find_namespace(case: Case) -> Iterator[Change]:
     asked = case.selection.namespace
     present = [each.remote.namespace for each in case.seen.vehicles if each.routes]
     if asked is not None and present and asked not in present:
-        others = few([f"'{name}'" if name else "none" for name in dict.fromkeys(present)])
+        others = few([f"the namespace '{name}'" if name else "no namespace" for name in dict.fromkeys(present)])
+        use = f"use --namespace {present[0]}" if present[0] else "leave out --namespace"
         start = f"`uxrce_dds_client start -n {asked}`" if asked else "`uxrce_dds_client start` without -n"
-        yield case.change(asked, f"no vehicle has the namespace '{asked}', but {others}: use that one, or {start}")
+        text = f"no vehicle has the namespace '{asked}', the vehicle that is there has {others}"
+        if len(present) > 1:
+            text = f"no vehicle has the namespace '{asked}', those that are there have {others}"
+        yield case.change(asked, f"{text}: {use}, or start the client with {start}")
     yield from _of_kind(case, "namespace")
 
 

@@ -11,6 +11,9 @@ from msggen.live.xrce.agent import Client
 
 NOTHING = Statistics(received=0, sent=0, refused=0, dropped=0, lost=0, receive_buffer=0)
 
+SIM = "msggen sim"
+"""The name of a process that simulates vehicles."""
+
 
 class Process(NamedTuple):
     """A process of this computer."""
@@ -34,7 +37,7 @@ class AgentSeen(NamedTuple):
 
 
 class Sender(NamedTuple):
-    """A PX4 of this computer that sends to another address than that of the link."""
+    """A PX4 of this computer, or a `msggen sim`, that sends to another address than that of the link."""
 
     process: Process
     address: str

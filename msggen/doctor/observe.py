@@ -11,13 +11,13 @@ from typing import NamedTuple
 
 from msggen.doctor.agents import find_agents, find_senders
 from msggen.doctor.observation import Observation, ReaderSeen, Sender, TopicSeen, VehicleSeen
-from msggen.doctor.sockets import buffer_limit, owners_of_device, owners_of_port
-from msggen.live.address import PORT, Address
-from msggen.live.agent_link import AgentLink
+from msggen.doctor.sockets import buffer_limit, owners_of
 from msggen.live.hub import Entry, Hub
 from msggen.live.link import Link, LinkError, Remote, Route
+from msggen.live.links.address import PORT, Address
+from msggen.live.links.agent_link import AgentLink
+from msggen.live.links.opening import open_link
 from msggen.live.meter import Meter
-from msggen.live.opening import open_link
 from msggen.live.xrce.agent import Client
 
 _FIRST_S = 5.0
@@ -57,7 +57,7 @@ def observe(address: Address, plan: Plan = Plan(), told: Callable[[], None] = la
     try:
         link.start(observer)
     except LinkError as error:
-        if not _is_taken(error):
+        if not is_taken(error):
             raise
         return _seen(None, address, 0.0, 0.0)
     with ExitStack() as stack:
@@ -78,14 +78,14 @@ def look_around(seen: Observation, address: Address, domain: int = 0) -> Observa
 
     `domain` is the DDS domain in which to look for vehicles behind an agent.
     """
-    is_serial, is_taken = address.scheme == "serial", seen.is_taken
+    is_serial = address.scheme == "serial"
     if any(each.routes for each in seen.vehicles):
         return seen
-    if is_taken:
-        seen = seen._replace(owners=owners_of_device(address.path) if is_serial else owners_of_port(address.port))
-    if is_serial:
-        return seen
-    senders = find_senders(address.port) if address.scheme != "dds" and not is_taken else ()
+    if seen.is_taken:
+        seen = seen._replace(owners=owners_of(address))
+    if is_serial or (seen.owners and not any("agent" in owner.name.lower() for owner in seen.owners)):
+        return seen  # another program of msggen answers as an agent does
+    senders = find_senders(address.port) if address.scheme != "dds" and not seen.is_taken else ()
     agents = find_agents(_places(seen, address, senders), domain)
     return seen._replace(senders=senders, agents=agents, has_asked_agents=True)
 
@@ -249,6 +249,7 @@ def _seen(observer: _Observer | None, address: Address, waited: float, seconds: 
     )
 
 
-def _is_taken(error: LinkError) -> bool:
+def is_taken(error: LinkError) -> bool:
+    """Whether a link could not be opened because another process has the port or the device."""
     cause = error.__cause__
     return isinstance(cause, OSError) and cause.errno in _TAKEN

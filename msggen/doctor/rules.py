@@ -40,7 +40,7 @@ DOCTOR = (
     ),
     Rule(
         "CLIENT_ELSEWHERE",
-        "a PX4 on this computer sends to another port",
+        "a PX4 or `msggen sim` on this computer sends to another port",
         Category.LINK,
         connecting.find_elsewhere,
         fix="Use the port of the client in `--link`, or set UXRCE_DDS_PRT, in simulation PX4_UXRCE_DDS_PORT, to that "

@@ -11,6 +11,7 @@ from contextlib import suppress
 from typing import NamedTuple
 
 from msggen.doctor.observation import Process
+from msggen.live.links.address import Address
 
 _TABLES = ("/proc/net/udp", "/proc/net/udp6")
 _MAPPED = bytes(10) + b"\xff\xff"
@@ -52,6 +53,11 @@ def _place(text: str) -> tuple[str, int]:
     return socket.inet_ntop(family, packed), int(port, 16)
 
 
+def owners_of(address: Address) -> tuple[Process, ...]:
+    """Return the processes that have the port or the device of a link, as far as this user may know."""
+    return owners_of_device(address.path) if address.scheme == "serial" else owners_of_port(address.port)
+
+
 def owners_of_port(port: int) -> tuple[Process, ...]:
     """Return the processes that have a UDP port, as far as this user may know."""
     return owners(f"socket:[{each.inode}]" for each in sockets() if each.local[1] == port)
@@ -89,6 +95,13 @@ def name_of(pid: int) -> str:
     with suppress(OSError), open(f"/proc/{pid}/comm", encoding="utf-8", errors="replace") as file:
         return file.read().strip()
     return "?"
+
+
+def words_of(pid: int) -> list[str]:
+    """Return the command line of a process, nothing if it cannot be known."""
+    with suppress(OSError), open(f"/proc/{pid}/cmdline", encoding="utf-8", errors="replace") as file:
+        return file.read().split("\0")
+    return []
 
 
 def senders_to(address: tuple[str, int]) -> tuple[Process, ...]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from msggen.diagnostics import counted
+from shlex import quote
+
+from msggen.diagnostics import counted, few
 from msggen.live.hub import Hub, Member
 from msggen.live.link import Statistics
 from msggen.live.selection import shown
@@ -19,8 +21,18 @@ def absence(name: str, hub: Hub, member: Member, seconds: float, received: int =
 
     `seconds` is how long the program has waited, and `received` how many datagrams had arrived before.
     """
-    reason = _of_vehicles(hub, member) or _of_datagrams(name, hub.link.statistics(), received) or _of_nothing(name)
-    return f"no vehicle connected to {name} within {seconds:g} s: {reason}"
+    found = _of_vehicles(hub, member) or _of_datagrams(name, hub.link.statistics(), received)
+    reason, is_silent = found or _of_nothing(name), not found
+    return f"no vehicle connected to {name} within {seconds:g} s: {reason}{_help(name, is_silent=is_silent)}"
+
+
+def _help(name: str, *, is_silent: bool) -> str:
+    """Return the commands that help, for a link with an address."""
+    url = name.removesuffix(" (isolated)")
+    if "://" not in url:
+        return ""
+    sim = f", and `msggen sim {url}` simulates a vehicle" if is_silent and url.startswith("udp://127.") else ""
+    return f"; `msggen doctor --link {quote(url)}` finds out why{sim}"
 
 
 def _of_vehicles(hub: Hub, member: Member) -> str:
@@ -28,7 +40,13 @@ def _of_vehicles(hub: Hub, member: Member) -> str:
         vehicle = shown(member.entry.remote)
         return f"{vehicle} has not opened its topics yet, which takes 5 s with PX4's time synchronization: wait longer"
     others = [shown(entry.remote) for entry in tuple(hub.entries.values())]
-    return f"{', '.join(others)} is not the vehicle that key=, namespace= or address= select" if others else ""
+    if not others:
+        return ""
+    asked = ", ".join(
+        f"the {name} {value!r}" for name, value in member.selection._asdict().items() if value is not None
+    )
+    wanted = f"one with {asked}" if asked else shown(member.last) if member.last else "another one"
+    return f"only {few(others)} is connected, and {wanted} was asked for"
 
 
 def _of_datagrams(name: str, statistics: Statistics, received: int) -> str:
@@ -40,7 +58,7 @@ def _of_datagrams(name: str, statistics: Statistics, received: int) -> str:
         return f"{arrived}, but no agent answers{place}: {start}"
     if statistics.refused or statistics.dropped:
         told = f"{statistics.refused} datagrams were refused and {statistics.dropped} dropped"
-        return f"{told}: check allow= for the vehicle's address, and the baud rate of a serial line"
+        return f"{told}: check whether the vehicle's address is allowed, and the baud rate of a serial line"
     if statistics.received > received:
         return f"{arrived}, but it has not begun a session yet, which takes up to 12 s after a restart: wait longer"
     return ""
@@ -48,6 +66,6 @@ def _of_datagrams(name: str, statistics: Statistics, received: int) -> str:
 
 def _of_nothing(name: str) -> str:
     if name.lower().startswith("dds"):
-        return "is an agent running in this domain (UXRCE_DDS_DOM_ID), and uxrce_dds_client on the vehicle?"
-    question = "is uxrce_dds_client running on the vehicle, with this computer's address (UXRCE_DDS_AG_IP) and port"
-    return f"{question} (UXRCE_DDS_PRT), or on this serial line?"
+        return "check that an agent runs in this domain (UXRCE_DDS_DOM_ID), and uxrce_dds_client on the vehicle"
+    place = "with this computer's address (UXRCE_DDS_AG_IP) and port (UXRCE_DDS_PRT), or on this serial line"
+    return f"check that uxrce_dds_client runs on the vehicle, {place}"

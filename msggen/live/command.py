@@ -9,10 +9,10 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from msggen.live.errors import LinkTimeoutError, NotConnectedError, TopicError
-from msggen.live.names import stem_of
+from msggen.live.messages.names import stem_of
 
 if TYPE_CHECKING:
-    from msggen.live.packages import Message
+    from msggen.live.messages.packages import Message
     from msggen.live.vehicle import Vehicle
 
 COMMAND = "/fmu/in/vehicle_command"

@@ -9,10 +9,10 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.live.link import Route
-from msggen.live.meter import WINDOW, deviation_of
+from msggen.live.meter import WINDOW, deviation_of, forget
 
 if TYPE_CHECKING:
-    from msggen.live.packages import Message
+    from msggen.live.messages.packages import Message
 
 STAMPS = ("timestamp", "timestamp_sample")
 """The fields with times. PX4 sends them as UTC in us (docs/wire.md, section 14)."""
@@ -21,6 +21,8 @@ UNSYNCHRONISED = 86_400.0
 """Delays above this, in s, show that the vehicle's time is not in sync with this computer: it counts from its start."""
 
 _HEADER = 4
+_STAMP = 8
+"""The bytes of a uint64."""
 _MOST = 10_000
 
 
@@ -46,7 +48,8 @@ class Delay(NamedTuple):
 class Delays:
     """Measures the delays of topics. Give it to `Vehicle.watch`: `vehicle.watch(delays)`.
 
-    `message_of` returns the class of a route, or None if there is none. A `timestamp` of 0 is not counted.
+    `message_of` returns the class of a route, or None if there is none. A `timestamp` of 0 is not counted, and neither
+    is a sample that is too short.
     """
 
     def __init__(self, message_of: Callable[[Route], type[Message] | None], window: float = WINDOW) -> None:
@@ -62,11 +65,12 @@ class Delays:
             offsets = self._offsets[route.name] = offsets_of(self._message_of(route))
         order = "<Q" if payload[1] & 1 else ">Q"
         for field, offset in offsets:
-            (stamp,) = struct.unpack_from(order, payload, offset)
+            stamp = struct.unpack_from(order, payload, offset)[0] if len(payload) >= offset + _STAMP else 0
             if stamp:
                 with self._lock:
                     samples = self._samples.setdefault((route.name, field), deque(maxlen=_MOST))
                 samples.append((time, (time - stamp * 1000) / 1e9))
+                forget(samples, self._window)
 
     def delays(self, now: int) -> list[Delay]:
         """Return the delays in the window, in the order of the first samples. `now` is of `time.time_ns`."""

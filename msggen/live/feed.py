@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 from msggen.live.errors import FormatError
 from msggen.live.link import LinkError
-from msggen.live.packages import Decoding, Topic
+from msggen.live.messages.packages import Decoding, Topic
 
 LOGGER = getLogger("msggen.live")
 

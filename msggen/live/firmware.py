@@ -9,7 +9,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 from msggen.live.link import LinkError, Route
-from msggen.live.names import stem_of, without_namespace
+from msggen.live.messages.names import stem_of, without_namespace
 
 REQUEST = "/fmu/in/message_format_request"
 RESPONSE = "/fmu/out/message_format_response"

@@ -12,9 +12,9 @@ from msggen.live.errors import FormatError
 from msggen.live.feed import Feed, check_outside_callback
 from msggen.live.firmware import RESPONSE, RETRY_NS, Firmware, FormatCheck, identify, releases
 from msggen.live.link import Link, Remote, Route, Service
-from msggen.live.names import is_topic, stem_of
-from msggen.live.packages import Decoding, Packages, Topic, UnknownFormatError, decoding_of
-from msggen.live.selection import Selection, is_same, shown
+from msggen.live.messages.names import is_topic, stem_of
+from msggen.live.messages.packages import Decoding, Packages, Topic, UnknownFormatError, decoding_of
+from msggen.live.selection import Selection, is_same, shown, why_missing
 from msggen.live.watch import Watch
 
 LOGGER = getLogger("msggen.live")
@@ -237,8 +237,8 @@ class Hub:
             has_route = any(self._is_route_of(feed.topic, route) for route in entry.routes.values())
             if not has_route and id(feed) not in member.told:
                 member.told.add(id(feed))
-                text = "%s has no topic '%s': it is not in the dds_topics.yaml of its firmware"
-                LOGGER.warning(text, shown(entry.remote), feed.topic.stem)
+                why = why_missing(entry.remote, feed.topic.namespace)
+                LOGGER.warning("%s has no topic '%s': %s", shown(entry.remote), feed.topic.name, why)
 
     # any thread
 
@@ -342,11 +342,13 @@ class Hub:
             return
         if selection.is_any and own is not None and not is_same(own, remote):
             member.has_told_of_another = True
-            text = "%s connected too and is ignored, as this Vehicle has %s: select one by key=, namespace= or address="
+            text = (
+                "%s connected too and is ignored, as this Vehicle has %s: select one by its key, namespace or address"
+            )
             LOGGER.warning(text, shown(remote), shown(own))
         elif remote.continued and not selection.accepts(remote):
             member.has_told_of_another = True
-            text = "%s continues an earlier session, so its key and namespace are not known: select it with address="
+            text = "%s continues an earlier session, so its key and namespace are not known: select it by its address"
             LOGGER.warning(text, shown(remote))
 
     def _is_route_of(self, topic: Topic, route: Route) -> bool:

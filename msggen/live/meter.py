@@ -6,12 +6,14 @@ import threading
 from collections import deque
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 from msggen.live.link import Route
 
 WINDOW = 5.0
 """The seconds over which a rate is measured, by default."""
+
+Value = TypeVar("Value")
 
 _MOST = 10_000
 """The most samples that a window keeps: those of 5 s at 2 kHz."""
@@ -54,9 +56,10 @@ class Flow(NamedTuple):
 class _Topic:
     """The samples of a topic: arrivals in ns and sizes."""
 
-    def __init__(self, route: Route) -> None:
+    def __init__(self, route: Route, first: int) -> None:
         self.route = route
-        self.count = self.total = self.first = 0
+        self.first = first
+        self.count = self.total = 0
         self.samples: deque[tuple[int, int]] = deque(maxlen=_MOST)
         self.payload = b""
 
@@ -71,20 +74,16 @@ class Meter:
 
     def __call__(self, route: Route, payload: bytes, time: int) -> None:
         """Count a sample."""
-        topic = self._topics.get(route.name)
-        if topic is None:
-            topic = _Topic(route)
-            topic.first = time
-            with self._lock:
-                self._topics[route.name] = topic
+        known = self._topics.get(route.name)
+        topic = known or _Topic(route, time)
         topic.count += 1
         topic.total += len(payload)
         topic.payload = payload
-        samples = topic.samples
-        samples.append((time, len(payload)))
-        start = time - self._window
-        while samples[0][0] < start:
-            samples.popleft()
+        topic.samples.append((time, len(payload)))
+        forget(topic.samples, self._window)
+        if known is None:
+            with self._lock:
+                self._topics[route.name] = topic  # now that it has a sample
 
     def flows(self, now: int) -> list[Flow]:
         """Return all topics that were heard, in the order of their first samples. `now` is of `time.time_ns`."""
@@ -122,6 +121,16 @@ class Meter:
             smallest=min(sizes, default=0),
             largest=max(sizes, default=0),
         )
+
+
+def forget(samples: deque[tuple[int, Value]], window: int) -> None:
+    """Remove the samples that arrived more than `window` ns before the newest one, or before the clock was set back.
+
+    Each sample begins with its arrival in ns.
+    """
+    newest = samples[-1][0]
+    while not newest - window <= samples[0][0] <= newest:
+        samples.popleft()
 
 
 def deviation_of(values: Sequence[float]) -> float:

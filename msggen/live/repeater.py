@@ -9,7 +9,7 @@ from logging import getLogger
 from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.live.errors import NotConnectedError
-from msggen.live.packages import Message
+from msggen.live.messages.packages import Message
 
 if TYPE_CHECKING:
     from typing_extensions import Self

@@ -48,3 +48,13 @@ def shown(remote: Remote) -> str:
         return f"the vehicle at {remote.address}"
     namespace = f", namespace {remote.namespace}" if remote.namespace else ""
     return f"the vehicle at {remote.address} (key {remote.key}{namespace})"
+
+
+def why_missing(remote: Remote, namespace: str | None) -> str:
+    """Return why a vehicle does not have a topic in `namespace`, or in its own one if that is None."""
+    if namespace in (None, remote.namespace):
+        return "it is not in the dds_topics.yaml of its firmware"
+    if remote.continued and not remote.namespace:
+        how = "leave it out of the name, or select the vehicle by namespace=, so that it begins another one"
+        return f"its namespace is not known, as an earlier program began its session: {how}"
+    return f"its namespace is '{remote.namespace}'" if remote.namespace else "it has no namespace"

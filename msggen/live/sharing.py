@@ -7,23 +7,21 @@ import threading
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from typing import NamedTuple
 
-from msggen.live.address import parse_address
 from msggen.live.hub import Hub, Member
-from msggen.live.link import Link, LinkError
-from msggen.live.opening import open_link
-from msggen.live.packages import Packages, known_routes
-from msggen.live.selection import Selection
+from msggen.live.link import Link, LinkError, Route
+from msggen.live.links.address import parse_address
+from msggen.live.links.opening import open_link
 
 _END_S = 5
 """The longest wait in s for a link to be closed by another thread."""
 
 
 def link_of(
-    url: str | Link, allow: Sequence[str | int], packages: Packages, selection: Selection, *, is_isolated: bool
+    url: str | Link, allow: Sequence[str | int], known: Sequence[Route], *, is_isolated: bool
 ) -> tuple[str, Callable[[], Link]]:
     """Return the name of a link, and a function that makes it. Raises LinkError for a wrong address.
 
-    A session of an earlier program tells no key and no namespace. If they select, every vehicle has to connect again.
+    `known` are the routes with which the session of an earlier program is continued.
     """
     if not isinstance(url, str):
         link = url
@@ -32,7 +30,6 @@ def link_of(
         return f"{type(link).__name__} {id(link):#x}", lambda: link
     address = parse_address(url)
     name = f"{address} (isolated)" if is_isolated else str(address)
-    known = known_routes(packages) if selection.key is None and selection.namespace is None else ()
     return name, lambda: open_link(address, allow, known, is_isolated=is_isolated)
 
 

@@ -43,7 +43,7 @@ class Subscription(Generic[Value]):
         self._feed = feed
         self._tell_absence = tell_absence  # a method of its Vehicle, which this keeps open
         self._attach, self._detach = attach, detach
-        self._latest: tuple[Item, Value] | None = None
+        self._latest: tuple[Item, Value | None] | None = None
         if feed.callback is None:  # nothing would read the queue of a forgotten subscription
             weakref.finalize(self, detach, feed).atexit = False
 
@@ -100,6 +100,20 @@ class Subscription(Generic[Value]):
             feed.remove_waker(signal.set)
         self._check_link()
 
+    def arrived(self) -> Iterator[tuple[Value, int]]:
+        """Yield each message that is in the queue now, with the time of its arrival as `timed`, without waiting.
+
+        Raises FormatError if the definition of the vehicle differs, and LinkError if the link has failed.
+        """
+        self._check_reader()
+        self._check()
+        for _ in range(len(self)):
+            item = self._pop()
+            value = None if item is None else self._feed.decoded(item)
+            if item is not None and value is not None:
+                yield value, item[1]
+        self._check_link()
+
     async def __aiter__(self) -> AsyncIterator[Value]:
         """Yield each message, as `__iter__`, in an event loop of asyncio. Needs no further thread."""
         from asyncio import Event, get_running_loop, sleep
@@ -153,8 +167,7 @@ class Subscription(Generic[Value]):
         if last is not None and last[0] is item:
             return last[1]
         value: Value | None = self._feed.decoded(item)
-        if value is not None:
-            self._latest = item, value
+        self._latest = item, value  # also without a value, which is counted and told once
         return value
 
     def wait_for(self, predicate: Callable[[Value], object], timeout: float | None = None) -> Value:

@@ -14,8 +14,8 @@ from msggen.live.errors import LinkTimeoutError, NotConnectedError, TopicError
 from msggen.live.feed import LOGGER, Feed, Options
 from msggen.live.hub import Entry, Member
 from msggen.live.link import Link, LinkError, Remote, Route, Service, Statistics
-from msggen.live.names import is_topic, stem_of
-from msggen.live.packages import (
+from msggen.live.messages.names import is_topic, stem_of
+from msggen.live.messages.packages import (
     Endpoint,
     MessageT,
     check_convertible,
@@ -23,12 +23,13 @@ from msggen.live.packages import (
     check_sent,
     decoding_of,
     find_topic,
+    known_routes,
     package_of_class,
     packages_of,
     response_of,
 )
 from msggen.live.repeater import Repeater
-from msggen.live.selection import Selection, shown
+from msggen.live.selection import Selection, shown, why_missing
 from msggen.live.sharing import join_hub, leave_hub, leave_soon, link_of
 from msggen.live.subscription import Subscription
 from msggen.live.watch import Watch, Watcher
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
     from msggen.live.firmware import Firmware
-    from msggen.live.packages import Message, Packages, Target, Topic
+    from msggen.live.messages.packages import Message, Packages, Target, Topic
 
 DEFAULT = "udp://127.0.0.1:8888"
 QUEUE = 1000
@@ -58,6 +59,7 @@ class Vehicle:
     connects. After that, only the same vehicle is accepted when it connects again.
 
     `allow` has the addresses and keys of clients that may connect, the same for all that share a link; docs/links.md.
+    A session that an earlier program began tells no namespace: its topics are taken for those of `continued_namespace`.
     `queue` is the number of samples that a subscription keeps. With `isolated`, a process of its own runs the link.
 
     Raises LinkError if the address is wrong or the link cannot be opened.
@@ -72,6 +74,7 @@ class Vehicle:
         namespace: str | None = None,
         address: str | None = None,
         allow: str | int | Sequence[str | int] = (),
+        continued_namespace: str = "",
         queue: int = QUEUE,
         isolated: bool = False,
     ) -> None:
@@ -86,8 +89,11 @@ class Vehicle:
         selection = Selection(key, None if namespace is None else namespace.strip("/"), address)
         self._member = Member(selection, self._packages)
         self._routes: dict[tuple[type, object], tuple[Entry, Route, object]] = {}
+        # a session of an earlier program tells no key and no namespace: if they select, the vehicle connects again
+        is_any = key is None and namespace is None
+        known = known_routes(self._packages, continued_namespace.strip("/")) if is_any else ()
         allowed = (allow,) if isinstance(allow, (str, int)) else tuple(allow)
-        self._name, opened = link_of(url, allowed, self._packages, selection, is_isolated=isolated)
+        self._name, opened = link_of(url, allowed, known, is_isolated=isolated)
         self._hub = join_hub(self._name, opened, self._member, allowed)
         self._has_told_of_absence = False
         self._repeaters: weakref.WeakSet[Repeater] = weakref.WeakSet()
@@ -433,7 +439,6 @@ class Vehicle:
         if not entry.is_ready:
             raise NotConnectedError(f"{shown(entry.remote)} is still connecting: call wait_connected() first")
         names = [stem_of(route.name) for route in tuple(entry.routes.values()) if route.direction == "in"]
-        near = suggestion(found.stem, names)
-        raise TopicError(
-            f"{shown(entry.remote)} does not read '{found.stem}'{near or ': it is not in its dds_topics.yaml'}"
-        )
+        near = suggestion(found.stem, names) if found.namespace in (None, entry.remote.namespace) else ""
+        why = near or f": {why_missing(entry.remote, found.namespace)}"
+        raise TopicError(f"{shown(entry.remote)} does not read '{found.name}'{why}")

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 
 from msggen.diagnostics import few, suggestion
 from msggen.live.link import Route
-from msggen.live.names import stem_of, version_of, without_namespace
-from msggen.live.packages import Message, Packages
+from msggen.live.messages.names import stem_of, version_of, without_namespace
+from msggen.live.messages.packages import Message, Packages
 from msggen.ros.standard import SOURCES
 from msggen.ros.types import Finder, differences, installed
 

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from msggen.live.link import LinkError, Route
-from msggen.live.names import stem_of
+from msggen.live.messages.names import stem_of
 from msggen.ros.standard import SOURCES, TYPES, Converter, filled
 from msggen.ros.types import installed
 

@@ -12,7 +12,7 @@ from math import isfinite
 from types import ModuleType
 from typing import Any, NamedTuple, TypeAlias
 
-from msggen.live.packages import Message, package_of_class
+from msggen.live.messages.packages import Message, package_of_class
 from msggen.ros.refusals import Refusals
 
 Values: TypeAlias = Mapping[str, Any]

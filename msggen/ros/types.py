@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from importlib import import_module
 from typing import Any, Protocol, TypeAlias
 
-from msggen.live.packages import Message, package_of_class
+from msggen.live.messages.packages import Message, package_of_class
 
 
 class RosType(Protocol):

@@ -8,8 +8,8 @@ from types import ModuleType
 from typing import Any, NamedTuple
 
 from msggen.live.link import Route
+from msggen.live.messages.names import stem_of, without_namespace
 from msggen.live.meter import Flow
-from msggen.live.names import stem_of, without_namespace
 
 _REGULAR = 5
 """A topic with this many samples,"""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
@@ -42,9 +43,10 @@ class LiveView:
         self._server.sample(route.name, payload, time)
         self.samples += 1
         if route.ros_type in KINDS:
-            found = self._scene.feed(route.ros_type, message.decode(payload), time)
-            if found is not None:
-                self._server.draw(found, time)
+            with suppress(ValueError):  # a damaged sample, or one of another definition
+                found = self._scene.feed(route.ros_type, message.decode(payload), time)
+                if found is not None:
+                    self._server.draw(found, time)
 
     def check(self) -> None:
         """Remove the topics whose definition differs, as the vehicle has answered in the meantime.
@@ -62,7 +64,6 @@ class LiveView:
                     self._classes[route.name] = None
                     self._server.remove(route.name)
                     self._refuse(f"'{route.name}': its definition is not that of {self._package.__name__}")
-
         for text in tuple(self._refused):
             self._server.tell(text)
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
-    from msggen.recordings.reader import Sample
+    from msggen.recordings.payloads import Sample
 
 
 class State(NamedTuple):
@@ -28,7 +28,8 @@ _MOST = 10_000
 class Playback:
     """A playback of the samples from `first` to `last`, which `read` yields from a time on, in order of their times.
 
-    `now` is in ns of the monotonic clock, which the caller reads. Nothing is locked: one thread uses it.
+    Samples that are older than `first` come at once. `now` is in ns of the monotonic clock, which the caller reads.
+    Nothing is locked: one thread uses it.
     """
 
     def __init__(self, read: Callable[[int], Iterator[Sample]], first: int, last: int, now: int) -> None:
@@ -66,7 +67,7 @@ class Playback:
             self._next = next(self._samples, None)
             yield sample
         if self._next is not None:
-            self._time, self._since = self._next.time, now
+            self._time, self._since = max(self._next.time, self._first), now
 
     def _position(self, now: int) -> int:
         if not self._is_playing:

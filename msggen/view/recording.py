@@ -1,4 +1,4 @@
-"""Shows a recording in MCAP in Foxglove."""
+"""Shows a recording in Foxglove."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 
 from foxglove.websocket import PlaybackCommand, PlaybackState, PlaybackStatus, ServerListener
 
-from msggen.recordings.reader import Recording, RecordingError, Sample
+from msggen.recordings.log import Log
+from msggen.recordings.payloads import Sample
 from msggen.view.playback import Playback, State
 from msggen.view.scene import KINDS, Scene
 from msggen.view.server import Channel
@@ -19,6 +20,7 @@ from msggen.view.server import Channel
 if TYPE_CHECKING:
     from foxglove.websocket import PlaybackControlRequest
 
+    from msggen.recordings.samples import Topic
     from msggen.view.server import Server
 
 TELL_NS = 200_000_000
@@ -29,17 +31,23 @@ class UnviewableRecordingError(ValueError):
     """A recording without anything that can be shown."""
 
 
-def channels_of(recording: Recording) -> list[Channel]:
+def channels_of(recording: Log) -> list[Channel]:
     """Return the topics with definitions. Raises UnviewableRecordingError if there is none."""
-    found = [Channel(*topic) for topic in recording.topics.values() if topic.definition]
-    if not found or not recording.last:
+    found = [Channel(topic.name, topic.ros_type, topic.definition) for topic in _shown(recording)]
+    if not found or not recording.end:
+        if recording.kind == "ulog":
+            raise UnviewableRecordingError("is a ULog, which cannot be viewed: convert it to MCAP first")
         raise UnviewableRecordingError("has no samples with definitions of ROS 2 (ros2msg)")
     return found
 
 
-def package_for(recording: Recording, packages: Iterable[ModuleType]) -> ModuleType | None:
+def _shown(recording: Log) -> list[Topic]:
+    return [topic for topic in recording.topics if topic.is_cdr and topic.definition]
+
+
+def package_for(recording: Log, packages: Iterable[ModuleType]) -> ModuleType | None:
     """Return the first package whose messages with the vehicle's place have the definitions of the recording."""
-    needed = {each.ros_type: _fields(each.definition) for each in recording.topics.values() if each.ros_type in KINDS}
+    needed = {each.ros_type: _fields(each.definition) for each in _shown(recording) if each.ros_type in KINDS}
     for package in packages if needed else ():
         with suppress(KeyError):
             own = {name: _fields(package.by_type(name).__msg__.definition) for name in needed}
@@ -71,12 +79,12 @@ class RecordingView:
     `package` is that of `package_for`, which decodes the messages with the vehicle's place.
     """
 
-    def __init__(self, server: Server, recording: Recording, controls: Controls, package: ModuleType | None) -> None:
+    def __init__(self, server: Server, recording: Log, controls: Controls, package: ModuleType | None) -> None:
         channels = channels_of(recording)
-        self._server, self._recording, self._package = server, recording, package
-        self._shown = {channel.topic for channel in channels}
+        self._server, self._log, self._package = server, recording, package
+        self._types = {channel.topic: channel.ros_type for channel in channels}
         self._scene = Scene(package) if package else None
-        self._playback = Playback(self._read, recording.first, recording.last, time.monotonic_ns())
+        self._playback = Playback(self._read, recording.start, recording.end, time.monotonic_ns())
         self._lock = threading.Lock()
         """Guards the playback: the controls are called by the thread of the server."""
         self._told = 0
@@ -86,9 +94,9 @@ class RecordingView:
         controls.answer = self._answer
 
     def _read(self, start: int) -> Iterator[Sample]:
-        """Yield the samples from a time on. Ends at the first damage."""
-        with suppress(RecordingError):
-            yield from self._recording.samples(start, self._shown.__contains__)
+        """Yield the samples from a time on."""
+        seconds = max(start - self._log.start, 0) / 1e9
+        return self._log.payloads(self._types, start=seconds or None)  # some samples are older than the start
 
     def advance(self) -> State:
         """Send the samples that are due, and return where the playback is."""
@@ -106,7 +114,7 @@ class RecordingView:
         return state
 
     def _draw(self, sample: Sample) -> None:
-        ros_type = self._recording.topics[sample.topic].ros_type
+        ros_type = self._types[sample.topic]
         if self._scene is None or self._package is None or ros_type not in KINDS:
             return
         with suppress(ValueError):  # a damaged sample

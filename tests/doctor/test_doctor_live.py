@@ -32,10 +32,10 @@ from msggen.doctor.observation import Observation
 from msggen.doctor.observe import Plan, look_around, observe
 from msggen.doctor.sockets import Socket, owners_of_port, parse_sockets
 from msggen.finding import Report
-from msggen.live.address import parse_address
+from msggen.live.links.address import parse_address
+from msggen.live.links.udp import UdpLink
 from msggen.live.selection import Selection
 from msggen.live.sim import Misbehaviour, Options, Simulator
-from msggen.live.udp import UdpLink
 from support.dds_vehicle import domains, vehicle
 from support.link_records import Records, nothing_is_left
 from support.ports import free_port
@@ -51,6 +51,13 @@ linux = pytest.mark.skipif(sys.platform != "linux", reason="the owners of socket
 @pytest.fixture(autouse=True)
 def _do_not_wait_for_further_vehicles(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("msggen.doctor.observe._SETTLED_S", 0.1)
+
+
+@pytest.fixture(autouse=True)
+def _alone(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave out the vehicles that other tests simulate at the same time."""
+    if "sends_elsewhere" not in request.node.name:
+        monkeypatch.setattr("msggen.doctor.observe.find_senders", lambda _: ())
 
 
 @pytest.fixture
@@ -169,7 +176,8 @@ def test_each_vehicle_has_its_cause(url: str, px4_types: Any, expected: Expected
     check_vehicles(seen, expected, options, found)
     report = judged(seen, expected, namespace="uav_1")
     assert ids(report) == ["NAMESPACE_WRONG"]
-    assert re.search(r"but '\w+', '\w+', '\w+', '\w+' and 2 more: use that one", texts(report))
+    there = r"those that are there have (the namespace '\w+', ){3}the namespace '\w+' and 2 more: use --namespace \w+,"
+    assert re.search(there, texts(report))
     assert ids(judged(seen, expected, key=99)) == ["KEY_WRONG"]
     assert "/hash/fmu/out/vehicle_status_v4" in texts(judged(seen, expected, key=2))
 
@@ -232,8 +240,12 @@ def test_the_owner_of_the_port_is_named(expected: Expected) -> None:
 
 
 @linux
-def test_an_agent_with_the_vehicle_is_found(url: str, px4_types: Any, expected: Expected) -> None:
-    """The agent is a link of this process."""
+@pytest.mark.parametrize("name", ["MicroXRCEAgent", "python"])
+def test_an_agent_with_the_vehicle_is_found(
+    name: str, url: str, px4_types: Any, expected: Expected, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The agent is a link of this process. Another program of msggen is none."""
+    monkeypatch.setattr("msggen.doctor.sockets.name_of", lambda _: name)
     address, records = parse_address(url), Records()
     agent = UdpLink(port=address.port)
     agent.start(records)
@@ -243,12 +255,17 @@ def test_an_agent_with_the_vehicle_is_found(url: str, px4_types: Any, expected: 
             seen = look_around(looked_at(url), address, next(DOMAINS))
     finally:
         agent.close()
+    assert [owner.pid for owner in seen.owners] == [os.getpid()]
+    if name == "python":
+        assert ids(judged(seen, expected)) == ["PORT_TAKEN"]
+        return
     assert ids(judged(seen, expected)) == ["PORT_TAKEN", "AGENT_HAS_CLIENT"]
     assert [client.pid for client in seen.agents[0].clients] == [os.getpid()]
 
 
 def test_an_agent_without_a_client_is_found(url: str, expected: Expected, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("msggen.doctor.agents._DISCOVERY_S", 0.2)
+    monkeypatch.setattr("msggen.doctor.sockets.name_of", lambda _: "MicroXRCEAgent")
     address = parse_address(url)
     agent = UdpLink(port=address.port)
     agent.start(Records())
@@ -264,17 +281,19 @@ def test_a_tap_without_an_agent_is_found(url: str, expected: Expected) -> None:
     tap = f"{url.replace('udp', 'tap')}?agent=127.0.0.1:{free_port()}"
     address = parse_address(tap)
     report = judged(look_around(looked_at(tap, wait=0.2), address, next(DOMAINS)), expected)
-    assert [each for each in ids(report) if each != "CLIENT_ELSEWHERE"] == ["AGENT_MISSING", "NO_CLIENT"]
+    assert ids(report) == ["AGENT_MISSING", "NO_CLIENT"]
 
 
 @linux
-def test_a_simulated_px4_that_sends_elsewhere_is_found(url: str, expected: Expected) -> None:
+@pytest.mark.parametrize("name", ["px4", "msggen sim"])
+def test_a_simulated_vehicle_that_sends_elsewhere_is_found(name: str, url: str, expected: Expected) -> None:
     other = f"udp://127.0.0.1:{free_port()}"
-    run = f"from msggen.cli import main; main(['sim', {other!r}, '--types', {PACKAGE!r}])"
-    source = f"open('/proc/self/comm', 'w').write('px4'); {run}"
+    words = ["sim", other, "--types", PACKAGE]
+    source = f"open('/proc/self/comm', 'w').write('px4'); from msggen.cli import main; main({words!r})"
+    command = ["-c", source] if name == "px4" else ["-m", "msggen", *words]
     address = parse_address(url)
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    with subprocess.Popen([sys.executable, "-c", source], env=environment, stdout=subprocess.PIPE) as process:
+    with subprocess.Popen([sys.executable, *command], env=environment, stdout=subprocess.PIPE) as process:
         try:
             assert process.stdout is not None
             process.stdout.readline()
@@ -283,7 +302,7 @@ def test_a_simulated_px4_that_sends_elsewhere_is_found(url: str, expected: Expec
             process.kill()
     assert "CLIENT_ELSEWHERE" in ids(report)
     assert (
-        f"px4 (pid {process.pid}) sends to {other.removeprefix('udp://')}, not to {url}: use --link {other}"
+        f"{name} (pid {process.pid}) sends to {other.removeprefix('udp://')}, not to {url}: use --link {other}"
         in texts(report)
     )
 
@@ -326,7 +345,7 @@ def test_samples_of_an_unknown_session_are_found(url: str, expected: Expected) -
 def test_datagrams_that_the_kernel_drops_are_found(
     url: str, px4_types: Any, expected: Expected, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("msggen.live.udp.RECEIVE_BUFFER", 2048)
+    monkeypatch.setattr("msggen.live.links.udp.RECEIVE_BUFFER", 2048)
     with Simulator(px4_types, url, [CALM]), bursts(url, bytes(1400), 200):
         seen = looked_at(url)
     assert "BUFFER_FULL" in ids(judged(seen, expected))
@@ -394,8 +413,8 @@ def test_readers_in_dds_are_judged(px4_types: Any) -> None:
     with ExitStack() as stack:
         domain = next(DOMAINS)
         stack.enter_context(vehicle(domain, "", "vehicle_status", "vehicle_attitude"))
-        from msggen.live.cyclone import Participant
-        from msggen.live.dds import LOOPBACK
+        from msggen.live.links.cyclone import Participant
+        from msggen.live.links.dds import LOOPBACK
 
         program = Participant(domain, LOOPBACK)
         stack.callback(program.close)
@@ -500,6 +519,15 @@ def test_what_cannot_be_looked_at_is_an_error(
 ) -> None:
     assert main([*words, *([] if "--link" in words else ["--link", url])]) == 2
     assert code in capsys.readouterr().err
+
+
+def test_errors_are_json_too(capsys: pytest.CaptureFixture[str]) -> None:
+    outputs = []
+    for words in (["--json"], ["--output-format", "json"]):
+        assert main(["doctor", *words, "--link", "serial:///dev/none"]) == 2
+        outputs.append(json.loads(capsys.readouterr().out))
+    assert outputs[0] == outputs[1]
+    assert outputs[0]["errors"][0]["code"] == "L102"
 
 
 @pytest.mark.parametrize(

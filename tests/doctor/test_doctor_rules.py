@@ -21,7 +21,7 @@ from msggen.finding import OF_VEHICLES, Rule
 from msggen.firmware.catalog import read_catalog
 from msggen.firmware.sources import find_sources
 from msggen.live.link import Route, Statistics
-from msggen.live.names import stem_of
+from msggen.live.messages.names import stem_of
 from msggen.live.selection import Selection
 from msggen.report import FORMATS, render
 
@@ -163,7 +163,12 @@ def test_readers_in_dds_that_get_nothing_are_found() -> None:
 
 
 def test_a_selection_that_fits_no_vehicle_is_found() -> None:
-    assert ids(HEALTHY._replace(selection=Selection(namespace="uav_2"))) == ["NAMESPACE_WRONG"]
+    other = HEALTHY._replace(selection=Selection(namespace="uav_2"))
+    assert ids(other) == ["NAMESPACE_WRONG"]
+    assert "'uav_2', the vehicle that is there has no namespace: leave out --namespace, or start the" in texts(other)
+    assert (
+        diagnose(other).summary == "1 problem found: udp://127.0.0.1:8888, only the vehicle at 127.0.0.1:40123 (key 1)"
+    )
     assert ids(HEALTHY._replace(selection=Selection(namespace=""))) == []
     assert ids(HEALTHY._replace(selection=Selection(key=1))) == []
 

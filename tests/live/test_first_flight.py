@@ -4,10 +4,16 @@ from __future__ import annotations
 
 import re
 import shlex
+import sys
 from pathlib import Path
 from types import ModuleType
 
 import pytest
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
 
 from msggen.live.sim import Options, Simulator
 from support.commands import run
@@ -27,7 +33,7 @@ def comparable(text: str) -> str:
 
 @pytest.mark.slow  # it flies
 def test_the_commands_do_what_the_page_shows(
-    px4_types: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    px4_types: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     url = f"udp://127.0.0.1:{free_port()}"
     (tmp_path / "pyproject.toml").write_text(f'[tool.msggen]\nlink = "{url}"\n')
@@ -46,7 +52,17 @@ def test_the_commands_do_what_the_page_shows(
                 assert lines == comparable(shown).splitlines(), command
     code = re.search(r"```python\n(.*?)```\n\n```text\n(.*?)```", PAGE, re.DOTALL)
     assert code
+    capsys.readouterr()
     exec(compile(code[1], "docs/first-flight.md", "exec"), {})  # noqa: S102 - code of our own page
+    assert capsys.readouterr().out == code[2]
+
+
+def test_the_page_installs_what_its_code_imports() -> None:
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    (chosen,) = re.findall(r"pip install './msggen\[([\w,]+)\]'", PAGE)
+    installed = {re.split(r"[^\w-]", each)[0] for extra in chosen.split(",") for each in extras[extra]}
+    (code,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+    assert set(re.findall(r"^(?:import|from) (\w+)", code, re.MULTILINE)) - {"msggen"} <= installed
 
 
 def test_the_page_covers_the_way_from_looking_to_recording() -> None:

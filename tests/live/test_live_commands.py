@@ -23,7 +23,7 @@ from msggen.cli import main
 from msggen.live import LinkTimeoutError, Vehicle
 from msggen.live.command import acknowledges, address_of, send_command
 from msggen.live.link import Remote, Route
-from msggen.live.packages import known_routes
+from msggen.live.messages.packages import known_routes
 from msggen.live.sim import Misbehaviour, Options, Simulator
 from support.fake_link import FakeLink
 from support.ports import free_port
@@ -97,6 +97,16 @@ def test_values_come_from_a_file_or_stdin(
     assert f"{file}:2:1: Y101 not YAML" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("given", [b"", b"# nothing yet\n", None])
+def test_no_values_are_not_zeros(
+    given: bytes | None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """From stdin, which may also be closed."""
+    monkeypatch.setattr("sys.stdin", None if given is None else io.TextIOWrapper(io.BytesIO(given)))
+    assert main(["topic", "pub", "--types", PACKAGE, "--once", "trajectory_setpoint", "-"]) == 2
+    assert capsys.readouterr().err == "stdin: L110 no values: write {} for a message of zeros\n1 error\n"
+
+
 def test_ctrl_c_ends_publishing(bench: Bench) -> None:
     """As a process: Ctrl-C is a signal."""
     before = bench.received("/fmu/in/vehicle_command_mode_executor")
@@ -116,11 +126,12 @@ def test_ctrl_c_ends_publishing(bench: Bench) -> None:
     ("words", "text"),
     [
         (
-            ["vehicle_status"],
+            ["vehicle_status", "{}"],
             "argument TOPIC: PX4 publishes '/fmu/out/vehicle_status_v4', and does not read it: msggen",
         ),
-        (["trajectory_setpoin"], "no topic 'trajectory_setpoin', did you mean '/fmu/in/trajectory_setpoint'?"),
-        (["cpuload"], "uORB topic that does not cross the bridge"),
+        (["trajectory_setpoint"], "arguments are required: VALUES: '{}' stands for a message of zeros"),
+        (["trajectory_setpoin", "{}"], "no topic 'trajectory_setpoin', did you mean 'trajectory_setpoint'?"),
+        (["cpuload", "{}"], "uORB topic that does not cross the bridge"),
         (
             ["trajectory_setpoint", "{yw: 1, position: [1]}"],
             "VALUES: L110 position: expected a list of 3 values, got 1",
@@ -154,7 +165,7 @@ def test_a_message_of_another_definition_is_not_published(
     url = f"udp://127.0.0.1:{free_port()}"
     wrong = Misbehaviour(wrong_hashes=("TrajectorySetpoint", "VehicleCommand"))
     with Simulator(px4_types, url, [Options(sync="short", misbehaviour=wrong)]) as simulator:
-        for words in (["topic", "pub", "--once", "trajectory_setpoint"], ["command", "arm"]):
+        for words in (["topic", "pub", "--once", "trajectory_setpoint", "{}"], ["command", "arm"]):
             assert main([*words, "--link", url, "--types", PACKAGE]) == 2
             told = capsys.readouterr()
             assert told.out == ""
@@ -203,6 +214,7 @@ def test_a_command_goes_to_the_system_of_the_vehicle(bench: Bench, capsys: pytes
     ("words", "text"),
     [
         (["NAV_TAKEOF"], "argument COMMAND: no command 'NAV_TAKEOF', did you mean 'NAV_TAKEOFF'?"),
+        (["RTL"], "argument COMMAND: no command 'RTL', did you mean 'NAV_RETURN_TO_LAUNCH'?"),
         (["xyz"], "argument COMMAND: no command 'xyz': msggen command --list has all"),
         (["NAV_TAKEOFF", "altitud=3"], "NAV_TAKEOFF has no parameter 'altitud', did you mean 'altitude'?"),
         (["NAV_TAKEOFF", "altitude"], "expected a name and a value such as altitude=5, found 'altitude'"),
@@ -302,16 +314,19 @@ def test_a_service_is_called_in_a_session_of_its_own(bench: Bench, capsys: pytes
     ("words", "text"),
     [
         (["vehicle_comand", "{}"], "argument SERVICE: no service 'vehicle_comand': there is 'vehicle_command'"),
+        ([], "the following arguments are required: VALUES: '{}' stands for a message of zeros"),
+        (["vehicle_command"], "the following arguments are required: VALUES: "),
         (["{comand: 3}"], "VALUES: L110 VehicleCommand_Request has no field 'comand': it has 'request'"),
         (["/fmu/vehicle_command", "{request: {command: NAV_LND}}"], "L110 request.command: expected a member of"),
     ],
 )
+@pytest.mark.parametrize("types", [[], ["--types", PACKAGE]])
 def test_wrong_calls_are_told_without_a_vehicle(
-    words: list[str], text: str, px4_types: Any, capsys: pytest.CaptureFixture[str]
+    types: list[str], words: list[str], text: str, px4_types: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert px4_types
     try:
-        code = main(["call", "--link", "udp://127.0.0.1:1", "--types", PACKAGE, *words])
+        code = main(["call", "--link", "udp://127.0.0.1:1", *types, *words])
     except SystemExit as error:
         code = int(error.code or 0)
     assert code == 2

@@ -12,7 +12,7 @@ import pytest
 from msggen.live import FormatError, TopicError, Vehicle
 from msggen.live.firmware import PROTOCOL_VERSION, REQUEST, RESPONSE, identify, releases
 from msggen.live.link import Route
-from msggen.live.names import is_topic, stem_of, version_of, without_namespace
+from msggen.live.messages.names import is_topic, stem_of, version_of, without_namespace
 from support.fake_link import FakeLink, routes_of
 from support.live_releases import TABLE, table
 

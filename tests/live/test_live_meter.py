@@ -46,3 +46,32 @@ def test_topics_come_in_the_order_of_their_first_samples() -> None:
     for time, name in enumerate(names):
         meter(ROUTE._replace(name=name), b"\0\1\0\0", time)
     assert [flow.route.name for flow in meter.flows(3)] == ["/fmu/out/b", "/fmu/out/a"]
+
+
+def test_a_topic_is_seen_with_its_first_sample_or_not_at_all() -> None:
+    """Another thread may look at any time: here at each use of the lock."""
+    meter, seen = Meter(), []
+
+    class Lock:
+        is_free = True
+
+        def __enter__(self) -> None:
+            pass
+
+        def __exit__(self, *_: object) -> None:
+            if self.is_free:
+                self.is_free = False
+                seen.extend(meter.flows(SECOND))
+                self.is_free = True
+
+    meter._lock = Lock()  # type: ignore[assignment]
+    meter(ROUTE, b"\0\1\0\0", SECOND)
+    assert [(flow.samples, flow.last) for flow in seen] == [(1, SECOND)]
+
+
+def test_a_clock_that_is_set_back_begins_another_window() -> None:
+    meter = Meter(window=2.0)
+    for time in (100 * SECOND, 101 * SECOND, 50 * SECOND, 51 * SECOND):
+        meter(ROUTE, b"\0\1\0\0", time)
+    (flow,) = meter.flows(51 * SECOND)
+    assert (flow.rate, flow.window, flow.samples) == (1.0, 2, 4)

@@ -107,7 +107,7 @@ def test_a_message_that_does_not_fit_names_the_cure(
 def test_publishing_before_a_vehicle_connects_names_the_cure(link: FakeLink, vehicle: Vehicle, px4_types: Any) -> None:
     with pytest.raises(NotConnectedError, match=r"no vehicle is connected to .* yet: call wait_connected\(\) first"):
         vehicle.publish(px4_types.TrajectorySetpoint())
-    with pytest.raises(LinkTimeoutError, match=r"within 0.01 s: is uxrce_dds_client running on the vehicle"):
+    with pytest.raises(LinkTimeoutError, match=r"within 0.01 s: check that uxrce_dds_client runs on the vehicle"):
         vehicle.wait_connected(0.01)
     remote = link.connect(is_open=False)
     with pytest.raises(NotConnectedError, match=r"\(key 1\) is still connecting: call wait_connected"):

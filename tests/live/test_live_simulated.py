@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 
 from msggen.live.link import Link, LinkError, Remote, Route, Service
-from msggen.live.serial import SerialLink
+from msggen.live.links.serial import SerialLink
+from msggen.live.links.tap import TapLink
+from msggen.live.links.udp import UdpLink
 from msggen.live.sim import Misbehaviour, Options, Simulator
-from msggen.live.tap import TapLink
-from msggen.live.udp import UdpLink
 from support.lines import joined
 from support.link_records import Records, nothing_is_left
 from support.ports import free_port

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from msggen.live import LinkTimeoutError, NotConnectedError, TopicError, Vehicle
+from msggen.live import LinkError, LinkTimeoutError, NotConnectedError, TopicError, Vehicle
 from msggen.live import subscription as subscription_module
 from support.fake_link import FakeLink, routes_of
 
@@ -291,7 +291,7 @@ def test_who_waits_for_samples_without_a_vehicle_is_told_once_what_to_check(
     subscription = vehicle.subscribe(px4_types.VehicleStatus)
     thread = threading.Thread(target=lambda: found.append(wait(subscription)), daemon=True)
     thread.start()
-    while "is uxrce_dds_client running on the vehicle" not in caplog.text and thread.is_alive():
+    while "check that uxrce_dds_client runs on the vehicle" not in caplog.text and thread.is_alive():
         thread.join(0.01)
     remote = link.connect()
     while thread.is_alive():
@@ -371,6 +371,30 @@ def test_wait_for_ends_when_the_subscription_is_closed(link: FakeLink, vehicle: 
     subscription.close()
     thread.join(WAIT)
     assert [str(error) for error in errors] == ["the subscription of '/fmu/out/vehicle_status' was closed"]
+
+
+def test_the_newest_message_is_decoded_once(link: FakeLink, vehicle: Vehicle, px4_types: Any) -> None:
+    subscription = vehicle.subscribe(px4_types.VehicleStatus)
+    link.sample(link.connect(), b"\0\1\0\0", "/fmu/out/vehicle_status")
+    assert [subscription.latest(), subscription.latest()] == [None, None]
+    assert subscription.undecodable == 1
+
+
+def test_what_has_arrived_is_yielded_without_waiting(link: FakeLink, vehicle: Vehicle, px4_types: Any) -> None:
+    subscription = vehicle.subscribe(px4_types.VehicleStatus)
+    assert list(subscription.arrived()) == []
+    remote = link.connect()
+    for number in (1, 2):
+        link.sample(remote, status(px4_types, number), when=10 + number)
+    link.sample(remote, b"\0\1\0\0", "/fmu/out/vehicle_status")
+    found = []
+    for message, arrival in subscription.arrived():
+        found.append((message.timestamp, arrival))
+        link.sample(remote, status(px4_types, 9))  # for the next time
+    assert (found, len(subscription)) == ([(1, 11), (2, 12)], 2)
+    link.user().failed("the link failed")
+    with pytest.raises(LinkError, match="the link failed"):
+        list(subscription.arrived())
 
 
 def test_drain_returns_an_array_and_empties_the_queue(link: FakeLink, vehicle: Vehicle, px4_types: Any) -> None:
@@ -505,6 +529,32 @@ def test_a_topic_that_the_vehicle_does_not_have_is_told(
     assert [each for each in caplog.messages if "has no topic" in each] == [
         f"{text}: it is not in the dds_topics.yaml of its firmware"
     ]
+
+
+@pytest.mark.parametrize(
+    ("remote", "why"),
+    [
+        ({"namespace": "uav_1"}, "its namespace is 'uav_1'"),
+        ({}, "it has no namespace"),
+        (
+            {"continued": True},
+            "its namespace is not known, as an earlier program began its session: leave it out of the name",
+        ),
+    ],
+)
+def test_a_topic_in_another_namespace_is_told(
+    remote: dict[str, Any], why: str, link: FakeLink, px4_types: Any, caplog: Any
+) -> None:
+    with Vehicle(link, px4_types) as vehicle:
+        vehicle.subscribe("/uav_2/fmu/out/vehicle_status", print)
+        attitude = [each for each in routes_of(px4_types) if "vehicle_attitude" in each.name]
+        found = link.connect(**remote, routes=attitude)
+        for number in range(6):
+            link.sample(found, px4_types.VehicleAttitude(), when=number * 10**9)
+        (told,) = [each for each in caplog.messages if "has no topic" in each]
+        assert f" has no topic '/uav_2/fmu/out/vehicle_status': {why}" in told
+        with pytest.raises(TopicError, match=f"does not read '/uav_2/fmu/in/trajectory_setpoint': {why}"):
+            vehicle.publish(px4_types.TrajectorySetpoint(), "/uav_2/fmu/in/trajectory_setpoint")
 
 
 def test_a_wait_leaves_nothing_behind(link: FakeLink, vehicle: Vehicle, px4_types: Any) -> None:

@@ -67,14 +67,14 @@ def test_a_recording_is_shown(px4_types: ModuleType, tmp_path: Path, run: Any) -
         client.receive(lambda: bool(client.of("/pose")))
         assert set(client.of("/fmu/out/vehicle_odometry")) <= {payload}
     interrupted(program)
-    assert f"{path}: 1 topics, 59.9 s" in program.printed
+    assert f"{path}: 1 topic, 59.9 s" in program.printed
 
 
 def test_errors_are_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "flight.mcap"
     path.write_text("text")
     assert main(["view", str(path)]) == FAILED
-    assert capsys.readouterr().err.startswith(f"{path}: R102 is not an MCAP file")
+    assert capsys.readouterr().err.startswith(f"{path}: R102 is not a recording")
     assert main(["view", str(tmp_path / "absent.mcap")]) == FAILED
     assert capsys.readouterr().err == f"msggen: {tmp_path / 'absent.mcap'}: No such file or directory\n"
 

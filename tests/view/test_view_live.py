@@ -105,6 +105,15 @@ def test_the_vehicle_moves_in_3d(server: Server, px4_types: Any) -> None:
     assert b"map" in client.of("/tf")[0]
 
 
+def test_a_damaged_sample_is_no_error_of_the_view(server: Server, px4_types: Any) -> None:
+    link = FakeLink(px4_types)
+    with Vehicle(link, px4_types) as vehicle:
+        view = LiveView(server, vehicle, px4_types, print)
+        watch = vehicle.watch(view)
+        link.sample(link.connect(), b"\0\1\0\0", "/fmu/out/vehicle_odometry")
+        assert (view.samples, watch.errors) == (1, 0)
+
+
 def test_a_port_in_use_is_an_error(server: Server) -> None:
     with pytest.raises(OSError, match="in use"):
         Server("test", "127.0.0.1", server.port)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msggen.recordings.reader import Sample
+from msggen.recordings.payloads import Sample
 from msggen.view.playback import FASTEST, Playback
 
 SECOND = 1_000_000_000
@@ -39,6 +39,15 @@ def test_each_sample_comes_once_when_its_time_has_come(offsets: list[int], steps
     assert got == samples
     state = played.state(now + 1000 * SECOND)
     assert (state.is_playing, state.is_ended) == (False, True)
+
+
+def test_older_samples_come_at_once() -> None:
+    samples = [Sample("topic", START + offset, b"") for offset in (-START, -SECOND, 0, SECOND)]
+    read = {START: samples}.__getitem__
+    played = Playback(lambda start: iter(read(start)), START, START + SECOND, 0)
+    assert list(played.due(0)) == samples[:3]
+    assert played.state(0).time == START
+    assert list(played.due(SECOND)) == samples[3:]
 
 
 def test_pause_seek_and_speed() -> None:

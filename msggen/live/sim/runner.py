@@ -9,8 +9,8 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Protocol
 
-from msggen.live.address import Address
 from msggen.live.link import LinkError
+from msggen.live.links.address import Address
 from msggen.live.sim.transport import Transport, open_transport
 
 if TYPE_CHECKING:

@@ -7,9 +7,9 @@ import socket
 from contextlib import ExitStack, suppress
 from typing import Any, Protocol
 
-from msggen.live.address import FORMS, Address, parse_address
 from msggen.live.link import LinkError
-from msggen.live.serial import close_line, open_line
+from msggen.live.links.address import FORMS, Address, parse_address
+from msggen.live.links.serial import close_line, open_line
 from msggen.live.xrce.framing import AGENT, CLIENT, Deframer, pack_frame
 
 DEFAULT_ADDRESS = FORMS["udp"]

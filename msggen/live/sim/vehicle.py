@@ -372,9 +372,10 @@ class SimulatedVehicle:
             self._answer("mode_completed", result=0, nav_state=world.completed.popleft())
         state = (world.is_armed, world.mode, world.failsafe)
         if state != self._shown:
-            self._shown = state
             failsafe = ", failsafe" if world.failsafe else ""
-            self._tell(f"{'armed' if world.is_armed else 'disarmed'}, {world.mode_name}{failsafe}")
+            why = world.why_disarmed if self._shown[0] and not world.is_armed else ""
+            self._tell(f"{'armed' if world.is_armed else 'disarmed'}, {world.mode_name}{failsafe}{why and f': {why}'}")
+            self._shown = state
 
     def _tell(self, text: str) -> None:
         self.changes.append(Change(self._now, text))

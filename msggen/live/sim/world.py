@@ -173,6 +173,12 @@ class World:
                 self._complete(HOLD)
             self._disarm(_BY_LANDING if has_flown else _BY_INACTION)
 
+    @property
+    def why_disarmed(self) -> str:
+        """Why the vehicle has disarmed by itself, "" if a command did it."""
+        texts = {_BY_LANDING: "landed", _BY_INACTION: f"no takeoff within {_DISARM_UNUSED / 1e6:.0f} s"}
+        return texts.get(self.disarming_reason, "")
+
     # Modes
 
     @property

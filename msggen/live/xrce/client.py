@@ -311,7 +311,7 @@ class Client:
                     missed, is_answered = 0 if is_answered else missed + 1, False
                     is_answered = yield from self._ping()
                     if missed >= _PINGS:
-                        return "the agent does not know this session, or does not answer"
+                        return "the agent has ended, or does not answer; looking for the next one"
                 self._written = self._read = 0
                 ping_time = max(ping_time + _SECOND, self._now + 1)
             next_time = min(ping_time, self._last_write + silence)

@@ -63,9 +63,10 @@ class Inventory:
         return [*self.writers.values(), *(reading.route for reading in self.readings.values())]
 
     def continue_with(self, known: Iterable[Route]) -> None:
-        """Take routes for those of a client that has created them before."""
+        """Take routes for those of a client that has created them before. Their names tell its namespace."""
         self.namespace = ""
         for route in known:
+            self.namespace = self.namespace or route.name.rpartition("/fmu/")[0].strip("/")
             if route.direction == "out":
                 self.writers[entities.object_id(route.object_id, entities.WRITER)] = route
             else:

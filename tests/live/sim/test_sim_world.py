@@ -268,6 +268,10 @@ def test_it_disarms_if_it_does_not_take_off() -> None:
     assert pilot.world.is_armed
     pilot.run(0.2)
     assert not pilot.world.is_armed
+    assert pilot.world.why_disarmed == "no takeoff within 10 s"
+    pilot.command(ARM_DISARM, ARM)
+    pilot.command(ARM_DISARM, DISARM)
+    assert (pilot.world.is_armed, pilot.world.why_disarmed) == (False, "")
 
 
 def test_a_take_off_waits_for_arming() -> None:

@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 import yaml
 
-from msggen.live.formats import csv_header, csv_writer, json_writer, member_name, shortest, text_writer
-from msggen.live.places import PlaceError, place_of
+from msggen.live.messages.formats import csv_header, csv_writer, json_writer, member_name, shortest, text_writer
+from msggen.live.messages.places import PlaceError, place_of
 
 NAMES = ("DebugKeyValue", "EscStatus", "SensorCombined", "VehicleGlobalPosition", "VehicleOdometry", "VehicleStatus")
 SEEDS = range(4)

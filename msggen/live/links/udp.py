@@ -12,8 +12,8 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from functools import lru_cache
 
-from msggen.live.agent_link import AgentLink, deliver
 from msggen.live.link import LinkError, Listener, Route
+from msggen.live.links.agent_link import AgentLink, deliver
 from msggen.live.xrce.agent import Address
 
 PORT = 8888

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 import yaml
 
-from msggen.live.compose import ValuesError, compose
+from msggen.live.messages.compose import ValuesError, compose
 from msggen.model import ArrayKind, Catalog, Message
 from msggen.parse.yaml_nodes import read_yaml, value_of
 from support.reference import serialize
@@ -105,6 +105,11 @@ def test_nan_is_written_as_people_write_it(px4_types: Any) -> None:
         ("TrajectorySetpoint", {"position": [1, 2]}, ["position: expected a list of 3 values, got 2"]),
         ("TrajectorySetpoint", {"position": 5}, ["position: expected a list of 3 values, got 5"]),
         ("TrajectorySetpoint", {"position": ["a", "b", 1]}, ["position[0]: expected a float32, got 'a'"]),
+        (
+            "VehicleOdometry",
+            {"position_variance": ["a", 0, 0], "position": [0, "b", 0]},
+            ["position_variance[0]: expected a float32, got 'a'", "position[1]: expected a float32, got 'b'"],
+        ),
         ("EscStatus", {"esc": [{}] * 11 + [{"esc_rp": 1}]}, ["esc[11]: EscReport has no field 'esc_rp'*"]),
         ("EscStatus", {"esc": [{}] * 11 + [5]}, ["esc[11]: expected the fields of EscReport*"]),
         ("DebugKeyValue", {"key": "x" * 11}, ["key: expected text of up to 10 bytes, got 11"]),

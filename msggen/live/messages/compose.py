@@ -9,10 +9,10 @@ from operator import or_
 from typing import TYPE_CHECKING, Any
 
 from msggen.diagnostics import suggestion
-from msggen.live.packages import package_of_class
+from msggen.live.messages.packages import package_of_class
 
 if TYPE_CHECKING:
-    from msggen.live.packages import MessageT
+    from msggen.live.messages.packages import MessageT
 
 _FEW = 12
 """The most members of an enum that an error lists."""
@@ -85,10 +85,10 @@ class _Composer:
         if rule.field.length not in (None, len(value)):
             self._refuse(path, f"expected {_expected(rule)}, got {len(value)}")
             return None
-        items = []
+        items, known = [], len(self.problems)
         for index, item in enumerate(value):
             items.append(self._one(cls, rule, item, f"{path}[{index}]"))
-            if self.problems and self.problems[-1].startswith(path):
+            if len(self.problems) > known:
                 return None  # the others are likely to have the same problem
         return bytes(items) if rule.is_octets else items
 

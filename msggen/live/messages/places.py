@@ -8,7 +8,7 @@ from enum import IntEnum, IntFlag
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 if TYPE_CHECKING:
-    from msggen.live.packages import Message
+    from msggen.live.messages.packages import Message
 
 Enum: TypeAlias = type[IntEnum] | type[IntFlag]
 

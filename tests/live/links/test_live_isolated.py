@@ -19,11 +19,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msggen.live import LinkError, Vehicle
-from msggen.live.address import parse_address
-from msggen.live.isolated import IsolatedLink
-from msggen.live.isolated_child import BACKLOG, Child
 from msggen.live.link import Remote, Route
-from msggen.live.pipe import EVENT, SAMPLE, record_of, records_of
+from msggen.live.links.address import parse_address
+from msggen.live.links.isolated import IsolatedLink
+from msggen.live.links.isolated_child import BACKLOG, Child
+from msggen.live.links.pipe import EVENT, SAMPLE, record_of, records_of
 from msggen.live.sim import Options, Simulator
 from support.fake_link import FakeLink
 from support.link_records import Records, nothing_is_left
@@ -96,8 +96,8 @@ def test_readers_are_told_when_the_process_cannot_be_started_again(
     url: str, px4_types: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with Vehicle(url, px4_types, isolated=True) as vehicle:
-        monkeypatch.setattr("msggen.live.isolated._MAIN", "{path}; raise SystemExit(3)")
-        monkeypatch.setattr("msggen.live.isolated._ATTEMPTS", 2)
+        monkeypatch.setattr("msggen.live.links.isolated._MAIN", "{path}; raise SystemExit(3)")
+        monkeypatch.setattr("msggen.live.links.isolated._ATTEMPTS", 2)
         child_of(vehicle).kill()
         with pytest.raises(LinkError, match=f"the link to {url} stays closed"):
             next(iter(vehicle.subscribe(px4_types.VehicleStatus)))
@@ -233,7 +233,7 @@ def test_a_process_whose_parent_does_not_read_ends(monkeypatch: pytest.MonkeyPat
     def end(code: int) -> None:
         raise SystemExit(code)
 
-    monkeypatch.setattr("msggen.live.isolated_child.LIMIT", 100_000)
+    monkeypatch.setattr("msggen.live.links.isolated_child.LIMIT", 100_000)
     monkeypatch.setattr("os._exit", end)
     child = Child()
     remotes = [REMOTE._replace(number=number) for number in range(10_000)]
@@ -289,7 +289,7 @@ def test_an_error_of_the_listener_is_told_and_the_link_goes_on(url: str, px4_typ
 
 
 def pieces(data: bytes) -> Iterator[tuple[int, bytes]]:
-    from msggen.live.pipe import HEADER
+    from msggen.live.links.pipe import HEADER
 
     while data:
         kind, *_, size = HEADER.unpack_from(data)

@@ -10,10 +10,10 @@ from itertools import chain
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
-from msggen.live.places import Enum, Place, place_of, places_of, text_of
+from msggen.live.messages.places import Enum, Place, place_of, places_of, text_of
 
 if TYPE_CHECKING:
-    from msggen.live.packages import Message
+    from msggen.live.messages.packages import Message
 
 Writer = Callable[[Any], str]
 """Returns a message as text, without the last line break."""
@@ -90,17 +90,17 @@ def _nested_writer(nested: type[Message], indent: str, *, is_array: bool) -> Cal
 def _scalar_writer(place: Place) -> Callable[[Any], str]:
     """Return a function that writes one number or text."""
     if place.is_text:
-        return _quoted_text
+        return quoted_text
     if place.base == "bool":
         return lambda value: "true" if value else "false"
     if place.base == "float32":
-        return lambda value: _number(shortest(value))
+        return lambda value: yaml_number(shortest(value))
     if place.base == "float64":
-        return lambda value: _number(repr(value))
+        return lambda value: yaml_number(repr(value))
     return _member_writer(place.enum) if place.enum is not None else str
 
 
-def _quoted_text(value: bytes | str) -> str:
+def quoted_text(value: bytes | str) -> str:
     """Return text in quotes. All but printable characters are escaped, because a terminal would obey some."""
     text = text_of(value)
     return json.dumps(text, ensure_ascii=not text.isprintable())
@@ -153,7 +153,7 @@ def shortest(value: float) -> str:
 _SPECIAL = {"nan": ".nan", "inf": ".inf", "-inf": "-.inf"}
 
 
-def _number(text: str) -> str:
+def yaml_number(text: str) -> str:
     """Return a number as YAML has it: `2.0`, `1.0e-07`, `.nan`."""
     if "." in text:
         return text

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, Protocol, 
 
 from msggen.live.errors import FormatError, TopicError
 from msggen.live.link import Route
-from msggen.live.names import is_named_after, stem_of, version_of
+from msggen.live.messages.names import is_named_after, stem_of, version_of
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -93,6 +93,11 @@ class Topic(NamedTuple):
     package: ModuleType
     is_typed: bool
     """Whether the user has named a class, an endpoint or a version, so that samples must become messages of it."""
+
+    @property
+    def name(self) -> str:
+        """The name without the version."""
+        return f"/{self.namespace}{self.stem}" if self.namespace else self.stem
 
 
 class Decoding(NamedTuple):
@@ -303,10 +308,11 @@ def difference(ros_name: str, theirs: int | None, own_name: str, own: int) -> st
     return f"the vehicle's definition of '{ros_name}' {shown}, and {own_name} has {own:#010x}"
 
 
-def known_routes(packages: Packages) -> tuple[Route, ...]:
-    """Return the routes of the first package: those of a vehicle that has its firmware."""
+def known_routes(packages: Packages, namespace: str = "") -> tuple[Route, ...]:
+    """Return the routes of the first package: those of a vehicle that has its firmware and the namespace."""
+    front = f"/{namespace}" if namespace else ""
     return tuple(
-        Route(endpoint.ros_name, info.ros_type, endpoint.direction, endpoint.object_id, info.cdr_size or -1)
+        Route(front + endpoint.ros_name, info.ros_type, endpoint.direction, endpoint.object_id, info.cdr_size or -1)
         for package in packages[:1]
         for endpoint in package.topics.ENDPOINTS
         for info in (endpoint.message.__msg__,)

@@ -13,8 +13,8 @@ from typing import Any
 
 import pytest
 
-from msggen.live.dds import DdsLink, Endpoint, endpoint_of
 from msggen.live.link import LinkError, Remote, Route, Service
+from msggen.live.links.dds import DdsLink, Endpoint, endpoint_of
 from support.commands import run
 from support.dds_vehicle import domains, vehicle
 from support.link_records import Records, nothing_is_left
@@ -156,9 +156,9 @@ def test_namespaces_are_vehicles_and_two_vehicles_in_one_are_told() -> None:
 
 def test_routes_of_a_vehicle_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     """A participant may make and delete any number of writers, and the routes stay."""
-    from msggen.live.cyclone import Found
+    from msggen.live.links.cyclone import Found
 
-    monkeypatch.setattr("msggen.live.dds.MAX_ENDPOINTS", 10)
+    monkeypatch.setattr("msggen.live.links.dds.MAX_ENDPOINTS", 10)
     link, records = DdsLink(0), Records()
     participant: Any = SimpleNamespace(reader=lambda *_, **__: object())
     for number in range(50):
@@ -220,7 +220,7 @@ def test_closing_at_once_and_twice_leaves_nothing() -> None:
 def test_the_error_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in [name for name in sys.modules if name.partition(".")[0] == "cyclonedds"]:
         monkeypatch.delitem(sys.modules, name)
-    monkeypatch.delitem(sys.modules, "msggen.live.cyclone", raising=False)
+    monkeypatch.delitem(sys.modules, "msggen.live.links.cyclone", raising=False)
     real = builtins.__import__
 
     def missing(name: str, *args: Any) -> Any:

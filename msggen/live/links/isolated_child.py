@@ -11,10 +11,10 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from typing import IO, Any
 
-from msggen.live.address import parse_address
 from msggen.live.link import Link, LinkError, Remote, Route, Service, Statistics
-from msggen.live.opening import open_link
-from msggen.live.pipe import CALL, EVENT, HEADER, SAMPLE, KnownVehicle, Record, record_of, records_of
+from msggen.live.links.address import parse_address
+from msggen.live.links.opening import open_link
+from msggen.live.links.pipe import CALL, EVENT, HEADER, SAMPLE, KnownVehicle, Record, record_of, records_of
 
 BACKLOG = 16 << 20
 """The size in bytes of what may wait for the parent. Samples and replies that exceed it are dropped and counted."""

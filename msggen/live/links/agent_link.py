@@ -15,8 +15,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack, suppress
 
-from msggen.live.guard import Guard
 from msggen.live.link import LinkError, Listener, Remote, Route, Service, Statistics
+from msggen.live.links.guard import Guard
 from msggen.live.xrce.agent import Address, Agent, Client, Event, Sample, everybody
 
 TICK = 0.1

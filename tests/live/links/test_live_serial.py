@@ -18,9 +18,9 @@ from typing import Any
 
 import pytest
 
-from msggen.live import serial
 from msggen.live.link import LinkError, Route
-from msggen.live.serial import SerialLink
+from msggen.live.links import serial
+from msggen.live.links.serial import SerialLink
 from msggen.live.xrce.framing import CLIENT, Deframer, pack_frame
 from support.link_records import Records, nothing_is_left
 from support.replay import DATA, INFO, STATUS_AGENT, creation, kind, sample, sent

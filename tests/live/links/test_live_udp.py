@@ -19,9 +19,9 @@ from typing import Any
 import pytest
 
 from msggen.live.link import LinkError, Remote, Route
-from msggen.live.serial import SerialLink
-from msggen.live.tap import TapLink
-from msggen.live.udp import Bound, UdpLink
+from msggen.live.links.serial import SerialLink
+from msggen.live.links.tap import TapLink
+from msggen.live.links.udp import Bound, UdpLink
 from support.link_records import Records, nothing_is_left
 from support.replay import DATA, DELETE, GET_INFO, WRITE_DATA, Client, creation, kind, known_routes, sample, sent
 from support.repository import ROOT
@@ -461,7 +461,7 @@ def test_a_link_that_lacks_files_says_so_and_leaves_nothing(make: Any, needed: i
 KILLED = """
 import sys, time
 sys.path.insert(0, "tests")
-from msggen.live.udp import UdpLink
+from msggen.live.links.udp import UdpLink
 from support.link_records import Records
 link, records = UdpLink(port=int(sys.argv[1])), Records()
 link.start(records)

@@ -15,10 +15,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msggen.live import tap
 from msggen.live.link import LinkError, Route, Service
-from msggen.live.tap import Shift, TapLink
-from msggen.live.udp import UdpLink
+from msggen.live.links import tap
+from msggen.live.links.tap import Shift, TapLink
+from msggen.live.links.udp import UdpLink
 from support import xrce_captures
 from support.link_records import Records, nothing_is_left
 from support.replay import (

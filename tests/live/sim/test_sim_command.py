@@ -18,8 +18,8 @@ from typing import Any
 import pytest
 
 from msggen.cli import main
-from msggen.live.address import Address
 from msggen.live.link import LinkError
+from msggen.live.links.address import Address
 from msggen.live.sim import Misbehaviour, Options, Simulator
 from msggen.live.sim.transport import read_address
 from msggen.live.xrce.agent import Agent, Connected, Disconnected, Event, Sample
@@ -229,6 +229,7 @@ def test_ctrl_c_ends_the_session(server: Server) -> None:
         (["--types", "no_such_types"], "no_such_types: L103 cannot be imported: No module named 'no_such_types'"),
         (["--types", "json"], "json: L103 not a package that msggen has generated"),
         (["--px4", "v1.19"], "v1.19: S105 neither a folder nor an embedded release, did you mean 'v1.18'?"),
+        (["--px4", "v1.13"], "v1.13: S105 neither a folder nor an embedded release: there are v1.14 to v1.18"),
         (["--release", "1.17"], "1.17: S101 "),
     ],
 )

@@ -10,8 +10,8 @@ import time
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 
-from msggen.live.agent_link import SelectorLink
 from msggen.live.link import LinkError, Listener, Route
+from msggen.live.links.agent_link import SelectorLink
 from msggen.live.xrce.agent import Address
 from msggen.live.xrce.framing import Deframer, pack_frame
 

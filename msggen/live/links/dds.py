@@ -13,11 +13,11 @@ import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
-from msggen.live.guard import Guard
 from msggen.live.link import LinkError, Listener, Remote, Route, Service, Statistics
+from msggen.live.links.guard import Guard
 
 if TYPE_CHECKING:
-    from msggen.live.cyclone import Found, Participant, Reader, Writer
+    from msggen.live.links.cyclone import Found, Participant, Reader, Writer
 
 LOOPBACK = """<CycloneDDS><Domain>
   <General>
@@ -135,7 +135,7 @@ class DdsLink:
         if self._thread is not None or self._closing:
             raise LinkError("a link can be started once: make another one")
         try:
-            from msggen.live.cyclone import DDSException, Participant
+            from msggen.live.links.cyclone import DDSException, Participant
         except ImportError as error:
             raise LinkError(MISSING) from error
         try:
@@ -195,7 +195,7 @@ class DdsLink:
         return vehicle
 
     def _write(self, writer: Writer, payload: bytes, name: str) -> None:
-        from msggen.live.cyclone import DDSException
+        from msggen.live.links.cyclone import DDSException
 
         try:
             writer.write(payload)
@@ -232,7 +232,7 @@ class DdsLink:
 
     def _turn(self, participant: Participant, listener: Listener) -> None:
         """Wait for something, and deal with it."""
-        from msggen.live.cyclone import Found
+        from msggen.live.links.cyclone import Found
 
         events, readers = participant.wait(PATIENCE)
         for event in events:

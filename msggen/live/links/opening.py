@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from importlib import import_module
 
-from msggen.live.address import Address
 from msggen.live.link import Link, LinkError, Route
+from msggen.live.links.address import Address
 
 _LINKS = {
     "udp": ("UdpLink", ("host", "port"), ("allow", "keys", "known")),
@@ -33,10 +33,10 @@ def open_link(
         if given[option] and option not in options:
             raise LinkError(f"'{address}' has no {noun} that allow= could name: leave them out")
     if is_isolated:
-        from msggen.live.isolated import IsolatedLink
+        from msggen.live.links.isolated import IsolatedLink
 
         return IsolatedLink(address, allow, known)
-    cls = getattr(import_module(f"msggen.live.{address.scheme}"), name)
+    cls = getattr(import_module(f"msggen.live.links.{address.scheme}"), name)
     arguments = [getattr(address, place) for place in places]
     link: Link = cls(*arguments, **{option: given[option] for option in options})
     return link

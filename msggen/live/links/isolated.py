@@ -16,10 +16,10 @@ from contextlib import suppress
 from queue import Empty, SimpleQueue
 from typing import Any
 
-from msggen.live.address import Address
-from msggen.live.guard import Guard
 from msggen.live.link import LinkError, Listener, Remote, Route, Service, Statistics
-from msggen.live.pipe import CALL, EVENT, SAMPLE, KnownVehicle, Record, record_of, records_of
+from msggen.live.links.address import Address
+from msggen.live.links.guard import Guard
+from msggen.live.links.pipe import CALL, EVENT, SAMPLE, KnownVehicle, Record, record_of, records_of
 
 _START_S = 60.0
 _END_S = 5.0
@@ -29,7 +29,7 @@ _ANSWER_S = 1.0
 _ATTEMPTS = 5
 """How often in a row a process is started again that has lived for less than `_STABLE_S`."""
 _STABLE_S = 10.0
-_MAIN = "import sys; sys.path = {path!r}; from msggen.live.isolated_child import main; main()"
+_MAIN = "import sys; sys.path = {path!r}; from msggen.live.links.isolated_child import main; main()"
 """The program of the process, which finds modules where its parent does."""
 
 _CURE = ": its errors are above; without isolated=True, this process runs the link"

@@ -283,7 +283,7 @@ def test_an_agent_that_lost_its_session_is_left_after_four_pings() -> None:
     line.run(1.5, write_every=50_000)
     line.agent.reset()
     line.run(4.0, write_every=50_000)
-    assert line.reasons() == ["the agent does not know this session, or does not answer"]
+    assert line.reasons() == ["the agent has ended, or does not answer; looking for the next one"]
     assert line.client.is_connected
 
 

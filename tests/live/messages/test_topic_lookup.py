@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from msggen.live import TopicError
 from msggen.live.delay import Delays, offsets_of
 from msggen.live.link import Route
-from msggen.live.lookup import all_topics, endpoint_at, message_named, named_topic
+from msggen.live.messages.lookup import all_topics, endpoint_at, message_named, named_topic
 from support.fake_link import routes_of
 
 SECOND = 1_000_000_000
@@ -73,7 +73,7 @@ def test_topics_that_the_package_does_not_know_are_found(px4_types: Any) -> None
 @pytest.mark.parametrize(
     ("text", "error"),
     [
-        ("vehicle_statsu", "no topic 'vehicle_statsu', did you mean '/fmu/out/vehicle_status_v4'?"),
+        ("vehicle_statsu", "no topic 'vehicle_statsu', did you mean 'vehicle_status'?"),
         ("VehicleStatsu", "did you mean 'px4_msgs/msg/VehicleStatus'?"),
         (
             "esc_status",
@@ -161,3 +161,12 @@ def test_topics_of_unknown_messages_have_no_delay(px4_types: Any) -> None:
     delays(Route("/fmu/out/mine", "px4_msgs/msg/Mine", "out", 4000), b"\0\1\0\0", 1)
     assert delays.delays(2) == []
     assert offsets_of(px4_types.VehicleStatus) == (("timestamp", 4),)
+
+
+def test_samples_of_earlier_windows_and_damaged_ones_are_not_kept(px4_types: Any) -> None:
+    route = next(route for route in routes_of(px4_types) if route.name == STATUS)
+    delays = Delays(lambda _: px4_types.VehicleStatus, window=2.0)
+    for number in range(100):
+        delays(route, px4_types.VehicleStatus(timestamp=10**15).encode(), 10**18 + number * SECOND)
+        delays(route, b"\0\1\0\0\1", 10**18 + number * SECOND)
+    assert {len(samples) for samples in delays._samples.values()} == {3}

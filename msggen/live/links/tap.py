@@ -19,9 +19,9 @@ from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from typing import NoReturn
 
-from msggen.live.agent_link import SelectorLink
 from msggen.live.link import LinkError, Listener, Remote, Route, Service
-from msggen.live.udp import BATCH, LONGEST, PORT, RECEIVE_BUFFER, Bound, allowed
+from msggen.live.links.agent_link import SelectorLink
+from msggen.live.links.udp import BATCH, LONGEST, PORT, RECEIVE_BUFFER, Bound, allowed
 from msggen.live.xrce.agent import Address
 from msggen.live.xrce.wire import BEST_EFFORT, HEADER, NO_SESSION, STATUS_AGENT
 

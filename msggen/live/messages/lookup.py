@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from msggen.live.errors import TopicError
 from msggen.live.link import Route
-from msggen.live.names import is_named_after, is_topic, stem_of
-from msggen.live.packages import endpoint_of
+from msggen.live.messages.names import is_named_after, is_topic, stem_of
+from msggen.live.messages.packages import endpoint_of
 
 if TYPE_CHECKING:
-    from msggen.live.packages import Endpoint, Message, Way
+    from msggen.live.messages.packages import Endpoint, Message, Way
 
 _TO_ADD = "; add it there, and build the firmware again (docs/connect.md)"
+_SUGGESTED = re.compile(r"(?<=did you mean ')/[^']*/([^/']+)(?='\?)")
+"""The last part of a name that an error suggests: what is meant by a name without slashes."""
 
 
 class Named(NamedTuple):
@@ -87,7 +90,7 @@ def _endpoint(text: str, way: Way, package: ModuleType) -> tuple[Endpoint[Messag
     try:
         return endpoint_of(package, name, way)
     except KeyError as error:
-        missing = str(error)
+        missing = str(error) if "/" in text else _SUGGESTED.sub(lambda found: stem_of(found[1]), str(error))
     try:
         message = message_named(text, package)
     except KeyError as error:

@@ -15,10 +15,10 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
 from msggen.diagnostics import suggestion
-from msggen.live.places import Enum, Place, PlaceError, place_of, places_of, text_of
+from msggen.live.messages.places import Enum, Place, PlaceError, place_of, places_of, text_of
 
 if TYPE_CHECKING:
-    from msggen.live.packages import Message
+    from msggen.live.messages.packages import Message
 
 MOST = 1000
 """The most characters of a condition."""
@@ -221,7 +221,7 @@ class _Compiler:
             self._fail(right, "expected values in parentheses, such as 'nav_state in (OFFBOARD, AUTO_LOITER)'")
         equal = ast.Eq()
         runs = [self._pair(left, equal, each, enum) for each in right.elts]
-        return lambda message: any(run(message) for run in runs) is is_in
+        return lambda message: any([run(message) for run in runs]) is is_in  # noqa: C419 - all are computed, as in Python
 
     def arithmetic(self, node: ast.BinOp, enum: Enum | None) -> Term:
         kind = type(node.op)
@@ -301,12 +301,21 @@ class _Compiler:
         try:
             place = place_of(self._message, path)
         except PlaceError as error:
-            self._fail(node, f"{error}")
+            self._fail(node, self._without_front(path) or f"{error}")
         if place.nested is not None:
             inner = next((each.path for each in places_of(place.nested)), "")
             front = f"{place.path}[0]" if place.is_array else place.path
             self._fail(node, f"'{place.path}' is {place.field.type}: write a field of it, such as '{front}.{inner}'")
         return self._of_place(place)
+
+    def _without_front(self, path: str) -> str:
+        """Return an error about a path such as `msg.nav_state`, as in other languages of filters, "" for others."""
+        front, _, rest = path.partition(".")
+        try:
+            place_of(self._message, rest)
+        except PlaceError:
+            return ""
+        return f"'{path}' is not a field: write '{rest}', without '{front}.'"
 
     def _of_place(self, place: Place) -> Term:
         run = place.get

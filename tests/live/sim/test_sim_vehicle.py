@@ -303,7 +303,7 @@ def test_an_agent_that_restarts_gets_a_new_session(bench: Bench) -> None:
     assert {connection for _, _, connection in bench.sent} == {0, 1}
     assert [change.text for change in bench.vehicle.changes if "connected" in change.text] == [
         "connected",
-        "disconnected: the agent does not know this session, or does not answer",
+        "disconnected: the agent has ended, or does not answer; looking for the next one",
         "connected",
     ]
 

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msggen.live import LinkError
-from msggen.live.address import FORMS, Address, parse_address
-from msggen.live.opening import open_link
+from msggen.live.links.address import FORMS, Address, parse_address
+from msggen.live.links.opening import open_link
 from support.repository import ROOT
 
 
