@@ -40,25 +40,33 @@ def check(previous: Sources, current: Sources, *, topics_only: bool = False) -> 
     InputError if a side cannot be read.
     """
     crossing = bridged_names(previous, current) if topics_only else _own_files(previous)
+    if current.is_partial:
+        names = {file.name.rpartition("/")[2] for file in current.messages if not file.package}
+        crossing = names if crossing is None else names & crossing
     before = read_catalog(previous, wanted=crossing, tolerated=COMPARABLE)
     files = _files(before)
     after = _with_renamed(current, files, before)
     files |= {f"{file.stem}.msg" for file in previous.unbuilt}
-    extra = () if topics_only else tuple(_extra(current, files))
+    extra = () if topics_only or previous.is_partial else tuple(_extra(current, files))
     comparison = Comparison(
-        Side(previous.label, _place(previous), before, previous.bridge is not None, inference=Inference(previous)),
+        Side(previous.label, _place(previous), before, previous.bridge is not None, inference=_inference(previous)),
         Side(
             current.label,
             _place(current),
             after,
             current.bridge is not None,
             extra=extra,
-            inference=Inference(current),
+            inference=_inference(current),
         ),
     )
     rules = _as_strict(CHECKED, current)
     report = _report(comparison, rules, list(find(comparison, rules)), ("matches", "differs from"))
     return replace(report, notices=_without((*before.notices, *after.notices), OF_BOARDS))
+
+
+def _inference(sources: Sources) -> Inference | None:
+    """Return the inference of tags. The definitions of a recording need not have comments, and say nothing by that."""
+    return None if sources.is_partial else Inference(sources)
 
 
 def breaking(

@@ -142,6 +142,8 @@ CODES: Mapping[str, Level] = MappingProxyType(
         "L111": Level.ERROR,
         "R101": Level.ERROR,
         "R102": Level.ERROR,
+        "R141": Level.WARNING,
+        "R150": Level.ERROR,
     }
 )
 """The level of each code. Constructs that PX4 may add in its next release are warnings, so that it still builds.

@@ -161,7 +161,7 @@ def _format(part: Part, high: int) -> tuple[Any, int]:
     # Each element includes the padding after it, or the padding before it if the sample ends with the last element.
     begin = min(starts[0], high - length * stride)
     types = [_dtype(element, begin + n * stride, begin + (n + 1) * stride) for n, element in enumerate(part.elements)]
-    if any(type_ != types[0] for type_ in types) or (length > 1 and _overlaps(types[0])):
+    if any(type_ != types[0] for type_ in types) or _overlaps(types[0]):
         raise _NoTypeError
     return (types[0], (length,)), begin
 

@@ -174,17 +174,26 @@ def is_writable(path: str) -> bool:
 
 
 @contextmanager
-def locked(folder: str) -> Iterator[None]:
-    """Hold an exclusive lock on the folder if the system has `flock`. The lock ends with the process."""
+def locked(folder: str, waiting: Callable[[], None] = lambda: None) -> Iterator[None]:
+    """Hold an exclusive lock on the folder if the system has `flock`. The lock ends with the process.
+
+    If another process has the lock, `waiting` is called once, before this one waits.
+    """
     try:
-        from fcntl import LOCK_EX, flock
+        from fcntl import LOCK_EX, LOCK_NB, flock
     except ImportError:
         yield
         return
     handle = os.open(folder, os.O_RDONLY)
     try:
-        with suppress(OSError):
-            flock(handle, LOCK_EX)
+        try:
+            flock(handle, LOCK_EX | LOCK_NB)
+        except BlockingIOError:
+            waiting()
+            with suppress(OSError):
+                flock(handle, LOCK_EX)
+        except OSError:
+            pass  # a file system without locks
         yield
     finally:
         os.close(handle)

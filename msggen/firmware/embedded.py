@@ -42,7 +42,13 @@ def unknown_release(text: str) -> str:
     if name in EMBEDDED:
         return ""
     problem = "neither a folder nor an embedded release" if name == text else "no such embedded release"
+    if _NAME.fullmatch(name) and _number(name) < _number(EMBEDDED[-1]):
+        return f"{problem}: there are {EMBEDDED[-1]} to {EMBEDDED[0]}"
     return problem + (suggestion(name, EMBEDDED) or f": expected {', '.join(EMBEDDED)}")
+
+
+def _number(release: str) -> tuple[int, ...]:
+    return tuple(map(int, release[1:].split(".")))
 
 
 def near_release(text: str) -> str:

@@ -80,7 +80,7 @@ class Inference:
     def _of_firmware(self, message: Message, field: Field) -> tuple[InferredTag, ...]:
         """Return the tags that sentences and an embedded release have for a field of the firmware."""
         own = field.comment
-        prose = "" if own.unit else _unit_in_sentences(message, field)
+        prose = "" if own.unit else unit_in_sentences(message, field)
         unit = own.unit or prose
         inferred: tuple[InferredTag, ...] = (InferredTag(UNIT.name, prose, "prose"),) if prose else ()
         embedded = self._embedded(message, field)
@@ -151,7 +151,7 @@ def _has_other_unit(unit: str, embedded: tuple[InferredTag, ...]) -> bool:
     return any(tag.name == UNIT.name and UNIT.change(unit, tag.content) for tag in embedded)
 
 
-def _unit_in_sentences(message: Message, field: Field) -> str:
+def unit_in_sentences(message: Message, field: Field) -> str:
     """Return the unit that the comment of a number mentions.
 
     An integer beside a field `scale` counts multiples of it. The sentences about it then tell the unit of the product.

@@ -1,14 +1,16 @@
-"""Comparison of archived versions with the definitions that the embedded releases had under the same version."""
+"""The definitions of the embedded releases, one by one, and their comparison with archived versions."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from types import MappingProxyType
+from typing import NamedTuple
 
 from msggen.diagnostics import Diagnostic
+from msggen.firmware.conventions import CONVENTIONS
 from msggen.firmware.embedded import EMBEDDED, PREFIX, Releases
 from msggen.identity import message_hash
-from msggen.model import Catalog, Message
+from msggen.model import DEFAULT_PACKAGE, Catalog, Message
 from msggen.parse.definition import parse_message
 
 _VERSIONED = "msg/versioned/"
@@ -20,31 +22,39 @@ def check_archived(catalog: Catalog) -> Iterator[Diagnostic]:
     for archived in catalog.archived.values():
         name = archived.released_as[1]
         for release in EMBEDDED:
-            released = _definitions(releases, release, name)
+            found = released_as(releases, release, name) if _is_versioned(releases, release, name) else None
             if (
-                released
-                and released[name].message_version == archived.message_version
-                and message_hash(catalog, archived) != _hash(catalog, released, name)
+                found
+                and found.message.message_version == archived.message_version
+                and message_hash(catalog, archived) != message_hash(*found)
             ):
                 text = f"'{archived.name}' differs from version {archived.message_version} in PX4 {release}"
                 yield Diagnostic(archived.location, "M410", f"{text}: build a package of {release} for its samples")
 
 
-def _definitions(releases: Releases, release: str, name: str) -> dict[str, Message]:
-    """Return a versioned message of a release and those that it nests by name, or none if it has no version there."""
+class Released(NamedTuple):
+    """A message of an embedded release, in a catalog of it and what it nests."""
+
+    catalog: Catalog
+    message: Message
+
+
+def released_as(releases: Releases, release: str, name: str, package: str = DEFAULT_PACKAGE) -> Released | None:
+    """Return the message `name` of a release as one of `package`, None if the release does not have it."""
     found: dict[str, Message] = {}
-    waiting = [name]
+    waiting = [f"{package}/{name}"]
     while waiting:
-        each = waiting.pop()
-        path, text = releases.file(release, f"{each}.msg")
-        if each == name and not path.startswith(_VERSIONED):
-            return {}
-        found[each], _ = parse_message(text, f"{PREFIX}{release}/{path}", each, "")
-        nested = [field.type.name for field in found[each].fields if not field.type.is_primitive]
+        key = waiting.pop()
+        stem = key.rpartition("/")[2]
+        path, text = releases.file(release, f"{stem}.msg")
+        if not path:
+            return None
+        found[key], _ = parse_message(text, f"{PREFIX}{release}/{path}", stem, package)
+        nested = (found[key].key_of(field.type) for field in found[key].fields if not field.type.is_primitive)
         waiting += [inner for inner in nested if inner not in found]
-    return found
+    catalog = Catalog(MappingProxyType(found), (), (), CONVENTIONS[release], package)
+    return Released(catalog, found[f"{package}/{name}"])
 
 
-def _hash(catalog: Catalog, released: dict[str, Message], name: str) -> int:
-    messages = MappingProxyType({message.key: message for message in released.values()})
-    return message_hash(catalog._replace(messages=messages), released[name])
+def _is_versioned(releases: Releases, release: str, name: str) -> bool:
+    return releases.file(release, f"{name}.msg")[0].startswith(_VERSIONED)

@@ -58,6 +58,8 @@ class Sources(NamedTuple):
     - `lists` is the file in which the tree lists the messages that it builds. `unbuilt` has the messages that the
       `board` does not build, with the condition under which each is listed, "" for those that are not listed. They are
       not in `messages`.
+    - `is_partial` is set for the definitions of a recording, which are only some of its firmware's. Those that it lacks
+      are not compared.
     """
 
     messages: tuple[File, ...]
@@ -79,6 +81,7 @@ class Sources(NamedTuple):
     lists: File | None = None
     board: Board | None = None
     unbuilt: Mapping[File, str] = MappingProxyType({})
+    is_partial: bool = False
 
     @property
     def has_own(self) -> bool:
@@ -112,6 +115,10 @@ class Sources(NamedTuple):
         return (*self.messages, *self.services, *single, *self.manifests, *versions, *self.client, *board)
 
 
+_RECORDINGS = (".mcap", ".ulg", ".db3")
+"""The endings of recordings."""
+
+
 def open_tree(text: str) -> Tree:
     """Return the tree that `text` names: a folder, `folder@revision`, an archive or an embedded release.
 
@@ -136,7 +143,9 @@ def open_tree(text: str) -> Tree:
         from msggen.disk.path_hint import path_hint
 
         name = text.partition("@")[0] or text
-        raise input_error(name, "S101", f"no such folder{near_release(text) or path_hint(name)}", 0)
+        raise input_error(
+            name, "S101", f"no such folder{near_release(text) or path_hint(name, is_meant=_is_source)}", 0
+        )
     return read_revision(folder, revision)
 
 
@@ -371,3 +380,8 @@ def _fail_without_definitions(root: Tree) -> NoReturn:
         raise input_error(root.path, "S102", f"empty folder: a submodule that is not checked out?{hint}", 0)
     text = f"no .msg file here or in msg/: expected a PX4-Autopilot tree, px4_msgs or a folder{hint}"
     raise input_error(root.path, "S102", text, 0)
+
+
+def _is_source(path: str) -> bool:
+    """Whether a path can be meant: a folder or a recording."""
+    return os.path.isdir(path) or path.endswith(_RECORDINGS)

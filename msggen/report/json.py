@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from math import isfinite
 from typing import Any
 
 from msggen.diagnostics import Diagnostic, printable
@@ -33,13 +34,16 @@ def _error(error: Diagnostic) -> dict[str, Any]:
     return {"code": error.code, "message": error.message, "location": _location(error.location)}
 
 
-def dump(document: Any) -> str:
-    """Return `document` as indented JSON in ASCII, without lone surrogates."""
-    return json.dumps(_encodable(document), indent=2)
+def dump(document: Any, indent: int | None = 2) -> str:
+    """Return `document` as JSON in ASCII, without lone surrogates, with null for numbers that are not finite.
+
+    What JSON does not have, such as bytes, is text.
+    """
+    return json.dumps(_encodable(document), indent=indent, default=str, allow_nan=False)
 
 
 def _encodable(value: Any) -> Any:
-    """Return `value` with lone surrogates escaped, because many JSON parsers reject them.
+    """Return `value` with lone surrogates escaped and without NaN, because many JSON parsers reject them.
 
     Python decodes bytes of paths that are not UTF-8 to lone surrogates.
     """
@@ -47,7 +51,9 @@ def _encodable(value: Any) -> Any:
         return value.encode(errors="backslashreplace").decode()
     if isinstance(value, dict):
         return {key: _encodable(item) for key, item in value.items()}
-    return [_encodable(item) for item in value] if isinstance(value, list) else value
+    if isinstance(value, float) and not isfinite(value):
+        return None
+    return [_encodable(item) for item in value] if isinstance(value, (list, tuple)) else value
 
 
 def _finding(finding: Finding) -> dict[str, Any]:

@@ -223,12 +223,13 @@ def test_random_messages_are_what_decode_gives(files: dict[str, str], data: st.D
         check_encoding(cls, samples[USUAL])
 
 
-def test_arrays_of_arrays_of_messages_are_copied_right(tmp_path: Path) -> None:
+@pytest.mark.parametrize("count", [1, 2])
+def test_arrays_of_arrays_of_messages_are_copied_right(count: int, tmp_path: Path) -> None:
     """The padding that the last Inner lacks has fields of Middle. numpy copies an array of such elements wrongly."""
     files = {
         "msg/Inner.msg": "uint64 timestamp\nbool flag\n",
         "msg/Middle.msg": "Inner[2] inner\nbool flag\nuint64 timestamp\n",
-        "msg/Outer.msg": "Middle[2] middle\nMiddle last\nfloat32 number\nuint64 timestamp\n",
+        "msg/Outer.msg": f"Middle[{count}] middle\nMiddle last\nfloat32 number\nuint64 timestamp\n",
     }
     package = import_package(catalog_of(tmp_path, files), tmp_path)
     numbers = iter(range(1, 1000))
@@ -237,7 +238,7 @@ def test_arrays_of_arrays_of_messages_are_copied_right(tmp_path: Path) -> None:
         inner = tuple(package.Inner(timestamp=next(numbers)) for _ in range(2))
         return package.Middle(inner=inner, timestamp=next(numbers))
 
-    messages = [package.Outer(middle=(middle(), middle()), last=middle()) for _ in range(2)]
+    messages = [package.Outer(middle=tuple(middle() for _ in range(count)), last=middle()) for _ in range(2)]
     check_encoding(package.Outer, [message.encode() for message in messages])
 
 
