@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from fnmatch import fnmatchcase
-from typing import NamedTuple
+from numbers import Integral, Real
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeGuard
 
 from msggen.diagnostics import suggestion
-from msggen.live.names import stem_of
+from msggen.live.messages.names import stem_of
+from msggen.recordings.source import RecordingError
+
+if TYPE_CHECKING:
+    from msggen.recordings.samples import Topic
 
 
 class Choice(NamedTuple):
@@ -30,6 +36,62 @@ class Choice(NamedTuple):
                 near = sorted({name for names in known for name in names})
                 return f"no topic is called '{pattern}'{suggestion(pattern, near)}"
         return ""
+
+
+_NUMBERED = re.compile(r"(.+?)(?:\[(\d{1,3})\]|_(\d{1,3}))")
+
+
+def split_instance(name: str) -> tuple[str, int] | None:
+    """Return the name and the number of `sensor_gps[1]` or `sensor_gps_1`, None for a name without a number."""
+    found = _NUMBERED.fullmatch(name)
+    return (found[1], int(found[2] or found[3])) if found else None
+
+
+def takes_instance(pattern: str, topic: Topic) -> bool:
+    """Whether a pattern takes a topic: by a name, which is that of all instances, or with the number of its instance.
+
+    In ROS 2, instances are topics of their own: `sensor_gps[1]` takes `/fmu/out/sensor_gps_1`, too.
+    """
+    numbered = split_instance(pattern)
+    if numbered is not None:
+        name, number = numbered
+        if topic.instance == number and _takes(name, topic):
+            return True
+        pattern = f"{name}_{number}"
+    return _takes(pattern, topic)
+
+
+def _takes(pattern: str, topic: Topic) -> bool:
+    """Whether a pattern takes a topic, by its own name or by the one that it shares with its other definitions."""
+    names = {topic.name, topic.recorded_name}
+    return any(Choice([pattern]).takes(name, topic.ros_type) for name in names)
+
+
+def listed(names: Iterable[Any]) -> list[Any]:
+    """Return names as a list. A text is one name, and so is a topic with the number of its instance."""
+    return [names] if isinstance(names, str) or is_numbered(names) else list(names)
+
+
+def is_numbered(key: object) -> TypeGuard[tuple[str, int]]:
+    """Whether a key is the name of a topic with the number of its instance."""
+    return isinstance(key, tuple) and len(key) == 2 and isinstance(key[0], str) and isinstance(key[1], Integral)  # noqa: PLR2004
+
+
+def checked_time(name: str, value: object, least: float = 0) -> float | None:
+    """Return a time in s, or None. Raises TypeError if it is no number, RecordingError if it is NaN or too small."""
+    if value is None:
+        return None
+    if not isinstance(value, Real) or isinstance(value, bool):
+        raise TypeError(f"{name}: expected a time in s, got {value!r}")
+    if not float(value) >= least:
+        raise RecordingError(f"{name}: expected a time in s of {least:g} or more, got {value}")
+    return float(value)
+
+
+def check_times(start: object, stop: object) -> None:
+    """Raise RecordingError or TypeError unless a recording can be read from `start` up to `stop`, each in s or None."""
+    begin = checked_time("start", start)
+    checked_time("stop", stop, begin or 0)
 
 
 def names_of(name: str, ros_type: str) -> Iterator[str]:

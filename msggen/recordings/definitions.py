@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from msggen.live import NotConnectedError
 from msggen.live.firmware import releases
-from msggen.live.names import version_of
+from msggen.live.messages.names import version_of
 
 if TYPE_CHECKING:
     from msggen.live import Vehicle
@@ -60,7 +60,7 @@ class Definitions:
 
         told = self._hashes.get(route.ros_type)
         for package in self._packages(route, told):
-            for cls in _classes(package, route):
+            for cls in classes_of(package, route.name, route.ros_type):
                 info = cls.__msg__
                 if info.message_version == version_of(route.name) and told in (None, info.message_hash):
                     return Channel(route.name, route.ros_type, info.definition, info.type_hash)
@@ -74,13 +74,13 @@ class Definitions:
                 yield self._package_of(release)
 
 
-def _classes(package: Any, route: Route) -> list[Any]:
-    """Return the classes of a route in a package, the newest version first."""
+def classes_of(package: Any, name: str, ros_type: str) -> list[Any]:
+    """Return the classes of a topic in a package, the newest version first."""
     try:
-        found = [endpoint.message for endpoint in reversed(package.topics.versions_of(route.name))]
+        found = [endpoint.message for endpoint in reversed(package.topics.versions_of(name))]
     except KeyError:
         try:
-            found = [package.by_type(route.ros_type)]
+            found = [package.by_type(ros_type)]
         except KeyError:
             return []
-    return [cls for cls in found if cls.__msg__.ros_type == route.ros_type]
+    return [cls for cls in found if cls.__msg__.ros_type == ros_type]

@@ -11,15 +11,19 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 from msggen.live.firmware import REQUEST, RESPONSE, Known, answer_of, releases
-from msggen.live.names import stem_of, without_namespace
+from msggen.live.messages.names import stem_of, without_namespace
 from msggen.live.xrce import client as xrce
 from msggen.live.xrce.client_entities import Reader, Settings, Sync, Writer
 from msggen.live.xrce.wire import ENCAPSULATION
 from msggen.recordings.choice import Choice
-from msggen.recordings.reader import Recording, Sample, Topic
+from msggen.recordings.log import Log
+from msggen.recordings.payloads import Sample
+from msggen.recordings.samples import Topic
 from msggen.recordings.schemas import hash_of
 
-_OUT = re.compile(r"(?:/(.+))?/fmu/out/.+")
+_OUT = re.compile(r"(?:/(.+))?/fmu/out/[^#]+")
+_SLASHES = 2
+"""Those of a type in ROS 2: `px4_msgs/msg/VehicleStatus`."""
 _FIRST_NUMBER = 3000
 """The first number of the topics that no release has: the releases have numbers below 2100."""
 _DEPTH = 10
@@ -34,7 +38,7 @@ class Endpoints(NamedTuple):
     """The embedded release that most of its definitions are of."""
     namespace: str
     writers: Mapping[str, Writer]
-    """The topics to play, by their names."""
+    """The topics to play, by their names in the log."""
     readers: Mapping[int, str]
     """The topics that the vehicle reads: their names by number."""
     hashes: Mapping[str, int]
@@ -43,16 +47,21 @@ class Endpoints(NamedTuple):
 
 
 def is_played(topic: Topic) -> bool:
-    """Whether a vehicle publishes a topic, and a player does: answers to questions of long ago are not played."""
-    return _OUT.fullmatch(topic.name) is not None and not stem_of(topic.name).endswith(RESPONSE)
+    """Whether a vehicle publishes a topic, and a player does: answers to questions of long ago are not played.
+
+    Of several definitions of a topic, the first one is played.
+    """
+    name = topic.recorded_name
+    is_ours = topic.is_cdr and topic.ros_type.count("/") == _SLASHES and topic.name in (name, f"{name}#1")
+    return is_ours and _OUT.fullmatch(name) is not None and not stem_of(name).endswith(RESPONSE)
 
 
-def endpoints_of(recording: Recording, choice: Choice, key: int = 1, sync: Sync = "short") -> Endpoints:
+def endpoints_of(log: Log, choice: Choice, key: int = 1, sync: Sync = "short") -> Endpoints:
     """Return the endpoints of a recording, of those of its topics that `choice` takes."""
-    played = [topic for topic in recording.topics.values() if is_played(topic)]
-    found = _OUT.fullmatch(played[0].name) if played else None
+    played = [topic for topic in log.topics if is_played(topic)]
+    found = _OUT.fullmatch(played[0].recorded_name) if played else None
     namespace = (found and found[1]) or ""
-    hashes = {topic.name: hash_of(topic.ros_type, topic.definition) for topic in played}
+    hashes = {topic.recorded_name: hash_of(topic.ros_type, topic.recorded_definition) for topic in played}
     known = {without_namespace(name, namespace): value for name, value in hashes.items()}
     release = max(releases(), key=lambda each: _likeness(known, releases()[each]))
     rows = releases()[release]
@@ -60,10 +69,10 @@ def endpoints_of(recording: Recording, choice: Choice, key: int = 1, sync: Sync 
     writers: dict[str, Writer] = {}
     free = iter(range(_FIRST_NUMBER, 1 << 12))
     for topic in played:
-        row = rows.get(without_namespace(topic.name, namespace))
-        if choice.takes(topic.name, topic.ros_type):
+        row = rows.get(without_namespace(topic.recorded_name, namespace))
+        if choice.takes(topic.recorded_name, topic.ros_type):
             number = next(free) if row is None else row.object_id
-            writers[topic.name] = Writer(number, f"rt{topic.name}", _dds_type(topic.ros_type))
+            writers[topic.name] = Writer(number, f"rt{topic.recorded_name}", _dds_type(topic.ros_type))
     others = [Writer(rows[RESPONSE].object_id, f"rt{front}{RESPONSE}", _px4_type(rows[RESPONSE]))] * (RESPONSE in rows)
     readers = {row.object_id: name for name, row in rows.items() if "/fmu/in/" in name}
     settings = Settings(
@@ -105,21 +114,21 @@ def _px4_type(row: Known) -> str:
 class Player:
     """Plays a recording to one agent, by log time.
 
-    `rate` is the speed, `start` the time in s after the first sample. With `is_repeated`, it begins again at the end.
-    Samples are never skipped: while the client waits for an answer of the agent, they wait too.
+    `rate` is the speed, `start` the time in s after the start of the recording. With `is_repeated`, it begins again at
+    the end. Samples are never skipped: while the client waits for an answer of the agent, they wait too.
     """
 
     def __init__(
         self,
-        recording: Recording,
+        log: Log,
         endpoints: Endpoints,
         *,
         rate: float = 1.0,
         start: float = 0.0,
         is_repeated: bool = False,
     ) -> None:
-        self._recording, self._endpoints, self._rate = recording, endpoints, rate
-        self._start, self._is_repeated = recording.first + round(start * 1e9), is_repeated
+        self._log, self._endpoints, self._rate = log, endpoints, rate
+        self._start, self._is_repeated = log.start + round(start * 1e9), is_repeated
         self._numbers = {name: writer.number for name, writer in endpoints.writers.items()}
         self._request = next((number for number, name in endpoints.readers.items() if name == REQUEST), None)
         self._client = xrce.Client(endpoints.settings)
@@ -132,6 +141,8 @@ class Player:
         """The number of samples that were sent."""
         self.received = 0
         """The number of samples that the vehicle was sent."""
+        self.is_answered = False
+        """Whether an agent ever answered."""
         self.changes: deque[str] = deque()
         """What happened and was not yet taken, for people to read."""
 
@@ -162,7 +173,7 @@ class Player:
             if not self._client.write(self._numbers[self._next.topic], self._next.payload[_HEADER:]):
                 return
             self.sent += 1
-            self._position = self._next.time
+            self._position = max(self._next.time, self._start)
             self._next = next(self._samples, None)
             if self._next is None and self._is_repeated:
                 self._repeat(now)
@@ -184,7 +195,8 @@ class Player:
     # samples
 
     def _read(self) -> Iterator[Sample]:
-        return self._recording.samples(self._start, self._numbers.__contains__)
+        seconds = (self._start - self._log.start) / 1e9
+        return self._log.payloads(self._numbers, start=seconds or None)  # some samples are older than the start
 
     def _due(self, sample: Sample) -> int:
         assert self._zero is not None  # noqa: S101 - the callers check it
@@ -198,6 +210,7 @@ class Player:
     def _handle(self, now: int) -> None:
         for event in self._client.take_events():
             if isinstance(event, xrce.Connected):
+                self.is_answered = True
                 self.changes.append("connected")
                 self._zero = now - round((self._position - self._start) / 1000 / self._rate)
             elif isinstance(event, xrce.Disconnected):

@@ -1,151 +1,235 @@
-"""A reader of MCAP files, as much as playing needs. Files that were cut off are read up to their last whole chunk."""
+"""The files of a recording, read as one: their topics, and the samples of topics between two log times."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, NamedTuple
+import os
+from collections import Counter, defaultdict
+from functools import cached_property
+from typing import TYPE_CHECKING
 
-from mcap.exceptions import McapError
-from mcap.reader import make_reader
-from mcap.records import Channel, McapRecord, Message, Schema
-from mcap.stream_reader import StreamReader
+import numpy as np
+
+from msggen.recordings.decoder import Decoder
+from msggen.recordings.left_out import LeftOut
+from msggen.recordings.lent import Lender, Lent, lend
+from msggen.recordings.payloads import in_order, merged
+from msggen.recordings.schemas import SchemaError
+from msggen.recordings.source import Attached, Channel, Checksums, Part, Problem, RecordingError, Source
+from msggen.recordings.topics import topics_of
 
 if TYPE_CHECKING:
-    from mcap.summary import Summary
+    from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from msggen.recordings.decoder import Rows
+    from msggen.recordings.payloads import Sample
+    from msggen.recordings.samples import Topic
+
+    Times = NDArray[np.int64]
+    Numbers = tuple[int, int]
+    """The numbers of a file and of a channel in it."""
 
 
-class RecordingError(ValueError):
-    """A file that cannot be read as a recording."""
+class OpenFile:
+    """A file of a recording. After `close`, everything that reads raises RecordingError, also if it has begun."""
+
+    def __init__(self, source: Source, path: str) -> None:
+        self._source, self._path = source, path
+        self._is_closed = False
+
+    def check_open(self) -> None:
+        """Raise RecordingError if the file is closed."""
+        if self._is_closed:
+            raise RecordingError(f"{self._path} is closed")
+
+    def parts(self, channels: Collection[int], start: int, stop: int) -> Iterator[Part]:
+        """See Source.parts."""
+        self.check_open()
+        for part in self._source.parts(channels, start, stop):
+            yield part
+            self.check_open()
+
+    def times(self, channels: Collection[int]) -> Mapping[int, Times]:
+        """See Source.times."""
+        self.check_open()
+        return self._source.times(channels)
+
+    def close(self) -> None:
+        """Close the file. Can be repeated."""
+        self._is_closed = True
+        self._source.close()
 
 
-class Topic(NamedTuple):
-    """A topic of a recording."""
+class Reader:
+    """The files of a recording, whose path is `path`."""
 
-    name: str
-    """The name in ROS 2: `/fmu/out/vehicle_status_v4`."""
-    ros_type: str
-    """The type in ROS 2: `px4_msgs/msg/VehicleStatus`."""
-    definition: str
-    """The definition with all that it nests, or "" if the recording has none that is `ros2msg`."""
-
-
-class Sample(NamedTuple):
-    """A sample of a recording."""
-
-    topic: str
-    time: int
-    """The time at which it was recorded, in ns since 1970."""
-    payload: bytes
-    """CDR with its header."""
-
-
-class Recording:
-    """A file. Raises RecordingError, and OSError if it cannot be opened.
-
-    `topics` has those with CDR samples, by name. `first` and `last` are the times in ns of the first and the last
-    sample, both 0 without one.
-    """
-
-    def __init__(self, path: str) -> None:
+    def __init__(self, sources: Sequence[Source], lender: Lender | None, path: str) -> None:
+        self.sources = sources
         self.path = path
-        self.topics: dict[str, Topic] = {}
-        self.first = self.last = 0
-        summary = self._summary()
-        self.is_indexed = summary is not None
-        """Whether the file was ended. If it was cut off, its samples are read in the order in which they came."""
-        if summary is not None:
-            for channel in summary.channels.values():
-                self._add(channel, summary.schemas)
-            if summary.statistics is not None:
-                self.first, self.last = summary.statistics.message_start_time, summary.statistics.message_end_time
-        else:
-            self._scan()
+        self.left_out = LeftOut()
+        self._lender = lender
+        self._decoders: dict[Numbers, Decoder | SchemaError] = {}
+        self._files = [OpenFile(source, path) for source in sources]
+        self._is_closed = False
 
-    def samples(self, start: int, takes: Callable[[str], bool] = lambda _: True) -> Iterator[Sample]:
-        """Yield the samples from a time in ns on, of the topics that `takes` accepts. Raises RecordingError."""
-        names = [name for name in self.topics if takes(name)]
-        if not self.is_indexed:
-            yield from (each for each in self._unindexed() if each.time >= start and each.topic in names)
-            return
-        with open(self.path, "rb") as file:
+    def close(self) -> None:
+        """Close the files. Can be repeated."""
+        self._is_closed = True
+        for file in self._files:
+            file.close()
+
+    @cached_property
+    def topics(self) -> tuple[Topic, ...]:
+        """The topics, by name and instance."""
+        channels = [
+            (number, self._described(number, channel))
+            for number, source in enumerate(self.sources)
+            for channel in source.channels.values()
+        ]
+        return topics_of(channels, self._times)
+
+    @cached_property
+    def lent(self) -> Lent:
+        """The definitions of channels that have none."""
+        return lend(self.sources, self._lender, self._files[0].check_open)
+
+    @property
+    def problems(self) -> list[Problem]:
+        """The problems found so far."""
+        return [
+            *(self._placed(source, problem) for source in self.sources for problem in source.problems),
+            *self.left_out.problems,
+            *self._not_decoded(),
+        ]
+
+    # samples
+
+    def payloads(self, topics: Iterable[Topic], low: int, high: int) -> Iterator[Sample]:
+        """Return the samples of topics in CDR, by log time. Raises RecordingError for topics without CDR."""
+        names: dict[int, dict[int, str]] = defaultdict(dict)
+        for topic in topics:
+            if not topic.is_cdr:
+                raise RecordingError(f"{topic.name} has samples in '{topic.channels[0][1].encoding}', expected cdr")
+            for number, channel in topic.channels:
+                names[number][channel.number] = topic.name
+        self._files[0].check_open()
+        streams = []
+        for number, own in sorted(names.items()):
+            span = self.sources[number].span
+            streams.append((span[0] if span else low, in_order(self._files[number], own, low, high)))
+        return merged(streams)
+
+    def undecoded(self, topics: Iterable[Topic], low: int, high: int) -> Iterator[tuple[Topic, Part]]:
+        """Yield the samples of topics as they are in the files, in the order of the files."""
+        wanted = {(number, channel.number): topic for topic in topics for number, channel in topic.channels}
+        yield from ((wanted[number, part.channel], part) for number, part in self._parts(wanted, low, high))
+
+    def rows(self, topics: Iterable[Topic], low: int, high: int) -> Iterator[tuple[Topic, Rows, Times, Times | None]]:
+        """Yield rows as decoders give them, with log times and publish times. Raises RecordingError.
+
+        Channels of the same name that cannot be decoded are reported.
+        """
+        wanted: dict[Numbers, tuple[Topic, Decoder]] = {}
+        for topic in topics:
+            self.decoder(topic)
+            for number, channel in topic.channels:
+                decoder = self._tried(number, channel)
+                if isinstance(decoder, Decoder):
+                    wanted[number, channel.number] = topic, decoder
+        names = {(topic.recorded_name, topic.instance) for topic, _ in wanted.values()}
+        for topic in self.topics:
+            if (topic.recorded_name, topic.instance) in names:
+                self.can_decode(topic)
+        with self.left_out.reading() as missing:
+            for number, part in self._parts(wanted, low, high):
+                topic, decoder = wanted[number, part.channel]
+                rows, kept = decoder.rows(part, missing[topic.name, topic.instance])
+                times, published = part.log_times, part.publish_times
+                if kept is not None:
+                    times, published = times[kept], None if published is None else published[kept]
+                if len(rows):
+                    yield topic, rows, times, published
+
+    def decoder(self, topic: Topic) -> Decoder:
+        """Return the decoder of a topic. Raises RecordingError."""
+        found = self._tried(*topic.channels[0])
+        if isinstance(found, SchemaError):
+            raise RecordingError(f"{topic.name} cannot be decoded: {found}")
+        return found
+
+    def can_decode(self, topic: Topic) -> bool:
+        """Whether a topic has samples that can be decoded."""
+        return isinstance(self._tried(*topic.channels[0]), Decoder)
+
+    def verify(self) -> Checksums:
+        """Compare the chunks of the files with their checksums, and return how many have one."""
+        self._files[0].check_open()
+        found = [source.verify() for source in self.sources]
+        return Checksums(sum(each.compared for each in found), sum(each.missing for each in found))
+
+    def attached(self) -> Iterator[Attached]:
+        """Yield the attachments and the metadata records of the files."""
+        for file, source in zip(self._files, self.sources, strict=True):
+            file.check_open()
+            yield from source.attached()
+
+    # files
+
+    def _parts(self, wanted: Iterable[Numbers], low: int, high: int) -> Iterator[tuple[int, Part]]:
+        """Yield the samples of channels with the numbers of their files."""
+        channels: dict[int, list[int]] = defaultdict(list)
+        for number, channel in wanted:
+            channels[number].append(channel)
+        for number, own in sorted(channels.items()):
+            yield from ((number, part) for part in self._files[number].parts(own, low, high))
+
+    def _times(self, channels: Sequence[tuple[int, Channel]]) -> Times:
+        """Return the log times of channels, in the order of the files."""
+        return np.concatenate(
+            [self._files[number].times([channel.number])[channel.number] for number, channel in channels]
+        )
+
+    def _count(self, number: int, channel: Channel) -> int:
+        """Return the number of samples of a channel, 0 if it is not known and the files are closed."""
+        if channel.sample_count is not None or self._is_closed:
+            return channel.sample_count or 0
+        return len(self._times([(number, channel)]))
+
+    # definitions and problems
+
+    def _described(self, number: int, channel: Channel) -> Channel:
+        """Return a channel with a definition, if it has none and there is one elsewhere."""
+        key = number, channel.number
+        definition = self.lent.definitions.get(key)
+        if definition is None:
+            return channel
+        return channel._replace(definition=definition, is_lent=key not in self.lent.recorded)
+
+    def _tried(self, number: int, channel: Channel) -> Decoder | SchemaError:
+        """Return the decoder of a channel, or the reason why there is none."""
+        key = number, channel.number
+        if key not in self._decoders:
             try:
-                for _, channel, message in make_reader(file).iter_messages(names, starting_at=start):
-                    if channel.message_encoding == "cdr":
-                        yield Sample(channel.topic, message.log_time, message.data)
-            except _DAMAGE as error:
-                raise RecordingError(f"is damaged ({type(error).__name__}: {error})") from error
+                self._decoders[key] = Decoder(channel)
+            except SchemaError as error:
+                self._decoders[key] = error
+        return self._decoders[key]
 
-    def _summary(self) -> Summary | None:
-        """Return the index of the file, or None if it has none. Raises RecordingError."""
-        with open(self.path, "rb") as file:
-            try:
-                reader = make_reader(file)
-            except _DAMAGE:
-                raise RecordingError("is not an MCAP file") from None
-            try:
-                summary = reader.get_summary()
-            except _DAMAGE:
-                return None
-        if summary is None or summary.statistics is None or not summary.chunk_indexes:
-            return None
-        counts = summary.statistics.schema_count, summary.statistics.channel_count
-        return summary if (len(summary.schemas), len(summary.channels)) == counts else None
+    def _not_decoded(self) -> Iterator[Problem]:
+        """Yield the channels that cannot be decoded, as far as that was tried."""
+        counts: Counter[tuple[Topic, str]] = Counter()
+        for topic in self.topics if self._decoders else ():
+            for number, channel in topic.channels:
+                error = self._decoders.get((number, channel.number))
+                if isinstance(error, SchemaError):
+                    counts[topic, str(error)] += self._count(number, channel)
+        for (topic, reason), count in counts.items():
+            text = f"{topic.name} is not decoded: {reason}"
+            yield Problem(text, samples=count, topic=topic.name, instance=topic.instance)
 
-    def _scan(self) -> None:
-        for sample in self._unindexed():
-            self.first = min(self.first or sample.time, sample.time)
-            self.last = max(self.last, sample.time)
-
-    def _unindexed(self) -> Iterator[Sample]:
-        """Yield the samples in the order of the file, and add the topics before their first samples."""
-        schemas: dict[int, Schema] = {}
-        channels: dict[int, Channel] = {}
-        for record in _records(self.path):
-            if isinstance(record, Schema):
-                schemas[record.id] = record
-            elif isinstance(record, Channel):
-                channels[record.id] = record
-                self._add(record, schemas)
-            elif isinstance(record, Message):
-                channel = channels.get(record.channel_id)
-                if channel is not None and channel.message_encoding == "cdr":
-                    yield Sample(channel.topic, record.log_time, record.data)
-
-    def _add(self, channel: Channel, schemas: dict[int, Schema]) -> None:
-        """Add a topic, unless it is known or its type is not."""
-        schema = schemas.get(channel.schema_id)
-        if schema is None or channel.message_encoding != "cdr" or channel.topic in self.topics:
-            return
-        package, _, name = schema.name.replace("::", "/").partition("/")
-        definition = schema.data.decode(errors="replace") if schema.encoding == "ros2msg" else ""
-        ros_type = f"{package}/msg/{name.rpartition('/')[2]}"
-        self.topics[channel.topic] = Topic(channel.topic, ros_type, definition)
-
-
-def _records(path: str) -> Iterator[McapRecord]:
-    """Yield the records up to the end of the file, or to the place where it is cut off or damaged."""
-    with open(path, "rb") as file:
-        records = iter(StreamReader(file).records)
-        while True:
-            try:
-                record = next(records, None)
-            except _DAMAGE:
-                return
-            if record is None:
-                return
-            yield record
-
-
-def _errors() -> tuple[type[Exception], ...]:
-    """Return what the readers raise for damaged files: their own errors, and those of the decompression."""
-    from struct import error
-    from zlib import error as zlib_error
-
-    from zstandard import ZstdError
-
-    # an OSError if a file is shorter than its last record
-    of_python = OSError, RuntimeError, ValueError, EOFError, LookupError, MemoryError, OverflowError
-    return McapError, ZstdError, error, zlib_error, *of_python
-
-
-_DAMAGE = _errors()
+    def _placed(self, source: Source, problem: Problem) -> Problem:
+        """Return a problem with the name of its file, if there are several and it has a place in one of them."""
+        if problem.offset is None or len(self.sources) == 1:
+            return problem
+        return problem._replace(text=f"{os.path.basename(source.path)}: {problem.text}")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import os
+import re
 import struct
 import threading
 import time
@@ -88,7 +90,8 @@ class _File:
 class Recorder:
     """Records samples until it is closed. `take` is a watcher: `vehicle.watch(recorder.take)`.
 
-    `path` is the first file; with a limit for files, `flight.mcap` stands for flight_0.mcap, flight_1.mcap, ...
+    `path` is the first file; with a limit for files, `flight.mcap` stands for flight_0.mcap, flight_1.mcap, ... None
+    of them may exist at the start. The number of a file that appears later is left out.
 
     `describe` returns the channel of a route, and may be slow. It is called by the thread of the recorder once
     `is_ready` returns True; until then, samples wait. `takes` tells whether to record a route.
@@ -122,6 +125,10 @@ class Recorder:
         self._has_news = False
         self._closing, self.ended = threading.Event(), threading.Event()
         self.error: Exception | None = None
+        taken = taken_part(path) if limits.is_split else None
+        if taken is not None:
+            raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), taken)
+        self._number = 0
         self._file = self._open()
         self._thread = threading.Thread(target=self._run, name="msggen recorder", daemon=True)
         self._thread.start()
@@ -236,11 +243,31 @@ class Recorder:
         self._file.first = arrival
 
     def _open(self) -> _File:
-        front, end = os.path.splitext(self._path)
-        path = f"{front}_{len(self._files)}{end}" if self._limits.is_split else self._path
+        path = self._path
+        if self._limits.is_split:
+            while os.path.lexists(path := part_of(self._path, self._number)):
+                self._number += 1
         file = _File(path, self._compression)
         self._files.append(path)
         return file
+
+
+def part_of(path: str, number: int) -> str:
+    """Return the path of a file of a recording that has several: `flight_0.mcap` for `flight.mcap`."""
+    front, end = os.path.splitext(path)
+    return f"{front}_{number}{end}"
+
+
+def taken_part(path: str) -> str | None:
+    """Return a file that exists and has the name of a part of the recording `path`, None if there is none."""
+    front, end = os.path.splitext(path)
+    folder, name = os.path.split(front)
+    part = re.compile(rf"{re.escape(name)}_\d+{re.escape(end)}")
+    try:
+        found = sorted(each for each in os.listdir(folder or os.curdir) if part.fullmatch(each))
+    except OSError:
+        return None  # creating the first file tells why
+    return os.path.join(folder, found[0]) if found else None
 
 
 def publish_time(payload: bytes, arrival: int) -> int:

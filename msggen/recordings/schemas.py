@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
 
 from msggen.diagnostics import Level
-from msggen.identity import message_hash
+from msggen.identity import message_hash, type_hash
+from msggen.layout import is_static
 from msggen.model import Catalog, Conventions, Message
 from msggen.parse.definition import parse_message
+from msggen.primitives import OCTETS
 
 _HEAD = re.compile(r"^=+[ \t\r]*\nMSG:[ \t]*(\S+)[ \t\r]*$", re.MULTILINE)
 """The head of the definition of a nested message."""
@@ -16,27 +20,119 @@ _NO_CONVENTIONS = Conventions(
 )
 
 
+@dataclass(frozen=True, eq=False)
+class Schema:
+    """A definition that was read, with those that it nests."""
+
+    catalog: Catalog
+    message: Message
+
+    @cached_property
+    def is_static(self) -> bool:
+        """Whether all samples have the same size: no strings, sequences, or messages without fields."""
+        return is_static(self.catalog, self.message)
+
+
+class SchemaError(ValueError):
+    """A definition that cannot be read, or that nests one that is missing or itself."""
+
+
+@lru_cache(1024)
+def read_schema(ros_type: str, definition: str) -> Schema:
+    """Return the definition of `ros_type`, such as `px4_msgs/msg/VehicleStatus`. Raises SchemaError."""
+    messages: dict[str, Message] = {}
+    for key, text in definitions_in(ros_type, definition).items():
+        package, _, name = key.partition("/")
+        message, errors = parse_message(text, key, name, package, of_uorb=False)
+        error = next((each for each in errors if each.level is Level.ERROR), None)
+        if error is not None:
+            raise SchemaError(f"definition of {key}, line {error.location.line}: {error.message}")
+        messages[key] = message
+    catalog = Catalog(messages, (), (), _NO_CONVENTIONS)
+    message = messages[key_of(ros_type)]
+    _check_nesting(catalog, message, ())
+    return Schema(catalog, message)
+
+
+def definitions_in(ros_type: str, definition: str) -> dict[str, str]:
+    """Return the texts of a definition and of those that it nests by names such as `px4_msgs/EscStatus`."""
+    own, *others = _HEAD.split(definition)
+    nested = {key_of(name): text for name, text in zip(others[::2], others[1::2], strict=True)}
+    return {key_of(ros_type): own, **nested}
+
+
 def hash_of(ros_type: str, definition: str) -> int | None:
     """Return the `message_hash` of PX4 (docs/wire.md, section 8), or None if the definition cannot be read."""
     if not definition:
         return None
-    own, *others = _HEAD.split(definition)
-    texts = {_key(ros_type): own, **{_key(name): text for name, text in zip(others[::2], others[1::2], strict=True)}}
-    messages: dict[str, Message] = {}
-    for key, text in texts.items():
-        package, _, name = key.partition("/")
-        message, errors = parse_message(text, key, name, package, of_uorb=False)
-        if any(error.level is Level.ERROR for error in errors):
-            return None
-        messages[key] = message
-    catalog = Catalog(messages, (), (), _NO_CONVENTIONS)
     try:
-        return message_hash(catalog, messages[_key(ros_type)])
-    except (KeyError, RecursionError):  # a nested definition is missing, or nests itself
+        schema = read_schema(ros_type, definition)
+    except SchemaError:
         return None
+    return message_hash(schema.catalog, schema.message)
 
 
-def _key(name: str) -> str:
+def content_of(catalog: Catalog, message: Message) -> frozenset[object]:
+    """Return the fields of a message in no order, because a ULog has them in the order of uORB's struct."""
+    return frozenset(
+        (
+            field.name,
+            field.type.array,
+            field.type.length,
+            ("uint8" if field.type.name in OCTETS else field.type.name)
+            if field.type.is_primitive
+            else content_of(catalog, catalog.nested(message, field.type)),
+        )
+        for field in message.fields
+    )
+
+
+def type_hash_of(ros_type: str, definition: str) -> str:
+    """Return ROS 2's type hash (docs/wire.md, section 10). Raises SchemaError."""
+    schema = read_schema(ros_type, definition)
+    return type_hash(schema.catalog, schema.message)
+
+
+def definition_of(catalog: Catalog, message: Message) -> str:
+    """Return a definition with those that it nests, in the format `ros2msg`, without comments and defaults."""
+    package = message.released_as[0]
+    nested = [
+        f"{'=' * 80}\nMSG: {'/'.join(inner.released_as)}\n{_lines(catalog, inner, package)}"
+        for inner in catalog.nested_all(message)
+    ]
+    return "".join([_lines(catalog, message, package), *nested])
+
+
+def _lines(catalog: Catalog, message: Message, package: str) -> str:
+    constants = [f"{each.type} {each.name}={_spelled(each.value)}\n" for each in message.constants]
+    fields = []
+    for field in message.fields:
+        type_ = field.type
+        if not type_.is_primitive:
+            of, name = catalog.nested(message, type_).released_as
+            type_ = type_._replace(name=name, package=None if of == package else of)
+        fields.append(f"{type_} {field.name}\n")
+    return "".join(constants + fields)
+
+
+def _spelled(value: object) -> str:
+    return value if isinstance(value, str) else repr(value).lower()
+
+
+def key_of(name: str) -> str:
     """Return `px4_msgs/EscStatus` for `px4_msgs/msg/EscStatus`."""
     parts = name.split("/")
     return f"{parts[0]}/{parts[-1]}"
+
+
+def _check_nesting(catalog: Catalog, message: Message, outer: tuple[Message, ...]) -> None:
+    for field in message.fields:
+        if field.type.is_primitive:
+            continue
+        try:
+            inner = catalog.nested(message, field.type)
+        except KeyError:
+            raise SchemaError(f"{message.name}.{field.name}: there is no definition of {field.type.base}") from None
+        if inner in (*outer, message):
+            raise SchemaError(f"{message.name}.{field.name}: {inner.name} nests itself")
+        _check_nesting(catalog, inner, (*outer, message))

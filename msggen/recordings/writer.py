@@ -15,25 +15,11 @@ from mcap.writer import MCAP0_MAGIC, CompressionType
 from mcap.writer import Writer as McapWriter
 
 from msggen import __version__
+from msggen.recordings.qos import QOS, QOS_VERSION
 
 COMPRESSIONS = ("zstd", "lz4", "none")
 CHUNK = 768 * 1024
 """The size of a chunk in bytes before compression, as rosbag2 has it."""
-
-# rmw_qos_profile_t as rosbag2 writes it up to version 8 of its metadata, which newer versions read too: numbers of
-# rmw's enums (keep last, best effort, transient local, automatic), and 2^63 - 1 ns for "infinite"
-_INFINITE = "\n    sec: 9223372036\n    nsec: 854775807"
-_QOS = f"""- history: 1
-  depth: 1
-  reliability: 2
-  durability: 1
-  deadline:{_INFINITE}
-  lifespan:{_INFINITE}
-  liveliness: 1
-  liveliness_lease_duration:{_INFINITE}
-  avoid_ros_namespace_conventions: false
-"""
-"""The quality of service of all writers of PX4 (docs/wire.md, section 13)."""
 
 
 class Channel(NamedTuple):
@@ -58,8 +44,7 @@ class Writer:
         file: Any = self._file  # what the writer uses of a file
         self._writer = McapWriter(file, chunk_size=CHUNK, compression=_COMPRESSIONS[compression])
         self._writer.start("ros2", f"msggen {__version__}")
-        # empty metadata tells rosbag2 that the numbers in _QOS are those of version 8
-        self._writer.add_metadata("rosbag2", {"serialized_metadata": ""})
+        self._writer.add_metadata("rosbag2", QOS_VERSION)
         self._schemas: dict[tuple[str, str], int] = {}
         try:
             self._file.flush()
@@ -81,7 +66,7 @@ class Writer:
             encoding = "ros2msg" if channel.definition else ""  # rosbag2 writes unknown definitions like this
             schema = self._writer.register_schema(channel.ros_type, encoding, channel.definition.encode())
             self._schemas[key] = schema
-        metadata = {"offered_qos_profiles": _QOS}
+        metadata = {"offered_qos_profiles": QOS}
         if channel.type_hash:
             metadata["topic_type_hash"] = channel.type_hash
         return self._writer.register_channel(channel.topic, "cdr", schema, metadata)

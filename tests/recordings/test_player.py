@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from msggen.live.firmware import REQUEST, RESPONSE, releases
 from msggen.live.link import Route
 from msggen.live.xrce.agent import Agent, Connected, Disconnected, Opened, Sample
 from msggen.recordings.choice import Choice
+from msggen.recordings.files import open_log
+from msggen.recordings.log import Log
 from msggen.recordings.player import Endpoints, Player, endpoints_of, is_played
-from msggen.recordings.reader import Recording, Topic
+from msggen.recordings.samples import Topic
+from msggen.recordings.source import Channel as SourceChannel
 from msggen.recordings.writer import Channel, Writer
 from support.recordings import START, Found, channel_of, route_of
 
@@ -88,7 +93,7 @@ def path(tmp_path: Path) -> Path:
 
 
 def play(path: Path, choice: Choice = Choice(), **options: Any) -> tuple[Stage, Endpoints]:  # noqa: B008
-    recording = Recording(str(path))
+    recording = open_log(path)
     endpoints = endpoints_of(recording, choice)
     return Stage(Player(recording, endpoints, **options)), endpoints
 
@@ -133,6 +138,19 @@ def test_a_part_of_a_recording_is_played(path: Path, px4_types: Any) -> None:
     assert len(chosen) == 33
 
 
+def test_samples_that_are_older_than_the_start_come_at_once(
+    path: Path, px4_types: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    expected = recorded(path, px4_types, 120)
+    monkeypatch.setattr(Log, "start", START + 1000 * MS)
+    stage, _ = play(path)
+    stage.run(3, lambda: len(stage.arrived) == 120)
+    assert [payload for _, _, payload in stage.arrived] == [each.payload for each in expected]
+    times = [now // 1000 - stage.arrived[0][0] // 1000 for now, _, _ in stage.arrived]
+    assert times[100] < 25
+    assert all(-1 <= time - 10 * number < 25 for number, time in enumerate(times[100:]))
+
+
 def test_a_recording_is_repeated(path: Path, px4_types: Any) -> None:
     expected = recorded(path, px4_types, 20)
     stage, _ = play(path, is_repeated=True)
@@ -164,7 +182,7 @@ def test_a_recording_goes_on_where_it_was_when_the_agent_is_back(path: Path, px4
     assert [payload for _, _, payload in stage.arrived] == payloads[:100] + payloads[sent:]
     assert list(stage.player.changes) == [
         "connected",
-        "disconnected: the agent does not know this session, or does not answer",
+        "disconnected: the agent has ended, or does not answer; looking for the next one",
         "connected",
     ]
 
@@ -252,4 +270,7 @@ def test_a_recording_without_definitions_is_played(path: Path, px4_types: Any) -
     ],
 )
 def test_what_a_vehicle_publishes_is_played(name: str, *, expected: bool) -> None:
-    assert is_played(Topic(name, "px4_msgs/msg/X", "")) == expected
+    channel = SourceChannel(0, name, "px4_msgs/msg/X", "")
+    topic = Topic(name, 0, channel.ros_type, "", "", ((0, channel),), lambda: np.zeros(0, np.int64))
+    assert is_played(topic) == expected
+    assert not is_played(replace(topic, channels=((0, channel._replace(encoding="ulog")),)))

@@ -241,3 +241,27 @@ def test_the_time_of_publication_is_the_timestamp_if_the_clocks_agree(
     if abs(stamp * 1000 - arrival) > 3600 * 10**9:
         assert publish_time(b"\0\1\0\0" + stamp.to_bytes(8, "little"), arrival) == arrival
     assert publish_time(short, arrival) == arrival
+
+
+@pytest.mark.parametrize("number", [0, 1, 12])
+def test_a_file_with_a_number_refuses_a_split_recording(path: str, describe: Any, number: int) -> None:
+    other = path.replace(".mcap", f"_{number}.mcap")
+    Path(other).write_bytes(b"other")
+    Path(path).write_bytes(b"flight.mcap is no part")
+    with pytest.raises(FileExistsError) as told:
+        Recorder(path, describe, limits=Limits(split_seconds=1))
+    assert told.value.filename == other
+    assert sorted(os.listdir(os.path.dirname(path))) == sorted(map(os.path.basename, (path, other)))
+
+
+def test_a_file_that_appears_in_flight_is_kept(path: str, describe: Any, routes: list[Route]) -> None:
+    recorder = Recorder(path, describe, limits=Limits(split_seconds=1))
+    other = Path(path.replace(".mcap", "_1.mcap"))
+    other.write_bytes(b"other")
+    given = give(recorder, routes, range(START, START + 3 * 10**9, 10**8))
+    recorder.close()
+    assert recorder.error is None
+    names = [os.path.basename(each) for each in recorder.counts().files]
+    assert names == ["flight_0.mcap", "flight_2.mcap", "flight_3.mcap"]
+    assert [found for each in recorder.counts().files for found in read_mcap(each)] == given
+    assert other.read_bytes() == b"other"

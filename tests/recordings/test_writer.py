@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
-from msggen.recordings.reader import Recording, RecordingError
+from msggen.recordings.files import open_log
+from msggen.recordings.source import RecordingError
 from msggen.recordings.writer import COMPRESSIONS, Channel, Writer
 from support.recordings import START, Found, channel_of, check_decoded, check_read, read_mcap, read_ours, route_of
 from support.scratch import scratch_folder
@@ -63,7 +64,7 @@ def test_other_readers_find_what_was_written(px4_types: Any, counts: list[int], 
             writer.flush()
             assert read_mcap(path) == expected[:end]
         getattr(writer, ending)()
-        assert Recording(str(path)).is_indexed == (ending == "close" and bool(expected))
+        assert open_log(path).problems == []
         if expected:
             check_read(path, expected)
 
@@ -135,7 +136,8 @@ def test_a_file_that_is_cut_off_is_read_up_to_its_last_whole_chunk(
             assert size < ends[0]
             continue
         # the index records after a chunk are not needed to read it
-        assert found in (expected[: whole * 10], expected[: whole * 10 + 10])
+        assert found == sorted(expected[: len(found)], key=lambda each: each.time)
+        assert whole * 10 <= len(found) <= whole * 10 + 10
 
 
 def test_a_full_disk_keeps_what_was_written(px4_types: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -191,7 +193,7 @@ def test_other_files_are_refused_or_empty(text: bytes, tmp_path: Path) -> None:
     path = tmp_path / "flight.mcap"
     path.write_bytes(text)
     if len(text) == 8:
-        assert Recording(str(path)).topics == {}
+        assert open_log(path).topics == ()
     else:
-        with pytest.raises(RecordingError, match="is not an MCAP file"):
-            Recording(str(path))
+        with pytest.raises(RecordingError, match="is not a recording" if text else "is empty"):
+            open_log(path)

@@ -1,0 +1,125 @@
+"""What the fields of recorded messages mean: their units, frames, and the names of their values.
+
+A definition in a recording seldom tells: a ULog has neither comments nor constants. The tags that it lacks come from
+the embedded release whose message has the same fields, or else from the newest one that has the field.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from functools import cache, lru_cache
+from types import MappingProxyType
+from typing import NamedTuple
+
+from msggen.enumeration import Enumeration, enum_by_name, enumerations
+from msggen.firmware.embedded import EMBEDDED, Releases
+from msggen.firmware.inferred import unit_in_sentences
+from msggen.model import DEFAULT_PACKAGE, Comment, Field, InferredTag, Message
+from msggen.parse.definition import parse_message
+from msggen.recordings.schemas import Schema, SchemaError, read_schema
+from msggen.tags import ENUM, INHERITED, UNIT
+
+_INDEX = re.compile(r"\[\d+\]")
+
+
+class Annotation(NamedTuple):
+    """What the values of a field mean, as far as it is known."""
+
+    unit: str = ""
+    """The unit as definitions spell it: `m/s`."""
+    frame: str = ""
+    """The frame of reference: `NED`."""
+    members: Mapping[int, str] = MappingProxyType({})
+    """The names of values, or of bits: `{0: "MANUAL"}`."""
+    is_flags: bool = False
+    """Whether a value combines members, each of which is a bit."""
+
+
+UNKNOWN = Annotation()
+
+
+def annotation_of(ros_type: str, definition: str, column: str) -> Annotation:
+    """Return what the values of a column such as `esc[7].esc_rpm` mean."""
+    return annotations_of(ros_type, definition).get(without_indices(column), UNKNOWN)
+
+
+def without_indices(column: str) -> str:
+    """Return the path of the field of a column: `esc.esc_rpm` of `esc[7].esc_rpm`."""
+    return _INDEX.sub("", column)
+
+
+@lru_cache(256)
+def annotations_of(ros_type: str, definition: str) -> Mapping[str, Annotation]:
+    """Return what the values of each field mean, by paths without indices, such as `esc.esc_rpm`."""
+    try:
+        schema = read_schema(ros_type, definition)
+    except SchemaError:
+        return {}
+    return dict(_annotations(schema, schema.message, ""))
+
+
+def _annotations(schema: Schema, recorded: Message, front: str) -> Iterator[tuple[str, Annotation]]:
+    message = _completed(recorded)
+    enums = {name: each for each in enumerations(message) for name in each.fields}
+    for field in message.fields:
+        if not field.type.is_primitive:
+            yield from _annotations(schema, schema.catalog.nested(recorded, field.type), f"{front}{field.name}.")
+            continue
+        members, is_flags = _members(enums.get(field.name))
+        yield (
+            front + field.name,
+            Annotation(field.comment.tag(UNIT.name), field.comment.tag("frame"), members, is_flags),
+        )
+
+
+def _members(enum: Enumeration | None) -> tuple[Mapping[int, str], bool]:
+    if enum is None:
+        return {}, False
+    return {member.value: member.name for member in reversed(enum.members)}, enum.is_flags
+
+
+def _completed(message: Message) -> Message:
+    """Return a message with the constants and the tags of embedded definitions, where it has none of its own."""
+    known = sorted(_embedded(message), key=lambda each: _shape(each) != _shape(message))  # stable: the newest first
+    if known and not message.constants:
+        message = message._replace(constants=known[0].constants)
+    return message._replace(fields=tuple(_with_tags(message, field, known) for field in message.fields))
+
+
+def _with_tags(message: Message, field: Field, known: list[Message]) -> Field:
+    own = field.comment
+    same = (each.comment for other in known for each in other.fields if _key(each) == _key(field))
+    release = next(same, Comment())
+    tags = {tag.name: own.tag(tag.name) or release.tag(tag.name) for tag in INHERITED}
+    tags[UNIT.name] = own.unit or unit_in_sentences(message, field) or release.unit
+    tags[ENUM.name] = tags[ENUM.name] or enum_by_name(message, field)
+    inferred = tuple(InferredTag(name, content, "") for name, content in tags.items() if content and not own.tag(name))
+    return field._replace(comment=Comment(own.text or release.text, own.unit, own.tags, inferred))
+
+
+def _embedded(message: Message) -> list[Message]:
+    """Return the messages of the same name in embedded releases, the newest first."""
+    if message.package != DEFAULT_PACKAGE:
+        return []
+    found = (_released(release, message.name) for release in EMBEDDED)
+    return [each for each in found if each is not None]
+
+
+@lru_cache(1024)
+def _released(release: str, name: str) -> Message | None:
+    text = _releases().file(release, f"{name}.msg")[1]
+    return parse_message(text, name, name, DEFAULT_PACKAGE)[0] if text else None
+
+
+@cache
+def _releases() -> Releases:
+    return Releases()
+
+
+def _shape(message: Message) -> list[tuple[str, str]]:
+    return [_key(field) for field in message.fields]
+
+
+def _key(field: Field) -> tuple[str, str]:
+    return str(field.type).rpartition("/")[2], field.name

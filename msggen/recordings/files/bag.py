@@ -1,0 +1,409 @@
+"""Recordings of rosbag2: a folder with metadata.yaml and files, which can be compressed, as can single samples."""
+
+from __future__ import annotations
+
+import os
+import re
+import tempfile
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from msggen.diagnostics import few
+from msggen.recordings.files.compression import LARGEST, CompressionError, decompress_file, decompress_frame
+from msggen.recordings.paths import METADATA, is_bag
+from msggen.recordings.source import (
+    FOREVER,
+    Attached,
+    Channel,
+    Checksums,
+    Facts,
+    Part,
+    Problem,
+    RecordingError,
+    Source,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+ZSTD = b"\x28\xb5\x2f\xfd"
+_SUFFIXES = (".db3", ".mcap")
+_COMPRESSED = ".zstd"
+_STORAGES = ("", "mcap", "sqlite3")
+_NEWEST = 9
+"""The newest version of metadata.yaml that is known."""
+_WITH_FOLDER = 4
+"""Before this version, the paths of files begin with the name of the folder."""
+_LARGEST_METADATA = 16 << 20
+_BATCH = 16 << 20
+"""The bytes of samples that are decompressed at a time, unless one sample is larger."""
+
+
+class Metadata(NamedTuple):
+    """The contents of a metadata.yaml."""
+
+    paths: Sequence[str]
+    counts: Mapping[str, int]
+    """How many messages each file has, by the name of the file. Before version 5 there are none."""
+    total: int | None
+    """How many messages all files have."""
+    is_by_sample: bool
+    """Whether each sample is compressed by itself."""
+    problems: Sequence[str] = ()
+
+
+def open_folder(path: str, open_file: Callable[[str], Source]) -> list[Source]:
+    """Return the files of a recording of rosbag2 in their order. `open_file` opens one, without compression.
+
+    What is wrong with the folder is among the problems of the first file. Raises RecordingError, and OSError.
+    """
+    names = [name for name in os.listdir(path) if _is_file_of_bag(name)]
+    problems: list[Problem] = []
+    if not is_bag(path):
+        _check_one(path, [*names, *(name for name in os.listdir(path) if name.endswith(".ulg"))])
+    metadata = _metadata_of(path, problems)
+    named, missing, further = _chosen(path, metadata, sorted(names, key=_in_order))
+    for name in missing:
+        count = metadata.counts.get(os.path.basename(name), 0) if metadata else 0
+        problems.append(Problem(f"{name}, which {METADATA} names, is missing", samples=count))
+    if not named and not further:
+        if not os.path.lexists(os.path.join(path, METADATA)):
+            raise RecordingError(f"{path} is not a recording: a folder without {METADATA}, *.mcap and *.db3")
+        text = "; ".join(problem.text for problem in problems)
+        raise RecordingError(f"{path} is not a recording: {text}, and there is no file *.db3 or *.mcap")
+    sources = list(_opened(named, open_file, metadata, problems))
+    is_whole = not missing and len(sources) == len(named)
+    if metadata is not None and further:
+        is_left_out = is_whole and _is_complete(metadata, sources)
+        text = f"is not in {METADATA}, and is {'not read' if is_left_out else 'read too'}"
+        problems += [Problem(f"{os.path.basename(each)} {text}") for each in further]
+        further = [] if is_left_out else further
+    sources += _opened(further, open_file, metadata, problems)
+    if not sources:
+        raise RecordingError("; ".join(problem.text for problem in problems))
+    if metadata is not None:
+        problems += _differing(metadata, sources, is_whole=is_whole and not further)
+    sources[0].problems[:0] = problems
+    return sources
+
+
+def _opened(
+    paths: Iterable[str], open_file: Callable[[str], Source], metadata: Metadata | None, problems: list[Problem]
+) -> Iterator[Source]:
+    """Open files, and add those that cannot be read to `problems`."""
+    for path in paths:
+        try:
+            yield open_compressed(path, open_file, is_by_sample=metadata is not None and metadata.is_by_sample)
+        except RecordingError as error:
+            count = metadata.counts.get(os.path.basename(path), 0) if metadata else 0
+            problems.append(Problem(f"a file is left out: {error}", samples=count))
+
+
+def _is_complete(metadata: Metadata, sources: Sequence[Source]) -> bool:
+    """Whether the files have as many messages as metadata.yaml says: a recorder that crashed has written others."""
+    counts = [_count_of(source) for source in sources]
+    return bool(sources) and None not in counts and sum(count or 0 for count in counts) == metadata.total
+
+
+def _check_one(folder: str, names: Sequence[str]) -> None:
+    """Raise RecordingError if a folder that is no recording of rosbag2 has several files: each is a recording."""
+    if len({name.removesuffix(_COMPRESSED) for name in names}) > 1:
+        shown = few([repr(name) for name in sorted(names)])
+        own = os.path.basename(os.path.abspath(folder))
+        raise RecordingError(
+            f"{folder} has several recordings and no {METADATA}: name one of {shown}; "
+            f"`msggen log convert {folder}` converts all. Files of one recording are called '{own}_0.mcap' and so on"
+        )
+
+
+def open_compressed(path: str, open_file: Callable[[str], Source], *, is_by_sample: bool = False) -> Source:
+    """Return a file, which can be compressed, and so can its samples. Raises RecordingError, and OSError.
+
+    Samples are decompressed if `is_by_sample`, or if they are zstd frames.
+    """
+    with open(path, "rb") as file:
+        is_compressed = file.read(len(ZSTD)) == ZSTD
+    if not is_compressed:
+        return PackedFile(open_file(path), path, is_by_sample=is_by_sample)
+    folder = tempfile.TemporaryDirectory(prefix="msggen-", ignore_cleanup_errors=True)
+    try:
+        target = os.path.join(folder.name, os.path.basename(path).removesuffix(_COMPRESSED))
+        cut = decompress_file(path, target)
+        source = open_file(target)
+    except RecordingError as error:
+        folder.cleanup()
+        raise RecordingError(str(error).replace(target, path)) from None
+    except CompressionError as error:
+        folder.cleanup()
+        raise RecordingError(f"{path} cannot be decompressed: {error}") from None
+    except BaseException:
+        folder.cleanup()
+        raise
+    if cut:
+        source.problems.insert(0, Problem(f"the compressed file is damaged or cut off: {cut}"))
+    return PackedFile(source, path, folder, is_by_sample=is_by_sample)
+
+
+class PackedFile:
+    """A file that was decompressed to a folder if there is one, and whose samples are decompressed as they are read."""
+
+    def __init__(
+        self,
+        source: Source,
+        path: str,
+        folder: tempfile.TemporaryDirectory[str] | None = None,
+        *,
+        is_by_sample: bool = False,
+    ) -> None:
+        self.path = path
+        self.kind = source.kind
+        self.problems = source.problems
+        self.notes = source.notes
+        self._source = source
+        self._folder = folder
+        self._is_by_sample = is_by_sample
+        """Whether samples are compressed, as far as it is known yet."""
+        self._lost: set[tuple[int, int]] = set()
+        """The channels and the log times of samples that cannot be decompressed, which are counted once."""
+
+    @property
+    def channels(self) -> Mapping[int, Channel]:
+        """The channels by their numbers."""
+        return self._source.channels
+
+    @property
+    def facts(self) -> Facts:
+        """What the file has."""
+        return self._source.facts
+
+    @property
+    def span(self) -> tuple[int, int] | None:
+        """The first and the last log time in ns, or None without samples."""
+        return self._source.span
+
+    @property
+    def message_count(self) -> int | None:
+        """The number of messages, None if the file does not tell."""
+        known: int | None = getattr(self._source, "message_count", None)
+        return known
+
+    def parts(self, channels: Collection[int], start: int = 0, stop: int = FOREVER) -> Iterator[Part]:
+        """See Source.parts."""
+        for part in self._source.parts(channels, start, stop):
+            is_cdr = self.channels[part.channel].encoding == "cdr"  # others may be frames of their own
+            self._is_by_sample = self._is_by_sample or (is_cdr and _begins_with_frame(part))
+            if self._is_by_sample and is_cdr:
+                yield from self._unpacked(part)
+            else:
+                yield part
+
+    def times(self, channels: Collection[int]) -> Mapping[int, NDArray[np.int64]]:
+        """See Source.times."""
+        return self._source.times(channels)
+
+    def verify(self) -> Checksums:
+        """See Source.verify."""
+        return self._source.verify()
+
+    def attached(self) -> Iterator[Attached]:
+        """See Source.attached."""
+        return self._source.attached()
+
+    def close(self) -> None:
+        """Close the file, and remove its decompressed copy. Can be repeated."""
+        self._source.close()
+        if self._folder is not None:
+            self._folder.cleanup()
+
+    def _unpacked(self, part: Part) -> Iterator[Part]:
+        """Yield the samples of a part without compression. Those without a frame of zstd stay as they are."""
+        data = part.buffer.data
+        kept: list[int] = []
+        samples: list[bytes] = []
+        size = 0
+        for index, (start, length) in enumerate(zip(part.starts.tolist(), part.sizes.tolist(), strict=True)):
+            sample = bytes(data[start : start + length])
+            if sample.startswith(ZSTD):
+                try:
+                    sample = decompress_frame(sample, LARGEST)
+                except CompressionError as error:
+                    self._leave_out(part.channel, int(part.log_times[index]), str(error))
+                    continue
+            kept.append(index)
+            samples.append(sample)
+            size += len(sample)
+            if size >= _BATCH:
+                yield _part_of(part, kept, samples)
+                kept, samples, size = [], [], 0
+        if kept:
+            yield _part_of(part, kept, samples)
+
+    def _leave_out(self, number: int, time: int, text: str) -> None:
+        """Count a sample that cannot be decompressed."""
+        if (number, time) in self._lost:
+            return
+        self._lost.add((number, time))
+        topic = self.channels[number].topic
+        for index, problem in enumerate(self.problems):
+            if problem.topic == topic and problem.text.startswith(_UNPACKED):
+                self.problems[index] = problem._replace(samples=problem.samples + 1)
+                return
+        self.problems.append(Problem(f"{_UNPACKED}: {text}", samples=1, topic=topic))
+
+
+_UNPACKED = "samples that cannot be decompressed"
+
+
+def _part_of(part: Part, kept: list[int], samples: list[bytes]) -> Part:
+    chosen = np.array(kept, np.intp)
+    sizes = np.fromiter(map(len, samples), np.int64, len(samples))
+    published = None if part.publish_times is None else part.publish_times[chosen]
+    buffer = np.frombuffer(b"".join(samples), np.uint8)
+    return Part(part.channel, buffer, np.cumsum(sizes) - sizes, sizes, part.log_times[chosen], published)
+
+
+def _begins_with_frame(part: Part) -> bool:
+    """Whether the first sample of a part is a frame of zstd, which cannot be the beginning of CDR."""
+    start, size = int(part.starts[0]), int(part.sizes[0])
+    return size >= len(ZSTD) and bytes(part.buffer.data[start : start + len(ZSTD)]) == ZSTD
+
+
+# metadata.yaml
+
+
+def _metadata_of(folder: str, problems: list[Problem]) -> Metadata | None:
+    """Read a metadata.yaml, None if there is none that can be read. Raises RecordingError for a foreign format."""
+    path = os.path.join(folder, METADATA)
+    try:
+        with open(path, "rb") as file:
+            text = file.read(_LARGEST_METADATA + 1)
+    except FileNotFoundError:
+        problems.append(Problem(f"{METADATA} is missing: the files are read in the order of their names"))
+        return None
+    if len(text) > _LARGEST_METADATA:
+        problems.append(Problem(f"{METADATA} is larger than {_LARGEST_METADATA} bytes and is not read"))
+        return None
+    try:
+        found = _read_metadata(text)
+    except RecordingError:
+        raise
+    except ValueError as error:
+        problems.append(Problem(f"{METADATA} cannot be read: {error}"))
+        return None
+    problems += [Problem(text) for text in found.problems]
+    return found
+
+
+def _read_metadata(text: bytes) -> Metadata:
+    """Return what a metadata.yaml says. Raises ValueError, and RecordingError for a storage that is not known."""
+    import yaml
+
+    try:
+        document = yaml.load(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))  # noqa: S506 - it is safe
+    except (yaml.YAMLError, RecursionError, UnicodeDecodeError, ValueError) as error:
+        raise ValueError(" ".join(str(error).split())) from None
+    content: Any = document.get("rosbag2_bagfile_information") if isinstance(document, dict) else None
+    if not isinstance(content, dict):
+        raise ValueError("it has no 'rosbag2_bagfile_information'")  # noqa: TRY004 - of the content
+    storage = content.get("storage_identifier", "")
+    if storage not in _STORAGES:
+        raise RecordingError(f"{METADATA}: the storage {storage!r} is not known, expected mcap or sqlite3")
+    mode, format_ = (str(content.get(f"compression_{each}") or "").lower() for each in ("mode", "format"))
+    if mode not in ("", "none") and format_ not in ("", "zstd"):
+        raise RecordingError(f"{METADATA}: the compression {format_!r} is not known, expected zstd")
+    paths = content.get("relative_file_paths")
+    if not isinstance(paths, list) or not all(isinstance(path, str) for path in paths):
+        raise ValueError("it has no list 'relative_file_paths'")
+    version = content.get("version")
+    is_known = isinstance(version, int) and 1 <= version <= _NEWEST
+    if isinstance(version, int) and version < _WITH_FOLDER:
+        paths = [path.partition("/")[2] if "/" in path and not os.path.isabs(path) else path for path in paths]
+    count = content.get("message_count")
+    return Metadata(
+        paths,
+        dict(_counts_in(content.get("files"))),
+        count if type(count) is int else None,
+        mode == "message",
+        () if is_known else (f"{METADATA} has version {version}: 1 to {_NEWEST} are known",),
+    )
+
+
+def _counts_in(files: object) -> Iterator[tuple[str, int]]:
+    for each in files if isinstance(files, list) else ():
+        path, count = (each.get("path"), each.get("message_count")) if isinstance(each, dict) else (None, None)
+        if isinstance(path, str) and type(count) is int:
+            yield os.path.basename(path), count
+
+
+def _differing(metadata: Metadata, sources: Sequence[Source], *, is_whole: bool) -> Iterator[Problem]:
+    """Yield where files have other numbers of messages than metadata.yaml says: it is older, or they are damaged."""
+    total = 0
+    for source in sources:
+        name, count = os.path.basename(source.path), _count_of(source)
+        if count is None:
+            return
+        total += count
+        expected = metadata.counts.get(name)
+        if expected is not None and expected != count:
+            lost = max(expected - count, 0)
+            yield Problem(f"{name} has {count} messages, {METADATA} says {expected}", samples=lost)
+            is_whole = False  # the sum would say the same again
+    if is_whole and metadata.total is not None and metadata.total != total:
+        lost = max(metadata.total - total, 0)
+        yield Problem(f"the files have {total} messages, {METADATA} says {metadata.total}", samples=lost)
+
+
+def _count_of(source: Source) -> int | None:
+    """Return the number of messages of a file, None if only reading all of it would show it."""
+    known: int | None = getattr(source, "message_count", None)
+    if known is not None:
+        return known
+    counts = [channel.sample_count for channel in source.channels.values()]
+    return None if None in counts else sum(count or 0 for count in counts)
+
+
+# files
+
+
+def _chosen(folder: str, metadata: Metadata | None, names: Sequence[str]) -> tuple[list[str], list[str], list[str]]:
+    """Return the paths of the files in order, the names of those that are missing, and the paths of further files.
+
+    Without metadata.yaml, all are further files. A file and its compressed form are one file: rosbag2 decompresses a
+    file beside it to play it.
+    """
+    found: dict[str, str] = {}
+    missing = []
+    for name in metadata.paths if metadata else ():
+        path = _place_of(folder, name)
+        if path is None:
+            missing.append(name)
+        else:
+            found.setdefault(os.path.basename(path).removesuffix(_COMPRESSED), path)
+    further: dict[str, str] = {}
+    for name in names:
+        plain = name.removesuffix(_COMPRESSED)
+        if plain not in found:
+            further.setdefault(plain, os.path.join(folder, name))
+    return list(found.values()), missing, list(further.values())
+
+
+def _place_of(folder: str, name: str) -> str | None:
+    """Return the path of a file that metadata.yaml names, with or without compression, None if there is none."""
+    plain = name.removesuffix(_COMPRESSED)
+    for each in (name, plain, plain + _COMPRESSED):
+        for path in (os.path.join(folder, each), os.path.join(folder, os.path.basename(each))):
+            if os.path.isfile(path):
+                return path
+    return None
+
+
+def _is_file_of_bag(name: str) -> bool:
+    return name.removesuffix(_COMPRESSED).endswith(_SUFFIXES)
+
+
+def _in_order(name: str) -> list[tuple[int, str]]:
+    """Return a key that sorts names by the numbers in them: `flight_10.db3` after `flight_9.db3`."""
+    return [(int(digits or -1), text) for text, digits in re.findall(r"(\D*)(\d*)", name)]

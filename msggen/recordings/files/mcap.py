@@ -1,0 +1,230 @@
+"""MCAP files (https://mcap.dev/spec): indexed, not indexed, without chunks, cut off, or damaged."""
+
+from __future__ import annotations
+
+import struct
+from collections import Counter, defaultdict
+from contextlib import closing
+from itertools import chain
+from typing import TYPE_CHECKING
+from zlib import crc32
+
+import numpy as np
+
+from msggen.recordings.files.mapped import MappedFile
+from msggen.recordings.files.mcap_channels import Described
+from msggen.recordings.files.mcap_chunks import Loaded, Loader, ahead, records_of
+from msggen.recordings.files.mcap_messages import Index, between, indexed, searched
+from msggen.recordings.files.mcap_records import (
+    ATTACHMENT,
+    CRC,
+    LARGEST_NUMBER,
+    MAGIC,
+    Chunk,
+    Loose,
+    attached_of,
+    entries_at,
+    times_of,
+)
+from msggen.recordings.files.mcap_scan import scan
+from msggen.recordings.files.mcap_summary import read_summary
+from msggen.recordings.metadata import facts_of, notes_of
+from msggen.recordings.resident import drop_pages
+from msggen.recordings.source import FOREVER, Attached, Channel, Checksums, Facts, Part, Problem, RecordingError
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from msggen.recordings.gather import Octets
+
+_GROUP = 3 << 20
+"""The bytes of chunks that are read at a time: many, as each step costs; few enough for the processor's large cache."""
+
+
+class McapFile:
+    """A file. Raises RecordingError if it is not MCAP, and OSError."""
+
+    kind = "mcap"
+
+    def __init__(self, path: str) -> None:
+        self.path = path
+        self.problems: list[Problem] = []
+        self._described = Described(self.problems)
+        self._regions: Sequence[Chunk | Loose] = ()
+        self._span: tuple[int, int] | None = None
+        self._times: Mapping[int, Sequence[NDArray[np.int64]]] = {}
+        """The times of the messages that no message index has."""
+        self.notes: Sequence[str] = ()
+        self._mapped = MappedFile(path)
+        if bytes(self._file[: len(MAGIC)]) != MAGIC:
+            raise RecordingError(f"{path} is not an MCAP file")
+        summary = read_summary(self._file.data, self._described)
+        self._stated = summary.counts
+        if summary.chunks is None:
+            self._scan()
+        else:
+            self._regions = summary.chunks
+            self._described.set_counts(summary.counts)
+            present = [chunk for chunk in summary.chunks if chunk.indexes]
+            if present:
+                self._span = min(each.first for each in present), max(each.last for each in present)
+        if self._span is not None and self._span[1] == LARGEST_NUMBER:
+            self._described.report(f"log times from the year 2116 on are read as {LARGEST_NUMBER} ns")
+        self._facts = facts_of(self._described.metadata, self._described.report)
+        self.notes = notes_of(self._described.metadata)
+
+    @property
+    def _file(self) -> Octets:
+        return self._mapped.octets
+
+    @property
+    def channels(self) -> Mapping[int, Channel]:
+        """The channels by their numbers."""
+        return self._described.channels
+
+    @property
+    def facts(self) -> Facts:
+        """What an MCAP file tells that was made of a ULog."""
+        return self._facts
+
+    @property
+    def span(self) -> tuple[int, int] | None:
+        """The first and the last log time in ns, or None without samples."""
+        return self._span
+
+    def close(self) -> None:
+        """Close the file. Can be repeated."""
+        self._mapped.close()
+
+    def verify(self) -> Checksums:
+        """Compare the chunks with their CRCs, and add those that differ to `problems`. Reads the whole file."""
+        self._mapped.check()
+        chunks = [region for region in self._regions if isinstance(region, Chunk) and region.crc]
+        for chunk in chunks:
+            data = records_of(self._file, chunk, self._described)
+            if data.size == chunk.size and crc32(data.data) != chunk.crc:
+                # its samples are read: which of its bytes are wrong is not known
+                self._described.report("a chunk does not match its CRC", chunk.start)
+        return Checksums(len(chunks), len(self._regions) - len(chunks))
+
+    def attached(self) -> Iterator[Attached]:
+        """See Source.attached."""
+        self._mapped.check()
+        for opcode, start, length in self._described.attached:
+            content = self._file.data[start : start + length]
+            try:
+                found = attached_of(content, opcode)
+            except (struct.error, ValueError):
+                kind = "an attachment" if opcode == ATTACHMENT else "a metadata record"
+                self._described.report(f"{kind} is damaged", start, length)
+                continue
+            crc = int.from_bytes(content[-CRC:], "little") if found.is_attachment else 0
+            if crc and crc32(content[:-CRC]) != crc:
+                self._described.report("an attachment does not match its CRC", start, length)
+            yield found
+
+    def parts(self, channels: Collection[int], start: int = 0, stop: int = FOREVER) -> Iterator[Part]:
+        """See Source.parts."""
+        self._mapped.check()
+        wanted = set(channels)
+        counts: Counter[int] = Counter()
+        for part in self._parts(wanted, start, stop):
+            counts[part.channel] += len(part.starts)
+            yield part
+        if start <= 0 and stop >= FOREVER:
+            self._described.compare_counts(self._stated, {number: counts[number] for number in wanted})
+
+    def times(self, channels: Collection[int]) -> Mapping[int, NDArray[np.int64]]:
+        """See Source.times."""
+        self._mapped.check()
+        found: dict[int, list[NDArray[np.int64]]] = {number: list(self._times.get(number, ())) for number in channels}
+        file = self._file
+        for region in self._regions:
+            if isinstance(region, Chunk):
+                for number in found.keys() & region.indexes.keys():
+                    entries = entries_at(file, number, region.indexes[number])
+                    if entries is not None:
+                        found[number].append(times_of(entries.view("<u8")[::2]))
+                drop_pages(file)
+        return {number: np.concatenate(each or [np.zeros(0, np.int64)]) for number, each in found.items()}
+
+    def _scan(self) -> None:
+        """Search the file, which has no index of all its messages."""
+        summarized = self._described.channels
+        self._described = Described(self.problems)
+        self._regions, self._times = scan(self._file, self._described, summarized)
+        times = self.times(self.channels)
+        counts = {number: len(of_channel) for number, of_channel in times.items()}
+        self._described.set_counts(counts)
+        self._described.compare_counts(self._stated, counts)
+        present = [each for each in times.values() if len(each)]
+        if present:
+            self._span = min(int(each.min()) for each in present), max(int(each.max()) for each in present)
+
+    def _parts(self, wanted: set[int], start: int, stop: int) -> Iterator[Part]:
+        loader = Loader()  # one for each pass: passes take turns, or are in several threads
+
+        def load(group: Sequence[Chunk] | Loose) -> Loaded | None:
+            if isinstance(group, Loose) or not all(chunk.indexes for chunk in group):
+                return None
+            return loader.load(self._file, group)
+
+        with closing(ahead(load, list(self._groups(wanted, start, stop)))) as groups:
+            for group, loaded in groups:
+                for part in self._of_group(group, loaded, wanted):
+                    chosen = between(part, start, stop)
+                    if chosen is not None:
+                        yield chosen
+
+    def _of_group(self, group: Sequence[Chunk] | Loose, loaded: Loaded | None, wanted: set[int]) -> Iterable[Part]:
+        """Return the messages of one group of `_groups`. What has no correct message index is searched."""
+        if isinstance(group, Loose):
+            return searched(self._file, group, wanted, self._described)
+        parts = None if loaded is None else self._by_index(group, loaded, wanted)
+        return chain.from_iterable(self._of_chunk(chunk, wanted) for chunk in group) if parts is None else parts
+
+    def _groups(self, wanted: set[int], start: int, stop: int) -> Iterator[Sequence[Chunk] | Loose]:
+        """Yield the chunks that may have samples of `wanted`, several at a time: each step costs, whatever its size."""
+        group: list[Chunk] = []
+        size = 0
+        for region in self._regions:
+            if isinstance(region, Loose):
+                if group:
+                    yield group
+                    group, size = [], 0
+                yield region
+            elif (
+                region.last >= start
+                and region.first < stop
+                and not (region.indexes and wanted.isdisjoint(region.indexes))
+            ):
+                group.append(region)
+                size += region.size
+                if size >= _GROUP:
+                    yield group
+                    group, size = [], 0
+        if group:
+            yield group
+
+    def _by_index(self, group: Sequence[Chunk], loaded: Loaded, wanted: Collection[int]) -> list[Part] | None:
+        """Return the messages of chunks by their message indexes, None if one of the chunks needs a closer look."""
+        indexes: dict[int, list[Index]] = defaultdict(list)
+        for chunk, base in zip(group, loaded.bases, strict=True):
+            for number in wanted & chunk.indexes.keys():
+                entries = entries_at(self._file, number, chunk.indexes[number])
+                if entries is None:
+                    return None
+                if entries.size:
+                    indexes[number].append(Index(entries, base, chunk.size))
+        return indexed(loaded.buffer, indexes) if indexes else []
+
+    def _of_chunk(self, chunk: Chunk, wanted: Collection[int]) -> Iterator[Part]:
+        """Yield the messages of a chunk that is searched, because something is wrong or missing."""
+        data = records_of(self._file, chunk, self._described)
+        loaded = Loaded(data, [0])
+        if chunk.indexes and data.size == chunk.size and self._by_index([chunk], loaded, chunk.indexes.keys()) is None:
+            text = "the message index does not fit the chunk, which is searched instead"
+            self._described.report(text, chunk.start)
+        yield from searched(data, chunk, wanted, self._described)

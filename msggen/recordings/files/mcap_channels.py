@@ -1,0 +1,159 @@
+"""The schemas and channels that an MCAP file describes, and its problems."""
+
+from __future__ import annotations
+
+import struct
+from typing import TYPE_CHECKING
+
+from msggen.recordings.files.mcap_records import CHANNEL, FRONT, LAST_OPCODE, METADATA, SCHEMA, bytes_at, text_at
+from msggen.recordings.metadata import NAMES
+from msggen.recordings.source import Channel, Problem, RawSchema
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+
+IS_LENT = "msggen.is_lent"
+"""The metadata of a channel whose definition was not recorded."""
+_LARGEST_METADATA = 1 << 24
+_KNOWN = tuple(name.encode() for name in NAMES)
+_LONGEST_NAME = max(map(len, _KNOWN))
+_NO_HASH = f"RIHS01_{'0' * 64}"
+
+
+class Described:
+    """The schemas and channels that were read so far."""
+
+    def __init__(self, problems: list[Problem]) -> None:
+        self.channels: dict[int, Channel] = {}
+        self.lacks_schemas = False
+        """Whether a channel came before its schema."""
+        self.attached: list[tuple[int, int, int]] = []
+        """The opcodes, the offsets and the lengths of attachments and metadata records."""
+        self.metadata: dict[str, list[dict[str, str]]] = {}
+        """The contents of the metadata records that are read, by name."""
+        self._schemas: dict[int, RawSchema] = {}
+        self._problems = problems
+
+    def report(self, text: str, offset: int | None = None, size: int = 0, samples: int = 0, topic: str = "") -> None:
+        """Add a problem of the file, once."""
+        problem = Problem(text, offset, size, samples, topic)
+        if problem not in self._problems:
+            self._problems.append(problem)
+
+    def compare_counts(self, stated: Mapping[int, int], found: Mapping[int, int]) -> None:
+        """Report channels with another number of messages than the statistics of the file have."""
+        for number in sorted(found.keys() & stated.keys() & self.channels.keys()):
+            if stated[number] != found[number]:
+                topic = self.channels[number].topic
+                text = f"{topic} should have {stated[number]} samples, {found[number]} were found"
+                self.report(text, samples=max(stated[number] - found[number], 0), topic=topic)
+
+    def set_counts(self, counts: Mapping[int, int]) -> None:
+        """Set how many samples each channel has."""
+        for number, channel in self.channels.items():
+            self.channels[number] = channel._replace(sample_count=counts.get(number, 0))
+
+    def take_or_report(self, data: memoryview, opcode: int, start: int, length: int) -> None:
+        """Take a schema or a channel, or report a record that cannot be read or has an unknown kind."""
+        if opcode > LAST_OPCODE:
+            self.report(f"a record of the unknown kind {opcode}", start - FRONT, length + FRONT)
+        try:
+            self.take(data, opcode, start, length)
+        except (struct.error, ValueError):
+            self.report("a schema or a channel cannot be read", start, length)
+
+    def take(self, data: memoryview, opcode: int, start: int, length: int) -> None:
+        """Take a schema or a channel. Raises ValueError, and struct.error."""
+        if opcode == SCHEMA:
+            self._take_schema(bytes(data[start : start + length]))
+        elif opcode == CHANNEL:
+            channel = self._channel_of(bytes(data[start : start + length]), length)
+            known = self.channels.setdefault(channel.number, channel)
+            if known._replace(sample_count=None) != channel:
+                text = f"channel {channel.number} is defined twice with different contents; the first is used"
+                self.report(text, start, length, topic=channel.topic)
+
+    def take_attached(self, data: memoryview, opcode: int, start: int, length: int) -> None:
+        """Take an attachment or a metadata record."""
+        self.attached.append((opcode, start, length))
+        if opcode == METADATA:
+            self.take_metadata(data, start, length)
+
+    def take_metadata(self, data: memoryview, start: int, length: int) -> None:
+        """Take a metadata record if it has one of the names that are read."""
+        front = bytes(data[start + 4 : start + 4 + _LONGEST_NAME])
+        if not front.startswith(_KNOWN):
+            return
+        if length > _LARGEST_METADATA:
+            text = f"a metadata record has more than {_LARGEST_METADATA} bytes, and is not read"
+            self.report(text, start - FRONT, length + FRONT)
+            return
+        record = bytes(data[start : start + length])
+        try:
+            name, place = text_at(record, 0)
+            (size,) = struct.unpack_from("<I", record, place)
+            values = _mapping(record, place + 4, place + 4 + size)
+        except (struct.error, ValueError):
+            self.report("a metadata record cannot be read", start - FRONT, length + FRONT)
+            return
+        if name in NAMES:
+            self.metadata.setdefault(name, []).append(values)
+
+    def _take_schema(self, record: bytes) -> None:
+        (number,) = struct.unpack_from("<H", record)
+        name, place = text_at(record, 2)
+        encoding, place = text_at(record, place)
+        data, place = bytes_at(record, place)
+        self._schemas[number] = RawSchema(name, encoding, data)
+
+    def _channel_of(self, record: bytes, length: int) -> Channel:
+        number, schema = struct.unpack_from("<HH", record)
+        topic, place = text_at(record, 4)
+        encoding, place = text_at(record, place)
+        (size,) = struct.unpack_from("<I", record, place)
+        metadata = _mapping(record, place + 4, min(place + 4 + size, length))
+        type_hash, qos = metadata.pop("topic_type_hash", ""), metadata.pop("offered_qos_profiles", "")
+        is_lent = metadata.pop(IS_LENT, None) is not None
+        if schema and schema not in self._schemas:
+            self.lacks_schemas = True
+        raw = self._schemas.get(schema, RawSchema("", "", b""))
+        is_ros = raw.encoding == "ros2msg"
+        return Channel(
+            number=number,
+            topic=topic,
+            ros_type=ros_type_of(raw.name),
+            definition=definition_in(raw.name, raw.data.decode(errors="replace")) if is_ros else "",
+            encoding=encoding,
+            type_hash=type_hash_in(type_hash),
+            qos=qos,
+            schema=None if is_ros or not (raw.encoding or raw.data) else raw,
+            metadata=tuple(metadata.items()),
+            is_lent=is_lent,
+        )
+
+
+def ros_type_of(name: str) -> str:
+    """Return `px4_msgs/msg/VehicleStatus` for the names that programs write: `px4_msgs/VehicleStatus`, DDS names."""
+    parts = [part for part in name.replace("::", "/").split("/") if part != "dds_"]
+    if name.endswith("_") and "dds_" in name:
+        parts[-1] = parts[-1].removesuffix("_")
+    return f"{parts[0]}/msg/{parts[1]}" if len(parts) == len(("package", "message")) else "/".join(parts)
+
+
+def type_hash_in(text: str) -> str:
+    """Return a type hash of a recording, "" for zeros: rosbag2 and some middlewares write them for no hash."""
+    return "" if text == _NO_HASH else text
+
+
+def definition_in(ros_type: str, text: str) -> str:
+    """Return a definition of a recording. That of std_msgs/msg/Empty has no characters; "" stands for no definition."""
+    return text or ("\n" if ros_type.endswith("/Empty") else "")
+
+
+def _mapping(data: bytes, start: int, stop: int) -> dict[str, str]:
+    found = {}
+    while start < stop:
+        key, start = text_at(data, start)
+        found[key], start = text_at(data, start)
+    return found

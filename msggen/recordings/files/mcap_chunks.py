@@ -1,0 +1,109 @@
+"""The records of the chunks of an MCAP file, without their compression."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from itertools import accumulate
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
+
+import numpy as np
+
+from msggen.recordings.files.compression import LARGEST, CompressionError, decompress_into, prefix_of
+from msggen.recordings.resident import drop_pages
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Generator, Sequence
+
+    from msggen.recordings.files.mcap_channels import Described
+    from msggen.recordings.files.mcap_records import Chunk
+    from msggen.recordings.gather import Octets
+
+_FEW = 3
+"""The number of items below which a thread costs more than it saves."""
+_BUFFER = 4 << 20
+"""The smallest buffer for chunks, which numpy takes in large pages."""
+
+
+class Loaded(NamedTuple):
+    """The records of several chunks."""
+
+    buffer: Octets
+    bases: Sequence[int]
+    """The offset of each chunk in the buffer."""
+
+
+class Loader:
+    """Memory for chunks: the pages of new memory take longer than the decompression of a few chunks."""
+
+    def __init__(self) -> None:
+        self._buffer: Octets = np.zeros(0, np.uint8)
+        self._spare: Octets = np.zeros(0, np.uint8)
+
+    def load(self, file: Octets, chunks: Sequence[Chunk]) -> Loaded | None:
+        """Return the records of chunks, None if one of them is damaged.
+
+        The buffer is valid until the second call from here on.
+        """
+        drop_pages(file)
+        if any(chunk.records + chunk.stored > file.size for chunk in chunks):
+            return None
+        if not any(chunk.kind for chunk in chunks):
+            return Loaded(file, [chunk.records for chunk in chunks])
+        stops = list(accumulate(chunk.size for chunk in chunks))
+        if stops[-1] > LARGEST:
+            return None
+        self._buffer, self._spare = self._spare, self._buffer
+        if self._buffer.size < stops[-1]:
+            self._buffer = np.empty(max(stops[-1], _BUFFER), np.uint8)
+        buffer = self._buffer[: stops[-1]]
+        bases = [0, *stops[:-1]]
+        memory = buffer.data
+        try:
+            for chunk, base in zip(chunks, bases, strict=True):
+                data = file[chunk.records : chunk.records + chunk.stored]
+                decompress_into(chunk.kind, data, memory[base : base + chunk.size])
+        except CompressionError:
+            return None
+        return Loaded(buffer, bases)
+
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+
+def ahead(load: Callable[[Item], Result], items: Sequence[Item]) -> Generator[tuple[Item, Result], None, None]:
+    """Yield items and what `load` returns for them. A thread loads the next item while the last one is in use."""
+    if len(items) < _FEW:
+        yield from ((item, load(item)) for item in items)
+        return
+    with ThreadPoolExecutor(1) as pool:
+        coming = pool.submit(load, items[0])
+        for item, following in zip(items, [*items[1:], None], strict=True):
+            loaded = coming.result()
+            if following is not None:
+                coming = pool.submit(load, following)
+            yield item, loaded
+
+
+def records_of(file: Octets, chunk: Chunk, described: Described) -> Octets:
+    """Return the records of a chunk. Of a damaged one, those that can be read, and it is reported."""
+    drop_pages(file)
+    data = file[chunk.records : chunk.records + chunk.stored]
+    if not chunk.kind and data.size == chunk.size:
+        return data
+    text = "is cut off"
+    if data.size == chunk.stored:
+        if chunk.size <= LARGEST:
+            found = np.empty(chunk.size, np.uint8)
+            try:
+                decompress_into(chunk.kind, data, found.data)
+            except CompressionError as error:
+                text = f"is damaged: {error}"
+            else:
+                return found
+        else:
+            text = f"has {chunk.size} bytes, more than {LARGEST}"
+    prefix = np.frombuffer(prefix_of(chunk.kind, data, chunk.size), np.uint8)
+    text = f"a chunk {text}; {prefix.size} of its {chunk.size} bytes can be read"
+    described.report(text, chunk.start, chunk.length)
+    return prefix

@@ -1,0 +1,236 @@
+"""The records of MCAP (https://mcap.dev/spec): where they are, what they hold, and where a damaged file has some."""
+
+from __future__ import annotations
+
+import re
+import struct
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from msggen.recordings.gather import Octets, Places
+from msggen.recordings.source import Attached
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterator, Mapping
+
+    from numpy.typing import NDArray
+
+MAGIC = b"\x89MCAP0\r\n"
+FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX, STATISTICS = 2, 3, 4, 5, 6, 7, 8, 11
+ATTACHMENT, METADATA, DATA_END = 9, 12, 15
+LAST_OPCODE = 15
+RECORD = struct.Struct("<BQ")
+FRONT = RECORD.size
+CHANNEL_AT = 9
+"""Where the channel of a message is in its record."""
+HEAD = 31
+"""The size of a message record before its payload, in bytes."""
+HEADS = np.dtype(
+    {
+        "names": ["opcode", "length", "channel", "log", "publish"],
+        "formats": ["u1", "<i8", "<u4", "<u8", "<u8"],
+        "offsets": [0, 1, 7, 15, 23],
+        "itemsize": HEAD,
+    }
+)
+"""A message record before its payload. `channel` begins with the upper two bytes of the length, which are 0."""
+HEAD_BYTES = np.dtype(f"V{HEAD}")
+ENTRY = 16
+"""The size of an entry of a message index: a log time, and an offset in the chunk."""
+_INDEX_HEAD = struct.Struct("<BQHI")
+"""A message index before its entries."""
+INDEX_FRONT = _INDEX_HEAD.size
+CRC = 4
+"""The size of the CRC at the end of an attachment."""
+_CHUNK_HEAD = struct.Struct("<QQQI")
+_CHUNK_BEGINS = re.compile(rb"\x06.{36}(?:\x00{4}|\x03\x00{3}lz4|\x04\x00{3}zstd)", re.DOTALL)
+_MESSAGE_BEGINS = re.compile(rb"(?=\x05.{3}\x00{5})", re.DOTALL)
+"""Where a message of less than 16 MiB may begin."""
+LARGEST_NUMBER = (1 << 62) - 1
+"""The largest time and length that are believed. Later times, from the year 2116 on, are read as this one."""
+
+
+class Chunk(NamedTuple):
+    """A chunk of a file."""
+
+    start: int
+    """The offset of its content in the file."""
+    length: int
+    """The size of its content in bytes. It can end behind a file that is cut off."""
+    first: int
+    last: int
+    """The log times of the first and the last message, in ns."""
+    crc: int
+    """The CRC-32 of its records, 0 if there is none."""
+    kind: str
+    """The compression."""
+    records: int
+    """The offset of its records in the file."""
+    stored: int
+    """The size of its records in the file."""
+    size: int
+    """The size of its records without the compression."""
+    indexes: Mapping[int, int]
+    """The offset of the message index of each channel. Without one, the chunk is searched."""
+
+
+class Loose(NamedTuple):
+    """Messages that are in no chunk."""
+
+    start: int
+    stop: int
+
+
+def steps(data: memoryview, start: int, stop: int) -> Iterator[tuple[int, int, int]]:
+    """Yield opcode, offset of the content, and length of the records up to `stop`, as far as they are whole."""
+    while start + FRONT <= stop:
+        opcode, length = RECORD.unpack_from(data, start)
+        if start + FRONT + length > stop:
+            return
+        yield opcode, start + FRONT, length
+        start += FRONT + length
+
+
+def chunk_at(data: memoryview, start: int, length: int) -> Chunk | None:
+    """Return the chunk whose content is at `start`, None if its lengths contradict each other. It has no indexes."""
+    try:
+        first, last, size, crc = _CHUNK_HEAD.unpack_from(data, start)
+        kind, place = text_at(data, start + _CHUNK_HEAD.size)
+        (stored,) = struct.unpack_from("<Q", data, place)
+    except (struct.error, ValueError):
+        return None
+    if place + 8 + stored != start + length or kind not in ("", "lz4", "zstd") or (not kind and size != stored):
+        return None
+    first, last = min(first, LARGEST_NUMBER), min(last, LARGEST_NUMBER)
+    return Chunk(start, length, first, last, crc, kind, place + 8, stored, size, {})
+
+
+def entries_at(file: Octets, number: int, offset: int) -> Octets | None:
+    """Return the message index of a channel at an offset, pairs of log time and offset. None if it is wrong."""
+    if offset + _INDEX_HEAD.size > file.size:
+        return None
+    opcode, length, channel, size = _INDEX_HEAD.unpack_from(file.data, offset)
+    start = offset + _INDEX_HEAD.size
+    if opcode != MESSAGE_INDEX or channel != number or size % ENTRY or size + 6 != length:
+        return None
+    return file[start : start + size] if start + size <= file.size else None
+
+
+def statistics_of(record: bytes) -> tuple[int, int, dict[int, int]]:
+    """Return the numbers of messages and of chunks, and the number of messages of each channel."""
+    messages, _, _, _, _, chunks = struct.unpack_from("<QHIIII", record)
+    (size,) = struct.unpack_from("<I", record, 42)
+    return messages, chunks, dict(struct.iter_unpack("<HQ", record[46 : 46 + size]))
+
+
+def times_of(values: NDArray[np.uint64]) -> NDArray[np.int64]:
+    """Return times in ns, none of which is later than LARGEST_NUMBER."""
+    return np.minimum(values, np.uint64(LARGEST_NUMBER)).view(np.int64)
+
+
+def text_at(data: bytes | memoryview, start: int) -> tuple[str, int]:
+    """Return a text with its length before it, and where it ends. Raises ValueError if it is cut off."""
+    found, end = bytes_at(data, start)
+    return found.decode(errors="replace"), end
+
+
+def bytes_at(data: bytes | memoryview, start: int) -> tuple[bytes, int]:
+    """Return bytes with their number before them, and where they end. Raises ValueError if they are cut off."""
+    (size,) = struct.unpack_from("<I", data, start)
+    end = start + 4 + size
+    if end > len(data):
+        raise ValueError(size)
+    return bytes(data[start + 4 : end]), end
+
+
+def attached_of(content: memoryview, opcode: int) -> Attached:
+    """Return an attachment or a metadata record. Raises ValueError and struct.error if other readers would refuse it.
+
+    The CRC of an attachment is not compared.
+    """
+    if opcode == METADATA:
+        name, place = bytes_at(content, 0)
+        (size,) = struct.unpack_from("<I", content, place)
+        place += 4
+        end = place + size
+        while place < end:
+            for _ in ("key", "value"):
+                text, place = bytes_at(content, place)
+                text.decode()
+        if place != end:
+            raise ValueError(place)
+        found = Attached(name.decode(), content, is_attachment=False)
+    else:
+        log_time, create_time = struct.unpack_from("<QQ", content)
+        name, place = bytes_at(content, 16)
+        media_type, place = bytes_at(content, place)
+        (size,) = struct.unpack_from("<Q", content, place)
+        end = place + 8 + size + CRC
+        found = Attached(
+            name.decode(),
+            content,
+            is_attachment=True,
+            log_time=log_time,
+            create_time=create_time,
+            media_type=media_type.decode(),
+            size=size,
+        )
+    if end != len(content):
+        raise ValueError(end)
+    return found
+
+
+# many records at once
+
+
+def opcodes_of(heads: NDArray[np.uint64]) -> NDArray[np.uint8]:
+    """Return the opcodes of records, from their first eight bytes."""
+    return heads.astype(np.uint8)
+
+
+def lengths_of(heads: NDArray[np.uint64]) -> Places:
+    """Return the lengths of records from their first eight bytes, a huge one if there is none with this opcode.
+
+    The upper byte of a length, which is 0, is not among them.
+    """
+    lengths = (heads >> np.uint64(8)).view(np.int64) + FRONT
+    lengths[opcodes_of(heads) == 0] = LARGEST_NUMBER >> 2
+    return lengths
+
+
+# where records seem to begin
+
+
+def message_from(data: memoryview, low: int, high: int, stop: int, channels: Collection[int] | None) -> int:
+    """Return the first offset from `low` up to `high` at which a message seems to begin, or -1.
+
+    It has one of `channels`, if they are given, and a record or nothing follows it, up to `stop`.
+    """
+    for found in _MESSAGE_BEGINS.finditer(data, low, min(high + FRONT, stop)):
+        place = found.start()
+        if place >= high or place + HEAD > stop:
+            break
+        (length,) = struct.unpack_from("<I", data, place + 1)
+        (channel,) = struct.unpack_from("<H", data, place + CHANNEL_AT)
+        end = place + FRONT + length
+        if length < HEAD - FRONT or end > stop or (channels is not None and channel not in channels):
+            continue
+        if end == stop:
+            return place
+        if end + FRONT <= stop:
+            opcode, following = RECORD.unpack_from(data, end)
+            if 0 < opcode <= LAST_OPCODE and end + FRONT + following <= stop:
+                return place
+    return -1
+
+
+def chunk_or_message_from(data: memoryview, low: int, channels: Collection[int]) -> int:
+    """Return the first offset from `low` on at which a chunk or a message seems to begin, the end if there is none."""
+    size = len(data)
+    message = message_from(data, low, size, size, channels)
+    for found in _CHUNK_BEGINS.finditer(data, low, size if message < 0 else message):
+        _, length = RECORD.unpack_from(data, found.start())
+        if chunk_at(data, found.start() + FRONT, length) is not None:
+            return found.start()
+    return size if message < 0 else message

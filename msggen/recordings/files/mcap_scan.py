@@ -1,0 +1,175 @@
+"""MCAP files without an index, cut off or damaged: searched from the beginning."""
+
+from __future__ import annotations
+
+import struct
+from collections import defaultdict
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from msggen.recordings.files.mcap_chunks import records_of
+from msggen.recordings.files.mcap_messages import finder_in, records_in, searched
+from msggen.recordings.files.mcap_records import (
+    ATTACHMENT,
+    CHUNK,
+    DATA_END,
+    FOOTER,
+    FRONT,
+    MAGIC,
+    MESSAGE,
+    MESSAGE_INDEX,
+    METADATA,
+    RECORD,
+    Chunk,
+    Loose,
+    chunk_at,
+    chunk_or_message_from,
+    entries_at,
+    lengths_of,
+    opcodes_of,
+)
+from msggen.recordings.gather import Octets, at, walk
+from msggen.recordings.resident import drop_pages
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from msggen.recordings.files.mcap_channels import Described
+    from msggen.recordings.source import Channel
+
+_SIZES = {DATA_END: 4, FOOTER: 20}
+
+
+class Scanned(NamedTuple):
+    """The contents of a file that was searched."""
+
+    regions: Sequence[Chunk | Loose]
+    times: Mapping[int, Sequence[NDArray[np.int64]]]
+    """The times of the messages that no message index has."""
+
+
+def scan(file: Octets, described: Described, summarized: Mapping[int, Channel]) -> Scanned:
+    """Find chunks, messages and channels. `summarized` has the channels of the summary, also those of lost chunks."""
+    regions = _Scan(file, described).regions()
+    for region in regions:
+        if isinstance(region, Chunk) and not (region.indexes and region.indexes.keys() <= described.channels.keys()):
+            _take_channels(file, region, described)
+    described.channels = {**summarized, **described.channels}
+    times: dict[int, list[NDArray[np.int64]]] = defaultdict(list)
+    for region in regions:
+        if isinstance(region, Loose) or not region.indexes:
+            data = file if isinstance(region, Loose) else records_of(file, region, described)
+            for part in searched(data, region, described.channels.keys(), described):
+                times[part.channel].append(part.log_times.copy())
+    return Scanned(regions, times)
+
+
+def _take_channels(file: Octets, chunk: Chunk, described: Described) -> None:
+    """Take the channels within a chunk."""
+    data = records_of(file, chunk, described)
+    raw = data.data
+    for starts in records_in(data, chunk, described):
+        heads = at(data, "<u8")[starts]
+        for index in np.flatnonzero(opcodes_of(heads) != MESSAGE).tolist():
+            start = int(starts[index])
+            opcode, length = RECORD.unpack_from(raw, start)
+            described.take_or_report(raw, opcode, start + FRONT, length)
+
+
+class _Scan:
+    """One pass over a file."""
+
+    def __init__(self, file: Octets, described: Described) -> None:
+        self._file = file
+        self._data = file.data
+        self._described = described
+        self._regions: list[Chunk | Loose] = []
+        self._chunk: Chunk | None = None
+        """The chunk whose message indexes may follow."""
+        self._indexes: dict[int, int] | None = None
+        """Its message indexes so far, None if one of them is wrong."""
+
+    def regions(self) -> list[Chunk | Loose]:
+        """Return the regions of the file, in order."""
+        place, size = len(MAGIC), self._file.size
+        while True:
+            end = self._records_from(place)
+            self._end_chunk(has_all_indexes=end is None)
+            if end is None:
+                break
+            place = chunk_or_message_from(self._data, end + 1, self._described.channels)
+            if place >= size:
+                self._described.report("the file has no end: it is cut off or damaged", end, size - end)
+                break
+            self._described.report("the file is damaged", end, place - end)
+        return self._regions
+
+    def _records_from(self, place: int) -> int | None:
+        """Take the records from `place` on. Return where they make no sense any more, None at the regular end."""
+        size = self._file.size
+        while place + FRONT <= size:
+            opcode, length = RECORD.unpack_from(self._data, place)
+            start, end = place + FRONT, place + FRONT + length
+            if opcode in _SIZES and length == _SIZES[opcode] and end <= size:
+                return None
+            if opcode == CHUNK:
+                chunk = chunk_at(self._data, start, length)
+                if chunk is None:
+                    return place
+                self._end_chunk()
+                self._chunk, self._indexes = chunk, {}
+            elif opcode in (0, DATA_END, FOOTER) or end > size:
+                return place
+            elif opcode == MESSAGE:
+                self._end_chunk()
+                end = self._take_loose(place)
+            elif opcode == MESSAGE_INDEX:
+                self._take_index(place)
+            else:
+                self._take(opcode, start, length)
+            place = end
+        return min(place, size)
+
+    def _take(self, opcode: int, start: int, length: int) -> None:
+        if opcode in (ATTACHMENT, METADATA):
+            self._described.take_attached(self._data, opcode, start, length)
+        else:
+            self._described.take_or_report(self._data, opcode, start, length)
+
+    def _end_chunk(self, *, has_all_indexes: bool = True) -> None:
+        """Add a chunk. If it is cut off, or its message indexes are wrong or perhaps not all, it is to be searched."""
+        chunk = self._chunk
+        drop_pages(self._file)
+        if chunk is not None:
+            is_trusted = has_all_indexes and chunk.records + chunk.stored <= self._file.size
+            self._regions.append(chunk._replace(indexes=(self._indexes or {}) if is_trusted else {}))
+        self._chunk = None
+
+    def _take_index(self, place: int) -> None:
+        """Take the message index of a chunk. One that is wrong or that the chunk has twice spoils them all."""
+        if self._chunk is None or self._indexes is None:
+            return
+        (number,) = struct.unpack_from("<H", self._data, place + FRONT) if place + 11 <= self._file.size else (0,)
+        if entries_at(self._file, number, place) is None or number in self._indexes:
+            self._indexes = None
+        else:
+            self._indexes[number] = place
+
+    def _take_loose(self, place: int) -> int:
+        """Take messages outside of chunks, and what is between them. Return where they end."""
+        end = place
+        for stretch in walk(self._file, place, self._file.size, lengths_of, finder_in(self._data)):
+            opcodes = opcodes_of(stretch.heads)
+            end = stretch.end
+            for index in np.flatnonzero(opcodes != MESSAGE).tolist():
+                opcode, start = int(opcodes[index]), int(stretch.starts[index])
+                if opcode in (CHUNK, DATA_END, FOOTER):
+                    self._regions.append(Loose(place, start))
+                    return start
+                _, length = RECORD.unpack_from(self._data, start)
+                self._take(opcode, start + FRONT, length)
+        self._regions.append(Loose(place, end))
+        return end

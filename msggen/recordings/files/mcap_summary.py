@@ -1,0 +1,126 @@
+"""The summary at the end of an MCAP file, which has an index of its chunks."""
+
+from __future__ import annotations
+
+import struct
+from typing import TYPE_CHECKING, NamedTuple
+
+from msggen.recordings.files.mcap_records import (
+    ATTACHMENT,
+    CHUNK,
+    CHUNK_INDEX,
+    ENTRY,
+    FOOTER,
+    FRONT,
+    INDEX_FRONT,
+    LARGEST_NUMBER,
+    MAGIC,
+    MESSAGE,
+    METADATA,
+    RECORD,
+    STATISTICS,
+    Chunk,
+    chunk_at,
+    statistics_of,
+    steps,
+)
+from msggen.recordings.resident import drop_pages
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from msggen.recordings.files.mcap_channels import Described
+
+_END = FRONT + 20 + len(MAGIC)
+"""The size of the footer and of the magic bytes after it."""
+
+
+class Summary(NamedTuple):
+    """The contents of a summary. Channels are taken by `Described`."""
+
+    chunks: Sequence[Chunk] | None
+    """The chunks with their message indexes. None if they are not all messages, or if anything is contradictory."""
+    counts: Mapping[int, int]
+    """The number of messages of each channel in the statistics."""
+
+
+def read_summary(data: memoryview, described: Described) -> Summary:
+    """Read the summary of a file."""
+    size = len(data)
+    if size < len(MAGIC) + _END or data[-len(MAGIC) :] != MAGIC:
+        return Summary(None, {})
+    opcode, _, start_of_summary = struct.unpack_from("<BQQ", data, size - _END)
+    if opcode != FOOTER or not len(MAGIC) <= start_of_summary < size - _END:
+        return Summary(None, {})
+    chunks: list[Chunk] = []
+    index_sizes: list[int] = []
+    counts: dict[int, int] = {}
+    chunk_count = message_count = -1
+    for opcode, start, length in steps(data, start_of_summary, size - len(MAGIC)):
+        try:
+            if opcode == CHUNK_INDEX:
+                chunk, index_size = _indexed_chunk(data, start, length)
+                chunks.append(chunk)
+                index_sizes.append(index_size)
+                drop_pages(data)
+            elif opcode == STATISTICS:
+                message_count, chunk_count, counts = statistics_of(bytes(data[start : start + length]))
+            else:
+                described.take(data, opcode, start, length)
+        except (struct.error, ValueError):
+            break
+    index_count = sum(len(chunk.indexes) for chunk in chunks)
+    if sum(index_sizes) != index_count * INDEX_FRONT + message_count * ENTRY:
+        index_sizes = [0] * len(chunks)
+    is_whole = (
+        chunk_count == len(chunks)
+        and message_count == sum(counts.values())
+        and counts.keys() <= described.channels.keys()
+        and not described.lacks_schemas
+        and _has_only(data, chunks, index_sizes, start_of_summary, described)
+    )
+    return Summary(chunks if is_whole else None, counts)
+
+
+def _indexed_chunk(data: memoryview, start: int, length: int) -> tuple[Chunk, int]:
+    """Return the chunk that a chunk index names, and the size of its message indexes.
+
+    Raises ValueError, and struct.error.
+    """
+    record = data[start : start + length]
+    first, last, offset, whole, size = struct.unpack_from("<QQQQI", record)
+    if offset + whole > len(data):
+        raise ValueError(offset)
+    opcode, content = RECORD.unpack_from(data, offset)
+    chunk = chunk_at(data, offset + FRONT, content) if opcode == CHUNK and content + FRONT == whole else None
+    indexes = dict(struct.iter_unpack("<HQ", record[36 : 36 + size]))
+    (index_size,) = struct.unpack_from("<Q", record, 36 + size)
+    if chunk is None or (not indexes and chunk.size):  # an index without message indexes is of no use
+        raise ValueError(offset)
+    return chunk._replace(first=min(first, LARGEST_NUMBER), last=min(last, LARGEST_NUMBER), indexes=indexes), index_size
+
+
+def _has_only(
+    data: memoryview, chunks: Sequence[Chunk], index_sizes: Sequence[int], stop: int, described: Described
+) -> bool:
+    """Whether there is no other chunk, and no message outside of them. `described` takes what is attached.
+
+    The message indexes behind the chunks are stepped over, each in its `index_sizes`.
+    """
+    place = len(MAGIC)
+    spans = [
+        (chunk.start - FRONT, chunk.start + chunk.length + size)
+        for chunk, size in zip(chunks, index_sizes, strict=True)
+    ]
+    for begin, end in (*spans, (stop, stop)):
+        for opcode, start, length in steps(data, place, begin):
+            if opcode in (MESSAGE, CHUNK):
+                return False
+            if opcode in (ATTACHMENT, METADATA):
+                described.take_attached(data, opcode, start, length)
+            place = start + length
+        if place != begin:
+            return False
+        place = end
+        drop_pages(data)
+    return True

@@ -1,0 +1,186 @@
+"""Databases of rosbag2 through sqlite3: what is unusual about their tables, and their indexes."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import sqlite3
+import tempfile
+from contextlib import closing, contextmanager, suppress
+from typing import TYPE_CHECKING, Any, NamedTuple
+from urllib.parse import quote
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from msggen.recordings.gather import Octets, Places
+
+_BATCH = 8 << 20
+"""The bytes of rows that are read at a time."""
+_ROWS = 1 << 16
+"""The rows that are read at a time."""
+_COLUMN = re.compile(r"""\s*["'`\[]?(\w+)["'`\]]?""")
+_TABLE = re.compile(r"[^(]*\((?P<columns>[^()]*)\)\s*$")
+_LEAST_LOG = {"-wal": 32, "-journal": 28}
+"""The names of the logs of transactions, and the sizes of their headers: a log of this size is empty."""
+
+
+ERRORS = (sqlite3.Error, UnicodeDecodeError, OverflowError)
+"""The errors of sqlite3 for a damaged database. Their messages can have names that are not UTF-8."""
+
+
+class Batch(NamedTuple):
+    """Rows of the table `messages`. All arrays but the buffer have an element for each."""
+
+    topics: NDArray[np.int64]
+    times: NDArray[np.int64]
+    published: NDArray[np.int64] | None
+    buffer: Octets
+    starts: Places
+    sizes: Places
+
+
+class Statements:
+    """A database that is read by statements, and not changed: no lock, no file beside it."""
+
+    def __init__(self, path: str) -> None:
+        self._address = f"file:{quote(os.path.abspath(path))}?immutable=1&mode=ro"
+
+    @contextmanager
+    def _opened(self) -> Iterator[sqlite3.Connection]:
+        """Open the database for a statement: a connection has a descriptor, of which a process may have few."""
+        with closing(sqlite3.connect(self._address, uri=True, check_same_thread=False)) as base:
+            base.text_factory = bytes
+            with suppress(*ERRORS):
+                base.execute("PRAGMA trusted_schema = OFF")
+            yield base
+
+    def _rows_of(self, query: str, values: Sequence[int] = ()) -> list[Any]:
+        with self._opened() as base:
+            return base.execute(query, values).fetchall()
+
+    def span(self, time: str) -> tuple[int, int] | None:
+        """Return the least and the largest time of `messages`, None if it has no rows. Raises ERRORS."""
+        # two queries, each of which is a look into the index
+        ((low,),), ((high,),) = (
+            self._rows_of(f"SELECT {function}({time}) FROM messages")  # noqa: S608 - a known column
+            for function in ("min", "max")
+        )
+        return (low, high) if isinstance(low, int) and isinstance(high, int) else None
+
+    def ids_between(self, time: str, start: int, stop: int) -> tuple[int, int]:
+        """Return the least and the largest rowid of the messages of a time. Raises ERRORS."""
+        query = f"SELECT min(rowid), max(rowid) FROM messages WHERE {time} >= ? AND {time} < ?"  # noqa: S608
+        ((low, high),) = self._rows_of(query, (start, stop))
+        return (1, 0) if low is None else (low, high)
+
+    def count(self) -> int:
+        """Return the number of messages. Raises ERRORS."""
+        return int(self._rows_of("SELECT count(*) FROM messages")[0][0])
+
+    def batches(self, time: str, sent: str, low: int, high: int) -> Iterator[Batch | int]:
+        """Yield the messages with rowids in a range, and the number of those that have other values than they should.
+
+        `sent` is the column of publish times, "" without. Raises ERRORS.
+        """
+        query = (
+            f"SELECT topic_id, {time}, data, {sent or 0} FROM messages "  # noqa: S608 - known columns
+            "WHERE rowid BETWEEN ? AND ? ORDER BY rowid"
+        )
+        rows: list[tuple[int, int, bytes, int]] = []
+        size = bad = 0
+        with self._opened() as base:
+            for row in base.execute(query, (low, high)):
+                topic, stamp, data, published = row
+                if type(topic) is int and type(stamp) is int and type(data) is bytes and type(published) is int:
+                    rows.append(row)
+                    size += len(data)
+                    if size >= _BATCH or len(rows) >= _ROWS:
+                        yield _batch(rows, has_published=bool(sent))
+                        rows, size = [], 0
+                else:
+                    bad += 1
+        if rows:
+            yield _batch(rows, has_published=bool(sent))
+        if bad:
+            yield bad
+
+
+def _batch(rows: list[tuple[int, int, bytes, int]], *, has_published: bool) -> Batch:
+    topics, times, data, published = zip(*rows, strict=True)
+    sizes = np.fromiter(map(len, data), np.int64, len(data))
+    return Batch(
+        np.array(topics, np.int64),
+        np.array(times, np.int64),
+        np.array(published, np.int64) if has_published else None,
+        np.frombuffer(b"".join(data), np.uint8),
+        np.cumsum(sizes) - sizes,
+        sizes,
+    )
+
+
+class Column(NamedTuple):
+    """A column of a table."""
+
+    name: str
+    is_id: bool
+    """Whether the column is the rowid, which is not in the record."""
+
+
+def columns_of(statement: str) -> list[Column] | None:
+    """Return the columns that a simple CREATE TABLE names, None if there is more to it."""
+    found = _TABLE.match(statement)
+    if found is None or "--" in statement or "/*" in statement:
+        return None
+    columns = []
+    for text in found["columns"].split(","):
+        name = _COLUMN.match(text)
+        words = text.upper().split()
+        if name is None or words[:1] in (["PRIMARY"], ["UNIQUE"], ["CHECK"], ["FOREIGN"], ["CONSTRAINT"]):
+            return None
+        is_key = "PRIMARY" in words
+        if is_key and (words[1:4] != ["INTEGER", "PRIMARY", "KEY"] or "DESC" in words):
+            return None
+        columns.append(Column(name[1].lower(), is_key))
+    return columns
+
+
+def has_log(path: str) -> bool:
+    """Whether there may be transactions that are not in the file: it was not closed."""
+    return any(_size(path + suffix) > least for suffix, least in _LEAST_LOG.items())
+
+
+def settle(path: str) -> tempfile.TemporaryDirectory[str]:
+    """Copy a database with its logs to a folder, and let sqlite3 apply the logs to the copy, which keeps its name.
+
+    Raises OSError, and ERRORS if a log is damaged.
+    """
+    folder = tempfile.TemporaryDirectory(prefix="msggen-", ignore_cleanup_errors=True)
+    try:
+        copy = os.path.join(folder.name, os.path.basename(path))
+        shutil.copyfile(path, copy)
+        for suffix in _LEAST_LOG:
+            if _size(path + suffix):
+                shutil.copyfile(path + suffix, copy + suffix)
+        base = sqlite3.connect(copy)
+        try:
+            base.execute("SELECT count(*) FROM sqlite_master").fetchone()
+            base.execute("PRAGMA journal_mode = DELETE").fetchone()
+        finally:
+            base.close()
+    except BaseException:
+        folder.cleanup()
+        raise
+    return folder
+
+
+def _size(path: str) -> int:
+    try:
+        return os.path.getsize(path)
+    except OSError:
+        return 0

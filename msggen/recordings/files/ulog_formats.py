@@ -1,0 +1,271 @@
+"""The formats in a ULog: what they say of the samples of a topic, and the same as a definition of ROS 2."""
+
+from __future__ import annotations
+
+import re
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from msggen.recordings.layouts import Layout, bools_at
+from msggen.recordings.source import RecordingError
+
+_NUMBERS = {
+    "int8_t": ("i1", "int8"),
+    "uint8_t": ("u1", "uint8"),
+    "int16_t": ("<i2", "int16"),
+    "uint16_t": ("<u2", "uint16"),
+    "int32_t": ("<i4", "int32"),
+    "uint32_t": ("<u4", "uint32"),
+    "int64_t": ("<i8", "int64"),
+    "uint64_t": ("<u8", "uint64"),
+    "float": ("<f4", "float32"),
+    "double": ("<f8", "float64"),
+    "bool": ("?", "bool"),
+    "char": ("u1", "char"),
+}
+"""The code in numpy and the name in ROS 2 of each type (https://docs.px4.io/main/en/dev_log/ulog_file_format.html)."""
+_FIELD = re.compile(r"([^\s\[\]]+)(?:\[(\d{1,5})\])? ([^\s\[\].]+)")
+_ROS_NAME = re.compile(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)*")
+_PADDING = "_padding"
+_VALUE, _BOOL, _FILL = b"\1", b"\2", b"\0"
+_LARGEST = (1 << 16) - 1 - 2
+"""The size of the largest sample: a message has 65,535 bytes, two of them for its number."""
+_DEEPEST = 32
+_SEPARATOR = "=" * 80
+
+# Topics that are not named after their message, by message: the `# TOPICS` lines of PX4's definitions
+_OTHER_TOPICS = {
+    "ActuatorControlsStatus": "actuator_controls_status_0 actuator_controls_status_1",
+    "ActuatorOutputs": "actuator_outputs_sim actuator_outputs_debug",
+    "ButtonEvent": "safety_button",
+    "ConfigOverrides": "config_overrides_request config_overrides_confirm",
+    "EstimatorAidSource1d": "estimator_aid_src_baro_hgt estimator_aid_src_ev_hgt estimator_aid_src_gnss_hgt "
+    "estimator_aid_src_rng_hgt estimator_aid_src_ranging_beacon estimator_aid_src_airspeed estimator_aid_src_sideslip "
+    "estimator_aid_src_fake_hgt estimator_aid_src_gnss_yaw estimator_aid_src_ev_yaw",
+    "EstimatorAidSource2d": "estimator_aid_src_ev_pos estimator_aid_src_fake_pos estimator_aid_src_gnss_pos "
+    "estimator_aid_src_aux_global_position estimator_aid_src_aux_vel estimator_aid_src_optical_flow "
+    "estimator_aid_src_drag",
+    "EstimatorAidSource3d": "estimator_aid_src_ev_vel estimator_aid_src_gnss_vel estimator_aid_src_gravity "
+    "estimator_aid_src_mag",
+    "EstimatorBias": "estimator_baro_bias estimator_gnss_hgt_bias",
+    "EstimatorBias3d": "estimator_ev_pos_bias",
+    "EstimatorInnovations": "estimator_innovation_variances estimator_innovation_test_ratios",
+    "ManualControlSetpoint": "manual_control_input",
+    "MavlinkTunnel": "esc_serial_passthru io_serial_passthru",
+    "NormalizedUnsignedSetpoint": "flaps_setpoint spoilers_setpoint",
+    "ObstacleDistance": "obstacle_distance_fused",
+    "OrbTest": "orb_multitest",
+    "OrbTestMedium": "orb_test_medium_multi orb_test_medium_wrap_around orb_test_medium_queue "
+    "orb_test_medium_queue_poll",
+    "ParameterSetValueRequest": "parameter_remote_set_value_request parameter_primary_set_value_request",
+    "ParameterSetValueResponse": "parameter_remote_set_value_response parameter_primary_set_value_response",
+    "RtcmData": "rtcm_corrections rtcm_moving_baseline",
+    "SensorGps": "vehicle_gps_position",
+    "SensorsStatus": "sensors_status_baro sensors_status_mag",
+    "VehicleAngularVelocity": "vehicle_angular_velocity_groundtruth",
+    "VehicleAttitude": "vehicle_attitude_groundtruth external_ins_attitude estimator_attitude",
+    "VehicleAttitudeSetpoint": "mc_virtual_attitude_setpoint fw_virtual_attitude_setpoint",
+    "VehicleCommand": "gimbal_v1_command vehicle_command_mode_executor",
+    "VehicleGlobalPosition": "vehicle_global_position_groundtruth external_ins_global_position "
+    "estimator_global_position",
+    "VehicleLocalPosition": "vehicle_local_position_groundtruth external_ins_local_position estimator_local_position",
+    "VehicleOdometry": "vehicle_mocap_odometry vehicle_visual_odometry estimator_odometry",
+    "VehicleOpticalFlowVel": "estimator_optical_flow_vel",
+    "VehicleThrustSetpoint": "vehicle_thrust_setpoint_virtual_fw vehicle_thrust_setpoint_virtual_mc",
+    "VehicleTorqueSetpoint": "vehicle_torque_setpoint_virtual_fw vehicle_torque_setpoint_virtual_mc",
+    "VteAidSource1d": "vte_aid_ev_yaw",
+    "VteAidSource3d": "vte_aid_gps_pos_target vte_aid_gps_pos_mission vte_aid_gps_vel_target vte_aid_gps_vel_uav "
+    "vte_aid_fiducial_marker",
+    "Wind": "estimator_wind",
+}
+MESSAGES = {topic: message for message, topics in _OTHER_TOPICS.items() for topic in topics.split()}
+"""The messages of topics that are not named after theirs."""
+
+
+class FormatError(RecordingError):
+    """A format that cannot be read."""
+
+
+class _Field(NamedTuple):
+    """A field of a format."""
+
+    type: str
+    length: int | None
+    """The length of an array, None for a single value."""
+    name: str
+    is_padding: bool
+
+
+class _Block(NamedTuple):
+    """The bytes of a format."""
+
+    names: list[str]
+    formats: list[Any]
+    offsets: list[int]
+    marks: bytes
+    """A byte for each: a value, a bool, or padding."""
+    end: int
+    """The offset behind the last field that is not padding."""
+
+    def dtype(self, size: int) -> np.dtype[Any]:
+        return np.dtype({"names": self.names, "formats": self.formats, "offsets": self.offsets, "itemsize": size})
+
+
+class Formats:
+    """The formats of a ULog by their names."""
+
+    def __init__(self) -> None:
+        self._texts: dict[str, str] = {}
+        self._fields: dict[str, list[_Field]] = {}
+        self._blocks: dict[str, _Block] = {}
+
+    def __contains__(self, name: str) -> bool:
+        """Whether there is a format."""
+        return name in self._texts
+
+    def add(self, text: str) -> None:
+        """Take the text of a format, such as `esc_status:uint64_t timestamp;esc_report[8] esc;`."""
+        name, _, fields = text.partition(":")
+        self._texts[name] = fields.strip(";")
+
+    def layout(self, name: str) -> Layout:
+        """Return the layout of the samples of a topic. Padding at their end can be missing. Raises FormatError."""
+        block = self._block(name, ())
+        size = block.end
+        marks = np.frombuffer(block.marks[:size], np.uint8)
+        return Layout(
+            dtype=block.dtype(size),
+            positions=np.flatnonzero(marks),
+            bools=tuple(bools_at(np.flatnonzero(marks == _BOOL[0]).tolist(), size)),
+            size=size,
+            surplus=len(block.marks) - size,
+            in_place=True,
+        )
+
+    def ros_type(self, name: str) -> str:
+        """Return the type in ROS 2 of a topic, or of a format that others nest."""
+        return f"px4_msgs/msg/{self._message(name)}"
+
+    def definition(self, name: str) -> str:
+        """Return the definition of a format and of those that it nests, without padding.
+
+        Names are in lower case. It is "" if ROS 2 does not allow one. The fields are in the order of the samples.
+        """
+        nested = [name]
+        parts: list[str] = []
+        for each in nested:
+            fields = self._visible(each)
+            names = [field.name.lower() for field in fields]
+            if not all(map(_ROS_NAME.fullmatch, [each, *names])) or len({*names}) < len(names):
+                return ""
+            text = "".join(map(self._declaration, fields))
+            parts.append(f"{_SEPARATOR}\nMSG: px4_msgs/{self._message(each)}\n{text}" if parts else text)
+            others = dict.fromkeys(field.type for field in fields if field.type not in _NUMBERS)
+            nested += [other for other in others if other not in nested]
+        return "".join(parts)
+
+    def _declaration(self, field: _Field) -> str:
+        type_ = _NUMBERS[field.type][1] if field.type in _NUMBERS else self._message(field.type)
+        name = field.name.lower()
+        return f"{type_} {name}\n" if field.length is None else f"{type_}[{field.length}] {name}\n"
+
+    def _visible(self, name: str) -> list[_Field]:
+        return [field for field in self._fields_of(name) if not field.is_padding]
+
+    def _fields_of(self, name: str) -> list[_Field]:
+        """Return the fields of a format. Raises FormatError."""
+        if name not in self._fields:
+            if name not in self._texts:
+                raise FormatError(f"there is no format '{name}'")
+            self._fields[name] = parse_fields(self._texts[name])
+        return self._fields[name]
+
+    def _message(self, name: str) -> str:
+        """Return the name of a message for a topic.
+
+        The format of a topic has the name of the topic. The table knows what message it is, or another format with
+        the same fields and the front of the name: actuator_controls for actuator_controls_0.
+        """
+        if name in MESSAGES:
+            return MESSAGES[name]
+        for front in self._twins.get(self._texts.get(name, ""), ()):
+            if name.startswith(f"{front}_"):
+                name = front
+                break
+        return "".join(part[:1].upper() + part[1:] for part in name.split("_"))
+
+    @cached_property
+    def _twins(self) -> dict[str, list[str]]:
+        """The names of formats by their fields, the shortest first."""
+        found: dict[str, list[str]] = {}
+        for name in sorted(self._texts, key=len):
+            found.setdefault(self._texts[name], []).append(name)
+        return found
+
+    def _block(self, name: str, outer: tuple[str, ...]) -> _Block:
+        """Return the bytes of a format. Raises FormatError."""
+        if name in self._blocks:
+            return self._blocks[name]
+        if name in outer or len(outer) > _DEEPEST:
+            raise FormatError(f"format '{name}' nests itself")
+        names: list[str] = []
+        formats: list[Any] = []
+        offsets: list[int] = []
+        marks: list[bytes] = []
+        place = end = 0
+        for field in self._fields_of(name):
+            type_, mark = self._element(field, (*outer, name))
+            mark *= 1 if field.length is None else field.length
+            if not mark:
+                raise FormatError(f"{name}.{field.name} has no bytes")
+            if place + len(mark) > _LARGEST:
+                raise FormatError(f"format '{name}' is larger than a message")
+            if not field.is_padding:
+                if field.name in names:
+                    raise FormatError(f"{name}.{field.name} is there twice")
+                names.append(field.name)
+                formats.append(type_ if field.length is None else (type_, (field.length,)))
+                offsets.append(place)
+                end = place + len(mark)
+            marks.append(mark)
+            place += len(mark)
+        if not end:
+            raise FormatError(f"format '{name}' has no fields")
+        block = self._blocks[name] = _Block(names, formats, offsets, b"".join(marks), end)
+        return block
+
+    def _element(self, field: _Field, outer: tuple[str, ...]) -> tuple[Any, bytes]:
+        """Return the dtype and the marks of a value of a field."""
+        if field.type not in _NUMBERS:
+            block = self._block(field.type, outer)
+            size = len(block.marks)
+            return block.dtype(size), _FILL * size if field.is_padding else block.marks
+        code = np.dtype(_NUMBERS[field.type][0])
+        mark = _FILL if field.is_padding else _BOOL if field.type == "bool" else _VALUE
+        return code, mark * code.itemsize
+
+
+def parse_fields(text: str) -> list[_Field]:
+    """Return the fields of a format: `uint64_t timestamp;esc_report[8] esc`. Raises FormatError."""
+    fields = []
+    for each in text.split(";"):
+        if not each.strip():
+            continue
+        found = _FIELD.fullmatch(each.strip())
+        if found is None:
+            raise FormatError(f"'{each[:80]}' is not a field")
+        fields.append(
+            _Field(found[1], None if found[2] is None else int(found[2]), found[3], found[3].startswith(_PADDING))
+        )
+    return fields
+
+
+def timestamp_of(layout: Layout) -> int | None:
+    """Return the offset of `timestamp` in samples, None if they have none. It counts microseconds in 64 bits."""
+    fields = layout.dtype.fields
+    if fields is None or "timestamp" not in fields:
+        return None
+    type_, offset, *_ = fields["timestamp"]
+    return offset if type_ == np.dtype("<u8") else None

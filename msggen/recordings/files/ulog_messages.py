@@ -1,0 +1,298 @@
+"""Where the messages of a ULog are: they follow one another, also behind a damage.
+
+The format: https://docs.px4.io/main/en/dev_log/ulog_file_format.html
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from msggen.recordings.files.ulog_formats import parse_fields
+from msggen.recordings.files.ulog_notes import Notes
+from msggen.recordings.gather import WINDOW, Octets, Places, at, walk
+from msggen.recordings.source import Problem
+
+if TYPE_CHECKING:
+    import mmap
+    from collections.abc import Generator, Iterator
+
+    from numpy.typing import NDArray
+
+    from msggen.recordings.files.ulog_topics import Topics
+
+SYNC = b"\x08\0S\x2f\x73\x13\x20\x25\x0c\xbb\x12"
+"""A message that PX4 writes from time to time, so that readers find into a damaged file."""
+FRONT = 3
+"""The size of what is before the content of a message: its size and its kind."""
+PAYLOAD = 5
+"""The offset of a sample in its message, behind the number of its subscription."""
+DATA = ord("D")
+"""The kind of a sample."""
+HEAD = struct.Struct("<HB")
+"""The size and the kind of a message."""
+_SUBSCRIPTION = 3
+"""The offset of the name of a topic in its subscription."""
+SMALLEST = {"B": 40, "F": 4, "I": 3, "M": 4, "P": 3, "Q": 4, "A": 4, "R": 2, "D": 3, "L": 9, "C": 11, "S": 8, "O": 2}
+"""The kinds of messages, and the size of the smallest message of each without its front."""
+_LARGEST_UNKNOWN = 10_000
+"""The largest message of a kind that is not known; larger ones are damage."""
+_LOWEST, _HIGHEST = np.full(256, 1, np.int64), np.full(256, _LARGEST_UNKNOWN, np.int64)
+for _kind, _size in SMALLEST.items():
+    _LOWEST[ord(_kind)], _HIGHEST[ord(_kind)] = _size, (1 << 16) - 1
+_LOWEST[0] = 1 << 16
+_PLAIN = np.zeros(256, np.uint16)
+"""The size up to which messages of a kind hide no others."""
+_PLAIN[DATA] = (1 << 16) - 1
+for _kind in "RSO":
+    _PLAIN[ord(_kind)] = SMALLEST[_kind]
+NUMBERS = 1 << 16
+"""How many numbers a topic can have, and how many sizes a message."""
+_NEVER = 1 << 40
+"""The length of what is no message."""
+_LENGTHS = np.arange(NUMBERS, dtype=np.int64) + FRONT
+_LENGTHS[0] = _NEVER
+"""The length of a message by its size."""
+_IS_TEXTUAL = re.compile(
+    rb"..(?:F\w+:|A...[a-zA-Z_]|[IP].(?:char\[|bool |float |double |u?int\d+_t[ \[])"
+    rb"|[MQ]..(?:char\[|bool |float |double |u?int\d+_t[ \[]))",
+    re.DOTALL,
+)
+"""The fronts of messages that can be told from damage by their texts."""
+_TEXTUAL = 300
+_REACH = 1 << 11
+"""The bytes that are walked at first after a damage."""
+_TRIES = 64
+_WALKED = 8
+"""The size of the smallest stretch that `walk` walks."""
+
+
+class Messages:
+    """The messages of a ULog. After damaged bytes, only samples of topics known so far are recognized."""
+
+    def __init__(self, data: mmap.mmap, topics: Topics, problems: list[Problem]) -> None:
+        """Find messages in `data`, and add where it is damaged to `problems`."""
+        self._map = data
+        self._file: Octets = np.frombuffer(data, np.uint8)
+        self._topics = topics
+        self._problems = problems
+
+    def size_at(self, place: int, stop: int) -> int:
+        """Return the size of the message at an offset, 0 if there is none before `stop`."""
+        if place + FRONT > stop:
+            return 0
+        size, kind = HEAD.unpack_from(self._map, place)
+        return size + FRONT if _LOWEST[kind] <= size <= _HIGHEST[kind] and place + FRONT + size <= stop else 0
+
+    def stretches(self, start: int, stop: int) -> Iterator[tuple[Places, NDArray[np.uint64]]]:
+        """Yield the messages between two offsets in order: where they begin, and the first eight bytes of each.
+
+        At `stop` a message ends, unless the file is damaged. The topics that a stretch names have to be known before
+        the next is asked for.
+        """
+        reach = WINDOW
+        while start < stop:
+            end, following = yield from self._read(start, min(start + reach, stop), stop)
+            size = self.size_at(end, stop)
+            if following > end:
+                is_cut = following == stop == self._file.size and stop - end < NUMBERS + FRONT
+                text = f"the file is {'cut off or ' * is_cut}damaged"
+                self._problems.append(Problem(text, end, following - end))
+                start, reach = following, _REACH
+            elif size and stop - end < _WALKED:
+                head = int.from_bytes(self._map[end:stop], "little")
+                yield np.array([end]), np.array([head], np.uint64)
+                start = end + size
+            else:
+                start, reach = end, min(reach * 2, WINDOW)
+
+    def _read(
+        self, start: int, limit: int, stop: int
+    ) -> Generator[tuple[Places, NDArray[np.uint64]], None, tuple[int, int]]:
+        """Yield the messages up to `limit`, or to a damage before it.
+
+        Return where they end, and where the next message is: behind the damage if there is one.
+        """
+        end = start
+        for stretch in walk(self._file, start, limit, _length_of, self._find):
+            starts, heads, end = stretch.starts, stretch.heads, stretch.end
+            wrong = self._first_wrong(heads)
+            if wrong is not None:
+                starts, heads, end = starts[:wrong], heads[:wrong], int(starts[wrong])
+            count = len(starts) if end == stop else self._trusted(starts, stop)
+            size = self.size_at(end, stop)
+            is_whole, is_at_limit = count == len(starts), end == stop or end + size > limit
+            following = end
+            if not is_whole and count and is_at_limit:  # what follows in the next stretch tells what it is
+                end = following = int(starts[count])
+            elif not is_whole or not is_at_limit:
+                taken, begin, after = self._around_damage(starts, count, end, stop)
+                if not size or taken < len(starts):  # otherwise `walk` took a wrong place for a message, and goes on
+                    is_whole, count, end, following = False, taken, begin, after
+            yield self._with_hidden(starts[:count], heads[:count])
+            if not is_whole:
+                return end, following
+        return end, end if end == stop or self.size_at(end, stop) else self._resume(end + 1, stop)
+
+    def _first_wrong(self, heads: NDArray[np.uint64]) -> int | None:
+        """Return the index of the first head that no message has."""
+        kinds = kinds_of(heads)
+        others = np.flatnonzero(kinds != DATA)
+        kinds, sizes = kinds[others], sizes_of(heads[others])
+        wrong = np.flatnonzero((sizes < _LOWEST[kinds]) | (sizes > _HIGHEST[kinds]))
+        return int(others[wrong[0]]) if wrong.size else None
+
+    def _find(self, low: int, high: int) -> int:
+        """Return an offset at which a sample of a known topic seems to begin, or a sync message, or -1."""
+        place = low + 2
+        for _ in range(_TRIES):
+            place = self._map.find(b"D", place, high + 2)
+            if place < 0 or place + FRONT > self._file.size:
+                break
+            size, _, number = struct.unpack_from("<HBH", self._map, place - 2)
+            if self._topics.smallest[number] <= size <= self._topics.largest[number]:
+                return place - 2
+            place += 1
+        return self._map.find(SYNC, low, high)
+
+    # damage
+
+    def _trusted(self, starts: Places, stop: int) -> int:
+        """Return how many of the messages that seem to follow one another are messages.
+
+        Those up to the last sample of a known topic are, and the following ones as far as their contents make sense.
+        """
+        count = len(starts)
+        while count and not self._is_sure(int(starts[count - 1])):
+            count -= 1
+        while count < len(starts) and self._is_sound(int(starts[count]), stop):
+            count += 1
+        return count
+
+    def _around_damage(self, starts: Places, count: int, end: int, stop: int) -> tuple[int, int, int]:
+        """Return how many messages before a damage are to be taken, where it begins, and where it ends.
+
+        `count` of those at `starts` are messages. If a further one begins within the last of them, that is damaged.
+        """
+        if count < len(starts):
+            end = int(starts[count])
+        last = int(starts[count - 1]) if count else end
+        following = self._resume(last + 1, stop)
+        return (count - 1, last, following) if count and following < end else (count, end, following)
+
+    def _with_hidden(self, starts: Places, heads: NDArray[np.uint64]) -> tuple[Places, NDArray[np.uint64]]:
+        """Replace the messages that are damage by those that they hide."""
+        is_kept = np.ones(len(starts), np.bool_)
+        found: list[int] = []
+        sizes, kinds = heads.astype(np.uint16), kinds_of(heads)
+        longer = np.flatnonzero(sizes > self._topics.limits[(heads >> np.uint64(24)).astype(np.uint16)])
+        longer = longer[kinds[longer] == DATA]
+        longer = longer[:0] if len(longer) > _TRIES else longer  # so many samples have another format
+        for index in np.union1d(np.flatnonzero(sizes > _PLAIN[kinds]), longer).tolist():
+            place = int(starts[index])
+            hidden = self.hidden(place, place + self.size_at(place, self._file.size))
+            if hidden:
+                is_kept[index] = False
+                found += hidden
+                self._problems.append(Problem("the file is damaged", place, hidden[0] - place))
+        if not found:
+            return starts, heads
+        hidden_heads = [int.from_bytes(self._map[place : place + _WALKED], "little") for place in found]
+        starts = np.append(starts[is_kept], found)
+        order = np.argsort(starts)
+        return starts[order], np.append(heads[is_kept], np.array(hidden_heads, np.uint64))[order]
+
+    def hidden(self, place: int, stop: int) -> list[int]:
+        """Return the offsets of the messages in what seems to be one message.
+
+        Where damage has the size of a message, that can end with any message behind it. The messages in it are those
+        that follow a sample of a known topic, one after the other, exactly up to its end.
+        """
+        seen: set[int] = set()
+        for start in self._samples(place + 1, stop, stop):
+            found: list[int] = []
+            while start not in seen and (size := self.size_at(start, stop)):
+                seen.add(start)
+                found.append(start)
+                start += size  # noqa: PLW2901 - each message leads to the next
+            if start == stop:
+                return found
+        return []
+
+    def _is_sure(self, place: int) -> bool:
+        """Whether there is a sample of a known topic, or a sync message."""
+        size, kind = HEAD.unpack_from(self._map, place)
+        if kind != DATA:
+            return self._map[place : place + len(SYNC)] == SYNC
+        (number,) = struct.unpack_from("<H", self._map, place + FRONT)
+        return bool(self._topics.smallest[number] <= size <= self._topics.largest[number])
+
+    def _is_sound(self, place: int, stop: int) -> bool:
+        """Whether the content of the message at an offset makes sense."""
+        size = self.size_at(place, stop)
+        if not size:
+            return False
+        kind = chr(self._map[place + 2])
+        data = self._map[place + FRONT : place + size]
+        try:
+            if kind == "F":
+                parse_fields(data.decode().partition(":")[2])
+            elif kind in "IMPQLC":
+                Notes().take(kind, data, 0)
+                data.decode() if kind in "LC" else None
+        except (ValueError, struct.error):
+            return False
+        return {
+            "A": data[_SUBSCRIPTION:].decode(errors="replace") in self._topics.formats,
+            "O": len(data) == SMALLEST["O"],
+            "R": len(data) == SMALLEST["R"],
+        }.get(kind, kind in "FIMPQLC" or self._is_sure(place))
+
+    def _resume(self, low: int, stop: int) -> int:
+        """Return the offset of the next message that is sure to be one, `stop` if there is none."""
+        reach = _REACH
+        while low < stop:
+            high = min(low + reach, stop)
+            found = [next(self._samples(low, high, stop), -1), self._map.find(SYNC, low, min(high + len(SYNC), stop))]
+            nearest = min((each for each in found if each >= 0), default=high)
+            for text in _IS_TEXTUAL.finditer(self._map, low, min(nearest + _TEXTUAL, stop)):
+                if text.start() >= nearest:
+                    break
+                if self._is_sound(text.start(), stop):
+                    return text.start()
+            if nearest < high:
+                return nearest
+            low, reach = high, min(2 * reach, WINDOW)
+        return stop
+
+    def _samples(self, low: int, high: int, stop: int) -> Iterator[int]:
+        """Yield the offsets from `low` up to `high` at which samples of known topics seem to begin."""
+        high = min(high, stop - PAYLOAD)
+        places = low + np.flatnonzero(self._file[low + 2 : max(high, low) + 2] == DATA)
+        numbers, sizes = at(self._file, "<u2", FRONT)[places], at(self._file, "<u2")[places].astype(np.int64)
+        places = places[(sizes >= self._topics.smallest[numbers]) & (sizes <= self._topics.largest[numbers])]
+        yield from (place for place in places.tolist() if self._is_followed(place, stop))
+
+    def _is_followed(self, place: int, stop: int) -> bool:
+        """Whether a message is whole, and another or the end follows."""
+        end = place + self.size_at(place, stop)
+        return end > place and (stop - end < FRONT or self.size_at(end, self._file.size + NUMBERS) > 0)
+
+
+def _length_of(heads: NDArray[np.uint64]) -> Places:
+    """Return the lengths of messages from their first eight bytes. Bytes of 0 are no messages."""
+    lengths: Places = _LENGTHS.take(heads.astype(np.uint16))
+    return lengths
+
+
+def sizes_of(heads: NDArray[np.uint64]) -> Places:
+    """Return the sizes of messages without their fronts."""
+    return heads.astype(np.uint16).astype(np.int64)
+
+
+def kinds_of(heads: NDArray[np.uint64]) -> NDArray[np.uint8]:
+    """Return the kinds of messages."""
+    return (heads >> np.uint64(16)).astype(np.uint8)

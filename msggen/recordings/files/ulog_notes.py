@@ -1,0 +1,159 @@
+"""Information, parameters, texts and dropouts in a ULog."""
+
+from __future__ import annotations
+
+import struct
+from typing import TypeVar
+
+import numpy as np
+
+from msggen.recordings.source import Dropout, Facts, Text
+
+_Kind = TypeVar("_Kind")
+LEVELS = ("emergency", "alert", "critical", "error", "warning", "notice", "info", "debug")
+"""The levels of texts, as in Linux (https://docs.px4.io/main/en/dev_log/ulog_file_format.html)."""
+LARGEST_TIME = ((1 << 62) - 1) // 1000
+"""The largest time in us that is believed."""
+_CODES = {
+    "int8_t": "b",
+    "uint8_t": "B",
+    "int16_t": "h",
+    "uint16_t": "H",
+    "int32_t": "i",
+    "uint32_t": "I",
+    "int64_t": "q",
+    "uint64_t": "Q",
+    "float": "f",
+    "double": "d",
+    "bool": "?",
+}
+_NEAR = 60 * 10**9
+"""How far in ns the time of a text is from that of the samples before it."""
+_CONTROLS = frozenset("\t\n\r\x1b")
+_MOST = 1 << 20
+"""The number of texts, and of everything else, that is kept."""
+
+
+class Notes:
+    """The messages of a ULog that are not samples, as they are read one after the other.
+
+    The methods raise ValueError and struct.error for messages that cannot be read.
+    """
+
+    def __init__(self) -> None:
+        self._parameters: dict[str, int | float] = {}
+        self._changed: list[tuple[int, str, int | float]] = []
+        self._system: dict[str, int | float] = {}
+        self._setup: dict[str, int | float] = {}
+        self._information: dict[str, object] = {}
+        self._texts: list[Text] = []
+        self._dropouts: list[Dropout] = []
+        self.left_out = 0
+        """How many messages were left out because there are too many."""
+
+    @property
+    def facts(self) -> Facts:
+        """All that was read."""
+        return Facts(
+            parameters=self._parameters,
+            changed_parameters=self._changed,
+            default_parameters={**self._system, **self._setup},
+            information=self._information,
+            texts=self._texts,
+            dropouts=self._dropouts,
+        )
+
+    def take(self, kind: str, data: bytes, time: int | None) -> None:
+        """Take a message. `time` is that of the samples before it in ns, None among the definitions."""
+        if kind == "I":
+            key, value = key_and_value(data)
+            self._information[key] = value
+        elif kind == "M":
+            self._take_part(data)
+        elif kind == "P":
+            self._take_parameter(data, time)
+        elif kind == "Q":
+            key, number = _parameter(data[1:])
+            if data[0] & 1:
+                self._system[key] = number
+            if data[0] & 2:
+                self._setup[key] = number
+        elif kind == "L":
+            level, since = struct.unpack_from("<BQ", data)
+            self._add_text(level, since, data[9:], None, time)
+        elif kind == "C":
+            level, tag, since = struct.unpack_from("<BHQ", data)
+            self._add_text(level, since, data[11:], tag, time)
+        elif kind == "O":
+            (duration,) = struct.unpack_from("<H", data)
+            self._add(self._dropouts, Dropout(time or 0, duration * 1_000_000))
+
+    def _take_parameter(self, data: bytes, time: int | None) -> None:
+        key, number = _parameter(data)
+        if time is None:
+            self._parameters[key] = number
+        else:
+            self._add(self._changed, (time, key, number))
+
+    def _take_part(self, data: bytes) -> None:
+        key, value = key_and_value(data[1:])
+        found = self._information.setdefault(key, [])
+        if not isinstance(found, list):
+            raise ValueError(key)  # noqa: TRY004 - the file is wrong, not the program
+        if data[0] and found:
+            self._add(found[-1], value)
+        else:
+            self._add(found, [value])
+
+    def _add_text(self, level: int, since: int, text: bytes, tag: int | None, before: int | None) -> None:
+        """Add a text. `before` is the time of the samples before it in ns, None or 0 without any."""
+        number = level - ord("0")
+        is_known = 0 <= number < len(LEVELS)
+        time = min(since, LARGEST_TIME) * 1000
+        if not _is_printable(text) and (not is_known or (before and abs(time - before) > _NEAR)):
+            raise ValueError(text)  # a sample whose kind is damaged seems to be a text
+        name = LEVELS[number] if is_known else "unknown"
+        self._add(self._texts, Text(time, name, text.decode(errors="replace"), tag))
+
+    def _add(self, found: list[_Kind], each: _Kind) -> None:
+        if len(found) < _MOST:
+            found.append(each)
+        else:
+            self.left_out += 1
+
+
+def _is_printable(text: bytes) -> bool:
+    try:
+        return all(each.isprintable() or each in _CONTROLS for each in text.decode())
+    except UnicodeDecodeError:
+        return False
+
+
+def key_and_value(data: bytes) -> tuple[str, object]:
+    """Return the name and the value of an information or a parameter. Raises ValueError, and struct.error."""
+    end = 1 + data[0] if data else 0
+    type_, _, name = data[1:end].decode().partition(" ")
+    value = data[end:]
+    if not name:
+        raise ValueError(type_)
+    if "[" not in type_:
+        return name, struct.unpack(f"<{_code(type_)}", value)[0]
+    type_ = type_.partition("[")[0]
+    if type_ == "char":
+        return name, value.decode(errors="replace")
+    if type_ == "uint8_t":
+        return name, value
+    return name, tuple(np.frombuffer(value, f"<{_code(type_)}").tolist())
+
+
+def _code(type_: str) -> str:
+    if type_ not in _CODES:
+        raise ValueError(type_)
+    return _CODES[type_]
+
+
+def _parameter(data: bytes) -> tuple[str, int | float]:
+    key, value = key_and_value(data)
+    if not isinstance(value, (int, float)):
+        raise ValueError(key)  # noqa: TRY004 - the file is wrong, not the program
+    return key, value

@@ -1,0 +1,263 @@
+"""Definitions for topics that have none in their recording: of a package, of a firmware, or of an embedded release.
+
+A definition is used only if it fits the samples: a definition of another release can have the name of the topic, and
+its values would be wrong without an error.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections import defaultdict
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from functools import lru_cache
+from types import ModuleType
+from typing import TYPE_CHECKING, NamedTuple
+
+from msggen.diagnostics import InputError, few
+from msggen.live.messages.names import version_of
+from msggen.live.messages.packages import packages_of
+from msggen.recordings.decoder import Decoder
+from msggen.recordings.definitions import classes_of
+from msggen.recordings.schemas import SchemaError, definition_of, read_schema, type_hash_of
+from msggen.recordings.source import Channel, Part, Source
+
+if TYPE_CHECKING:
+    from msggen.model import Catalog
+
+Definitions = ModuleType | str | os.PathLike[str]
+"""A generated package; a folder of definitions or a firmware, as `msggen.read` takes it; or a release: "v1.17"."""
+
+_LOOKED_AT = 1 << 18
+"""How many samples are read at most, to find one of each topic."""
+_SAMPLES = 64
+"""How many samples of a topic are compared with a definition."""
+_BRIDGE = re.compile("/fmu/(?:in|out)/.*")
+"""The name of a topic of PX4 without the namespace of the vehicle."""
+_IS_HASH = re.compile("RIHS01_[0-9a-f]{64}")
+
+
+class Lender(NamedTuple):
+    """A set of definitions."""
+
+    name: str
+    definitions_of: Callable[[str, str], Sequence[str]]
+    """Returns the definitions for the name and the ROS type of a topic, the most likely first."""
+    topics: frozenset[str] = frozenset()
+    """The names of the topics of a release in ROS."""
+
+
+class Lent(NamedTuple):
+    """The definitions that were found, by the numbers of the source and of the channel."""
+
+    definitions: Mapping[tuple[int, int], str]
+    notes: Sequence[str]
+    """The choices and their reasons, a line each."""
+    recorded: Collection[tuple[int, int]] = ()
+    """The channels whose definitions are from other channels of the recording."""
+
+
+class _Wanted(NamedTuple):
+    """A channel without a definition, with some of its samples if there are any."""
+
+    key: tuple[int, int]
+    channel: Channel
+    part: Part | None
+
+
+def lender_of(definitions: Definitions) -> Lender:
+    """Return the definitions of a package, a folder, a firmware or a release. Raises InputError, and TypeError."""
+    if isinstance(definitions, ModuleType):
+        return _of_package(*packages_of(definitions))
+    return _of_catalog(os.fspath(definitions))
+
+
+def lend(sources: Sequence[Source], lender: Lender | None, check_open: Callable[[], None]) -> Lent:
+    """Find definitions for the channels of CDR that have none, without `lender` those of an embedded release.
+
+    Of the releases, that one is taken whose definitions fit the samples of the most topics. `check_open` is called
+    before samples are read.
+    """
+    lacking = {
+        (number, channel.number): channel
+        for number, source in enumerate(sources)
+        for channel in source.channels.values()
+        if not channel.definition and channel.layout is None and channel.encoding == "cdr"
+    }
+    if not lacking:
+        return Lent({}, ())
+    check_open()
+    wanted = [_Wanted(key, channel, part) for key, (channel, part) in _with_samples(sources, lacking).items()]
+    recorded = _fitting([each for each in wanted if not each.channel.definition_format], _of_recording(sources))
+    others = _from_elsewhere([each for each in wanted if each.key not in recorded], lender)
+    return Lent({**recorded, **others.definitions}, others.notes, recorded.keys())
+
+
+def _from_elsewhere(wanted: Sequence[_Wanted], lender: Lender | None) -> Lent:
+    """Find definitions that are not in the recording."""
+    if not wanted:
+        return Lent({}, ())
+    if lender is not None:
+        found = _fitting(wanted, lender)
+        return Lent(found, _notes(wanted, found, lender, "as asked for"))
+    chosen, found = None, {}
+    best: tuple[int, ...] = (0,)
+    for each in _releases(wanted):
+        fitting = _fitting(wanted, each)
+        names = {match[0] for one in wanted if (match := _BRIDGE.search(one.channel.topic))}
+        score = sum(one.part is not None and one.key in fitting for one in wanted), len(names & each.topics)
+        if fitting and score > best:
+            best, chosen, found = score, each, fitting
+    if chosen is None:
+        return Lent({}, (f"{_topics(wanted)} in the recording, and no embedded release fits",))
+    return Lent(found, _notes(wanted, found, chosen, "the embedded release that fits best"))
+
+
+def _notes(wanted: Sequence[_Wanted], found: Mapping[tuple[int, int], str], lender: Lender, why: str) -> list[str]:
+    notes = [f"{_topics(wanted)} in the recording; {len(found)} taken from {lender.name}, {why}"]
+    unseen = [each for each in wanted if each.key in found and each.part is None]
+    if unseen:
+        notes.append(f"not compared with samples: {_names(unseen)}")
+    for each in wanted:
+        if each.key not in found:
+            name, ros_type = each.channel.topic, each.channel.ros_type
+            has_any = bool(lender.definitions_of(name, ros_type))
+            reason = "does not fit its samples" if has_any else "is not there"
+            notes.append(f"{name} has no definition: that of {ros_type} in {lender.name} {reason}")
+    return notes
+
+
+def _topics(wanted: Sequence[_Wanted]) -> str:
+    text = "1 topic has no definition" if len(wanted) == 1 else f"{len(wanted)} topics have no definitions"
+    return f"{text} as ros2msg" if any(each.channel.definition_format for each in wanted) else text
+
+
+def _names(wanted: Iterable[_Wanted]) -> str:
+    return few([each.channel.topic for each in wanted])
+
+
+def _with_samples(
+    sources: Sequence[Source], lacking: Mapping[tuple[int, int], Channel]
+) -> dict[tuple[int, int], tuple[Channel, Part | None]]:
+    """Return some samples of each channel, as far as the first samples of each file have them."""
+    found: dict[tuple[int, int], tuple[Channel, Part | None]] = {key: (each, None) for key, each in lacking.items()}
+    for number, source in enumerate(sources):
+        missing = {channel for of, channel in lacking if of == number}
+        count = 0
+        for part in source.parts(missing) if missing else ():
+            key = number, part.channel
+            if part.channel in missing and len(part.starts):
+                missing.remove(part.channel)
+                found[key] = lacking[key], _kept(part)
+            count += len(part.starts)
+            if not missing or count > _LOOKED_AT:
+                break
+    return found
+
+
+def _kept(part: Part) -> Part:
+    """Return a copy of the first samples of a part, which stays valid."""
+    starts, sizes = part.starts[:_SAMPLES], part.sizes[:_SAMPLES]
+    low, high = int(starts.min()), int((starts + sizes).max())
+    return part._replace(
+        buffer=part.buffer[low:high].copy(),
+        starts=starts - low,
+        sizes=sizes,
+        log_times=part.log_times[:_SAMPLES],
+        publish_times=None,
+    )
+
+
+def _fitting(wanted: Sequence[_Wanted], lender: Lender) -> dict[tuple[int, int], str]:
+    """Return the definitions that fit."""
+    found = {}
+    for each in wanted:
+        for text in lender.definitions_of(each.channel.topic, each.channel.ros_type):
+            if _fits(each.channel, text, each.part):
+                found[each.key] = text
+                break
+    return found
+
+
+def _fits(channel: Channel, definition: str, part: Part | None) -> bool:
+    """Whether any sample has the size of a definition, and the definition has the type hash of the recording."""
+    told = channel.type_hash
+    try:
+        if _IS_HASH.fullmatch(told) and told != type_hash_of(channel.ros_type, definition):
+            return False
+        decoder = Decoder(channel._replace(definition=definition))
+    except SchemaError:
+        return False
+    return part is None or len(decoder.rows(part).rows) > 0
+
+
+# where definitions come from
+
+
+def _of_recording(sources: Sequence[Source]) -> Lender:
+    """Return the definitions of the same topics in other files: rosbag2 can write a definition to some files only."""
+    found: dict[tuple[str, str], dict[str, None]] = defaultdict(dict)
+    for source in sources:
+        for channel in source.channels.values():
+            if channel.definition and channel.encoding == "cdr":
+                found[channel.topic, channel.ros_type][channel.definition] = None
+
+    def find(name: str, ros_type: str) -> list[str]:
+        return list(found.get((name, ros_type), ()))
+
+    return Lender("the recording", find)
+
+
+def _of_package(package: ModuleType) -> Lender:
+    def find(name: str, ros_type: str) -> list[str]:
+        infos = [cls.__msg__ for cls in classes_of(package, name, ros_type)]
+        infos.sort(key=lambda info: info.message_version != version_of(name))
+        return [info.definition for info in infos]
+
+    return Lender(package.__name__, find)
+
+
+@lru_cache(16)
+def _of_catalog(source: str) -> Lender:
+    """Return the definitions of a source of `msggen.read`. Raises InputError."""
+    from msggen.firmware.read import read
+    from msggen.live.firmware import releases
+
+    try:
+        catalog = read(source, archived=True)
+    except InputError:  # many sources have no archived versions
+        catalog = read(source)
+
+    def find(name: str, ros_type: str) -> list[str]:
+        return _definitions(catalog, name, ros_type)
+
+    return Lender(source, find, frozenset(releases().get(source, ())))
+
+
+def _definitions(catalog: Catalog, name: str, ros_type: str) -> list[str]:
+    package, _, message = ros_type.replace("/msg/", "/").partition("/")
+    current = catalog.messages.get(f"{package}/{message}")
+    if current is None:
+        return []
+    wanted = version_of(name)
+    versions = sorted(
+        catalog.versions(current), key=lambda each: (each.message_version != wanted, -each.message_version)
+    )
+    texts = [definition_of(catalog, each) for each in versions]
+    return [text for text in texts if _can_be_read(ros_type, text)]
+
+
+def _can_be_read(ros_type: str, definition: str) -> bool:
+    try:
+        read_schema(ros_type, definition)
+    except SchemaError:
+        return False
+    return True
+
+
+def _releases(wanted: Sequence[_Wanted]) -> list[Lender]:
+    """Return the embedded releases, the newest first, or none if they cannot have any of the types."""
+    from msggen.firmware.embedded import EMBEDDED
+
+    has_any = any(each.channel.ros_type.startswith("px4_msgs/") for each in wanted)
+    return [_of_catalog(release) for release in EMBEDDED] if has_any else []

@@ -1,0 +1,67 @@
+"""Which files and folders are recordings, before one is opened."""
+
+from __future__ import annotations
+
+import os
+import re
+
+METADATA = "metadata.yaml"
+"""The file that rosbag2 writes into the folder of a recording when it ends."""
+_ULOG = ".ulg"
+_SUFFIXES = (_ULOG, ".mcap", ".db3")
+_PACKED = (".zst", ".zstd")
+"""What is behind the suffix of a compressed file."""
+_MARK = b"rosbag2_bagfile_information"
+_LARGEST = 1 << 16
+"""The bytes that are read of a metadata.yaml, which begins with the mark."""
+_OF_BAG = re.compile(r"(.*)_\d+\.(?:mcap|db3)")
+
+
+def is_named_as_recording(name: str) -> bool:
+    """Whether a file is named as recordings are: `10_02_11.ulg`, `flight.mcap.zstd`."""
+    return _unpacked(name).lower().endswith(_SUFFIXES) and not name.startswith(".")
+
+
+def is_named_as_ulog(name: str) -> bool:
+    """Whether a file is named as ULogs are. No ULog is a part of a folder of rosbag2."""
+    return _unpacked(name).lower().endswith(_ULOG)
+
+
+def is_bag(folder: str) -> bool:
+    """Whether a folder is one recording of rosbag2. Raises OSError if it cannot be read.
+
+    It is if it has a metadata.yaml, and a file of a recording unless that is of rosbag2. A recorder that was killed
+    leaves no metadata.yaml: its files are called after the folder, `flight/flight_0.mcap`. In any other folder, each
+    file is a recording.
+    """
+    names = os.listdir(folder)
+    files = [name for name in names if is_named_as_recording(name) and not is_named_as_ulog(name)]
+    if METADATA in names:
+        return bool(files) or _is_of_rosbag2(os.path.join(folder, METADATA))
+    own = os.path.basename(os.path.abspath(folder))
+    found = [_OF_BAG.fullmatch(_unpacked(name)) for name in files]
+    return bool(found) and all(each is not None and each[1] == own for each in found)
+
+
+def stem_of(path: str) -> str:
+    """Return the name of a recording without its suffixes: `flight` for `logs/flight.mcap.zstd`.
+
+    The name of a folder is whole: `2026.11.22` has no suffix.
+    """
+    name = os.path.basename(os.path.abspath(path))
+    return name if os.path.isdir(path) else os.path.splitext(_unpacked(name))[0]
+
+
+def _is_of_rosbag2(path: str) -> bool:
+    """Whether a metadata.yaml is that of a recording. Programs of other kinds write files of this name, too."""
+    try:
+        with open(path, "rb") as file:
+            return _MARK in file.read(_LARGEST)
+    except FileNotFoundError:  # a link to nothing
+        return False
+
+
+def _unpacked(name: str) -> str:
+    """Return a name without the suffix of a compressed file."""
+    stem, suffix = os.path.splitext(name)
+    return stem if suffix.lower() in _PACKED else name

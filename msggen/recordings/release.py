@@ -1,0 +1,124 @@
+"""Which release of PX4 a recording is from: its definitions, compared with those of the embedded releases."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, NamedTuple
+
+from msggen.diagnostics import counted
+from msggen.firmware.embedded import EMBEDDED, Releases
+from msggen.firmware.released import released_as
+from msggen.identity import type_hash
+from msggen.model import DEFAULT_PACKAGE
+from msggen.recordings.schemas import SchemaError, content_of, read_schema
+
+if TYPE_CHECKING:
+    from msggen.recordings.log import Log
+
+_SHOWN = 3
+
+
+class Release(NamedTuple):
+    """The release of PX4 that a recording is from. Its text is "v1.17 (24 of 26 definitions; others: Rpm, Wind)"."""
+
+    releases: tuple[str, ...]
+    """The embedded releases that have most of its definitions, and at least half of them, the newest first.
+
+    Several can have equally many."""
+    version: str
+    """The version that the recording tells: `v1.16.1`, `v1.17.0-beta2`. Only a ULog does; otherwise ""."""
+    messages: tuple[str, ...]
+    """The messages that were compared: those that are recorded, except those of other packages."""
+    differing: tuple[str, ...]
+    """Those of them whose definition is not that of the first of `releases`, or that it does not have."""
+
+    @property
+    def release(self) -> str:
+        """The nearest embedded release, "" if the recording has no definition of any."""
+        return self.releases[0] if self.releases else ""
+
+    def __str__(self) -> str:
+        """Return one line for a user."""
+        if not self.releases:
+            return self.version or "unknown firmware"
+        same = f"{len(self.messages) - len(self.differing)} of {counted(len(self.messages), 'definition')}"
+        release = " or ".join(self.releases)
+        is_of_release = self.version and self.version.startswith(f"{release}.")
+        others = f"; others: {_listed(self.differing)}" if self.differing else ""
+        if not self.version or is_of_release:
+            return f"{self.version or release} ({same}{others})"
+        return f"{self.version} (nearest: {release}, {same}{others})"
+
+
+def release_of(log: Log) -> Release:
+    """Return the release of PX4 that a recording is from, by what a ULog tells and by its definitions."""
+    version = log.firmware.release
+    recorded = list(_recorded(log))
+    told = "" if "-" in version else version.rpartition(".")[0]
+    known = [_Definitions(release) for release in ((told,) if told in EMBEDDED else EMBEDDED)]
+    known_names = {each.message for each in recorded if any(one.has_name(each.message) for one in known)}
+    packages = {each.package for each in recorded if each.message in known_names} | {DEFAULT_PACKAGE}
+    compared = [each for each in recorded if each.package in packages]
+    same = {one.release: [each for each in compared if one.has(each)] for one in known}
+    most = max(map(len, same.values()), default=0)
+    is_near = most and most >= len(compared) / 2
+    releases = tuple(release for release in same if release == told or (is_near and len(same[release]) == most))
+    if not releases:
+        return Release((), version, (), ())
+    own = next(one for one in known if one.release == releases[0])
+    names = {each.message for each in compared}
+    differing = {each.message for each in compared if not own.has(each)}
+    return Release(releases, version, tuple(sorted(names)), tuple(sorted(differing)))
+
+
+class _Recorded(NamedTuple):
+    """A definition of a recording."""
+
+    package: str
+    message: str
+    ros_type: str
+    definition: str
+    type_hash: str
+
+
+class _Definitions:
+    """The definitions of an embedded release."""
+
+    _releases = Releases()
+
+    def __init__(self, release: str) -> None:
+        self.release = release
+
+    def has_name(self, message: str) -> bool:
+        """Whether the release has a message of this name."""
+        return bool(self._releases.file(self.release, f"{message}.msg")[0])
+
+    def has(self, recorded: _Recorded) -> bool:
+        """Whether a recorded definition has the fields of this release, in any order: a ULog has another one."""
+        found = released_as(self._releases, self.release, recorded.message, recorded.package)
+        if found is None:
+            return False
+        if recorded.type_hash and recorded.type_hash == type_hash(*found):
+            return True
+        try:
+            schema = read_schema(recorded.ros_type, recorded.definition)
+        except SchemaError:
+            return False
+        return content_of(schema.catalog, schema.message) == content_of(*found)
+
+
+def _recorded(log: Log) -> Iterator[_Recorded]:
+    """Yield each definition of a recording once, if there is one or its hash."""
+    seen = set()
+    for topic in log.topics:
+        package, message = topic.ros_type.partition("/")[0], topic.ros_type.rpartition("/")[2]
+        each = _Recorded(package, message, topic.ros_type, topic.recorded_definition, topic.type_hash)
+        if each not in seen and (each.definition or each.type_hash):
+            seen.add(each)
+            yield each
+
+
+def _listed(names: tuple[str, ...]) -> str:
+    shown = ", ".join(names[:_SHOWN])
+    more = len(names) - _SHOWN
+    return f"{shown} and {more} more" if more > 0 else shown

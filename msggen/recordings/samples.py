@@ -1,0 +1,230 @@
+"""The samples of a topic: a structured array with times, as columns, as a table of Arrow, or as a data frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from msggen.diagnostics import counted
+from msggen.live.messages.names import stem_of
+from msggen.recordings.choice import listed
+from msggen.recordings.columns import check_fields, columns_of
+from msggen.recordings.source import RecordingError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection, Mapping
+
+    from numpy.typing import NDArray
+
+    from msggen.recordings.source import Channel
+
+_NANOSECONDS = 1e9
+_GAP = 5
+_LOG_TIME = "log_time"
+
+
+@dataclass(frozen=True, eq=False)
+class Topic:
+    """A topic of a recording, or an instance of it."""
+
+    name: str
+    """The name in the recording: `/fmu/out/vehicle_status_v4`, or `vehicle_status` in a ULog.
+
+    With `#1`, `#2` behind it if the definition changes, and so the topic is several topics."""
+    instance: int
+    """The number of the instance of a uORB topic, 0 for the first one and outside of ULogs."""
+    ros_type: str
+    """The type in ROS 2: `px4_msgs/msg/VehicleStatus`."""
+    definition: str = field(repr=False)
+    """The definition in the format `ros2msg`, "" if there is none."""
+    type_hash: str
+    """The type hash of ROS 2 (RIHS01), "" if the recording does not tell it."""
+    channels: tuple[tuple[int, Channel], ...] = field(repr=False)
+    """The channels that have its samples, each with the number of its file."""
+    read_times: Callable[[], NDArray[np.int64]] | None = field(repr=False)
+    """Returns the log times of all samples in ns. None for the topic of `Samples`, which does not keep the log."""
+    is_lent: bool = False
+    """Whether `definition` is not in the recording, but taken from elsewhere: `Log.notes` tells from where."""
+
+    @property
+    def recorded_definition(self) -> str:
+        """The definition that is in the recording, "" if there is none."""
+        return "" if self.is_lent else self.definition
+
+    @property
+    def recorded_name(self) -> str:
+        """The name in the files, which several topics have if the definition changes."""
+        return self.channels[0][1].topic
+
+    @cached_property
+    def times(self) -> NDArray[np.int64]:
+        """The log times of all samples in ns, in order. Reading them takes time in files without an index.
+
+        Raises RecordingError for the topic of `Samples`.
+        """
+        if self.read_times is None:
+            raise RecordingError(f"the topic of samples has no times: use log.topic({self.key!r})")
+        return np.sort(self.read_times())
+
+    @property
+    def key(self) -> str | tuple[str, int]:
+        """The key in a log: the name, or the name and the number of an instance that is not 0."""
+        return (self.name, self.instance) if self.instance else self.name
+
+    @cached_property
+    def without_log(self) -> Topic:
+        """The same topic without its log: it can be pickled, and a log that nothing else needs can be collected."""
+        return self if self.read_times is None else replace(self, read_times=None)
+
+    @cached_property
+    def count(self) -> int:
+        """How many samples there are, including samples that cannot be decoded."""
+        return len(self.times) if self.known_count is None else self.known_count
+
+    @property
+    def known_count(self) -> int | None:
+        """How many samples there are, None if the files do not tell."""
+        counts = [channel.sample_count for _, channel in self.channels]
+        known = [count for count in counts if count is not None]
+        return sum(known) if len(known) == len(counts) else None
+
+    @property
+    def is_cdr(self) -> bool:
+        """Whether the samples are CDR, as in ROS 2."""
+        return all(channel.encoding == "cdr" for _, channel in self.channels)
+
+    @property
+    def first(self) -> int:
+        """The log time of the first sample in ns, 0 without samples."""
+        return int(self.times[0]) if len(self.times) else 0
+
+    @property
+    def last(self) -> int:
+        """The log time of the last sample in ns, 0 without samples."""
+        return int(self.times[-1]) if len(self.times) else 0
+
+    @property
+    def rate(self) -> float:
+        """The mean rate in Hz, 0.0 for fewer than two samples."""
+        return (len(self.times) - 1) * _NANOSECONDS / (self.last - self.first) if self.last > self.first else 0.0
+
+    @property
+    def gaps(self) -> list[tuple[int, int]]:
+        """The times without samples, from ns to ns, that are longer than five times the median interval.
+
+        Intervals of 0 do not count: samples can come in bursts.
+        """
+        intervals = np.diff(self.times)
+        positive = intervals[intervals > 0]
+        if not len(positive):
+            return []
+        before = np.flatnonzero(intervals > _GAP * np.median(positive))
+        return [(int(self.times[index]), int(self.times[index + 1])) for index in before]
+
+    @property
+    def uorb(self) -> str:
+        """The name of the topic in uORB: `vehicle_status`."""
+        return stem_of(self.name).rpartition("/")[2]
+
+    @property
+    def label(self) -> str:
+        """The name, with the instance if that is not 0: `sensor_gps 1`."""
+        return f"{self.name} {self.instance}" if self.instance else self.name
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Samples:
+    """Samples of a topic, in the order of their log times. They can be pickled, and are valid without their log."""
+
+    topic: Topic
+    array: NDArray[Any]
+    """A structured array with the fields of the message. Fields without a fixed size are objects: text, arrays and
+    lists. The dtype can have padding: it is the layout of the samples."""
+    log_times: NDArray[np.int64]
+    """When each sample was recorded, in ns since 1970; in a ULog, since the start of the vehicle."""
+    publish_times: NDArray[np.int64] | None
+    """When each sample was published, in ns, None if the format does not have it."""
+    fields: tuple[str, ...] | None = None
+    """The fields that were chosen, None for all."""
+
+    def __len__(self) -> int:
+        """Return the number of samples."""
+        return len(self.array)
+
+    def __repr__(self) -> str:
+        """Return the topic, and the numbers of samples and fields."""
+        fields = counted(len(self.array.dtype.names or ()), "field")
+        return f"<Samples of {self.topic.label!r}: {counted(len(self), 'sample')}, {fields}>"
+
+    def columns(self, *, times: bool = False) -> dict[str, NDArray[Any]]:
+        """Return copies of the chosen columns by name, such as `gyro_rad[0]` and `esc[7].esc_rpm`.
+
+        With `times`, the first ones are `log_time`, and `publish_time` if the format has it, in ns. They have `_`
+        behind that if a field has this name.
+        """
+        return {**self._clocks(times=times), **columns_of(self.array, self.fields)}
+
+    def _clocks(self, *, times: bool) -> dict[str, NDArray[np.int64]]:
+        """Return copies of the columns with times, none without `times`."""
+        clocks = {"log_time": self.log_times, "publish_time": self.publish_times} if times else {}
+        taken = self.array.dtype.names or ()
+        return {f"{name}_" if name in taken else name: each.copy() for name, each in clocks.items() if each is not None}
+
+    def choose(self, fields: Collection[str] | None) -> Samples:
+        """Return the same samples with only some fields, in their order. Raises RecordingError for an unknown field."""
+        if fields is None:
+            return replace(self, fields=None)
+        chosen = listed(fields)
+        check_fields(self.array.dtype, chosen)
+        return replace(self, fields=tuple(chosen))
+
+    def table(self, *, times: bool = False) -> Any:
+        """Return a table of Arrow (pyarrow.Table), with units and frames in the metadata of its fields.
+
+        `times` is as in `columns`.
+        """
+        import pyarrow as pa
+
+        from msggen.recordings.arrow import table_of
+
+        table, clocks = table_of(self), self._clocks(times=times)
+        fields = [*(pa.field(name, pa.int64()) for name in clocks), *table.schema]
+        arrays = [*map(pa.array, clocks.values()), *table.columns]
+        return pa.Table.from_arrays(arrays, schema=pa.schema(fields, table.schema.metadata))
+
+    def frame(self, library: str = "pandas") -> Any:
+        """Return a data frame of `pandas` or `polars`. Raises ValueError for another library.
+
+        Log times are the index of pandas, and a column in polars: in UTC, or in a ULog since the start of the vehicle.
+        """
+        is_ulog = self.topic.channels[0][1].encoding == "ulog"
+        if library == "pandas":
+            import pandas as pd
+
+            times = self.log_times
+            index = (
+                pd.TimedeltaIndex(times.view("m8[ns]")) if is_ulog else pd.DatetimeIndex(times.view("M8[ns]"), tz="UTC")
+            )
+            return pd.DataFrame(self.columns(), index.rename(_LOG_TIME))
+        frame = frame_of(library, self.columns, self.table)
+        import polars as pl
+
+        kind = pl.Duration("ns") if is_ulog else pl.Datetime("ns", "UTC")
+        name = f"{_LOG_TIME}_" if _LOG_TIME in frame.columns else _LOG_TIME
+        return frame.insert_column(0, pl.Series(name, self.log_times).cast(kind))
+
+
+def frame_of(library: str, columns: Callable[[], Mapping[str, Any]], table: Callable[[], Any]) -> Any:
+    """Return a data frame: columns in `pandas`, or a table in `polars`. Raises ValueError for another library."""
+    if library == "pandas":
+        import pandas as pd
+
+        return pd.DataFrame(columns())
+    if library == "polars":
+        import polars as pl
+
+        return pl.from_arrow(table())
+    raise ValueError(f"expected 'pandas' or 'polars', got {library!r}")

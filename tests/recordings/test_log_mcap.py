@@ -1,0 +1,383 @@
+"""Tests of MCAP files: equal to a slow reader, to mcap-ros2-support and to rosbags, whole or damaged."""
+
+from __future__ import annotations
+
+import io
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import numpy as np
+import pytest
+import zstandard
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+from mcap.writer import CompressionType, IndexType
+from mcap.writer import Writer as McapWriter
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.highlevel import AnyReader
+
+from msggen.recordings.files import mcap, open_log
+from msggen.recordings.log import Log
+from msggen.recordings.samples import Samples
+from msggen.recordings.source import Problem, RecordingError
+from support.log_files import Written, write_log
+from support.mcap_reference import Message, flat, messages
+from support.scratch import scratch_folder
+
+START = 1_790_000_000_000_000_000
+NAMES = ("VehicleStatus", "SensorGps", "EscStatus", "FailsafeFlags")
+TEXTS = "string text\nint32[] numbers\nPoint[] points\nPoint[2] two\nuint16[<=3] few\nfloat64 last\n"
+TEXTS += "=" * 80 + "\nMSG: our_msgs/Point\nfloat32 x\nuint8 y\n"
+WAYS: dict[str, dict[str, Any]] = {
+    "zstd": {"compression": CompressionType.ZSTD},
+    "lz4": {"compression": CompressionType.LZ4},
+    "none": {"compression": CompressionType.NONE},
+    "without-chunks": {"use_chunking": False},
+    "without-index": {"index_types": IndexType.NONE},
+    "without-statistics": {"use_statistics": False, "compression": CompressionType.NONE},
+    "without-repeated-schemas": {"repeat_schemas": False},
+}
+
+
+def texts_payload(chance: Random) -> bytes:
+    """Return a sample of TEXTS."""
+    data = bytearray()
+
+    def put(value: int, size: int) -> None:
+        data.extend(bytes(-len(data) % size) + value.to_bytes(size, "little"))
+
+    text = bytes(chance.choices(b"abc", k=chance.randrange(5)))
+    put(len(text) + 1, 4)
+    data.extend(text + b"\0")
+    count = chance.randrange(3)
+    put(count, 4)
+    for _ in range(count):
+        put(chance.randrange(1 << 32), 4)
+    count = chance.randrange(3)
+    put(count, 4)
+    for _ in range(count + 2):
+        put(chance.randrange(1 << 20), 4)
+        put(chance.randrange(256), 1)
+    count = chance.randrange(4)
+    put(count, 4)
+    for _ in range(count):
+        put(chance.randrange(1 << 16), 2)
+    put(chance.randrange(1 << 60), 8)
+    return b"\0\1\0\0" + bytes(data)
+
+
+def recording(package: Any, count: int, seed: int = 0, chunk: int = 2000, **options: Any) -> bytes:
+    """Return a file with `count` samples of real messages, of text, and of a topic in JSON."""
+    chance = Random(seed)  # noqa: S311 - no secret
+    file = io.BytesIO()
+    writer = McapWriter(file, chunk_size=chunk, **options)
+    writer.start("ros2")
+    channels: dict[str, int] = {}
+    for name in NAMES:
+        info = getattr(package, name).__msg__
+        schema = writer.register_schema(info.ros_type, "ros2msg", info.definition.encode())
+        channels[name] = writer.register_channel(f"/fmu/out/{name.lower()}", "cdr", schema)
+    schema = writer.register_schema("our_msgs/msg/Texts", "ros2msg", TEXTS.encode())
+    channels["texts"] = writer.register_channel("/texts", "cdr", schema)
+    channels["strange"] = writer.register_channel("/strange", "json", 0)
+    for number in range(count):
+        name = chance.choice(list(channels))
+        if name == "texts":
+            payload = texts_payload(chance)
+        elif name == "strange":
+            payload = b"{}"
+        else:
+            cls = getattr(package, name)
+            body = chance.randbytes(cls.__msg__.cdr_size)
+            body = bytes(each & 1 for each in body) if chance.random() < 0.5 else bytes(len(body))
+            surplus = bytes(chance.randrange(4))
+            payload = cls.decode(b"\0\1\0\0" + body).encode() + surplus
+        time = START + number * 1000 - chance.choice((0, 0, 5500))
+        writer.add_message(channels[name], time, payload, time - 10)
+    writer.finish()
+    return file.getvalue()
+
+
+def found_in(log: Log) -> list[tuple[str, int, bytes]]:
+    """Return all payloads in CDR, in order."""
+    return [tuple(each) for each in log.payloads()]  # type: ignore[misc]  # three values
+
+
+def problems_of(log: Log) -> list[Problem]:
+    """Return the problems, without that of the topic in JSON, which every file has."""
+    return [problem for problem in log.problems if not problem.text.startswith("/strange is not decoded")]
+
+
+def expected_of(whole: list[Message]) -> list[tuple[str, int, bytes]]:
+    """Return what `found_in` should find."""
+    chosen = [(each.topic, each.log_time, each.payload) for each in whole if each.topic != "/strange"]
+    return sorted(chosen, key=lambda each: each[1])
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.integers(0, 120), st.integers(0, 1000), st.sampled_from([300, 5000, 1 << 20]), st.sampled_from(list(WAYS)))
+def test_all_messages_are_those_of_the_reference(px4_types: Any, count: int, seed: int, chunk: int, way: str) -> None:
+    data = recording(px4_types, count, seed, chunk, **WAYS[way])
+    whole = messages(data)
+    with scratch_folder() as folder:
+        path = folder / "flight.mcap"
+        path.write_bytes(data)
+        with open_log(path) as log:
+            assert problems_of(log) == []
+            assert found_in(log) == expected_of(whole)
+            loaded = log.load()
+            assert {topic.name: topic.count for topic in log.topics if topic.count} == {
+                name: sum(each.topic == name for each in whole) for name in {each.topic for each in whole}
+            }
+            for name, samples in loaded.items():
+                own = sorted((each for each in whole if each.topic == name), key=lambda each: each.log_time)
+                assert samples.log_times.tolist() == [each.log_time for each in own]
+                assert samples.publish_times is not None
+                assert samples.publish_times.tolist() == [each.publish_time for each in own]
+                stop = (START + 30_000 - log.start) / 1e9
+                early = log.samples(name, stop=stop)
+                count = sum(each.log_time < START + 30_000 for each in own)
+                assert early.log_times.tolist() == samples.log_times[:count].tolist()
+                assert repr(early.array.tolist()) == repr(samples.array[:count].tolist())
+
+
+@pytest.mark.parametrize("way", [way for way in WAYS if way != "without-repeated-schemas"])  # mcap refuses those
+def test_columns_are_those_of_other_libraries(way: str, px4_types: Any, tmp_path: Path) -> None:
+    path = tmp_path / "flight.mcap"
+    path.write_bytes(recording(px4_types, 150, 7, **WAYS[way]))
+    theirs: dict[str, dict[str, list[dict[str, Any]]]] = {"mcap_ros2": defaultdict(list), "rosbags": defaultdict(list)}
+    with path.open("rb") as file:
+        decoders = [DecoderFactory()]
+        for _, channel, _, message in make_reader(file, decoder_factories=decoders).iter_decoded_messages(
+            [f"/fmu/out/{name.lower()}" for name in NAMES]
+        ):
+            theirs["mcap_ros2"][channel.topic].append(flat(message))
+    if way in ("zstd", "lz4", "none"):  # rosbags refuses the others
+        with AnyReader([path]) as bag:
+            chosen = [each for each in bag.connections if each.topic.startswith("/fmu")]
+            for connection, _, data in bag.messages(chosen):
+                theirs["rosbags"][connection.topic].append(flat(bag.deserialize(data, connection.msgtype)))
+    compared = 0
+    with open_log(path) as log:
+        for by_topic in theirs.values():
+            for topic, rows in by_topic.items():
+                columns = log.columns(topic)
+                for name in rows[0]:
+                    expected = np.array([row[name] for row in rows]).astype(columns[name].dtype)
+                    assert columns[name].tobytes() == expected.tobytes(), (topic, name)
+                    compared += 1
+                assert set(columns) == set(rows[0])
+    assert compared > 100
+
+
+@pytest.mark.parametrize("way", ["zstd", "lz4", "none", "without-index", "without-chunks"])
+def test_readers_of_one_file_do_not_disturb_each_other(
+    way: str, px4_types: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(mcap, "_GROUP", 8000)
+    path = tmp_path / "flight.mcap"
+    path.write_bytes(recording(px4_types, 400, 11, 1500, **WAYS[way]))
+
+    def of_batches(batches: Iterable[Samples]) -> dict[str, list[str]]:
+        found: defaultdict[str, list[str]] = defaultdict(list)
+        for samples in batches:
+            found[samples.topic.name] += rows_of(samples)
+        return {name: sorted(rows) for name, rows in found.items()}
+
+    with open_log(path) as log:
+        whole = {name: rows_of(samples) for name, samples in log.load().items() if len(samples)}
+        first, second = in_turns(log.batches(), log.batches())
+        assert of_batches(first) == of_batches(second) == whole
+        names = sorted(whole) * 4
+        with ThreadPoolExecutor(4) as pool:
+            assert [rows_of(each) for each in pool.map(log.samples, names)] == [whole[name] for name in names]
+        assert problems_of(log) == []
+
+
+def rows_of(samples: Samples) -> list[str]:
+    """Return the rows in an order of their own: batches are in the order of the file."""
+    return sorted(map(repr, samples.array.tolist()))
+
+
+def in_turns(first: Iterator[Samples], second: Iterator[Samples]) -> tuple[list[Samples], list[Samples]]:
+    """Return what two iterators yield that take turns."""
+    pairs = list(zip(first, second, strict=True))
+    return [one for one, _ in pairs], [other for _, other in pairs]
+
+
+def mutated(data: bytes, chance: Random) -> bytes:
+    """Return a damaged file."""
+    found = bytearray(data)
+    for _ in range(chance.choice((1, 1, 1, 2, 5))):
+        kind, place = chance.randrange(6), chance.randrange(len(found))
+        if kind == 0:
+            found[place] ^= 1 << chance.randrange(8)
+        elif kind == 1:
+            found[place] = chance.choice((0, 255, 5, 6, chance.randrange(256)))
+        elif kind == 2:
+            del found[place:]
+        elif kind == 3:
+            del found[place : place + chance.randrange(1, 200)]
+        elif kind == 4:
+            source = chance.randrange(len(found))
+            found[place:place] = found[source : source + chance.randrange(1, 400)]
+        else:
+            found[place : place + 8] = bytes([chance.choice((0, 255))] * 8)
+        if not found:
+            return b""
+    return bytes(found)
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_damaged_files_are_read_or_refused_and_nothing_is_silent(way: str, px4_types: Any, tmp_path: Path) -> None:
+    data = recording(px4_types, 25, 3, 1200, **WAYS[way])
+    whole = expected_of(messages(data))
+    path = tmp_path / "flight.mcap"
+    refused = 0
+    for seed in range(150):
+        path.write_bytes(mutated(data, Random(seed)))  # noqa: S311 - no secret
+        try:
+            with open_log(path) as log:
+                count = sum(len(samples) for samples in log.load().values())
+                assert count == len(whole) or problems_of(log)
+                found_in(log)
+                log.verify()
+        except RecordingError:
+            refused += 1
+    assert refused < 20
+
+
+def test_a_cut_file_has_every_whole_message(px4_types: Any, tmp_path: Path) -> None:
+    for way in ("none", "zstd", "without-chunks"):
+        data = recording(px4_types, 60, 5, 1500, **WAYS[way])
+        whole = messages(data)
+        for size in range(3000, len(data), 331):
+            path = tmp_path / "cut.mcap"
+            path.write_bytes(data[:size])
+            expected = expected_of(messages(data[:size])) if way != "zstd" else []
+            with open_log(path) as log:
+                found = found_in(log)
+                assert found[: len(expected)] == expected or set(expected) <= set(found)
+                assert set(found) <= set(expected_of(whole))
+                assert problems_of(log) or len(found) == len(expected_of(whole))
+
+
+def test_a_damage_between_messages_costs_only_those(px4_types: Any, tmp_path: Path) -> None:
+    data = bytearray(recording(px4_types, 60, 5, **WAYS["without-chunks"]))
+    whole = expected_of(messages(bytes(data)))
+    payload = whole[20][2]
+    place = data.find(payload) - 31
+    data[place + 1 : place + 9] = b"\xff" * 8  # the length of its record
+    path = tmp_path / "flight.mcap"
+    path.write_bytes(data)
+    with open_log(path) as log:
+        assert found_in(log) == whole[:20] + whole[21:]
+        assert any(problem.offset == place and problem.size == 31 + len(payload) for problem in log.problems)
+
+
+def chunks_in(path: Path) -> list[Any]:
+    """Return the index of the chunks of a file, as the package mcap reads it."""
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    return summary.chunk_indexes
+
+
+def test_a_damaged_upper_byte_of_a_length_costs_nothing(px4_types: Any, tmp_path: Path) -> None:
+    """No record has a length of 2^56 bytes, and the next record is where the other bytes tell."""
+    data = bytearray(recording(px4_types, 60, 5, **WAYS["without-chunks"]))
+    whole = expected_of(messages(bytes(data)))
+    data[data.find(whole[20][2]) - 31 + 8] = 0xB8
+    path = tmp_path / "flight.mcap"
+    path.write_bytes(data)
+    with open_log(path) as log:
+        assert found_in(log) == whole
+        for _, part in log.undecoded():
+            assert (part.sizes >= 0).all()
+            assert ((part.starts + part.sizes) <= part.buffer.size).all()
+
+
+def test_a_wrong_checksum_is_found_on_demand(px4_types: Any, tmp_path: Path) -> None:
+    data = bytearray(recording(px4_types, 60, 5, **WAYS["none"]))
+    payload = expected_of(messages(bytes(data)))[20][2]
+    data[data.find(payload) + 8] ^= 1
+    path = tmp_path / "flight.mcap"
+    path.write_bytes(data)
+    with open_log(path) as log:
+        log.load()
+        assert problems_of(log) == []
+        compared, missing = log.verify()
+        assert (compared, missing) == (len(chunks_in(path)), 0)
+        assert [problem.text for problem in problems_of(log)] == ["a chunk does not match its CRC"]
+        assert problems_of(log)[0].offset
+        found = problems_of(log)
+    packed = tmp_path / "flight.mcap.zstd"
+    packed.write_bytes(zstandard.compress(data))
+    with open_log(packed) as log:
+        assert log.verify() == (compared, missing)
+        assert problems_of(log) == found
+
+
+@pytest.mark.parametrize(("options", "missing"), [({"enable_crcs": False}, 7), ({"use_chunking": False}, 1)])
+def test_missing_checksums_are_counted(options: dict[str, Any], missing: int, px4_types: Any, tmp_path: Path) -> None:
+    """rosbag2 writes none by default. They are no damage."""
+    path = tmp_path / "flight.mcap"
+    path.write_bytes(recording(px4_types, 60, 5, **options))
+    with open_log(path) as log:
+        assert log.verify() == (0, missing)
+        assert problems_of(log) == []
+
+
+def test_sizes_that_a_file_declares_are_not_believed(px4_types: Any, tmp_path: Path) -> None:
+    """A statistics record with 2^56 messages, and a chunk of 2^60 bytes."""
+    data = bytearray(recording(px4_types, 60, 5, 1 << 20, **WAYS["zstd"]))
+    path = tmp_path / "flight.mcap"
+    statistics = data.rfind(b"\x0b", 0, len(data) - 29)
+    chunk = data.find(b"\x04\0\0\0zstd") - 37
+    for place, value in ((statistics + 9, 1 << 56), (chunk + 9 + 16, 1 << 60)):
+        changed = bytearray(data)
+        changed[place : place + 8] = value.to_bytes(8, "little")
+        path.write_bytes(changed)
+        with open_log(path) as log:
+            assert sum(map(len, log.load().values())) == len(expected_of(messages(bytes(data))))
+            assert problems_of(log) or place != chunk + 25
+
+
+def test_empty_files(px4_types: Any, tmp_path: Path) -> None:
+    path = tmp_path / "flight.mcap"
+    path.write_bytes(b"")
+    with pytest.raises(RecordingError, match="is empty"):
+        open_log(path)
+    path.write_bytes(recording(px4_types, 0))
+    with open_log(path) as log:
+        assert (log.start, log.end, log.duration, log.problems) == (0, 0, 0.0, [])
+        assert sum(len(samples) for samples in log.load().values()) == 0
+    with pytest.raises(RecordingError, match="is closed"):
+        log.load()
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_times_that_no_clock_has_are_the_same_everywhere(way: str, tmp_path: Path) -> None:
+    """Samples, spans, and times of topics have one rule: the largest time is 2^62 - 1 ns."""
+    largest = (1 << 62) - 1
+    stamps = [5, largest - 1, largest, 1 << 62, (1 << 63) - 1, 1 << 63, (1 << 64) - 1]
+    topic = Written("/a", "demo/msg/A", "int8 x\n", [(stamp, stamp, b"\0\1\0\0\1") for stamp in stamps])
+    path = write_log(tmp_path / "late.mcap", [topic], **WAYS[way])
+    expected = [5, largest - 1] + [largest] * 5
+    with open_log(path) as log:
+        assert (log.start, log.end) == (5, largest)
+        samples = log.samples("/a")
+        assert samples.log_times.tolist() == expected
+        assert samples.publish_times is not None
+        assert samples.publish_times.tolist() == expected
+        assert (log.topic("/a").first, log.topic("/a").last) == (5, largest)
+        assert [sample.time for sample in log.payloads()] == expected
+        assert len(log.samples("/a", start=1)) == 6
+        assert [problem.text for problem in log.problems] == [
+            f"log times from the year 2116 on are read as {largest} ns"
+        ]

@@ -1,0 +1,335 @@
+"""Tests of pictures of recordings: the objects of their figures, and their files."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import re
+import struct
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from msggen import recordings
+from msggen.recordings import plot
+from msggen.recordings.annotations import Annotation, annotation_of, annotations_of
+from support.repository import ROOT
+from support.ulog import UlogWriter
+from support.written import write_recording
+
+NAN = math.nan
+MODES = [(0.0, 4), (2.0, 14), (6.0, 18)]
+"""Times in s, and values of nav_state."""
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory, px4_types: Any) -> Iterator[recordings.Log]:
+    samples = sorted(_samples(px4_types), key=lambda each: each[1])
+    path = write_recording(tmp_path_factory.mktemp("plot") / "flight.mcap", samples)
+    with recordings.open(path) as found:
+        yield found
+
+
+def _samples(types: Any) -> Iterator[tuple[str, float, Any]]:
+    for time, mode in MODES:
+        armed = types.VehicleStatus.ARMING_STATE_ARMED if mode == 14 else types.VehicleStatus.ARMING_STATE_DISARMED
+        yield "/fmu/out/vehicle_status_v4", time, types.VehicleStatus(nav_state=mode, arming_state=armed)
+    for step in range(101):
+        time = step / 10
+        z = NAN if 40 <= step < 50 else float(-step)
+        local = types.VehicleLocalPosition(x=float(step), z=z, vx=2.0, z_valid=step >= 50)
+        yield "/fmu/out/vehicle_local_position_v1", time, local
+        yield "/fmu/out/vehicle_attitude", time, types.VehicleAttitude(q=[1.0, 0.0, 0.0, float(step)])
+        yield "/fmu/out/actuator_motors", time, types.ActuatorMotors(control=[step / 100] * 12)
+        yield "/fmu/out/sensor_gps", time, types.SensorGps(eph=1.0)
+        yield "/fmu/out/sensor_gps_1", time, types.SensorGps(eph=2.0)
+        flags = 1 if step < 20 else 5
+        yield "/fmu/out/esc_status", time, types.EscStatus(esc_online_flags=flags, esc_connectiontype=5)
+
+
+def lines(axes: Any) -> dict[str, Any]:
+    return {line.get_label(): line for line in axes.get_lines()}
+
+
+def bands(axes: Any) -> dict[str, list[tuple[float, float]]]:
+    """The begin and the end of the bands of a panel, by their names on the axis."""
+    names = [label.get_text() for label in axes.get_yticklabels()]
+    spans = [
+        sorted((path.vertices[:, 0].min(), path.vertices[:, 0].max()) for path in each.get_paths())
+        for each in axes.collections
+    ]
+    return {name: [tuple(np.round(span, 6)) for span in each] for name, each in zip(names, spans, strict=True)}
+
+
+def test_fields_of_a_unit_share_a_panel(log: recordings.Log) -> None:
+    paths = [f"vehicle_local_position.{name}" for name in ("x", "vx", "z")]
+    figure = plot.draw(log, paths)
+    first, second = figure.axes
+    assert (first.get_ylabel(), second.get_ylabel()) == ("[m]", "[m/s]")
+    assert list(lines(first)) == [paths[0], paths[2]]
+    assert list(lines(second)) == [paths[1]]
+    assert second.get_xlabel() == "time since the start [s]"
+    assert first.get_xlim() == second.get_xlim() == (0.0, 10.0)
+    np.testing.assert_allclose(lines(first)[paths[0]].get_xdata(), np.arange(101) / 10)
+    np.testing.assert_array_equal(lines(first)[paths[0]].get_ydata(), np.arange(101))
+
+
+def test_values_that_are_missing_are_not_joined(log: recordings.Log) -> None:
+    (axes,) = plot.draw(log, ["vehicle_local_position.z"]).axes
+    values = lines(axes)["vehicle_local_position.z"].get_ydata()
+    assert np.isnan(values).nonzero()[0].tolist() == list(range(40, 50))
+
+
+def test_values_with_names_are_bands(log: recordings.Log) -> None:
+    status, armed, valid = plot.draw(
+        log, ["vehicle_status.nav_state", "vehicle_status.arming_state", "vehicle_local_position.z_valid"]
+    ).axes
+    assert bands(status) == {"AUTO_LOITER": [(0, 2)], "OFFBOARD": [(2, 6)], "AUTO_LAND": [(6, 9)]}
+    assert bands(armed) == {"DISARMED": [(0, 2), (6, 9)], "ARMED": [(2, 6)]}
+    assert bands(valid) == {"false": [(0, 5)], "true": [(5, 10.1)]}
+    assert [text.get_text() for text in armed.texts] == ["vehicle_status.arming_state"]
+
+
+def test_the_flight_modes_are_the_background_of_all_panels(log: recordings.Log) -> None:
+    figure = plot.draw(log, ["vehicle_local_position.x", "vehicle_local_position.vx"])
+    for axes in figure.axes:
+        patches: list[Any] = list(axes.patches)
+        found = {patch.get_label(): (patch.get_x(), patch.get_x() + patch.get_width()) for patch in patches}
+        assert found == {"_AUTO_LOITER": (0, 2), "_OFFBOARD": (2, 6), "_AUTO_LAND": (6, 9)}
+        assert len({patch.get_facecolor() for patch in patches}) == 3
+    assert [text.get_text() for text in figure.axes[0].texts] == ["AUTO_LOITER", "OFFBOARD", "AUTO_LAND"]
+    assert not figure.axes[1].texts
+
+
+def test_arrays_instances_and_elements_are_paths(log: recordings.Log) -> None:
+    found = plot.read_series(
+        log, ["vehicle_attitude.q", "actuator_motors.control[3]", "sensor_gps.eph", "sensor_gps[1].eph"]
+    )
+    assert [each.label for each in found] == [
+        *(f"vehicle_attitude.q[{index}]" for index in range(4)),
+        "actuator_motors.control[3]",
+        "sensor_gps.eph",
+        "sensor_gps_1.eph",  # in ROS 2 an instance is a topic of its own
+    ]
+    assert [each.values[-1] for each in found] == [1.0, 0.0, 0.0, 100.0, 1.0, 1.0, 2.0]
+    assert len(plot.draw(log, ["vehicle_attitude.q", "actuator_motors.control[3]", "sensor_gps.eph"]).axes) == 3
+
+
+def test_a_stretch_of_time(log: recordings.Log) -> None:
+    (axes,) = plot.draw(log, ["vehicle_local_position.x"], start=3.0, stop=5.0).axes
+    np.testing.assert_allclose(lines(axes)["vehicle_local_position.x"].get_xdata(), np.arange(30, 50) / 10)
+    assert axes.get_xlim() == (3.0, 5.0)
+
+
+def test_a_picture_ends_with_its_fields(tmp_path: Path, px4_types: Any) -> None:
+    samples = [("/fmu/out/vehicle_status_v4", step / 2, px4_types.VehicleStatus(nav_state=4)) for step in range(13)]
+    samples += [("/fmu/out/vehicle_attitude", step / 2, px4_types.VehicleAttitude()) for step in range(13)]
+    samples.append(("/fmu/out/sensor_gps", 1000.0, px4_types.SensorGps()))
+    with recordings.open(write_recording(tmp_path / "late.mcap", samples)) as log:
+        (status,) = plot.draw(log, ["vehicle_status.nav_state"]).axes
+        assert bands(status) == {"AUTO_LOITER": [(0, 6.5)]}
+        assert status.get_xlim() == (0, 6.5)
+        (attitude,) = plot.draw(log, ["vehicle_attitude.q[0]"], stop=900.0).axes
+        assert attitude.get_xlim() == (0, 6)
+        (gps,) = plot.draw(log, ["sensor_gps.eph", "vehicle_attitude.q[0]"]).axes[:1]
+        mode: Any = gps.patches[0]
+        assert gps.get_xlim() == (0, 1000)
+        assert mode.get_x() + mode.get_width() == 6.5
+        # a value lasts until the next sample, if there is one behind the time that was asked for
+        (status,) = plot.draw(log, ["vehicle_status.nav_state"], stop=3.4).axes
+        assert bands(status) == {"AUTO_LOITER": [(0, 3.4)]}
+
+
+def test_samples_long_before_the_start_are_left_out(tmp_path: Path) -> None:
+    """A topic that was published once has the time 0 in a log that counts since 1970."""
+    begin = 1_700_000_000_000_000
+    writer = UlogWriter(start=begin)
+    writer.format("wind", "uint64_t timestamp;float x")
+    writer.subscribe(0, "wind")
+    for time in (0, begin - 1_000_000, begin, begin + 2_000_000):
+        writer.sample(0, struct.pack("<Qf", time, 1.0))
+    with recordings.open(writer.write(tmp_path / "a.ulg")) as log:
+        (series,) = plot.read_series(log, ["wind.x"])
+        assert series.times.tolist() == [-1, 0, 2]
+        (whole,) = plot.read_series(log, ["wind.x"], start=0)
+        assert len(whole.times) == len(whole.values) == 4
+
+
+@pytest.mark.parametrize(
+    ("path", "text"),
+    [
+        (
+            "vehicle_local_positon.x",
+            "no topic is called 'vehicle_local_positon', did you mean 'vehicle_local_position'?",
+        ),
+        ("vehicle_local_position.heding", "no field is called 'heding', did you mean 'heading'?"),
+        ("vehicle_attitude.q[4]", "no field is called 'q[4]', did you mean 'q["),
+        ("sensor_gps[7].eph", "'sensor_gps' has no instance 7, it has: 0"),
+        ("vehicle_attitude", "'vehicle_attitude' is a topic: name one of its fields, such as timestamp, "),
+        ("vehicle_atitude", "expected TOPIC.FIELD or TOPIC[INSTANCE].FIELD, found 'vehicle_atitude', did you mean 'v"),
+        ("sensor_gps[x].eph", "expected TOPIC.FIELD or TOPIC[INSTANCE].FIELD, found 'sensor_gps[x].eph'"),
+    ],
+)
+def test_paths_that_there_are_not(log: recordings.Log, path: str, text: str) -> None:
+    with pytest.raises(recordings.RecordingError, match=f"^{re.escape(text)}"):
+        plot.draw(log, [path])
+
+
+def test_a_time_without_samples(log: recordings.Log) -> None:
+    paths = ["vehicle_status.nav_state", "vehicle_local_position.x", "vehicle_status.arming_state"]
+    with pytest.raises(
+        plot.NoSamplesError, match=r"^there are no samples of /fmu/out/vehicle_status_v4 in this time$"
+    ) as told:
+        plot.draw(log, paths, start=7.0, stop=8.0)
+    assert told.value.paths == [paths[0], paths[2]]
+
+
+@pytest.mark.parametrize("count", [1, 3, 7])
+def test_the_legend_covers_no_line(count: int, log: recordings.Log) -> None:
+    names = ("x", "y", "z", "z_deriv", "delta_z", "dist_bottom", "delta_dist_bottom")
+    times, values = np.arange(100) / 10, np.arange(100.0) % 10
+    series = [
+        plot.Series(f"vehicle_local_position.{name}", times, values, Annotation("m"), 0.0, 10.0)
+        for name in names[:count]
+    ]
+    figure = plot.draw_series(log, series)
+    figure.canvas.draw()
+    (axes,) = figure.axes
+    legend = axes.get_legend()
+    assert legend is not None
+    box = legend.get_window_extent()
+    assert axes.bbox.x0 <= box.x0 <= box.x1 <= axes.bbox.x1
+    for line in axes.lines:
+        assert axes.transData.transform(line.get_xydata())[:, 1].max() < box.y0
+
+
+def test_files(log: recordings.Log) -> None:
+    def picture(ending: str) -> bytes:
+        paths = ["vehicle_local_position.x", "vehicle_status.nav_state"]
+        return plot.render(plot.draw(log, paths), ending)
+
+    png, svg, pdf = map(picture, plot.ENDINGS)
+    assert png.startswith(b"\x89PNG\r\n\x1a\n")
+    assert pdf.startswith(b"%PDF")
+    width, height = struct.unpack(">II", png[16:24])
+    assert width == 1000
+    assert 300 < height < 600
+    assert len(png) > 10_000
+    text = svg.decode()
+    for shown in ("flight.mcap", "vehicle_local_position.x", "[m]", "OFFBOARD", "time since the start [s]"):
+        assert f">{shown}<" in text
+    assert svg == picture("svg")
+
+
+def test_a_picture_is_drawn_without_a_window(log: recordings.Log) -> None:
+    plot.render(plot.draw(log, ["vehicle_local_position.x"]), "png")
+    assert "matplotlib.pyplot" not in sys.modules or not sys.modules["matplotlib.pyplot"].get_fignums()
+
+
+def test_the_code_of_the_page_runs(tmp_path: Path, px4_types: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    page = (ROOT / "docs" / "recordings.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"```python\n(.*?)```", page[page.index("## Plot") : page.index("## Formats")], re.DOTALL)
+    odometry = px4_types.VehicleOdometry(position=[1.0, 2.0, 3.0])
+    samples = [
+        ("/fmu/out/vehicle_odometry", 0.0, odometry),
+        ("/fmu/out/battery_status", 0.5, px4_types.BatteryStatus()),
+    ]
+    write_recording(tmp_path / "flight.mcap", samples)
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, Any] = {}
+    exec(code, names)  # noqa: S102 - it is ours
+    assert (tmp_path / "odometry.png").read_bytes().startswith(b"\x89PNG")
+    first, second = names["figure"].axes
+    assert (first.get_ylabel(), second.get_ylabel()) == ("[m]", "[V]")
+    assert first.get_ylim() == (-5, 5)
+
+
+# Thinning
+
+
+def joined(values: Any) -> set[tuple[int, int]]:
+    """The pairs of samples that a line joins, by their numbers."""
+    return {(low, low + 1) for low in range(len(values) - 1) if np.isfinite(values[low : low + 2]).all()}
+
+
+@settings(max_examples=20)
+@given(seed=st.integers(0, 2**32 - 1), share=st.sampled_from([0.0, 0.01, 0.5, 0.99, 1.0]))
+def test_thinned_lines_have_every_peak_and_every_gap(seed: int, share: float) -> None:
+    random = np.random.default_rng(seed)
+    count = 20_000
+    times = np.sort(random.uniform(0, 100, count))
+    values = random.normal(size=count)
+    values[random.uniform(size=count) < share] = NAN
+    kept = plot.thinned(times, values)
+    assert (np.diff(kept) > 0).all()
+    assert len(kept) <= 5 * plot._PIXELS
+    pixels = ((times - times[0]) * ((plot._PIXELS - 1) / (times[-1] - times[0]))).astype(int)
+    for pixel in np.unique(pixels)[:: 1 + seed % 100]:
+        whole, part = values[pixels == pixel], values[kept][pixels[kept] == pixel]
+        if np.isfinite(whole).any():
+            assert (np.nanmin(whole), np.nanmax(whole)) == (np.nanmin(part), np.nanmax(part))
+        else:
+            assert np.isnan(part).all()
+        assert np.isnan(whole).any() == np.isnan(part).any()
+    # between pixels, the line joins the same neighbours, or none
+    for low, high in itertools.pairwise(kept.tolist()):
+        if pixels[low] != pixels[high]:
+            assert high == low + 1
+
+
+def test_few_samples_are_all_drawn() -> None:
+    assert plot.thinned(np.arange(100.0), np.arange(100.0)).tolist() == list(range(100))
+
+
+def test_bands_closer_than_a_pixel_are_one() -> None:
+    times = np.arange(100_000) / 1000
+    values = np.arange(100_000) % 2 == 0
+    values[50_000:60_000] = False
+    about = annotation_of("px4_msgs/msg/None", "", "x")
+    false, true = plot.Series("x", times, values, about, 0.0, 100.0).bands
+    assert [np.round(span, 2).tolist() for span in true.spans] == [[0, 50], [60, 100]]
+    assert [np.round(span, 2).tolist() for span in false.spans] == [[0, 100]]
+
+
+# What fields mean
+
+
+def test_units_come_from_the_recording_or_from_a_release() -> None:
+    own = annotations_of("px4_msgs/msg/VehicleLocalPosition", "float32 z # [ft] height\nfloat32 x\nfloat32 other")
+    assert {name: each.unit for name, each in own.items()} == {"z": "ft", "x": "m", "other": ""}
+    assert own["x"].frame == "NED"
+    foreign = annotations_of("my_msgs/msg/VehicleLocalPosition", "float32 z # [m] height\nfloat32 x")
+    assert {name: each.unit for name, each in foreign.items()} == {"z": "m", "x": ""}
+
+
+def test_names_of_values_without_constants_come_from_a_release(px4_types: Any) -> None:
+    definition = px4_types.VehicleStatus.__msg__.definition
+    bare = "\n".join(line for line in definition.splitlines() if "=" not in line)
+    own, embedded = (annotation_of("px4_msgs/msg/VehicleStatus", text, "nav_state") for text in (definition, bare))
+    assert own.members == embedded.members
+    assert own.members[14] == "OFFBOARD"
+
+
+def test_names_of_values_of_the_recording_have_priority() -> None:
+    text = "uint8 NAVIGATION_STATE_MANUAL = 3\nuint8 NAVIGATION_STATE_HOVER = 4\nuint8 nav_state"
+    found = annotation_of("px4_msgs/msg/VehicleStatus", text, "nav_state")
+    assert found.members == {3: "MANUAL", 4: "HOVER"}
+
+
+def test_flags_and_nested_fields(px4_types: Any) -> None:
+    esc = px4_types.EscStatus.__msg__
+    assert annotation_of(esc.ros_type, esc.definition, "esc[7].esc_rpm").unit == "rpm"
+    local = px4_types.VehicleLocalPosition.__msg__
+    flags = annotation_of(local.ros_type, local.definition, "dist_bottom_sensor_bitfield")
+    assert flags.is_flags
+    assert flags.members == {0: "NONE", 1: "RANGE", 2: "FLOW"}
+
+
+def test_definitions_that_cannot_be_read_have_no_annotations() -> None:
+    assert annotations_of("px4_msgs/msg/VehicleStatus", "nonsense[") == {}

@@ -1,0 +1,43 @@
+"""A folder of three small recordings for a fleet, and what there is in a fleet."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pyarrow.parquet as pq
+
+from support.written import write_recording
+
+
+def write_folder(root: Path, types: Any) -> Path:
+    """Write a folder with three recordings, of which two have the same name. Return its path."""
+    for number, name in enumerate(("a/flight.mcap", "b/flight.mcap", "b/2024-05-06_x.mcap")):
+        path = root / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_flight(path, types, number)
+    return root
+
+
+def write_flight(path: Path, types: Any, seed: int, *, gps: int = 0, count: int = 50) -> Path:
+    """Write a recording of a few topics."""
+    samples: list[tuple[str, float, Any]] = []
+    for step in range(count):
+        stamp = step * 10_000
+        local = types.VehicleLocalPosition(timestamp=stamp, x=float(seed), z=float(-step))
+        samples.append(("/fmu/out/vehicle_local_position_v1", step / 100, local))
+        fix = types.SensorGps(timestamp=stamp, time_utc_usec=gps * (step > 5))
+        samples.append(("/fmu/out/vehicle_gps_position", step / 100, fix))
+    return write_recording(path, samples)
+
+
+def parquet_in(fleet: Path) -> dict[str, int]:
+    """Return the Parquet files of a fleet, with their times of change."""
+    return {
+        path.relative_to(fleet).as_posix(): path.stat().st_mtime_ns for path in sorted(fleet.glob("*/**/*.parquet"))
+    }
+
+
+def rows_in(fleet: Path) -> int:
+    """Return the number of rows in all Parquet files of a fleet."""
+    return sum(pq.read_metadata(path).num_rows for path in fleet.glob("*/**/*.parquet"))
