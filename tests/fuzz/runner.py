@@ -31,6 +31,7 @@ NAMES = (
     "arguments",
     "datagrams",
     "recordings",
+    "conversions",
 )
 """The campaigns, each a module of this package."""
 

@@ -38,8 +38,9 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs fork, lin
 
 
 @pytest.fixture(autouse=True, scope="module")
-def scratch() -> Iterator[None]:
+def scratch(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """Make the folders of cases in one place, and remove it at the end."""
+    tmp_path_factory.getbasetemp()  # pytest makes its own folder when it is first needed, which may be here
     before, root = tempfile.tempdir, scratch_root()
     tempfile.tempdir = root
     yield
@@ -85,6 +86,11 @@ def without_field(_: Any, error: Exception) -> Exception:
     return found
 
 
+def at_once(target: str, write: Callable[[str], Any]) -> Any:
+    """Write a target in place, as msggen must not."""
+    return write(target)
+
+
 def fail(*_: object, **__: object) -> Any:
     raise KeyError
 
@@ -102,6 +108,7 @@ PLANTED: dict[str, tuple[str, Any]] = {
     "arguments": ("msggen.firmware.catalog.decode_text", fail),
     "datagrams": ("msggen.live.xrce.wire.WireError", KeyError),
     "recordings": ("msggen.recordings.writer.McapWriter.flush", lambda _: None),
+    "conversions": ("msggen.recordings.convert._whole", at_once),
 }
 """An error for each campaign: the function or the number that is replaced, and by what."""
 

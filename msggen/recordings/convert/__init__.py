@@ -1,0 +1,124 @@
+"""Recordings in other formats: tables of Parquet, Arrow and CSV, and recordings of ROS 2 as MCAP files or folders."""
+
+from __future__ import annotations
+
+import errno
+import os
+from typing import TYPE_CHECKING, NamedTuple
+
+from msggen.disk.staging import check_writable, clear, locked, stage_beside, staging_folder
+from msggen.recordings.choice import check_times, listed
+from msggen.recordings.convert.selection import Selection
+from msggen.recordings.source import Problem, RecordingError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection, Iterable, Sequence
+    from contextlib import AbstractContextManager
+
+    from msggen.recordings.log import Key, Log
+    from msggen.recordings.samples import Topic
+
+FORMATS = ("parquet", "arrow", "csv", "mcap", "rosbag2")
+"""The formats that are written. An MCAP file is a file, all others are a folder."""
+TABLES = ("parquet", "arrow", "csv")
+"""The formats with a file for each topic."""
+
+
+EVERYTHING = Selection(None, None, None, None)
+
+
+class Converted(NamedTuple):
+    """The result of a conversion."""
+
+    files: Sequence[str]
+    """The paths of the files."""
+    rows: int
+    """How many samples were written."""
+    problems: Sequence[Problem]
+    """What the recording has and what is not in the files."""
+    notes: Sequence[str] = ()
+    """Where definitions are from that are not in the recording."""
+
+
+def convert(  # noqa: PLR0913 - named options
+    log: Log,
+    target: str,
+    *,
+    format: str,  # noqa: A002 - as pandas and xarray name it
+    topics: Iterable[Key | Topic] | None = None,
+    start: float | None = None,
+    stop: float | None = None,
+    fields: Collection[str] | None = None,
+    progress: Callable[[float], None] = lambda _: None,
+) -> Converted:
+    """Write a recording in another format, one of FORMATS, to `target`: a file for `mcap`, otherwise a folder.
+
+    `topics`, `start` and `stop` choose as for `Log.load`, and `fields` the columns of tables: of each topic those that
+    it has. `progress` is called with the share that is done, from 0 to 1. The recording is read piece by piece.
+
+    The target is written under another name beside it, which is removed at the end or by the next run, and then
+    renamed: there is never a part of it, and without samples nothing. Raises RecordingError, FileExistsError if there
+    is such a target, FileNotFoundError if there is no folder for it, and OSError, also if another process writes it.
+    """
+    if format not in FORMATS:
+        raise ValueError(f"expected one of {', '.join(FORMATS)}, got {format!r}")
+    check_times(start, stop)
+    chosen = None if topics is None else listed(topics)
+    selection = Selection(chosen, start, stop, None if fields is None else listed(fields))
+    if format not in TABLES:
+        return join([log], target, selection, format, progress)
+    from msggen.recordings.convert.tables import write_tables
+
+    return _whole(target, lambda made: write_tables(log, made, format, selection, progress))
+
+
+def join(
+    logs: Sequence[Log],
+    target: str,
+    selection: Selection = EVERYTHING,
+    format: str = "mcap",  # noqa: A002 - as above
+    progress: Callable[[float], None] = lambda _: None,
+) -> Converted:
+    """Write several recordings as one, in the order of their log times: `mcap` or `rosbag2`.
+
+    Times of `selection` are in s after the start of the first of them. See `convert`, also for the errors.
+    """
+    from msggen.recordings.convert.recording import write_mcap
+    from msggen.recordings.convert.rosbag2 import write_rosbag2
+
+    if selection.fields is not None:
+        raise RecordingError(f"fields can be chosen for {', '.join(TABLES)}, in {format} samples are whole")
+    write = write_mcap if format == "mcap" else write_rosbag2
+    return _whole(target, lambda made: write(logs, made, selection, progress))
+
+
+def _whole(target: str, write: Callable[[str], Converted]) -> Converted:
+    """Call `write` with a path for a file or folder, and move what it made to `target` if that has samples."""
+    target = os.path.abspath(target)
+    if os.path.lexists(target):
+        raise FileExistsError(errno.EEXIST, "there is such a file or folder already", target)
+    parent, name = os.path.split(target)
+    if not os.path.isdir(parent):
+        raise FileNotFoundError(errno.ENOENT, "there is no such folder", parent)
+    check_writable(parent)
+    stage = stage_beside(target)
+    if os.path.isdir(stage):
+        with _alone(stage):
+            clear(stage)
+    with staging_folder(stage) as folder, _alone(stage):
+        made = os.path.join(folder, name)
+        written = write(made)
+        if not written.rows:
+            return written._replace(files=[])
+        os.rename(made, target)
+    files = [target if path == made else os.path.join(target, os.path.relpath(path, made)) for path in written.files]
+    return written._replace(files=files)
+
+
+def _alone(stage: str) -> AbstractContextManager[None]:
+    """Lock a staging folder. Raises OSError if another process has it."""
+
+    def refuse() -> None:
+        raise OSError(errno.EBUSY, "another conversion writes to this path", stage)
+
+    return locked(stage, refuse)

@@ -1,0 +1,181 @@
+"""Tables of a recording, a file for each topic: Parquet, Arrow (its IPC format) and CSV."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections import defaultdict
+from contextlib import ExitStack
+from typing import TYPE_CHECKING, Any
+
+from msggen.diagnostics import suggestion
+from msggen.recordings.arrow import table_of
+from msggen.recordings.collector import Collector
+from msggen.recordings.columns import has_field, names_of
+from msggen.recordings.convert import Converted
+from msggen.recordings.convert.names import file_names
+from msggen.recordings.convert.selection import Selection, Share
+from msggen.recordings.source import RecordingError
+from msggen.recordings.text import json_value
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection, Mapping, Sequence
+    from typing import IO
+
+    from msggen.recordings.log import Log
+    from msggen.recordings.samples import Samples, Topic
+
+_TIME = "timestamp"
+_WAITING = 64 << 20
+"""The bytes of all samples that wait for their row groups."""
+_OBJECTS = 4
+"""How many times the bytes of its column in Arrow an object of Python has."""
+
+
+def write_tables(
+    log: Log, folder: str, format_: str, selection: Selection, progress: Callable[[float], None]
+) -> Converted:
+    """Write a new folder with a file for each topic that has samples. See `convert`."""
+    os.mkdir(folder)
+    chosen = log.chosen(selection.topics)
+    columns = _columns(log, chosen, selection.fields)
+    paths = {key: os.path.join(folder, f"{name}.{format_}") for key, name in file_names(chosen).items()}
+    # in a ULog without a time of day, log times are no times in UTC
+    utc_offset = log.utc_offset if log.has_facts else 0
+    tables = _Tables(paths, format_, columns, utc_offset)
+    share = Share(log.start, log.end, selection, progress)
+    wanted = [topic for topic in chosen if (topic.name, topic.instance) in columns]
+    try:
+        for samples in log.batches(wanted, start=selection.start, stop=selection.stop):
+            tables.add(samples)
+            share.reach(samples.log_times)
+        tables.flush()
+    finally:
+        tables.close()
+    share.end()
+    notes = log.notes if any(topic.is_lent for topic in wanted) else ()
+    return Converted(tables.files, tables.rows, log.problems, notes)
+
+
+def _columns(
+    log: Log, topics: Sequence[Topic], fields: Collection[str] | None
+) -> Mapping[tuple[str, int], tuple[str, ...] | None]:
+    """Return the fields of each topic that are written, None for all. Topics without any are left out.
+
+    `timestamp` is always written.
+
+    Raises RecordingError for a name that no topic has.
+    """
+    if fields is None:
+        return {(topic.name, topic.instance): None for topic in topics}
+    known = {(topic.name, topic.instance): log.dtype(topic) for topic in topics}
+    for field in fields:
+        if not any(has_field(dtype, field) for dtype in known.values()):
+            near = sorted({name for dtype in known.values() for name in names_of(dtype)})
+            raise RecordingError(f"no field is called '{field}'{suggestion(field, near)}")
+    found = {key: tuple(field for field in fields if has_field(dtype, field)) for key, dtype in known.items()}
+    return {
+        key: tuple(dict.fromkeys([_TIME, *names])) if has_field(known[key], _TIME) else names
+        for key, names in found.items()
+        if names
+    }
+
+
+class _Tables:
+    """The files of the topics, and the samples that wait for a row group."""
+
+    def __init__(
+        self,
+        paths: Mapping[tuple[str, int], str],
+        format_: str,
+        columns: Mapping[tuple[str, int], tuple[str, ...] | None],
+        utc_offset: int | None,
+    ) -> None:
+        self._paths, self._format, self._columns, self._utc_offset = paths, format_, columns, utc_offset
+        self._waiting: dict[tuple[str, int], list[Samples]] = defaultdict(list)
+        self._sizes: dict[tuple[str, int], int] = defaultdict(int)
+        self._total = 0
+        self._writers: dict[tuple[str, int], Any] = {}
+        self._open = ExitStack()
+        self.rows = 0
+
+    @property
+    def files(self) -> list[str]:
+        """The files, in the order in which they were begun."""
+        return sorted(self._paths[key] for key in self._writers)
+
+    def add(self, samples: Samples) -> None:
+        """Add samples of a topic, and write the topic with the most bytes if too many wait."""
+        key = samples.topic.name, samples.topic.instance
+        size = samples.array.nbytes
+        if samples.array.dtype.hasobject:
+            size += _OBJECTS * table_of(samples).nbytes
+        self._waiting[key].append(samples)
+        self._sizes[key] += size
+        self._total += size
+        while self._total > _WAITING:
+            self._write(max(self._sizes, key=self._sizes.__getitem__))
+
+    def flush(self) -> None:
+        """Write what waits."""
+        for key in list(self._waiting):
+            self._write(key)
+
+    def close(self) -> None:
+        """End the files."""
+        self._open.close()
+
+    def _write(self, key: tuple[str, int]) -> None:
+        waiting = self._waiting.pop(key)
+        self._total -= self._sizes.pop(key)
+        first = waiting[0]
+        collector = Collector(first.topic, first.array.dtype, sum(map(len, waiting)))
+        for samples in waiting:
+            collector.add(samples.array, samples.log_times, samples.publish_times)
+        table = table_of(collector.samples().choose(self._columns[key]), with_times=True, utc_offset=self._utc_offset)
+        if self._format == "csv":
+            table = _flat(table)
+        if key not in self._writers:
+            # pyarrow itself only opens files whose names are UTF-8
+            file = self._open.enter_context(open(self._paths[key], "wb"))  # noqa: SIM115 - the stack closes it
+            self._writers[key] = self._open.enter_context(_writer(file, self._format, table.schema))
+        self._writers[key].write_table(table)
+        self.rows += len(table)
+
+
+def _writer(file: IO[bytes], format_: str, schema: Any) -> Any:
+    """Return a writer of pyarrow. All have `write_table`, and end the content at the end of their context."""
+    if format_ == "parquet":
+        from pyarrow.parquet import ParquetWriter
+
+        # dictionaries make files of measured values larger and writing slower; differences of times are small
+        times = {field.name: "DELTA_BINARY_PACKED" for field in schema if _is_time(field)}
+        return ParquetWriter(file, schema, compression="zstd", use_dictionary=False, column_encoding=times)
+    if format_ == "arrow":
+        from pyarrow import ipc
+
+        return ipc.new_file(file, schema, options=ipc.IpcWriteOptions(compression="zstd"))
+    from pyarrow.csv import CSVWriter
+
+    return CSVWriter(file, schema)
+
+
+def _is_time(field: Any) -> bool:
+    """Whether a column has times in 64 bits."""
+    import pyarrow as pa
+
+    return bool(pa.types.is_timestamp(field.type) or (field.name == _TIME and field.type == pa.uint64()))
+
+
+def _flat(table: Any) -> Any:
+    """Return a table for CSV, which has no lists and structs: they are JSON, with null for NaN."""
+    import pyarrow as pa
+
+    for index, field in enumerate(table.schema):
+        if pa.types.is_nested(field.type):
+            texts = [
+                None if value is None else json.dumps(json_value(value), allow_nan=False)
+                for value in table.column(index).to_pylist()
+            ]
+            table = table.set_column(index, pa.field(field.name, pa.string()), pa.array(texts, pa.string()))
+    return table
