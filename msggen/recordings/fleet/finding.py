@@ -1,0 +1,84 @@
+"""Recordings below a folder, and how to tell that one has not changed."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from msggen.recordings.paths import is_bag, is_named_as_recording, is_named_as_ulog
+
+_BLOCK = 1 << 20
+
+
+class Found(NamedTuple):
+    """A recording, or something that may have been one."""
+
+    path: str
+    error: str = ""
+    """Why it cannot be read: a link to a missing file, or a folder that may not be opened."""
+
+
+class State(NamedTuple):
+    """The size in bytes and the time of change in ns of a recording, of all its files if it is a folder."""
+
+    size: int
+    changed: int
+
+
+def find_recordings(folder: str, *, without: str = "") -> Iterator[Found]:
+    """Yield all recordings below a folder, sorted: files, and folders of rosbag2. Raises OSError for the folder itself.
+
+    The folder can be a recording itself. ULogs in a folder of rosbag2, and recordings below it, are recordings of their
+    own. Symbolic links to folders are not followed, and the folder `without` is left out.
+    """
+    left_out = os.path.realpath(without) if without else ""
+    is_one = is_bag(folder)
+    with os.scandir(folder) as found:
+        entries = sorted(found, key=lambda entry: entry.name)
+    if is_one:
+        yield Found(folder)
+    for entry in entries:
+        try:
+            if entry.is_dir(follow_symlinks=False):
+                if os.path.realpath(entry.path) != left_out:
+                    yield from find_recordings(entry.path, without=without)
+            elif is_named_as_recording(entry.name) and (not is_one or is_named_as_ulog(entry.name)):
+                yield from _found(entry)
+        except OSError as error:
+            yield Found(entry.path, f"cannot be read: {error.strerror}")
+
+
+def _found(entry: os.DirEntry[str]) -> Iterator[Found]:
+    """Yield a file or a link, unless it is something else."""
+    if entry.is_file():
+        yield Found(entry.path)
+    elif entry.is_symlink() and not os.path.exists(entry.path):
+        yield Found(entry.path, "cannot be read: this is a link to a missing file")
+
+
+def state_of(path: str) -> State:
+    """Return the state of a recording. Raises OSError."""
+    stats = [os.stat(each) for each in _files(path)]
+    return State(sum(each.st_size for each in stats), max((each.st_mtime_ns for each in stats), default=0))
+
+
+def digest_of(path: str) -> str:
+    """Return a digest of the contents of a recording, with the names of its files if it is a folder. Raises OSError."""
+    digest = hashlib.sha256()
+    for each in _files(path):
+        if each != path:
+            digest.update(os.path.basename(each).encode(errors="surrogateescape") + b"\0")
+        with open(each, "rb") as file:
+            while block := file.read(_BLOCK):
+                digest.update(block)
+    return digest.hexdigest()
+
+
+def _files(path: str) -> list[str]:
+    """Return the files of a recording: in a folder of rosbag2, ULogs are recordings of their own."""
+    if not os.path.isdir(path):
+        return [path]
+    with os.scandir(path) as found:
+        return sorted(entry.path for entry in found if entry.is_file() and not is_named_as_ulog(entry.name))

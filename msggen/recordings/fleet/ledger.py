@@ -1,0 +1,240 @@
+"""What a fleet has: a record of each recording that is done, in a file of its own, and the keys of the layout.
+
+A record is written when all files of its recording are in place. So a run that was killed leaves whole files, which
+the next run writes again.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from typing import Any, NamedTuple
+
+from msggen.disk.staging import locked, write_if_changed
+from msggen.recordings.fleet.finding import State
+from msggen.recordings.fleet.layout import DIGITS, VERSION
+from msggen.recordings.source import RecordingError
+
+STATE = "_msggen"
+"""The folder of the records. Engines skip names that begin with an underscore."""
+LAYOUT = "layout.json"
+REPORT = "report.json"
+_LOGS = "logs"
+_RUN = "run.txt"
+"""The file that names the process that changes the fleet."""
+_LONGEST = 200
+"""The most characters that are read of it."""
+
+
+class Record(NamedTuple):
+    """A recording that is done."""
+
+    log: str
+    """Its name in the fleet."""
+    digest: str
+    paths: Mapping[str, State]
+    """Where it was found, and its state there. A copy is not converted."""
+    values: Mapping[str, str]
+    """The values of the keys: vehicle, date."""
+    date_from: str
+    files: Sequence[str]
+    """Its files, below the folder of the fleet."""
+    rows: int
+    size: int
+    """The bytes of its files."""
+    problems: Sequence[str]
+    """What it has and what is not in the files."""
+    notes: Sequence[str]
+    """Where definitions are from that are not in the recording."""
+    firmware: str
+    """The release of the firmware, "" if a ULog does not tell it."""
+    start: int | None
+    """The start in ns since 1970 in UTC, None if the recording does not tell it."""
+    utc_offset: int | None
+    """What to add to log times in ns for UTC, None if it is not known."""
+    duration: float
+    """In s."""
+
+
+def original_of(record: Record) -> str:
+    """Return the path of a recording of which other ones are copies: the first that there still is."""
+    return next((path for path in record.paths if os.path.lexists(path)), next(iter(record.paths), record.log))
+
+
+class Ledger:
+    """The records of a fleet in a folder."""
+
+    def __init__(self, fleet: str) -> None:
+        self.fleet = fleet
+        self.state = os.path.join(fleet, STATE)
+
+    def open(self, by: Sequence[str]) -> None:
+        """Create the folders. Raises RecordingError for a fleet with other keys or another layout, and OSError.
+
+        A folder with other files raises RecordingError too: the files of a fleet would be among them.
+        """
+        if not os.path.lexists(self.state) and os.path.isdir(self.fleet) and os.listdir(self.fleet):
+            raise RecordingError("the folder of the fleet has other files: choose a new folder")
+        os.makedirs(os.path.join(self.state, _LOGS), exist_ok=True)
+        path = os.path.join(self.state, LAYOUT)
+        known = _read(path)
+        if known is None:
+            write_if_changed(path, json.dumps({"by": list(by), "version": VERSION}) + "\n")
+        elif known.get("by") != list(by):
+            had = ",".join(map(str, known.get("by", ())))
+            raise RecordingError(f"this fleet is by '{had}', not by '{','.join(by)}': choose another folder")
+        elif known.get("version") != VERSION:
+            raise RecordingError("another version of msggen wrote this fleet, with other folders: choose a new folder")
+
+    @contextmanager
+    def locked(self, waiting: Callable[[str], None]) -> Iterator[None]:
+        """Hold the lock of the fleet. If another run has it, call `waiting` with the name of its process, and wait."""
+        path = os.path.join(self.state, _RUN)
+        with locked(self.state, lambda: waiting(_line_in(path))):
+            write_if_changed(path, f"process {os.getpid()} on {platform.node()}\n", flushed=False)
+            try:
+                yield
+            finally:
+                with suppress(OSError):
+                    os.unlink(path)
+
+    def records(self) -> Iterator[Record]:
+        """Yield the records, without those that cannot be read."""
+        folder = os.path.join(self.state, _LOGS)
+        for name in sorted(os.listdir(folder)):
+            found = self.record(name.removesuffix(".json")) if name.endswith(".json") else None
+            if found is not None:
+                yield found
+
+    def record(self, log: str) -> Record | None:
+        """Return the record of a recording by its name, None if there is none that can be read."""
+        found = _read(self._path(log))
+        if found is None:
+            return None
+        try:
+            paths = {path: State(*state) for path, state in found.pop("paths").items()}
+            record = Record(paths=paths, **found)
+            is_sound = record.log == log and all(map(_stays_inside, record.files))
+        except (TypeError, KeyError, AttributeError):
+            return None
+        return record if is_sound else None
+
+    def find(self, digest: str) -> Record | None:
+        """Return the record of a recording with these contents, None if there is none."""
+        end = f"-{digest[:DIGITS]}.json"
+        names = (name for name in sorted(os.listdir(os.path.join(self.state, _LOGS))) if name.endswith(end))
+        found = (self.record(name.removesuffix(".json")) for name in names)
+        return next((each for each in found if each is not None and each.digest == digest), None)
+
+    def has_files(self, record: Record) -> bool:
+        """Whether all files of a record are there: users can remove them."""
+        return all(os.path.exists(os.path.join(self.fleet, name)) for name in record.files)
+
+    def write(self, record: Record) -> None:
+        """Write a record. Raises OSError."""
+        paths = {path: list(state) for path, state in record.paths.items()}
+        write_if_changed(self._path(record.log), json.dumps({**record._asdict(), "paths": paths}, indent=1) + "\n")
+
+    def add(self, record: Record) -> None:
+        """Write a record, with the paths that it had before, and remove files that it no longer has. Raises OSError."""
+        known = self.record(record.log)
+        if known is not None and known.digest == record.digest:
+            record = record._replace(paths={**known.paths, **record.paths})
+            self.remove_files(set(known.files) - set(record.files))
+        self.write(record)
+
+    def remove(self, record: Record) -> None:
+        """Remove the files of a record, the folders that are then empty, and the record itself. Raises OSError."""
+        self.remove_files(record.files)
+        os.unlink(self._path(record.log))
+
+    def remove_files(self, files: Iterable[str]) -> None:
+        """Remove files of the fleet, and the folders that are then empty. Raises OSError."""
+        for name in files:
+            path = os.path.join(self.fleet, name)
+            with suppress(FileNotFoundError):
+                os.unlink(path)
+            folder = os.path.dirname(name)
+            with suppress(OSError):  # the first one that is not empty ends it
+                while folder:
+                    os.rmdir(os.path.join(self.fleet, folder))
+                    folder = os.path.dirname(folder)
+
+    def merge_copies(self) -> set[str]:
+        """Remove all but one of recordings with the same contents, and return their names.
+
+        Copies of a recording can be converted at the same time.
+        """
+        removed = set()
+        kept: dict[str, Record] = {}
+        for record in self.records():
+            first = kept.setdefault(record.digest, record)
+            if first is not record:
+                kept[record.digest] = first._replace(paths={**first.paths, **record.paths})
+                self.write(kept[record.digest])
+                self.remove(record)
+                removed.add(record.log)
+        return removed
+
+    def remove_stale(self) -> int:
+        """Remove what earlier contents of changed recordings have left. Return how many recordings that were."""
+        records = list(self.records())
+        owners: dict[str, list[Record]] = {}
+        for record in records:
+            for path in record.paths:
+                owners.setdefault(path, []).append(record)
+        stale: dict[str, set[str]] = {}
+        for path, found in owners.items():
+            current = [each for each in found if each.paths[path] == _state(path)]
+            for each in found if len(found) > 1 and current else ():
+                if each is not current[0]:
+                    stale.setdefault(each.log, set()).add(path)
+        removed = 0
+        for record in records:
+            gone = stale.get(record.log, set())
+            rest = {path: state for path, state in record.paths.items() if path not in gone}
+            if not rest:
+                self.remove(record)
+                removed += 1
+            elif gone:
+                self.write(record._replace(paths=rest))
+        return removed
+
+    def _path(self, log: str) -> str:
+        return os.path.join(self.state, _LOGS, f"{log}.json")
+
+
+def _stays_inside(name: str) -> bool:
+    """Whether a file of a record is in the folder of the fleet, so that it may be removed."""
+    return not os.path.isabs(name) and ".." not in name.split("/")
+
+
+def _state(path: str) -> State | None:
+    from msggen.recordings.fleet.finding import state_of
+
+    try:
+        return state_of(path)
+    except OSError:
+        return None
+
+
+def _line_in(path: str) -> str:
+    """Return the first line of a file, "" if it cannot be read."""
+    try:
+        with open(path, encoding="utf-8", errors="replace") as file:
+            return file.readline(_LONGEST).strip()
+    except OSError:
+        return ""
+
+
+def _read(path: str) -> Any:
+    """Return the object in a JSON file, None if there is none that can be read."""
+    try:
+        with open(path, encoding="utf-8") as file:
+            found = json.load(file)
+    except (OSError, ValueError):
+        return None
+    return found if isinstance(found, dict) else None

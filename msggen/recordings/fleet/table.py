@@ -1,0 +1,67 @@
+"""The table of the recordings of a fleet, which queries join with any topic on `log`."""
+
+from __future__ import annotations
+
+import os
+from contextlib import suppress
+from io import BytesIO
+from typing import TYPE_CHECKING, Any
+
+from msggen.disk.reading import read_bytes
+from msggen.disk.staging import written_aside
+from msggen.recordings.fleet.ledger import original_of
+
+if TYPE_CHECKING:
+    from msggen.recordings.fleet.ledger import Ledger, Record
+
+TABLE = "_logs.parquet"
+"""The table, beside the folders of the topics. Engines that read a whole folder skip names with an underscore."""
+
+
+def write_table(ledger: Ledger) -> None:
+    """Write the table of all recordings that a fleet has, unless it is there. Raises OSError."""
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    rows = [_row(record) for record in ledger.records()]
+    stream = BytesIO()
+    parquet.write_table(pa.Table.from_pylist(rows, _schema()), stream, compression="zstd")
+    data, path = stream.getvalue(), os.path.join(ledger.fleet, TABLE)
+    with suppress(OSError):
+        if read_bytes(path, follow=False) == data:
+            return
+    with written_aside({path: data}) as move_into_place:
+        move_into_place()
+
+
+def _row(record: Record) -> dict[str, Any]:
+    return {
+        "log": record.log,
+        "path": os.fsencode(original_of(record)).decode(errors="replace"),
+        **record.values,
+        "firmware": record.firmware or None,
+        "start": record.start,
+        "utc_offset": record.utc_offset,
+        "duration": record.duration,
+        "samples": record.rows,
+        "problems": record.problems,
+    }
+
+
+def _schema() -> Any:
+    import pyarrow as pa
+
+    return pa.schema(
+        [
+            pa.field("log", pa.string()),
+            pa.field("path", pa.string()),
+            pa.field("vehicle", pa.string()),
+            pa.field("date", pa.string()),
+            pa.field("firmware", pa.string()),
+            pa.field("start", pa.timestamp("ns", "UTC")),
+            pa.field("utc_offset", pa.int64(), metadata={"unit": "ns"}),
+            pa.field("duration", pa.float64(), metadata={"unit": "s"}),
+            pa.field("samples", pa.int64()),
+            pa.field("problems", pa.list_(pa.string())),
+        ]
+    )

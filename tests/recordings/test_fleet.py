@@ -1,0 +1,322 @@
+"""Tests of fleets: what is converted, what is not converted again, and what happens if a run does not end well."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import shutil
+import struct
+import sys
+import threading
+from collections.abc import Iterator, Sequence
+from datetime import datetime, timezone
+from pathlib import Path
+from queue import Queue
+from typing import Any
+
+import pyarrow.parquet as pq
+import pytest
+
+from msggen import recordings
+from msggen.recordings.fleet import KEYS, Outcome, Progress, Summary, Task, convert_one, update
+from msggen.recordings.fleet.layout import date_of
+from msggen.recordings.fleet.ledger import Ledger
+from support.fleet_recordings import parquet_in, rows_in, write_flight, write_folder
+from support.log_files import Written, write_log
+from support.recordings import START
+from support.ulog import UlogWriter
+
+DAY = datetime.fromtimestamp(START / 1e9, timezone.utc).date().isoformat()
+GPS = int(datetime(2025, 3, 9, 23, 0, tzinfo=timezone.utc).timestamp() * 1e6)
+
+
+@pytest.fixture
+def logs(tmp_path: Path, px4_types: Any) -> Path:
+    return write_folder(tmp_path / "logs", px4_types)
+
+
+def test_the_files_have_the_columns_of_the_recordings(logs: Path, tmp_path: Path) -> None:
+    fleet = tmp_path / "fleet"
+    seen: list[Progress] = []
+    summary = update(str(logs), str(fleet), progress=seen.append)
+    assert [(each.done, each.total) for each in seen] == [(1, 3), (2, 3), (3, 3)]
+    assert (summary.found, summary.unchanged, len(summary.converted), summary.failed) == (3, 0, 3, [])
+    for record in summary.converted:
+        (path,) = record.paths
+        with recordings.open(path) as log:
+            for name in record.files:
+                topic, *keys, _ = name.split("/")
+                values = dict(key.split("=") for key in keys)
+                assert list(values) == ["vehicle", "date", "log", "namespace", "instance"]
+                assert values["log"] == record.log
+                table = pq.ParquetFile(fleet / name).read()
+                columns = log.columns(topic)
+                assert table.column_names[0] == "timestamp"
+                assert set(columns) <= set(table.column_names)
+                for column, expected in columns.items():
+                    assert table[column].to_numpy().tobytes() == expected.tobytes()
+
+
+def test_names_dates_and_vehicles(logs: Path, tmp_path: Path, px4_types: Any) -> None:
+    write_flight(logs / "b" / "with_fix_2020-01-01.mcap", px4_types, 7, gps=GPS)
+    summary = update(str(logs), str(tmp_path / "fleet"))
+    found = {
+        next(iter(each.paths)): (each.values["vehicle"], each.values["date"], each.date_from)
+        for each in summary.converted
+    }
+    assert {os.path.relpath(path, logs).replace(os.sep, "/"): values for path, values in found.items()} == {
+        "a/flight.mcap": ("unknown", DAY, "clock"),
+        "b/flight.mcap": ("unknown", DAY, "clock"),
+        "b/2024-05-06_x.mcap": ("unknown", "2024-05-06", "name"),
+        "b/with_fix_2020-01-01.mcap": ("unknown", "2025-03-09", "gps"),
+    }
+    document = summary.document()
+    assert document["date_from"] == {"clock": 2, "gps": 1, "name": 1}
+    assert document["vehicles"] == {"unknown": 4}
+    assert sorted(each.log[:-9] for each in summary.converted) == [
+        "2024-05-06_x",
+        "flight",
+        "flight",
+        "with_fix_2020-01-01",
+    ]
+
+
+def test_what_is_done_is_not_done_again(logs: Path, tmp_path: Path, px4_types: Any) -> None:
+    fleet = tmp_path / "fleet"
+    update(str(logs), str(fleet))
+    before = parquet_in(fleet)
+    again = update(str(logs), str(fleet))
+    assert (again.found, again.unchanged, again.outcomes) == (3, 3, [])
+    assert parquet_in(fleet) == before
+    write_flight(logs / "new.mcap", px4_types, 9)
+    more = update(str(logs), str(fleet))
+    assert (more.found, more.unchanged, len(more.converted)) == (4, 3, 1)
+    assert before.items() <= parquet_in(fleet).items()
+
+
+@pytest.mark.parametrize("gone", ["file", "topic", "all"])
+def test_results_that_are_missing_are_made_again(gone: str, logs: Path, tmp_path: Path) -> None:
+    fleet = tmp_path / "fleet"
+    update(str(logs), str(fleet))
+    before = parquet_in(fleet)
+    if gone == "file":
+        next(fleet.glob("*/**/*.parquet")).unlink()
+    else:
+        for topic in fleet.glob("v*" if gone == "all" else "vehicle_local_position"):
+            shutil.rmtree(topic)
+    summary = update(str(logs), str(fleet))
+    assert len(summary.converted) == (1 if gone == "file" else 3)
+    assert summary.unchanged == 3 - len(summary.converted)
+    assert parquet_in(fleet).keys() == before.keys()
+    assert rows_in(fleet) == 3 * 100
+    assert update(str(logs), str(fleet)).unchanged == 3
+
+
+def test_missing_results_of_copies_are_made_once(logs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for day in ("2025-01-01", "2025-02-02"):
+        shutil.copy(logs / "a" / "flight.mcap", logs / f"{day}.mcap")
+    (logs / "a" / "flight.mcap").unlink()
+    fleet = tmp_path / "fleet"
+    update(str(logs), str(fleet))
+    next(fleet.rglob("date=2025-01-01/**/*.parquet")).unlink()
+
+    def at_the_same_time(tasks: Sequence[Task]) -> Iterator[Outcome]:
+        with monkeypatch.context() as patch:
+            patch.setattr(Ledger, "has_files", lambda *_: False)  # as none sees the files of another one
+            return iter([convert_one(task) for task in tasks])
+
+    summary = update(str(logs), str(fleet), pool=at_the_same_time)
+    assert (summary.unchanged, len(summary.converted), summary.copies) == (2, 1, 1)
+    assert rows_in(fleet) == 3 * 100
+    assert update(str(logs), str(fleet)).unchanged == 4
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there are no locks")
+def test_a_run_tells_that_it_waits_for_another_one(logs: Path, tmp_path: Path) -> None:
+    fleet = tmp_path / "fleet"
+    ledger, told, found = Ledger(str(fleet)), Queue[str](), Queue[Summary]()
+    ledger.open(KEYS)
+    waits = threading.Thread(target=lambda: found.put(update(str(logs), str(fleet), waiting=told.put)))
+    with ledger.locked(told.put):
+        waits.start()
+        assert told.get(timeout=60) == f"process {os.getpid()} on {platform.node()}"
+        assert parquet_in(fleet) == {}
+    waits.join(60)
+    assert len(found.get_nowait().converted) == 3
+    assert told.empty()
+    assert sorted(path.name for path in (fleet / "_msggen").iterdir()) == ["layout.json", "logs", "report.json"]
+
+
+def test_copies_and_moved_recordings_are_not_converted_again(logs: Path, tmp_path: Path) -> None:
+    fleet = tmp_path / "fleet"
+    update(str(logs), str(fleet))
+    before = parquet_in(fleet)
+    shutil.copy(logs / "a" / "flight.mcap", logs / "b" / "copy.mcap")
+    logs.rename(tmp_path / "moved")
+    summary = update(str(tmp_path / "moved"), str(fleet))
+    assert (summary.unchanged, summary.copies, len(summary.converted)) == (0, 4, 0)
+    assert parquet_in(fleet) == before
+    assert update(str(tmp_path / "moved"), str(fleet)).unchanged == 4
+
+
+def test_copies_that_are_converted_at_the_same_time_are_one(
+    logs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shutil.copy(logs / "a" / "flight.mcap", logs / "b" / "copy.mcap")
+    monkeypatch.setattr(Ledger, "find", lambda *_: None)  # as neither sees the record of the other
+    fleet = tmp_path / "fleet"
+    summary = update(str(logs), str(fleet))
+    assert (summary.found, summary.copies, len(summary.converted)) == (4, 1, 3)
+    assert rows_in(fleet) == 3 * 100
+    assert update(str(logs), str(fleet)).unchanged == 4
+
+
+def test_copies_that_have_one_record_keep_all_their_paths(logs: Path, tmp_path: Path) -> None:
+    fleet = tmp_path / "fleet"
+    update(str(logs), str(fleet))
+    tasks = []
+    for name in ("c", "d"):
+        (logs / name).mkdir()
+        tasks.append(Task(str(shutil.copy(logs / "a" / "flight.mcap", logs / name / "flight.mcap")), str(fleet), KEYS))
+    found = list(map(convert_one, tasks))  # both before either one is in the record
+    summary = update(str(logs), str(fleet), pool=lambda _: iter(found))
+    assert summary.copies == 2
+    assert update(str(logs), str(fleet)).unchanged == 5
+
+
+def test_records_cannot_name_other_files(logs: Path, tmp_path: Path) -> None:
+    fleet = tmp_path / "fleet"
+    update(str(logs), str(fleet))
+    ledger = Ledger(str(fleet))
+    record = next(iter(ledger.records()))
+    for names in (["../logs/a/flight.mcap"], [str(logs / "a" / "flight.mcap")]):
+        ledger.write(record._replace(files=names))
+        assert ledger.record(record.log) is None
+
+
+def test_a_changed_recording_replaces_its_files(logs: Path, tmp_path: Path, px4_types: Any) -> None:
+    fleet = tmp_path / "fleet"
+    before = {next(iter(each.paths)): each for each in update(str(logs), str(fleet)).converted}
+    path = logs / "a" / "flight.mcap"
+    path.unlink()
+    write_flight(path, px4_types, 3, count=70)
+    summary = update(str(logs), str(fleet))
+    assert (summary.unchanged, len(summary.converted), summary.removed) == (2, 1, 1)
+    assert not any((fleet / name).exists() for name in before[str(path)].files)
+    assert not any("log=" + before[str(path)].log in str(each) for each in fleet.rglob("*"))
+    assert rows_in(fleet) == 2 * (50 + 50 + 70)
+    assert update(str(logs), str(fleet)).removed == 0
+
+
+def test_recordings_that_are_gone_keep_their_files(logs: Path, tmp_path: Path) -> None:
+    fleet = tmp_path / "fleet"
+    update(str(logs), str(fleet))
+    before = parquet_in(fleet)
+    (logs / "a" / "flight.mcap").unlink()
+    assert update(str(logs), str(fleet)).removed == 0
+    assert parquet_in(fleet) == before
+
+
+def test_bad_recordings_are_reported_and_do_not_stop_the_others(logs: Path, tmp_path: Path) -> None:
+    (logs / "a" / "bad.ulg").write_bytes(b"nothing of the sort")
+    whole = (logs / "b" / "flight.mcap").read_bytes()
+    (logs / "cut.mcap").write_bytes(whole[: len(whole) * 3 // 4])
+    fleet = tmp_path / "fleet"
+    summary = update(str(logs), str(fleet))
+    (failed,) = summary.failed
+    assert failed.path == str(logs / "a" / "bad.ulg")
+    assert "is not a recording" in failed.error
+    report = json.loads((fleet / "_msggen" / "report.json").read_text())
+    assert report == summary.document()
+    assert report["failed"] == [{"path": failed.path, "error": failed.error}]
+    assert [each["path"] for each in report["incomplete"]] == [str(logs / "cut.mcap")]
+    assert report["converted"] == 4
+    # it is tried again
+    again = update(str(logs), str(fleet))
+    assert [each.path for each in again.failed] == [failed.path]
+    # and what is missing is told by every run
+    later = json.loads((fleet / "_msggen" / "report.json").read_text())
+    of_the_run = {"converted": 0, "unchanged": 4}
+    assert later == again.document() == {**report, **of_the_run}
+    (logs / "cut.mcap").unlink()
+    assert [each.path for each in update(str(logs), str(fleet)).incomplete] == [str(logs / "cut.mcap")]
+
+
+def test_every_report_names_recordings_with_definitions_from_elsewhere(
+    logs: Path, tmp_path: Path, px4_types: Any
+) -> None:
+    payload = px4_types.VehicleStatus().encode()
+    topic = Written("/fmu/out/vehicle_status_v4", "px4_msgs/msg/VehicleStatus", "", [(START, START, payload)])
+    write_log(logs / "bare.mcap", [topic])
+    shutil.copy(logs / "bare.mcap", logs / "copy.mcap")
+    fleet = tmp_path / "fleet"
+    (lent,) = update(str(logs), str(fleet)).document()["lent"]
+    assert lent["path"] == str(logs / "bare.mcap")
+    assert "v1.18" in lent["notes"][0]
+    assert update(str(logs), str(fleet)).document()["lent"] == [lent]
+    assert json.loads((fleet / "_msggen" / "report.json").read_text())["lent"] == [lent]
+
+
+def test_the_report_names_copies(logs: Path, tmp_path: Path) -> None:
+    first, fleet = logs / "a" / "flight.mcap", tmp_path / "fleet"
+    (logs / "z.mcap").write_bytes(first.read_bytes())
+    copied = [{"path": str(logs / "z.mcap"), "of": str(first)}]
+    assert update(str(logs), str(fleet)).document()["copied"] == copied
+    assert update(str(logs), str(fleet)).document()["copied"] == copied
+    first.rename(logs / "moved.mcap")
+    update(str(logs), str(fleet))
+    assert len(update(str(logs), str(fleet)).document()["copied"]) == 1
+    (logs / "moved.mcap").unlink()
+    document = update(str(logs), str(fleet)).document()
+    assert (document["copied"], document["recordings"]) == ([], 3)
+
+
+def test_errors_of_msggen_itself_are_reported_too(logs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise TypeError("a bug")
+
+    monkeypatch.setattr("msggen.recordings.fleet.layout.vehicle_of", fail)
+    summary = update(str(logs), str(tmp_path / "fleet"))
+    assert [each.error for each in summary.failed] == ["unexpected error: TypeError: a bug"] * 3
+    assert parquet_in(tmp_path / "fleet") == {}
+    assert [path.name for path in (tmp_path / "fleet" / "_msggen").iterdir() if path.name.endswith(".stage")] == []
+
+
+def test_the_vehicle_tells_the_date_of_its_log(tmp_path: Path) -> None:
+    writer = UlogWriter()
+    writer.format("wind", "uint64_t timestamp;float x")
+    writer.subscribe(0, "wind")
+    writer.sample(0, struct.pack("<Qf", 2_000_000, 1.0))
+    writer.text(6, 2_000_000, "[commander] no 2025-05-05")
+    writer.text(6, 2_000_000, "[logger] /fs/microsd/log/2026-01-12/10_23_26.ulg\t")
+    with recordings.open(writer.write(tmp_path / "log_1.ulg")) as log:
+        assert date_of(log, log.path) == ("2026-01-12", "name")
+        assert date_of(log, "logs/2024-02-29/log_1.ulg") == ("2024-02-29", "name")
+
+
+def test_a_folder_with_other_files_is_refused(logs: Path, tmp_path: Path) -> None:
+    before = sorted(logs.rglob("*"))
+    with pytest.raises(recordings.RecordingError, match="has other files: choose a new folder"):
+        update(str(logs), str(logs))
+    assert sorted(logs.rglob("*")) == before
+    (tmp_path / "empty").mkdir()
+    assert update(str(logs), str(tmp_path / "empty")).is_whole
+
+
+def test_another_layout_is_refused(logs: Path, tmp_path: Path) -> None:
+    fleet = tmp_path / "fleet"
+    update(str(logs), str(fleet), by=["date"])
+    assert {name.split("/")[1][:5] for name in parquet_in(fleet)} == {"date="}
+    with pytest.raises(recordings.RecordingError, match="this fleet is by 'date', not by 'vehicle,date'"):
+        update(str(logs), str(fleet))
+    layout = fleet / "_msggen" / "layout.json"
+    layout.write_text('{"by": ["date"]}')  # as the first version wrote it
+    with pytest.raises(recordings.RecordingError, match="another version of msggen wrote this fleet, with other folde"):
+        update(str(logs), str(fleet), by=["date"])
+
+
+def test_a_folder_without_recordings(tmp_path: Path) -> None:
+    with pytest.raises(recordings.RecordingError, match="there is no recording in this folder"):
+        update(str(tmp_path), str(tmp_path / "fleet"))
+    assert not (tmp_path / "fleet").exists()
