@@ -42,6 +42,7 @@ _MODULES = {
     "call": "call",
     "record": "record",
     "play": "play",
+    "log": "log",
     "doctor": "doctor",
     "relay": "relay",
     "px4-generate": "px4_generate",
@@ -52,16 +53,19 @@ _MODULES = {
 }
 """The module of each command."""
 
+_SYNONYMS = {"type": "info", "show": "info"}
+"""What is called otherwise in ROS 2, for suggestions."""
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run msggen with `arguments`, by default those of this process, and return the exit code."""
     if arguments is None:
         gc.disable()  # there are few cycles, and collecting them costs more than it frees
         atexit.register(gc.freeze)  # so that Python does not collect at exit either
-    for name in ("stdout", "stderr"):
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         stream = getattr(sys, name)
         if stream is None:  # it is closed
-            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115 - until the process ends
+            setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115 - until the process ends
         elif isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # the terminal may not be able to show every name
     words = sys.argv[1:] if arguments is None else list(arguments)
@@ -77,7 +81,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return FAILED
     except BrokenPipeError:
         discard_output()
-        return DONE if writes(options) else FINDINGS  # commands that write do so before they print
+        is_judging = hasattr(options, "output_format") or (options.writes and not writes(options))
+        return FINDINGS if is_judging else DONE  # what was found is not read; commands that write do so before
     except OSError as error:
         place = f"{error.filename}: " if error.filename else ""
         text = printable(f"{place}{error.strerror or error}")
@@ -105,6 +110,8 @@ def _output_format(words: Sequence[str]) -> str:
         name, mark, value = word.partition("=")
         if name == "--output-format":
             found = value if mark else after
+        elif word == "--json" and words[0] in ("doctor", "log"):  # where it stands for --output-format json
+            found = "json"
     return found
 
 
@@ -176,7 +183,7 @@ class _Parser(argparse.ArgumentParser):
         if not positional:
             self._check_stray(args)
         self.given.clear()
-        if any(action.nargs == argparse.OPTIONAL for action in positional):
+        if any(action.nargs in (argparse.OPTIONAL, argparse.ZERO_OR_MORE) for action in positional):
             args = self._options_first(args)
         options, unknown = super().parse_known_args(args, namespace)
         if unknown:
@@ -260,7 +267,7 @@ class _Parser(argparse.ArgumentParser):
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.choices is not None and value not in action.choices:
             choices = list(map(str, action.choices))
-            hint = suggestion(str(value), choices)
+            hint = suggestion(_SYNONYMS.get(str(value), str(value)), choices)
             raise argparse.ArgumentError(action, f"invalid choice: {value!r} (choose from {', '.join(choices)}){hint}")
 
 

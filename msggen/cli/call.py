@@ -7,7 +7,7 @@ import re
 from types import ModuleType
 from typing import Any
 
-from msggen.cli.link import add_link, connection, given_package
+from msggen.cli.link import add_link, connection, expected_package
 from msggen.cli.message import add_timeout, add_values, read_values, settle
 from msggen.cli.options import FAILED_CODES, Commands, add_command, non_empty, refuse
 from msggen.cli.values import convert_values, positive
@@ -38,9 +38,8 @@ def _call(options: argparse.Namespace) -> int:
     convert_values(options, {"timeout": positive})
     if options.values is None and (options.service or "").startswith(("{", "-")):
         options.service, options.values = None, options.service
-    values, given = read_values(options), given_package(options)
-    if given is not None:
-        values.message(service_of(options, given).Request)  # errors are told before a vehicle connects
+    values = read_values(options)
+    values.message(service_of(options, expected_package(options)).Request)  # errors are told before a vehicle connects
     with connection(options, is_new=True) as found:
         request = values.message(service_of(options, found.package).Request)
         settle(found, type(request))

@@ -18,7 +18,16 @@ from msggen.cli.options import (
     non_empty,
 )
 from msggen.cli.printing import print_report
-from msggen.cli.sources import board_of, firmware_of, is_named, is_strict, shell_options
+from msggen.cli.sources import (
+    board_of,
+    firmware_of,
+    generated,
+    is_named,
+    is_recording,
+    is_strict,
+    recorded,
+    shell_options,
+)
 from msggen.diagnostics import Diagnostic, input_error
 from msggen.disk.record import Record, digest
 from msggen.exit_codes import DONE, FINDINGS
@@ -43,7 +52,8 @@ def add_to(commands: Commands) -> None:
         help="check that a package matches the firmware",
         description="Compare a package with the firmware, or any two sources, by meaning: bytes, names, constants, "
         "nested types and services. Comments and white space are ignored. A single side is compared with --px4, by "
-        "default the setting px4, or else the newest embedded release.",
+        "default the setting px4, or else the newest embedded release. A side can be a recording of a vehicle: then "
+        "only the messages that it has are compared.",
         epilog=f"{COMPARING_CODES} Sources can be set in [tool.msggen] of pyproject.toml.",
     )
     parser.add_argument(
@@ -73,7 +83,12 @@ def _check(options: argparse.Namespace) -> int:
         previous, judged = firmware_of(options, settings), options.side
     else:
         previous, judged = _first_of_two(options), options.other
-    current = with_board(find_sources(judged), board_of(options, settings, optional=True))
+    if is_recording(judged):
+        current = recorded(options, judged, previous)
+    elif previous.is_partial and _is_generated(judged):
+        current = generated(options, judged, options.side)
+    else:
+        current = with_board(find_sources(judged), board_of(options, settings, optional=True))
     current = current.with_packages_of(previous)._replace(strict=previous.strict)
     known = record_of(current)
     is_unnamed = options.other is None and not is_named(options, settings)
@@ -109,8 +124,14 @@ def _check_live(options: argparse.Namespace) -> int:
 
     if options.side is None:
         return check_live(options, firmware_of(options, read_settings(".")))
-    is_generated = os.path.isfile(os.path.join(options.side, "topics.py"))
-    return check_live(options, None if is_generated else find_sources(options.side, tuple(options.msg_dir or ())))
+    return check_live(
+        options, None if _is_generated(options.side) else find_sources(options.side, tuple(options.msg_dir or ()))
+    )
+
+
+def _is_generated(path: str) -> bool:
+    """Whether a folder is a package that `msggen build` has written."""
+    return os.path.isfile(os.path.join(path, "topics.py"))
 
 
 def _topics_only(options: argparse.Namespace, known: Record) -> bool:
@@ -168,6 +189,10 @@ def _sync_command(options: argparse.Namespace, current: Sources, known: Record) 
 
 def _first_of_two(options: argparse.Namespace) -> Sources:
     """Return the first side. `--msg-dir` may only name other packages, which both sides nest."""
+    if is_recording(options.side):
+        has_none = is_recording(options.other) or _is_generated(options.other)
+        found = recorded(options, options.side, None if has_none else find_sources(options.other))
+        return found._replace(strict=is_strict(options, read_settings(".")))
     sources = find_sources(options.side, tuple(options.msg_dir or ()), options.topics, options.release)
     sources = with_board(sources, board_of(options, Settings()))
     sources = sources._replace(strict=is_strict(options, read_settings(".")))

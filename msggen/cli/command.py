@@ -16,7 +16,7 @@ from msggen.diagnostics import suggestion
 from msggen.exit_codes import DONE, FINDINGS
 
 if TYPE_CHECKING:
-    from msggen.live.packages import Message
+    from msggen.live.messages.packages import Message
 
 _PREFIXES = ("VEHICLE_CMD_", "MAV_CMD_")
 _MOST_IDS = 255
@@ -28,6 +28,14 @@ SHORT: Mapping[str, tuple[str, str]] = {
     "disarm": ("COMPONENT_ARM_DISARM", "param1=0"),
 }
 """Short names of commands with a parameter."""
+_SYNONYMS = {
+    "RTL": "NAV_RETURN_TO_LAUNCH",
+    "RETURN": "NAV_RETURN_TO_LAUNCH",
+    "HOLD": "NAV_LOITER_UNLIM",
+    "LOITER": "NAV_LOITER_UNLIM",
+    "MODE": "DO_SET_MODE",
+}
+"""What people call commands, for suggestions."""
 
 
 def add_to(commands: Commands) -> None:
@@ -128,7 +136,7 @@ def _outcome(options: argparse.Namespace, found: Connection, name: str, message:
 
 def _result(answer: Any) -> str:
     """Return the result by name, or its number if the definition has no name for it."""
-    from msggen.live.packages import package_of_class
+    from msggen.live.messages.packages import package_of_class
 
     return str(package_of_class(type(answer)).meaning.of(answer, "result").name)
 
@@ -161,14 +169,20 @@ def _commands(package: ModuleType) -> dict[str, Any]:
 
 def _found(options: argparse.Namespace, package: ModuleType) -> tuple[Any, list[str]]:
     """Return the command that the user names, and its parameters. A wrong name ends the process."""
-    name, *first = SHORT.get(options.command.lower(), (options.command.upper(),))
-    for prefix in _PREFIXES:
-        name = name.removeprefix(prefix)
+    name, *first = _plain(options.command)
     known = _commands(package)
     if name not in known:
-        near = suggestion(name, [*known, *SHORT]) or ": msggen command --list has all"
+        near = suggestion(_SYNONYMS.get(name, name), [*known, *SHORT]) or ": msggen command --list has all"
         refuse(options, f"argument COMMAND: no command '{options.command}'{near}")
     return known[name], [*first, *options.parameters]
+
+
+def _plain(text: str) -> Sequence[str]:
+    """Return the name that a command has in the package, and the parameters that a short name stands for."""
+    name, *first = SHORT.get(text.lower(), (text.upper(),))
+    for prefix in _PREFIXES:
+        name = name.removeprefix(prefix)
+    return name, *first
 
 
 def _message(options: argparse.Namespace, package: ModuleType, target: tuple[int, int]) -> Message:
@@ -260,8 +274,11 @@ def _complete_command(_: str, options: argparse.Namespace) -> Iterator[str]:
 
 def _complete_parameter(prefix: str, options: argparse.Namespace) -> Iterator[str]:
     """Yield the parameters of the command with `=`, and the members of the enum of one."""
-    command = _commands(expected_package(options)).get((options.command or "").upper())
+    name, *first = _plain(options.command or "")
+    command = _commands(expected_package(options)).get(name)
     for each in command.params if command else ():
+        if any(word.startswith(f"param{each.number}=") for word in first):
+            continue  # the short name has its value
         yield f"{each.name}="
         if each.enum is not None and prefix.startswith(f"{each.name}="):
             yield from [f"{each.name}={name}" for name in each.enum.__members__]

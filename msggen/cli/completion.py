@@ -72,7 +72,7 @@ def _live(names: Callable[[str, argparse.Namespace], Iterable[str]]) -> Callable
     def completer(prefix: str, parsed_args: argparse.Namespace, **_: object) -> list[str]:
         try:
             found = dict.fromkeys(names(prefix, parsed_args))
-        except (InputError, OSError, SystemExit, TopicError):
+        except (ImportError, InputError, OSError, SystemExit, TopicError, ValueError):  # also of a recording
             return []
         return [name for name in found if name.lower().startswith(prefix.lower())]
 

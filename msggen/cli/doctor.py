@@ -8,7 +8,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from msggen.cli.link import add_link, given_package, link_of
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_output_format, non_empty
+from msggen.cli.options import FAILED_CODES, Commands, add_command, add_output_format, add_shared, non_empty
 from msggen.cli.packages import import_package
 from msggen.cli.printing import print_report
 from msggen.cli.values import convert_values, positive
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from msggen.doctor.expected import Expected
     from msggen.doctor.observation import Observation
     from msggen.firmware.sources import Sources
-    from msggen.live.address import Address
+    from msggen.live.links.address import Address
     from msggen.live.selection import Selection
 
 _SECONDS = 5.0
@@ -52,10 +52,10 @@ def add_to(commands: Commands) -> None:
         help="topic that does not arrive, as the program has it, such as /fmu/out/vehicle_status, vehicle_status or "
         "VehicleStatus (default: all)",
     )
-    parser.add_argument("--for", metavar="SECONDS", type=non_empty, help="end after this time")
+    add_shared(parser, "--for")
     add_link(parser)
     add_output_format(parser)
-    parser.add_argument("--json", action="store_true", help="print JSON instead of text")
+    add_shared(parser, "--json")
 
 
 def _doctor(options: argparse.Namespace) -> int:
@@ -84,7 +84,7 @@ def _doctor(options: argparse.Namespace) -> int:
 
 
 def _address(options: argparse.Namespace) -> Address:
-    from msggen.live.address import parse_address
+    from msggen.live.links.address import parse_address
 
     return parse_address(link_of(options))
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import sys
 import tempfile
+import threading
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from hashlib import blake2b
 from types import ModuleType
 from typing import TYPE_CHECKING, NamedTuple
@@ -15,7 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from msggen.cli.options import add_shared, non_empty
 from msggen.cli.packages import import_package, topics_of
 from msggen.cli.values import convert_values, positive, whole
-from msggen.diagnostics import input_error
+from msggen.diagnostics import few, input_error
 from msggen.firmware.embedded import EMBEDDED
 from msggen.firmware.sources import find_sources
 from msggen.generate.cache import cache_folder, package_from, package_of
@@ -23,7 +25,7 @@ from msggen.location import Location
 from msggen.settings import read_settings
 
 if TYPE_CHECKING:
-    from msggen.live import Vehicle
+    from msggen.live import LinkError, Vehicle
 
 DEFAULT = "udp://127.0.0.1:8888"
 PATIENCE = 30.0
@@ -31,20 +33,33 @@ PATIENCE = 30.0
 
 _NOTICE = 2.0
 """How long to wait in s before saying so."""
-_LONGEST = 20
-"""The most characters of a release."""
+_LONGEST = 500
+"""The most characters of a memory."""
+_IN_NAMESPACE = re.compile("(rt)?/?[^/]+(/.+)?/fmu/(in|out)/")
+_NAMESPACE = re.compile("[A-Za-z0-9_/]*")
 
 
 class Connection(NamedTuple):
     """A connected vehicle, and the generated package with its messages.
 
     `link` is the address. `label` names the package for people: its release, or the value of --types.
+    `knows_namespace` is False in a session that an earlier program began, if no command remembers the vehicle.
     """
 
     vehicle: Vehicle
     package: ModuleType
     link: str
     label: str
+    knows_namespace: bool = True
+
+
+class Memory(NamedTuple):
+    """What is remembered of the last vehicle on a link."""
+
+    release: str = ""
+    address: str = ""
+    """Its `Remote.address`, which identifies a session of it that is continued."""
+    namespace: str = ""
 
 
 def add_link(parser: argparse.ArgumentParser, *, has_types: bool = True) -> None:
@@ -92,31 +107,67 @@ def connection(options: argparse.Namespace, *, is_new: bool = False) -> Iterator
     nothing connects.
 
     A session that an earlier command began can be continued only if its types are known before the link is opened.
-    So the release of the last vehicle on each link is remembered; a wrong one is not used (docs/links.md).
+    So the release of the last vehicle on each link is remembered; a wrong one is not used (docs/links.md). Such a
+    session tells no namespace, so that is remembered too, with the address of the vehicle. If the session may be that
+    of a vehicle with another namespace, and names depend on it, the vehicle has to begin a new one.
     """
     from msggen.live import LinkError, Vehicle
 
     link = link_of(options)
     given = given_package(options)
-    expected = given or package_of(_remembered(link))
-    known = None if is_new else expected
-    selection = {"namespace": options.namespace, "key": options.key, "allow": options.allow}
+    memory = _remembered(link)
+    expected = given or package_of(memory.release)
+    selection = {
+        "namespace": options.namespace,
+        "key": options.key,
+        "allow": options.allow,
+        "continued_namespace": memory.namespace,
+    }
     try:
-        with Vehicle(link, known, **selection) as vehicle:
-            _wait(vehicle, link, options.wait or PATIENCE)
-            release, label = vehicle.firmware.release, options.types or options.px4 or expected.__name__
-            if given is None and release:
-                _remember(link, release)
-                expected, label = package_of(release), release
-            if expected is known:
-                yield Connection(vehicle, expected, link, label)
-                return
-            with Vehicle(link, expected, **selection) as same:  # on the link that is open
-                same.wait_connected(PATIENCE)
+        with ExitStack() as stack:
+
+            def opened(types: ModuleType | None) -> Vehicle:
+                vehicle = stack.enter_context(Vehicle(link, types, **selection))
+                _wait(vehicle, link, options.wait or PATIENCE)
+                return vehicle
+
+            known = None if is_new else expected
+            vehicle = opened(known)
+            knows_namespace = not vehicle.remote.continued or vehicle.remote.address == memory.address
+            if not knows_namespace and (memory.namespace or _names_namespace(options)):
                 vehicle.close()
-                yield Connection(same, expected, link, label)
+                known, knows_namespace = None, True
+                vehicle = opened(known)
+            remote, release = vehicle.remote, vehicle.firmware.release
+            label = options.types or options.px4 or expected.__name__
+            if not remote.continued:
+                memory = memory._replace(address=remote.address, namespace=remote.namespace)
+            if given is None and release:
+                memory = memory._replace(release=release)
+                expected, label = package_of(release), release
+            _remember(link, memory)
+            if expected is not known:
+                first, vehicle = vehicle, opened(expected)  # on the link that is open
+                first.close()
+            yield Connection(vehicle, expected, link, label, knows_namespace)
     except LinkError as error:
-        raise input_error(link, "L102", str(error), 0) from None
+        raise input_error(link, "L102", f"{error}{_owner(link, error)}", 0) from None
+
+
+def _owner(link: str, error: LinkError) -> str:
+    """Return who has the port or the device of a link that could not be opened, as far as that can be known."""
+    from msggen.doctor.observe import is_taken
+    from msggen.doctor.sockets import owners_of
+    from msggen.live.links.address import parse_address
+
+    owners = owners_of(parse_address(link)) if is_taken(error) else ()
+    return f"; {few(list(map(str, owners)))} has it" if owners else ""
+
+
+def _names_namespace(options: argparse.Namespace) -> bool:
+    """Whether a topic that the user names is in a namespace."""
+    topics = [getattr(options, "topic", None) or "", *getattr(options, "topics", ())]
+    return any(_IN_NAMESPACE.match(topic) for topic in topics)
 
 
 def link_of(options: argparse.Namespace) -> str:
@@ -124,8 +175,8 @@ def link_of(options: argparse.Namespace) -> str:
 
     Raises InputError if the address is wrong.
     """
-    from msggen.live.address import parse_address
     from msggen.live.link import LinkError
+    from msggen.live.links.address import parse_address
 
     convert_values(options, {"key": whole(1, (1 << 32) - 1), "wait": positive})
     settings = read_settings(os.curdir)
@@ -142,7 +193,7 @@ def expected_package(options: argparse.Namespace) -> ModuleType:
 
     Raises InputError. A wrong value ends the process.
     """
-    return given_package(options) or package_of(_remembered(link_of(options)))
+    return given_package(options) or package_of(_remembered(link_of(options)).release)
 
 
 def given_package(options: argparse.Namespace) -> ModuleType | None:
@@ -157,35 +208,40 @@ def given_package(options: argparse.Namespace) -> ModuleType | None:
 
 
 def _wait(vehicle: Vehicle, link: str, patience: float) -> None:
-    """Wait for the vehicle. Raises LinkTimeoutError."""
-    from msggen.live import LinkTimeoutError
+    """Wait for the vehicle. Raises LinkError."""
 
-    if patience > _NOTICE:
-        with suppress(LinkTimeoutError):
-            vehicle.wait_connected(_NOTICE)
-            return
+    def tell() -> None:
         print(f"waiting for a vehicle on {link}", file=sys.stderr, flush=True)
-    vehicle.wait_connected(patience)
+
+    timer = threading.Timer(_NOTICE, tell)
+    timer.daemon = True
+    if patience > _NOTICE:
+        timer.start()
+    try:
+        vehicle.wait_connected(patience)
+    finally:
+        timer.cancel()
 
 
-# The release of the last vehicle on a link
+# The last vehicle on a link
 
 
-def _remembered(link: str) -> str:
-    """Return the release of the last vehicle on a link, or else the newest one."""
+def _remembered(link: str) -> Memory:
+    """Return what is known of the last vehicle on a link: at least a release, the newest one if none is known."""
     with suppress(OSError, ValueError), open(_memory(link), encoding="ascii") as file:
-        found = file.read(_LONGEST)
-        return found if found in EMBEDDED else EMBEDDED[0]
-    return EMBEDDED[0]
+        release, address, namespace = file.read(_LONGEST).split("\n")
+        if release in EMBEDDED and _NAMESPACE.fullmatch(namespace):
+            return Memory(release, address, namespace)
+    return Memory(EMBEDDED[0])
 
 
-def _remember(link: str, release: str) -> None:
-    """Write the release of a vehicle. A cache that cannot be written remembers nothing."""
+def _remember(link: str, memory: Memory) -> None:
+    """Write what is known of a vehicle. A cache that cannot be written remembers nothing."""
     path = _memory(link)
-    with suppress(OSError):
+    with suppress(OSError, UnicodeEncodeError):
         os.makedirs(os.path.dirname(path), mode=0o700, exist_ok=True)
         with tempfile.NamedTemporaryFile("w", dir=os.path.dirname(path), delete=False, encoding="ascii") as file:
-            file.write(release)
+            file.write("\n".join(memory))
         os.replace(file.name, path)
 
 

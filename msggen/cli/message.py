@@ -11,17 +11,18 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from msggen.cli.link import Connection
 from msggen.cli.options import non_empty, refuse
-from msggen.diagnostics import Diagnostic, InputError
+from msggen.diagnostics import Diagnostic, InputError, input_error
 from msggen.location import Location
 
 if TYPE_CHECKING:
-    from msggen.live.packages import Message
+    from msggen.live.messages.packages import Message
 
     MessageT = TypeVar("MessageT", bound=Message)
 
 _PATIENCE = 3.0
 """How long to wait in s for what the vehicle says of a definition."""
 _TIMEOUT = 5.0
+_ARGUMENT = "VALUES"
 _SLICE = 0.05
 _DISCOVERY = 1.0
 """How long an agent takes in s to find a new writer in DDS (docs/links.md)."""
@@ -33,7 +34,7 @@ def add_values(parser: argparse.ArgumentParser) -> None:
         "values",
         metavar="VALUES",
         nargs="?",
-        help="values in YAML, such as '{position: true}'; - reads them from stdin",
+        help="values in YAML, such as '{position: true}', or '{}' for zeros; - reads them from stdin",
     )
     parser.add_argument("-f", "--file", metavar="FILE", type=non_empty, help="read the values from a file")
 
@@ -57,7 +58,7 @@ class Values(NamedTuple):
 
     def message(self, cls: type[MessageT]) -> MessageT:
         """Return the message with these values. Raises InputError, with all problems."""
-        from msggen.live.compose import ValuesError, compose
+        from msggen.live.messages.compose import ValuesError, compose
 
         try:
             return compose(cls, self.values)
@@ -66,13 +67,20 @@ class Values(NamedTuple):
 
 
 def read_values(options: argparse.Namespace) -> Values:
-    """Return the values that the options of `add_values` name. Raises InputError for what is not YAML."""
+    """Return the values that the options of `add_values` name.
+
+    Raises InputError for what is not YAML, and for a file or stdin without a value: zeros would be published.
+    """
     from msggen.parse.yaml_nodes import read_yaml, value_of
 
     if options.values and options.file:
         refuse(options, "argument --file: not allowed with argument VALUES")
+    if not options.values and not options.file:
+        refuse(options, "the following arguments are required: VALUES: '{}' stands for a message of zeros")
     data, place = _read(options)
     root = read_yaml(data, place)
+    if root is None and place != _ARGUMENT:
+        raise input_error(place, "L110", "no values: write {} for a message of zeros", 0)
     return Values(None if root is None else value_of(root), place)
 
 
@@ -84,7 +92,7 @@ def _read(options: argparse.Namespace) -> tuple[bytes, str]:
         return read_bytes(options.file), options.file
     if options.values == "-":
         return sys.stdin.buffer.read(), "stdin"
-    return (options.values or "").encode(errors="replace"), "VALUES"
+    return (options.values or "").encode(errors="replace"), _ARGUMENT
 
 
 def settle(found: Connection, cls: type[Message]) -> None:
@@ -110,7 +118,7 @@ _MEMBER = re.compile(r"(\w+):\s*([\w|]*)\Z")
 
 def values_like(prefix: str, cls: type[Message]) -> Iterator[str]:
     """Yield values in YAML with the last word completed: the name of a field, or a member of the enum of one."""
-    from msggen.live.places import places_of
+    from msggen.live.messages.places import places_of
 
     own = {place.path: place for place in places_of(cls)}
     nested = {inner.path: inner for place in own.values() if place.nested for inner in places_of(place.nested)}

@@ -82,6 +82,7 @@ SHARED: Mapping[str, Mapping[str, Any]] = {
         "help": "write a Makefile rule that lists all inputs, for CMake and Ninja",
     },
     "--list-outputs": {"action": "store_true", "help": "write nothing; list the output files"},
+    "--for": {"metavar": "SECONDS", "type": non_empty, "help": "end after this time"},
     "-q, --quiet": {"action": "store_true", "help": "print only errors and warnings"},
     "--json": {"action": "store_true", "help": "print JSON instead of text"},
 }

@@ -18,7 +18,7 @@ def import_package(text: str) -> ModuleType:
     sys.path.insert(0, os.path.abspath(folder))
     try:
         return import_module(name)
-    except (ImportError, ValueError) as error:
+    except Exception as error:  # noqa: BLE001 - the code of the user
         raise input_error(text, "L103", f"cannot be imported: {error}", 0) from None
     finally:
         sys.path.pop(0)

@@ -3,29 +3,30 @@
 from __future__ import annotations
 
 import argparse
-import gc
 import os
 import sys
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, non_empty
 from msggen.cli.printing import terminal_width
 from msggen.cli.record import add_topics, check_packages
-from msggen.cli.values import convert_values, positive, whole
-from msggen.diagnostics import counted, input_error
-from msggen.exit_codes import DONE
+from msggen.cli.values import convert_values, positive, seconds, whole
+from msggen.cli.watching import watching
+from msggen.diagnostics import counted, few, input_error
+from msggen.exit_codes import DONE, FINDINGS
 
 if TYPE_CHECKING:
     from msggen.live.sim.runner import Runner
     from msggen.recordings.choice import Choice
+    from msggen.recordings.log import Log
     from msggen.recordings.player import Endpoints, Player
-    from msggen.recordings.reader import Recording
 
 _ADDRESS = "udp://127.0.0.1:8888"
 _REFRESH = 0.5
 """The time in s after which news are printed."""
+_NOTICE = 2.0
+"""The time in s without a program after which to say so."""
 
 
 def add_to(commands: Commands) -> None:
@@ -37,7 +38,7 @@ def add_to(commands: Commands) -> None:
         help="publish a recording as the vehicle did",
         description="Play an MCAP file in place of a vehicle: connect to a program that uses msggen.live, to another "
         "msggen command, or to an agent, as PX4's client does, and publish the recorded samples at their times.",
-        epilog=f"Exit codes: 0 done, or ended by Ctrl-C, {FAILED_CODES}",
+        epilog=f"Exit codes: 0 done, or ended by Ctrl-C, 1 no program answered, {FAILED_CODES}",
     )
     parser.add_argument(
         "file", metavar="FILE", type=non_empty, help="recording of `msggen record` or `ros2 bag record`, an MCAP file"
@@ -53,7 +54,7 @@ def add_to(commands: Commands) -> None:
     parser.add_argument("--rate", metavar="FACTOR", type=non_empty, default="1", help="speed (default: 1)")
     parser.add_argument("--loop", action="store_true", help="begin again at the end")
     parser.add_argument("--start", metavar="SECONDS", type=non_empty, help="begin at this time of the recording")
-    parser.add_argument("--for", metavar="SECONDS", type=non_empty, help="end after this time")
+    add_shared(parser, "--for")
     parser.add_argument(
         "--key", metavar="N", type=non_empty, default="1", help="key of the client, as UXRCE_DDS_KEY (default: 1)"
     )
@@ -62,7 +63,7 @@ def add_to(commands: Commands) -> None:
 
 _VALUES: Mapping[str, Callable[[str], Any]] = {
     "rate": positive,
-    "start": positive,
+    "start": seconds,
     "for": positive,
     "key": whole(1, (1 << 32) - 1),
 }
@@ -72,20 +73,19 @@ def _play(options: argparse.Namespace) -> int:
     convert_values(options, _VALUES)
     check_packages("R102")
     from msggen.recordings.player import Player, endpoints_of
-    from msggen.recordings.reader import RecordingError
+    from msggen.recordings.source import RecordingError
 
     recording = _open(options)
-    if options.start and options.start * 1e9 > recording.last - recording.first:
-        options.parser.error(f"argument --start: the recording has {(recording.last - recording.first) / 1e9:.1f} s")
+    if options.start and options.start * 1e9 > recording.end - recording.start:
+        options.parser.error(f"argument --start: the recording has {(recording.end - recording.start) / 1e9:.1f} s")
     endpoints = endpoints_of(recording, _choice(options, recording), options.key)
-    gc.enable()  # unlike other commands, this one may run for days
     try:
         player = Player(recording, endpoints, rate=options.rate, start=options.start or 0.0, is_repeated=options.loop)
         if not options.quiet:
             print(f"{options.file}: {_contents(recording, endpoints)}; to {options.to}", flush=True)
         runner = _runner(options, player)
         try:
-            with suppress(KeyboardInterrupt):
+            with watching():
                 _run(runner, player, options)
         finally:
             runner.close()
@@ -93,39 +93,49 @@ def _play(options: argparse.Namespace) -> int:
         raise input_error(options.file, "R102", str(error), 0) from None
     if not options.quiet:
         print(f"{counted(player.sent, 'sample')} sent, {player.received} received")
-    return DONE
+    if player.is_answered:
+        return DONE
+    print(f"no program answered at {options.to}: nothing was played", file=sys.stderr)
+    return FINDINGS
 
 
-def _open(options: argparse.Namespace) -> Recording:
-    from msggen.recordings.reader import Recording, RecordingError
+def _open(options: argparse.Namespace) -> Log:
+    from msggen.recordings.files import open_log
+    from msggen.recordings.source import RecordingError
 
     try:
-        return Recording(options.file)
+        return open_log(options.file)
     except RecordingError as error:
-        raise input_error(options.file, "R102", str(error), 0) from None
+        raise input_error(options.file, "R102", str(error).removeprefix(f"{options.file} "), 0) from None
     except OSError as error:
         raise input_error(options.file, "R102", f"cannot be read: {error.strerror}", 0) from None
 
 
-def _choice(options: argparse.Namespace, recording: Recording) -> Choice:
+def _choice(options: argparse.Namespace, recording: Log) -> Choice:
     """Return the topics to play. Ends the process, or raises InputError, if there is none."""
     from msggen.recordings.choice import Choice
     from msggen.recordings.player import is_played
 
-    played = [(topic.name, topic.ros_type) for topic in recording.topics.values() if is_played(topic)]
+    played = [(topic.recorded_name, topic.ros_type) for topic in recording.topics if is_played(topic)]
     choice = Choice(options.topics, options.exclude)
+    if recording.kind == "ulog":
+        raise input_error(options.file, "R102", "is a ULog, which cannot be played: convert it to MCAP first", 0)
     if not played:
         raise input_error(options.file, "R102", "has no samples of topics that PX4 publishes, /fmu/out/...", 0)
-    problem = choice.problem(played)
+    problem = choice.problem(played).replace("no topic is called", "not in this recording:", 1)
     if problem or not any(choice.takes(*topic) for topic in played):
-        options.parser.error(f"argument TOPIC: {problem or 'all topics are left out'}")
+        names = few([name for name, _ in played])
+        options.parser.error(
+            f"argument TOPIC: {f'{problem}; it has {names}' if problem else 'all topics are left out'}"
+        )
     return choice
 
 
-def _contents(recording: Recording, endpoints: Endpoints) -> str:
-    seconds = (recording.last - recording.first) / 1e9
-    cut = "" if recording.is_indexed else " (not ended properly)"
-    return f"{counted(len(endpoints.writers), 'topic')} of {endpoints.release}, {seconds:.1f} s{cut}"
+def _contents(recording: Log, endpoints: Endpoints) -> str:
+    duration = (recording.end - recording.start) / 1e9
+    is_cut = any(each.offset is not None or each.size or each.samples for each in recording.problems)
+    cut = " (cut off or damaged)" if is_cut else ""
+    return f"{counted(len(endpoints.writers), 'topic')} of {endpoints.release}, {duration:.1f} s{cut}"
 
 
 def _runner(options: argparse.Namespace, player: Player) -> Runner:
@@ -145,13 +155,20 @@ def _run(runner: Runner, player: Player, options: argparse.Namespace) -> None:
     """Run until all is sent or the time is over, and print what happens."""
     from msggen.live.link import LinkError
 
-    seconds = getattr(options, "for")  # a keyword
-    end = None if seconds is None else runner.now + seconds * 1e6
+    duration = getattr(options, "for")  # a keyword
+    end = None if duration is None else runner.now + duration * 1e6
+    notice = None if options.quiet else runner.now + _NOTICE * 1e6
     is_terminal = not options.quiet and sys.stdout.isatty() and os.environ.get("TERM") != "dumb"
     try:
         while not player.is_done and (end is None or runner.now < end):
             rest = _REFRESH if end is None else min(_REFRESH, (end - runner.now) / 1e6)
             runner.serve(rest, lambda: player.is_done)
+            if player.changes:
+                notice = None
+            elif notice is not None and runner.now >= notice:
+                notice = None
+                text = f"no program answers at {options.to}: waiting for one, such as `msggen topic list`"
+                print(text, file=sys.stderr, flush=True)
             if is_terminal:
                 print("\r\033[K", end="")
             while player.changes:

@@ -98,6 +98,14 @@ def _print_diagnostic(found: Diagnostic, word: str, sgr: int) -> None:
         print(f"{place}: {code} {word}{message}", file=sys.stderr)
 
 
+def number_of_bytes(count: float) -> str:
+    """Return a number of bytes in units of SI, to one decimal: `90 B`, `1.3 kB`, `4.0 MB`. 1 kB is 1000 bytes."""
+    for unit, size in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
+        if count * 1000 >= size * 999.5:  # what is rounded up to a unit is shown in that unit
+            return f"{count / size:.1f} {unit}"
+    return f"{count:.0f} B"
+
+
 def width() -> int:
     """Return the number of columns to print in."""
     return terminal_width(_WIDTH_OF_A_LOG) if sys.stdout.isatty() else _WIDTH_OF_A_LOG

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import gc
 import json
 import os
 import signal
@@ -17,8 +16,9 @@ from typing import TYPE_CHECKING, Any
 from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, non_empty
 from msggen.cli.packages import missing_extra
-from msggen.cli.printing import terminal_width
+from msggen.cli.printing import discard_output, number_of_bytes, terminal_width
 from msggen.cli.values import convert_values, positive
+from msggen.cli.watching import check_link, watching
 from msggen.diagnostics import counted, few, input_error
 from msggen.exit_codes import DONE
 
@@ -53,7 +53,7 @@ def add_to(commands: Commands) -> None:
         type=non_empty,
         help="file to write, or folder for a file that is named after the time (default: the current folder)",
     )
-    parser.add_argument("--for", metavar="SECONDS", type=non_empty, help="end after this time")
+    add_shared(parser, "--for")
     parser.add_argument("--max-size", metavar="SIZE", type=non_empty, help="end at this size of all files, such as 2G")
     parser.add_argument(
         "--split-size", metavar="SIZE", type=non_empty, help="continue in another file at this size, such as 500M"
@@ -79,6 +79,7 @@ def add_topics(parser: argparse.ArgumentParser, verb: str) -> None:
         "topics",
         metavar="TOPIC",
         nargs="*",
+        default=[],  # otherwise argparse names it among the required arguments
         type=non_empty,
         help=f"topics to {verb}, such as vehicle_status, VehicleStatus, /fmu/out/vehicle_status_v4 or 'sensor_*' "
         "(default: all)",
@@ -122,12 +123,14 @@ def _record(options: argparse.Namespace) -> int:
     check_free(_first_file(options.output, options))
     choice = Choice(options.topics, options.exclude)
     with connection(options) as found:
+        if not found.knows_namespace:
+            text = "topics are recorded without a namespace, because an earlier program began the session"
+            print(f"warning: {text}: with --namespace NAME, the vehicle begins another one", file=sys.stderr)
         _check_topics(options, choice, found.vehicle)
         from msggen.generate.cache import package_of
 
         definitions = Definitions(found.vehicle, found.package, package_of)
         recorder = _open(options, choice, definitions)
-        gc.enable()  # unlike other commands, this one may run for days
         _Session(options, found, recorder, definitions).run()
     return DONE
 
@@ -154,19 +157,25 @@ def _path(output: str | None) -> str:
 
 
 def _first_file(output: str | None, options: argparse.Namespace) -> str:
-    """Return the file to write, or the first one of several."""
+    """Return the file to write; of several, one that exists, or else the first one."""
+    from msggen.recordings.recorder import part_of, taken_part
+
     path = _path(output)
     if options.split_size is None and options.split_every is None:
         return path
-    front, end = os.path.splitext(path)
-    return f"{front}_0{end}"
+    return taken_part(path) or part_of(path, 0)
 
 
 def check_free(path: str) -> None:
     """Raise an InputError if a file cannot be created because of its name, before the vehicle is waited for."""
-    folder = os.path.dirname(path) or os.curdir
     if os.path.lexists(path):
         raise input_error(path, "R101", "there is such a file already: choose another name, or remove it", 0)
+    check_parent(path)
+
+
+def check_parent(path: str) -> None:
+    """Raise an InputError if the folder of a file that is to be written does not exist."""
+    folder = os.path.dirname(path) or os.curdir
     if not os.path.isdir(folder):
         raise input_error(path, "R101", f"there is no folder '{folder}': create it first", 0)
 
@@ -194,7 +203,10 @@ def _open(options: argparse.Namespace, choice: Choice, definitions: Definitions)
 def _check_topics(options: argparse.Namespace, choice: Choice, vehicle: Vehicle) -> None:
     """Refuse names that no topic of the vehicle has."""
     routes = [(route.name, route.ros_type) for route in vehicle.routes if route.direction == "out"]
+    inputs = [(route.name, route.ros_type) for route in vehicle.routes if route.direction == "in"]
     problem = choice.problem(routes)
+    if problem and not choice.problem([*routes, *inputs]):
+        options.parser.error("argument TOPIC: topics that PX4 reads are not recorded: name some that it publishes")
     if problem:
         options.parser.error(f"argument TOPIC: {problem}: `msggen topic list` prints those of the vehicle")
 
@@ -221,7 +233,7 @@ class _Session:
         self._say(f"recording {self._found.label} on {self._found.link} to {recorder.counts().files[0]}")
         watch = self._found.vehicle.watch(recorder.take)
         try:
-            with _interrupted_by_sigterm(), suppress(KeyboardInterrupt):
+            with _interrupted_by_sigterm(), watching():
                 self._wait()
             self._losses.update()
         finally:
@@ -256,6 +268,8 @@ class _Session:
         """Tell when the vehicle disconnects and connects again. Return whether it is connected."""
         vehicle = self._found.vehicle
         is_connected = vehicle.is_connected
+        if not is_connected:
+            check_link(vehicle)
         if is_connected and not was_connected:
             self._say(f"{self._elapsed():8.1f} s  connected again")
         elif was_connected and not is_connected:
@@ -267,18 +281,19 @@ class _Session:
 
     def _say(self, text: str) -> None:
         if self._tells:
-            self._clear()
-            print(text, flush=True)
-
-    def _clear(self) -> None:
-        if self._is_terminal:
-            print("\r\033[K", end="")
+            self._print(f"{text}\n")
 
     def _show_state(self) -> None:
         if self._is_terminal:
-            self._clear()
             text = f"{self._elapsed():8.1f} s  {_shown(self._recorder.counts(), self._losses.count)}"
-            print(text[: terminal_width(80) - 1], end="", flush=True)
+            self._print(text[: terminal_width(80) - 1])
+
+    def _print(self, text: str) -> None:
+        """Print a text in place of the last state. The recording goes on if it cannot be printed."""
+        try:
+            print("\r\033[K" if self._is_terminal else "", text, sep="", end="", flush=True)
+        except OSError:
+            discard_output()
 
     def _summarise(self, counts: Counts, seconds: float) -> None:
         if self._options.json:
@@ -325,14 +340,7 @@ def _shown(counts: Counts, lost: int) -> str:
     """Return what was recorded, in a line."""
     samples = sum(counts.samples.values())
     topics, missing = counted(len(counts.samples), "topic"), lost + counts.dropped
-    return f"{topics}, {counted(samples, 'sample')}, {_bytes(counts.size)}, {missing} lost"
-
-
-def _bytes(size: int) -> str:
-    for unit, factor in (("GB", 10**9), ("MB", 10**6)):
-        if size >= factor:
-            return f"{size / factor:.1f} {unit}"
-    return f"{size / 1000:.0f} kB"
+    return f"{topics}, {counted(samples, 'sample')}, {number_of_bytes(counts.size)}, {missing} lost"
 
 
 def _summary(counts: Counts, lost: int, seconds: float) -> Mapping[str, object]:

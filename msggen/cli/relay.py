@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import gc
 import os
 import sys
 import time
@@ -15,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, non_empty
+from msggen.cli.watching import watching
 from msggen.diagnostics import counted, few, input_error, printable
 from msggen.exit_codes import DONE
 from msggen.firmware.embedded import EMBEDDED
@@ -70,7 +70,6 @@ def _relay(options: argparse.Namespace) -> int:
     with connection(options) as found:
         if options.standard:
             _check_package(found)
-        gc.enable()  # unlike other commands, this one may run for days
         _run(options, found)
     return DONE
 
@@ -117,7 +116,7 @@ def _run(options: argparse.Namespace, found: Connection) -> None:
     totals, started, reported = _Totals(), time.monotonic(), None
     namespace = found.vehicle.remote.namespace
     try:
-        with _started(namespace) as node:
+        with watching(), _started(namespace) as node:
             while True:
                 plan, remote = _plan(options, found), found.vehicle.remote
                 frames = Frames().inside(namespace)
@@ -130,8 +129,6 @@ def _run(options: argparse.Namespace, found: Connection) -> None:
                         relay.spin(partial(_is_another, found.vehicle, remote))
                     finally:
                         totals.add(relay)
-    except KeyboardInterrupt:
-        pass  # the usual end
     finally:
         if reported is not None and not options.quiet:
             totals.show(time.monotonic() - started)

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import gc
 import os
 import re
 import sys
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
@@ -16,8 +14,11 @@ from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, 
 from msggen.cli.packages import import_package, topics_of
 from msggen.cli.printing import terminal_width
 from msggen.cli.values import convert_values, finite, positive, share, whole
+from msggen.cli.watching import watching
 from msggen.diagnostics import counted, input_error, suggestion
 from msggen.exit_codes import DONE
+from msggen.firmware.sources import find_sources
+from msggen.generate.cache import package_from
 
 if TYPE_CHECKING:
     from msggen.live.sim import Options, Simulator
@@ -30,7 +31,6 @@ _NAMESPACE = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(?:/[A-Za-z_][A-Za-z0-9_]*)*")
 _REFRESH = 0.5
 """The time in s after which news are printed."""
 _LONGEST_NAMESPACE = 100
-_BUILT = "msggen_sim_types"
 
 
 def add_to(commands: Commands) -> None:
@@ -84,7 +84,7 @@ def _add_vehicles(parser: argparse.ArgumentParser) -> None:
         metavar="MODE",
         help="time synchronisation: px4, which takes 5 s; short; off (default: px4)",
     )
-    group.add_argument("--for", metavar="SECONDS", type=non_empty, help="end after this time")
+    add_shared(group, "--for")
 
 
 def _add_misbehaviour(parser: argparse.ArgumentParser) -> None:
@@ -157,25 +157,20 @@ _VALUES: Mapping[str, Callable[[str], Any]] = {
 
 def _sim(options: argparse.Namespace) -> int:
     convert_values(options, _VALUES)
-    with ExitStack() as stack:
-        package, label = _package(options, stack)
-        _check_messages(options, package)
-        simulator = _open(options, package)
-        stack.callback(simulator.close)
-        gc.enable()  # unlike other commands, this one may run for days
-        if not options.quiet:
-            print(
-                f"{label}: {_contents(package)}; {counted(options.count, 'vehicle')} to {options.address}", flush=True
-            )
-        try:
+    package, label = _package(options)
+    _check_messages(options, package)
+    simulator = _open(options, package)
+    try:
+        with watching():
+            if not options.quiet:
+                count = counted(options.count, "vehicle")
+                print(f"{label}: {_contents(package)}; {count} to {options.address}", flush=True)
             _run(simulator, options)
-        except KeyboardInterrupt:
-            pass  # the usual end
-        finally:
-            seconds = (simulator.now - simulator.boot) / 1e6
-            simulator.close()
-        if not options.quiet:
-            print("\n".join(_summary(simulator, seconds)))
+    finally:
+        seconds = (simulator.now - simulator.boot) / 1e6
+        simulator.close()
+    if not options.quiet:
+        print("\n".join(_summary(simulator, seconds)))
     return DONE
 
 
@@ -319,34 +314,13 @@ def _contents(package: ModuleType) -> str:
 # The package
 
 
-def _package(options: argparse.Namespace, stack: ExitStack) -> tuple[ModuleType, str]:
+def _package(options: argparse.Namespace) -> tuple[ModuleType, str]:
     """Return the package to simulate, and its name for people."""
     if options.types:
         found, label = import_package(options.types), options.types
     else:
-        found, label = _build(options.px4, stack)
+        sources = find_sources(options.px4)
+        found, label = package_from(sources), sources.label
     if not getattr(topics_of(found), "ENDPOINTS", ()):
         raise input_error(options.types or options.px4, "L103", "no topics of the bridge: no dds_topics.yaml", 0)
     return found, label
-
-
-def _build(px4: str | None, stack: ExitStack) -> tuple[ModuleType, str]:
-    """Build the types of a firmware in a folder that is removed at the end, and import them."""
-    from importlib import import_module
-    from tempfile import TemporaryDirectory
-
-    from msggen.firmware.sources import find_sources
-    from msggen.generate.build import Build
-
-    sources = find_sources(px4)
-    folder = stack.enter_context(TemporaryDirectory(prefix="msggen-sim-"))
-    Build(sources, folder, _BUILT).run(write=True)
-    sys.path.insert(0, folder)
-    stack.callback(sys.path.remove, folder)
-    stack.callback(_forget, _BUILT)
-    return import_module(_BUILT), sources.label
-
-
-def _forget(package: str) -> None:
-    for name in [name for name in sys.modules if name.partition(".")[0] == package]:
-        del sys.modules[name]

@@ -29,6 +29,8 @@ def sources_of(options: argparse.Namespace, settings: Settings, *, packages: boo
     px4 = options.px4 or settings.px4
     folders = tuple(options.msg_dir or settings.msg_dir)
     here = None if px4 or folders else source_here(packages=packages)
+    if px4 and is_recording(px4):
+        return recorded(options, px4)._replace(strict=is_strict(options, settings))
     found = find_sources(
         px4 or here,
         folders,
@@ -42,6 +44,37 @@ def sources_of(options: argparse.Namespace, settings: Settings, *, packages: boo
         found = found._replace(notices=(*found.notices, *_tree_above()))
     found = with_board(found, board_of(options, settings))
     return found._replace(strict=is_strict(options, settings))
+
+
+def is_recording(path: str) -> bool:
+    """Whether a path is named as recordings are: a file, or a folder of rosbag2."""
+    if os.path.isdir(path):
+        from msggen.recordings.paths import is_bag
+
+        return os.access(path, os.R_OK) and is_bag(path)
+    return path.lower().endswith((".mcap", ".ulg", ".db3")) and os.path.isfile(path)
+
+
+def recorded(options: argparse.Namespace, path: str, other: Sources | None = None) -> Sources:
+    """Return the definitions of a recording, which are compared with those of `other`. Raises InputError."""
+    from msggen.cli.log.opening import opened
+
+    with opened(options, path) as log:
+        from msggen.recordings.sources import sources_of
+
+        return sources_of(log, other)
+
+
+def generated(options: argparse.Namespace, folder: str, recording: str) -> Sources:
+    """Return the definitions of a generated package for the types of a recording. Raises InputError."""
+    from msggen.cli.log.opening import opened
+    from msggen.cli.packages import import_package
+
+    package = import_package(folder)
+    with opened(options, recording) as log:
+        from msggen.recordings.sources import sources_of_package
+
+        return sources_of_package(package, log)
 
 
 def is_named(options: argparse.Namespace, settings: Settings) -> bool:

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import argparse
-import gc
 import os
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
-from msggen.cli.topic.watching import add_window
 from msggen.cli.values import convert_values, positive
+from msggen.cli.watching import add_window, watching
 from msggen.exit_codes import DONE
 
 if TYPE_CHECKING:
@@ -51,14 +50,13 @@ def _top(options: argparse.Namespace) -> int:
     with connection(options) as found:
         from msggen.live.meter import Meter
 
-        gc.enable()  # unlike other commands, this one may run for days
         meter = Meter(options.window)
         with found.vehicle.watch(meter):
             source = _Source(found, meter)
             if options.once or options.json or not _is_live():
                 _print_once(source, options.window, is_json=options.json)
             else:
-                with suppress(KeyboardInterrupt):  # where Ctrl-C is no key
+                with watching():
                     _run(source)
     return DONE
 
@@ -104,7 +102,7 @@ class _Source:
     def values(self, row: Row) -> list[str]:
         """Return the newest message of a topic as lines, or why there are none."""
         from msggen.live import LinkError
-        from msggen.live.packages import package_of_class
+        from msggen.live.messages.packages import package_of_class
 
         if row.flow is None:
             return ["no sample yet"]

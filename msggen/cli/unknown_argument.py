@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 from collections.abc import Iterator, Sequence
+from difflib import get_close_matches
 from typing import Any
 
 from msggen.cli import parser_for
@@ -14,6 +15,20 @@ from msggen.firmware.embedded import names_release
 from msggen.firmware.tree import Folder
 from msggen.firmware.tree_layout import is_firmware
 
+_OTHER_WORDS = {
+    ("topic echo", "--filter"): "write the filter behind the topic: msggen topic echo TOPIC FILTER",
+    ("record", "-a"): "all topics are recorded without it",
+    ("record", "--all"): "all topics are recorded without it",
+    ("play", "--speed"): "use --rate",
+    ("play", "--link"): "use --to",
+    ("play", "--port"): "name it with --to udp://127.0.0.1:PORT",
+    ("sim", "--port"): "name it in the address: msggen sim udp://127.0.0.1:PORT",
+    ("sim", "--link"): "write the address alone: msggen sim udp://127.0.0.1:8888",
+    ("sim", "--vehicles"): "use --count",
+}
+"""What to do about the words of other programs, by command and word."""
+_NEAR = 0.75
+"""How similar the options of a command with parameters must be to be suggested."""
 _MOST = 4
 """The most names of commands that a hint lists with their actions."""
 
@@ -23,6 +38,10 @@ def hint_for(parser: Any, wrong: str, given: Sequence[str]) -> str:
 
     It says to use a similar option, to name the firmware with --px4, or to give fewer names.
     """
+    return _of_other_programs(parser, wrong, given) or _hint_for(parser, wrong, given)
+
+
+def _hint_for(parser: Any, wrong: str, given: Sequence[str]) -> str:
     names = [str(action.metavar) for action in parser._actions if not action.option_strings]  # noqa: SLF001
     known = parser._option_string_actions  # noqa: SLF001 - argparse has no public name
     has_commands = bool(parser._subparsers)  # noqa: SLF001
@@ -41,6 +60,20 @@ def hint_for(parser: Any, wrong: str, given: Sequence[str]) -> str:
     if wrong.startswith("-"):
         return f": name {'an action' if names == ['ACTION'] else 'a command'} first" if has_commands else ""
     return f": expected {f'one {names[0]} per run' if len(names) == 1 else ' and '.join(names)}"
+
+
+def _of_other_programs(parser: Any, wrong: str, given: Sequence[str]) -> str:
+    """Return what to do about a word that other programs have, "" for other words."""
+    command, known = parser.prog.partition(" ")[2], parser._option_string_actions  # noqa: SLF001
+    types = [word for word in given if "/msg/" in word]
+    if command == "topic pub" and types:
+        return f": leave out the type, {types[0]}: the topic has it"
+    if wrong == "--port" and "--link" in known:
+        return ": name it with --link udp://127.0.0.1:PORT"
+    if command == "command" and wrong.startswith("--") and not get_close_matches(wrong, known, cutoff=_NEAR):
+        return f": write a parameter without dashes, {wrong[2:].replace('-', '_')}=VALUE"
+    other = _OTHER_WORDS.get((command, wrong))
+    return f": {other}" if other else ""
 
 
 def hint_for_second_value(wrong: str, words: Sequence[str]) -> str:

@@ -7,6 +7,8 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 _LARGEST = 1e6
+_LONGEST = 1e9
+"""30 years in s."""
 
 
 def whole(least: int, most: int) -> Callable[[str], int]:
@@ -41,6 +43,17 @@ def positive(text: str) -> float:
     if not 0.0 < found <= _LARGEST:
         limit = f" and up to {_LARGEST:.0f}" if found > _LARGEST else ""
         raise argparse.ArgumentTypeError(f"expected a number above 0{limit}, found {text!r}")
+    return found
+
+
+def seconds(text: str) -> float:
+    """Return the time in s in a text, 0 or more. Raise ArgumentTypeError for any other text."""
+    try:
+        found = float(text)
+    except ValueError:
+        found = -1.0
+    if not 0 <= found <= _LONGEST:
+        raise argparse.ArgumentTypeError(f"expected a time in s of 0 or more, found {text!r}")
     return found
 
 

@@ -5,16 +5,17 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from contextlib import suppress
 from logging import CRITICAL, getLogger
 from typing import TYPE_CHECKING
 
 from msggen.cli.link import add_link, connection, given_package
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, non_empty
 from msggen.cli.packages import missing_extra
-from msggen.cli.topic.watching import watching
 from msggen.cli.values import convert_values, positive, whole
-from msggen.diagnostics import input_error
+from msggen.cli.watching import rounds, watching
+from msggen.diagnostics import counted, input_error
 from msggen.exit_codes import DONE
 from msggen.firmware.embedded import EMBEDDED
 from msggen.generate.cache import package_of
@@ -22,8 +23,8 @@ from msggen.generate.cache import package_of
 if TYPE_CHECKING:
     from types import ModuleType
 
-    from msggen.recordings.reader import Recording
-    from msggen.view.recording import Controls
+    from msggen.recordings.log import Log
+    from msggen.view.recording import Controls, RecordingView
     from msggen.view.server import Server
 
 _HOST, _PORT = "127.0.0.1", 8765
@@ -52,7 +53,7 @@ def add_to(commands: Commands) -> None:
     group = parser.add_argument_group("server")
     group.add_argument("--host", metavar="ADDRESS", type=non_empty, help=f"address to serve on (default: {_HOST})")
     group.add_argument("--port", metavar="N", type=non_empty, help=f"port to serve on (default: {_PORT})")
-    group.add_argument("--for", metavar="SECONDS", type=non_empty, help="end after this time")
+    add_shared(group, "--for")
     add_shared(parser, "-q, --quiet")
     add_link(parser)
 
@@ -74,19 +75,17 @@ def _view(options: argparse.Namespace) -> int:
 
 
 def _show_vehicle(options: argparse.Namespace) -> None:
+    from msggen.live import NotConnectedError
     from msggen.view.live import LiveView
 
     with connection(options) as found, _server(options, f"msggen: {found.link}") as server:
         view = LiveView(server, found.vehicle, found.package, _warn)
-        with found.vehicle.watch(view):
+        with found.vehicle.watch(view), watching():
             _announce(options, server, f"{found.label} on {found.link}")
-
-            def step() -> None:
-                if found.vehicle.is_connected:
+            for _ in rounds(options, found.vehicle, _CHECK):
+                with suppress(NotConnectedError):
                     view.check()
                 server.draw_model(time.time_ns())
-
-            _run(options, step, _CHECK)
         _summarise(options, view.samples)
 
 
@@ -97,13 +96,10 @@ def _show_recording(options: argparse.Namespace) -> None:
     recording = _recording(options.file)
     with _server(options, options.file, recording, controls) as server:
         view = RecordingView(server, recording, controls, package_for(recording, _packages(options)))
-        seconds = (recording.last - recording.first) / 1e9
-        _announce(options, server, f"{options.file}: {len(recording.topics)} topics, {seconds:.1f} s")
-
-        def step() -> None:
-            view.advance()
-
-        _run(options, step, _SLICE)
+        seconds = (recording.end - recording.start) / 1e9
+        with watching():
+            _announce(options, server, f"{options.file}: {counted(len(recording.topics), 'topic')}, {seconds:.1f} s")
+            _play(options, view)
         _summarise(options, view.samples)
 
 
@@ -116,25 +112,26 @@ def _packages(options: argparse.Namespace) -> Iterator[ModuleType]:
     yield from map(package_of, EMBEDDED)
 
 
-def _recording(path: str) -> Recording:
-    from msggen.recordings.reader import Recording, RecordingError
+def _recording(path: str) -> Log:
+    from msggen.recordings.files import open_log
+    from msggen.recordings.source import RecordingError
     from msggen.view.recording import UnviewableRecordingError, channels_of
 
     try:
-        recording = Recording(path)
+        recording = open_log(path)
         channels_of(recording)
     except (RecordingError, UnviewableRecordingError) as error:
-        raise input_error(path, "R102", str(error), 0) from None
+        raise input_error(path, "R102", str(error).removeprefix(f"{path} "), 0) from None
     return recording
 
 
 def _server(
-    options: argparse.Namespace, name: str, recording: Recording | None = None, controls: Controls | None = None
+    options: argparse.Namespace, name: str, recording: Log | None = None, controls: Controls | None = None
 ) -> Server:
     from msggen.view.server import Server
 
     host, port = options.host or _HOST, _PORT if options.port is None else options.port
-    span = (recording.first, recording.last) if recording else None
+    span = (recording.start, recording.end) if recording else None
     try:
         server = Server(name, host, port, span, controls)
     except OSError as error:
@@ -145,14 +142,13 @@ def _server(
     return server
 
 
-def _run(options: argparse.Namespace, step: Callable[[], None], period: float) -> None:
-    """Call `step` again and again, until the time is over or Ctrl-C."""
+def _play(options: argparse.Namespace, view: RecordingView) -> None:
+    """Play a recording until the time is over."""
     seconds = getattr(options, "for")  # a keyword
     end = None if seconds is None else time.monotonic() + seconds
-    with watching():
-        while end is None or time.monotonic() < end:
-            step()
-            time.sleep(period)
+    while end is None or time.monotonic() < end:
+        view.advance()
+        time.sleep(_SLICE)
 
 
 def _announce(options: argparse.Namespace, server: Server, label: str) -> None:
@@ -164,7 +160,7 @@ def _announce(options: argparse.Namespace, server: Server, label: str) -> None:
 
 def _summarise(options: argparse.Namespace, samples: int) -> None:
     if not options.quiet:
-        print(f"{samples} samples shown")
+        print(f"{counted(samples, 'sample')} shown")
 
 
 def _warn(text: str) -> None:

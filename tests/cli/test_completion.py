@@ -16,6 +16,7 @@ import pytest
 from support.catalogs import write_definitions
 from support.packages import committed, git
 from support.repository import ROOT
+from support.ulog import write_ulog
 
 FILES = {
     "fw/msg/versioned/HomePosition.msg": "uint32 MESSAGE_VERSION = 0\nuint64 timestamp\n",
@@ -30,7 +31,7 @@ TYPES = ROOT / "generated" / "px4_types"
 CASES = {
     "msggen bre": ["breaking"],
     "msggen build --px4 v1.": ["v1.18", "v1.17", "v1.16", "v1.15", "v1.14"],
-    "msggen build --px4 f": ["fw/"],
+    "msggen build --px4 f": ["flight.ulg", "fw/"],
     "msggen build --release ma": ["main"],
     "msggen build --px4 fw --board px4_s": ["px4_sitl_default"],
     "msggen breaking --px4 fw --against v1.1": ["v1.18", "v1.17", "v1.16", "v1.15", "v1.14", "v1.16-mine"],
@@ -44,7 +45,7 @@ CASES = {
     "msggen lint --select TAG,UNIT_U": ["TAG,UNIT_UNKNOWN"],
     "msggen lint --px4 fw B": ["Bulb"],
     "msggen check --output-format s": ["sarif"],
-    "msggen check f": ["fw/"],
+    "msggen check f": ["flight.ulg", "fw/"],
     "msggen render --each en": ["endpoint"],
     "msggen render --template t": ["template.j2"],
     "msggen render --px4 fw --message B": ["Bulb"],
@@ -78,8 +79,17 @@ CASES = {
     "msggen topic pub --types TYPES vehicle_command 'command: NAV_TAKEO": ["command: NAV_TAKEOFF"],
     "msggen call --types TYPES vehicle_command '{request: {command: NAV_TAKEO": ["{request: {command: NAV_TAKEOFF"],
     "msggen command --types TYPES dis": ["disarm"],
+    "msggen log show flight.ulg sensor_g": ["sensor_gps", r"sensor_gps\[1\]"],
+    "msggen log show flight.ulg 'sensor_gps[1]' --field fix": ["fix_type"],
+    "msggen log plot flight.ulg sensor_gps.f": ["sensor_gps.fix_type"],
+    "msggen log plot flight.ulg sensor_gps[1].f": [r"sensor_gps\[1\].fix_type"],
+    "msggen log show flight.ulg sensor_gps --field fix": ["fix_type"],
+    "msggen log cut flight.ulg vehicle_": ["vehicle_gps_position"],
+    "msggen log show nothing.ulg sensor_g": [],
     "msggen command --types TYPES NAV_TAKEO": ["NAV_TAKEOFF"],
     "msggen command --types TYPES NAV_TAKEOFF alt": ["altitude="],
+    "msggen command --types TYPES VEHICLE_CMD_NAV_TAKEOFF alt": ["altitude="],
+    "msggen command --types TYPES arm arm": [],
     "msggen command --types TYPES DO_CHANGE_SPEED speed=A": ["speed=AIRSPEED"],
 }
 
@@ -91,6 +101,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     committed(made / "fw")
     git(made / "fw", "tag", "v1.16-mine")
     git(made / "fw", "branch", "topic/wheel")
+    write_ulog(made / "flight.ulg")
     program = made / "bin" / "msggen"
     program.parent.mkdir()
     start = f"import sys; sys.path.insert(0, {str(ROOT)!r})\nfrom msggen.__main__ import main\nsys.exit(main())\n"
@@ -137,7 +148,7 @@ SHELLS = {
 LINES = {
     "msggen explain FIELD_MO": "msggen explain FIELD_MOVED",
     "msggen bump --px4 fw Ho": "msggen bump --px4 fw HomePosition",
-    "msggen build --px4 f": "msggen build --px4 fw/",
+    "msggen build --px4 fw": "msggen build --px4 fw/",
     "msggen bre": "msggen breaking",
     f"msggen topic echo --types {TYPES} vehicle_st": f"msggen topic echo --types {TYPES} vehicle_status",
 }

@@ -1,17 +1,30 @@
-"""Tests of the options that name a vehicle: wrong values, settings, waiting, and the release that is remembered."""
+"""Tests of the options that name a vehicle: wrong values, settings, waiting, and the vehicle that is remembered."""
 
 from __future__ import annotations
 
+import os
+import re
 import socket
+import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from msggen.cli import parser_for
-from msggen.cli.link import DEFAULT, _remember, _remembered, connection, expected_package, given_package, link_of
+from msggen.cli.link import (
+    DEFAULT,
+    Memory,
+    _remember,
+    _remembered,
+    connection,
+    expected_package,
+    given_package,
+    link_of,
+)
 from msggen.firmware.embedded import EMBEDDED
 from msggen.generate.cache import cache_folder, package_of
+from msggen.live import Vehicle
 from msggen.live.sim import Options, Simulator
 from support.commands import run
 from support.ports import free_port
@@ -70,6 +83,17 @@ def test_a_wrong_value_is_told_in_a_line(words: list[str], error: str, working_f
     assert second == "1 error"
 
 
+@pytest.mark.parametrize("text", ["raise RuntimeError('no')", "def x(:", "import no_such_module"])
+def test_types_that_fail_to_import_are_told_in_a_line(text: str, working_folder: Path) -> None:
+    for name in ("broken_types", ".hidden"):
+        (working_folder / name).mkdir()
+        (working_folder / name / "__init__.py").write_text(text)
+        outcome = run(["topic", "list", "--types", name])
+        assert outcome.code == 2
+        assert outcome.stderr.startswith(f"{name}: L103 cannot be imported: ")
+        assert outcome.stderr.endswith("\n1 error\n")
+
+
 @pytest.mark.parametrize(
     ("words", "error"),
     [
@@ -96,6 +120,8 @@ def test_a_port_that_is_in_use_is_told() -> None:
     assert outcome.code == 2
     assert outcome.stderr.startswith(f"{url}: L102 UDP port ")
     assert "is in use" in outcome.stderr
+    if sys.platform == "linux":
+        assert re.search(rf"; \S+ \(pid {os.getpid()}\) has it\n", outcome.stderr)
 
 
 # Waiting
@@ -105,15 +131,35 @@ def test_if_nothing_connects_the_command_says_so(url: str) -> None:
     quick = run(["topic", "list", "--link", url, "--types", TYPES, "--wait", "0.2"])
     assert quick.code == 2
     assert quick.stderr.startswith(f"{url}: L102 no vehicle connected to {url} within 0.2 s: ")
+    assert quick.stderr.splitlines()[0].endswith(
+        f"; `msggen doctor --link {url}` finds out why, and `msggen sim {url}` simulates a vehicle"
+    )
     assert quick.stderr.splitlines()[1:] == ["1 error"]
 
 
 def test_a_long_wait_is_announced(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("msggen.cli.link._NOTICE", 0.1)
-    outcome = run(["topic", "list", "--link", url, "--types", TYPES, "--wait", "0.3"])
+    monkeypatch.setattr("msggen.cli.link._NOTICE", 0.01)
+    waits, wait = list[float](), Vehicle.wait_connected
+
+    def waited(vehicle: Vehicle, timeout: float) -> Any:
+        waits.append(timeout)
+        return wait(vehicle, timeout)
+
+    monkeypatch.setattr(Vehicle, "wait_connected", waited)
+    outcome = run(["topic", "list", "--link", url, "--types", TYPES, "--wait", "1.5"])
     assert outcome.code == 2
     assert outcome.stderr.splitlines()[0] == f"waiting for a vehicle on {url}"
-    assert "no vehicle connected" in outcome.stderr.splitlines()[1]
+    assert f"no vehicle connected to {url} within 1.5 s: " in outcome.stderr.splitlines()[1]
+    assert sum(waits) == 1.5
+
+
+def test_a_vehicle_with_another_namespace_is_told(url: str, px4_types: Any) -> None:
+    with Simulator(px4_types, url, [SHORT]):
+        outcome = run(["topic", "list", "--link", url, "--types", TYPES, "--namespace", "uav_1", "--wait", "2"])
+    assert re.search(
+        r" only the vehicle at 127.0.0.1:\d+ \(key 1\) is connected, and one with the namespace 'uav_1' was asked for;",
+        outcome.stderr,
+    )
 
 
 # Settings
@@ -152,7 +198,7 @@ def test_a_package_without_topics_is_refused(working_folder: Path) -> None:
     assert outcome.stderr == "fw: L103 no topics of the bridge: no dds_topics.yaml\n1 error\n"
 
 
-# The release that is remembered
+# The vehicle that is remembered
 
 
 def test_the_release_of_a_vehicle_is_remembered(url: str, cache: Path, px4_types: Any) -> None:
@@ -162,30 +208,92 @@ def test_the_release_of_a_vehicle_is_remembered(url: str, cache: Path, px4_types
         with connection(given) as found:
             assert (found.package, found.label) == (package_of("v1.18"), "v1.18")
             assert not found.vehicle.remote.continued
+            address = found.vehicle.remote.address
         (memory,) = (cache / "links").iterdir()
-        assert memory.read_text() == "v1.18"
+        assert memory.read_text() == f"v1.18\n{address}\n"
         with connection(given) as again:
             assert again.vehicle.remote.continued
+            assert again.knows_namespace
             assert again.package is found.package
 
 
-@pytest.mark.parametrize("content", [b"v1.99", b"", b"\xff\xfe", b"v1.18" * 1000, b"../../etc"])
+@pytest.mark.usefixtures("cache")
+def test_the_namespace_of_a_vehicle_is_remembered(url: str, px4_types: Any) -> None:
+    with Simulator(px4_types, url, [SHORT._replace(namespace="uav/one")]):
+        for words, is_continued in (([], False), ([], True), (["--types", TYPES], True)):
+            with connection(options("--link", url, *words)) as found:
+                remote, routes = found.vehicle.remote, found.vehicle.routes
+                assert (remote.namespace, remote.continued, found.knows_namespace) == ("uav/one", is_continued, True)
+                assert all(route.name.startswith("/uav/one/fmu/") for route in routes)
+                assert found.vehicle.firmware.release == "v1.18"
+        assert _remembered(url) == Memory("v1.18", remote.address, "uav/one")
+
+
+@pytest.mark.usefixtures("cache")
+@pytest.mark.parametrize(
+    "case",
+    [
+        ("", None, "vehicle_status", True),
+        ("uav_1", None, "/uav_1/fmu/out/vehicle_status_v4", False),
+        ("uav_1", None, "uav_1/fmu/out/vehicle_status", False),
+        ("", "uav_1", "vehicle_status", False),
+    ],
+)
+def test_a_session_of_an_unknown_vehicle_is_continued_if_its_namespace_does_not_matter(
+    case: tuple[str, str | None, str, bool], url: str, px4_types: Any
+) -> None:
+    namespace, remembered, topic, is_continued = case
+    if remembered:
+        _remember(url, Memory("v1.18", "127.0.0.1:1", remembered))
+    words = ["topic", "echo", topic, "--link", url]
+    with Simulator(px4_types, url, [SHORT._replace(namespace=namespace)]):
+        with Vehicle(url, px4_types) as earlier:
+            earlier.wait_connected(20)
+        with connection(parser_for(words).parse_args(words)) as found:
+            assert (found.vehicle.remote.continued, found.knows_namespace) == (is_continued, not is_continued)
+            assert found.vehicle.remote.namespace == namespace
+
+
+def test_a_program_can_know_the_namespace_of_a_session(url: str, px4_types: Any) -> None:
+    with Simulator(px4_types, url, [SHORT._replace(namespace="uav_1")]):
+        for _ in range(2):
+            with Vehicle(url, px4_types, continued_namespace="/uav_1") as vehicle:
+                remote = vehicle.wait_connected(20)
+                assert remote.namespace == "uav_1"
+                with vehicle.subscribe("/uav_1/fmu/out/vehicle_status") as samples:
+                    assert samples.wait_for(lambda _: True, 20)
+    assert remote.continued
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"v1.99\n\n",
+        b"v1.17",
+        b"",
+        b"\xff\xfe\n\n",
+        b"v1.18" * 1000,
+        b"../../etc\n\n",
+        b"v1.17\n\n../../etc",
+        b"v1.17\n\n\n",
+    ],
+)
 def test_a_damaged_memory_is_ignored(content: bytes, url: str, cache: Path) -> None:
-    _remember(url, "v1.17")
-    assert _remembered(url) == "v1.17"
+    _remember(url, Memory("v1.17"))
+    assert _remembered(url) == Memory("v1.17")
     (memory,) = (cache / "links").iterdir()
     memory.write_bytes(content)
-    assert _remembered(url) == "v1.18"
+    assert _remembered(url) == Memory("v1.18")
 
 
 def test_a_memory_in_place_of_a_folder_is_ignored(url: str, cache: Path) -> None:
-    _remember(url, "v1.17")
+    _remember(url, Memory("v1.17"))
     (memory,) = (cache / "links").iterdir()
     memory.unlink()
     memory.mkdir()
-    assert _remembered(url) == "v1.18"
-    _remember(url, "v1.16")
-    assert _remembered(url) == "v1.18"
+    assert _remembered(url) == Memory("v1.18")
+    _remember(url, Memory("v1.16"))
+    assert _remembered(url) == Memory("v1.18")
 
 
 def test_a_cache_that_cannot_be_written_is_not_needed(url: str, cache: Path, px4_types: Any) -> None:
@@ -195,8 +303,8 @@ def test_a_cache_that_cannot_be_written_is_not_needed(url: str, cache: Path, px4
 
 
 def test_links_have_memories_of_their_own(cache: Path) -> None:
-    links = {f"udp://127.0.0.1:{port}": release for port, release in enumerate(EMBEDDED, 1000)}
-    for link, release in links.items():
-        _remember(link, release)
+    links = {f"udp://127.0.0.1:{port}": Memory(release) for port, release in enumerate(EMBEDDED, 1000)}
+    for link, memory in links.items():
+        _remember(link, memory)
     assert {link: _remembered(link) for link in links} == links
     assert len(list((cache / "links").iterdir())) == len(links)  # no temporary file is left

@@ -34,12 +34,13 @@ def meaning(action: argparse.Action) -> tuple[object, ...]:
 
 
 OF_OTHERS = {
+    "log": {"-o", "--output", "-n", "--count", "--field", "--format"},
     "doctor": {"--json", "--for"},
     "topic": {"-t", "-v", "--verbose"},
     "top": {"--once"},
     "px4-generate": {"--json", "-f"},
 }
-"""Options that mean what they mean in `ros2 topic`, in the firmware's scripts, or for one command only."""
+"""Options that mean what they mean in `ros2 topic`, in the firmware's scripts, or for one command with its actions."""
 
 
 def meanings() -> dict[str, dict[str, tuple[object, ...]]]:

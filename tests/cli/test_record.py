@@ -18,6 +18,7 @@ from typing import Any
 import pytest
 
 from msggen.cli import main, parser_for
+from msggen.live import Vehicle
 from msggen.live.sim import Misbehaviour, Options, Simulator
 from msggen.live.xrce import client
 from msggen.live.xrce.wire import ENCAPSULATION
@@ -111,7 +112,7 @@ def test_a_recording_is_played_and_recorded_again(
     for name in {each.topic for each in again}:
         ours, theirs = ([each.payload for each in found if each.topic == name] for found in (again, first))
         assert any(theirs[start : start + len(ours)] == ours for start in range(len(theirs))), name
-    assert re.search(r"\d+ topics, \d+ samples, \d+ kB, 0 lost, in 1\.\d s", capsys.readouterr().out)
+    assert re.search(r"\d+ topics, \d+ samples, \d+\.\d kB, 0 lost, in 1\.\d s", capsys.readouterr().out)
 
 
 def test_chosen_topics_are_recorded_in_several_files(address: str, px4_types: Any, here: Path) -> None:
@@ -172,20 +173,33 @@ def test_a_process_that_is_ended_leaves_a_whole_file(address: str, px4_types: An
         assert f"2 topics, {len(found)} samples, " in output
 
 
+def test_a_recording_goes_on_when_nobody_reads_what_is_printed(address: str, px4_types: Any) -> None:
+    words = ["record", "sensor_combined", "-o", "a.mcap", "--link", address, "--types", PACKAGE, "--for", "1"]
+    with Simulator(px4_types, address, [SHORT]), process(*words) as recording:
+        assert recording.stdout is not None
+        recording.stdout.close()
+        assert recording.wait(60) == 0
+        assert recording.stderr is not None
+        assert recording.stderr.read() == ""
+    assert len(read_mcap("a.mcap")) > 10
+
+
 @pytest.mark.parametrize(
     ("words", "text"),
     [
         (["record", "-o", "taken.mcap"], "taken.mcap: R101 there is such a file already"),
         (["record", "-o", "taken"], "taken.mcap: R101 there is such a file already"),
+        (["record", "-o", "part", "--split-every", "9"], "part_1.mcap: R101 there is such a file already"),
         (["record", "-o", "no/flight.mcap"], "no/flight.mcap: R101 there is no folder 'no'"),
         (["record", "--link", "udp"], "--link: L101 'udp' is not the address of a link"),
         (["play", "no.mcap"], "no.mcap: R102 cannot be read: No such file or directory"),
-        (["play", "taken.mcap"], "taken.mcap: R102 is not an MCAP file"),
-        (["play", "."], ".: R102 cannot be read: Is a directory"),
+        (["play", "taken.mcap"], "taken.mcap: R102 is not a recording"),
+        (["play", "."], ".: R102 has several recordings and no metadata.yaml"),
     ],
 )
 def test_errors_have_codes(words: list[str], text: str, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (here / "taken.mcap").write_text("mine")
+    (here / "part_1.mcap").write_text("mine")
     assert main(words) == 2
     assert text in capsys.readouterr().err
     assert (here / "taken.mcap").read_text() == "mine"
@@ -236,7 +250,7 @@ def test_errors_about_the_recording_and_the_vehicle(
         assert not list(Path().glob("*.mcap"))
         assert record(address, "wind", "sensor_combined", "-o", "a.mcap", "--for", "1", "-q") == 0
     for words, text in (
-        (["wing"], "argument TOPIC: no topic is called 'wing', did you mean 'wind'?"),
+        (["wing"], "argument TOPIC: not in this recording: 'wing', did you mean 'wind'?; it has /fmu/out/"),
         (["--exclude", "*"], "argument TOPIC: all topics are left out"),
         (["--start", "60"], "argument --start: the recording has "),
     ):
@@ -249,15 +263,26 @@ def test_errors_about_the_recording_and_the_vehicle(
 
 
 def test_a_recording_is_played_without_an_agent_until_the_time_is_over(
-    address: str, px4_types: Any, capsys: pytest.CaptureFixture[str]
+    address: str, px4_types: Any, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with Simulator(px4_types, address, [SHORT]):
         record(address, "sensor_combined", "-o", "a.mcap", "--for", "1", "-q")
     capsys.readouterr()
-    assert main(["play", "a.mcap", "--to", f"udp://127.0.0.1:{free_port()}", "--for", "0.3"]) == 0
-    first, last = capsys.readouterr().out.splitlines()
+    monkeypatch.setattr("msggen.cli.play._NOTICE", 0.1)
+    to = f"udp://127.0.0.1:{free_port()}"
+    assert main(["play", "a.mcap", "--to", to, "--for", "0.8"]) == 1
+    told = capsys.readouterr()
+    assert told.err == (
+        f"no program answers at {to}: waiting for one, such as `msggen topic list`\n"
+        f"no program answered at {to}: nothing was played\n"
+    )
+    first, last = told.out.splitlines()
     assert re.fullmatch(r"a\.mcap: 1 topic of v1\.18, \d\.\d s; to udp://127\.0\.0\.1:\d+", first)
     assert last == "0 samples sent, 0 received"
+    Path("bag").mkdir()
+    os.rename("a.mcap", "bag/a.mcap")  # that metadata.yaml is missing is no damage
+    assert main(["play", "bag", "--to", to, "--for", "0.1", "--start", "0"]) == 1
+    assert re.match(r"bag: 1 topic of v1\.18, \d\.\d s; to ", capsys.readouterr().out)
     assert parser_for(["play"]).parse_args(["play", "a.mcap"]).to == "udp://127.0.0.1:8888"
 
 
@@ -293,14 +318,15 @@ def test_the_commands_of_the_page_print_what_it_shows(
     page = shown("msggen record vehicle_status 'sensor_*' --for 3")
     assert [line for line in masked(printed) if "vtx" not in line] == page
     (file,) = here.glob("px4_*.mcap")
-    assert main(["play", file.name, "--to", address, "--for", "0.2"]) == 0  # there is no agent
+    assert main(["play", file.name, "--to", address, "--for", "0.2"]) == 1  # there is no agent
     first, *_, last = masked(capsys.readouterr().out)
     play = shown("msggen play")
     assert (first, last) == (play[0], play[-1])
     assert re.fullmatch(r" +N s  connected", play[1])
     for code in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL):
         exec(code, {})  # noqa: S102 - the code of the page
-    assert re.match(r"/fmu/out/\w+ \d{16}\n", capsys.readouterr().out)
+    assert capsys.readouterr().out == "3\nVehicleStatus 1\n"
+    assert "```text\n3\nVehicleStatus 1\n```" in PAGE
 
 
 def test_the_commands_of_the_page_are_accepted() -> None:
@@ -324,3 +350,36 @@ def is_accepted(parser: argparse.ArgumentParser, words: Sequence[str]) -> bool:
     except SystemExit:
         return False
     return True
+
+
+# Namespaces
+
+
+def test_topics_are_recorded_with_the_namespace_if_it_is_known(address: str, px4_types: Any, capsys: Any) -> None:
+    with Simulator(px4_types, address, [SHORT._replace(namespace="uav_1")]):
+        with Vehicle(address, px4_types) as earlier:
+            earlier.wait_connected(20)
+        names = []
+        for number, words in enumerate(([], ["--namespace", "uav_1"], [])):  # unknown, new, remembered
+            assert record(address, "vehicle_status", "--for", "0.6", "-o", f"{number}.mcap", *words) == 0
+            names.append({each.topic for each in read_mcap(Path(f"{number}.mcap"))})
+    assert names == [{"/fmu/out/vehicle_status_v4"}, *[{"/uav_1/fmu/out/vehicle_status_v4"}] * 2]
+    error = capsys.readouterr().err
+    assert error.count("warning: topics are recorded without a namespace, because an earlier program began") == 1
+
+
+# Names
+
+
+def test_topics_that_px4_reads_are_not_recorded(address: str, px4_types: Any, capsys: Any) -> None:
+    with Simulator(px4_types, address, [SHORT]), pytest.raises(SystemExit):
+        record(address, "/fmu/in/*")
+    assert (
+        "argument TOPIC: topics that PX4 reads are not recorded: name some that it publishes" in capsys.readouterr().err
+    )
+
+
+def test_a_missing_file_is_the_only_required_argument(capsys: Any) -> None:
+    with pytest.raises(SystemExit):
+        main(["play"])
+    assert "the following arguments are required: FILE\n" in capsys.readouterr().err

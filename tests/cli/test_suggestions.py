@@ -65,6 +65,28 @@ def test_a_part_of_a_tree_has_the_same_hint_in_each_command(
     assert capsys.readouterr().err.splitlines()[0] == f"{folder or '.'}: S102 {hint}"
 
 
+@pytest.mark.parametrize(
+    ("line", "hint"),
+    [
+        ("command NAV_TAKEOFF --altitude 10", "'--altitude': write a parameter without dashes, altitude=VALUE"),
+        ("command arm --jsno", "'--jsno', did you mean '--json'?"),
+        ("topic echo vehicle_status --filter x", "'--filter': write the filter behind the topic: msggen topic echo"),
+        ("topic pub trajectory_setpoint px4_msgs/msg/TrajectorySetpoint {}", "'{}': leave out the type, px4_msgs/msg/"),
+        ("record -a", "'-a': all topics are recorded without it"),
+        ("record --all -o x", "'--all': all topics are recorded without it"),
+        ("play x.mcap --speed 2", "'--speed': use --rate"),
+        ("play x.mcap --link udp://127.0.0.1:8889", "'--link': use --to"),
+        ("doctor --port 8889", "'--port': name it with --link udp://127.0.0.1:PORT"),
+        ("sim --port 8889", "'--port': name it in the address: msggen sim udp://127.0.0.1:PORT"),
+        ("sim --vehicles 2", "'--vehicles': use --count"),
+    ],
+)
+def test_the_words_of_other_programs_have_hints(line: str, hint: str, capsys: Capture) -> None:
+    with pytest.raises(SystemExit):
+        main(line.split())
+    assert f"unknown argument {hint}" in capsys.readouterr().err
+
+
 @pytest.mark.tools("git")
 def test_the_embedded_release_is_suggested_for_a_patch_release(tree: Path, capsys: Capture) -> None:
     def said(against: str) -> str:

@@ -11,15 +11,16 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
-from typing import Any
+from contextlib import contextmanager, nullcontext, suppress
+from typing import Any, NoReturn
 
 import pytest
 
+from msggen.cli import main
 from msggen.cli.link import Connection
-from msggen.cli.topic.watching import rounds
+from msggen.cli.watching import rounds
 from msggen.generate.cache import package_of
-from msggen.live import Vehicle
+from msggen.live import LinkError, LinkTimeoutError, Vehicle
 from msggen.live.link import Route
 from msggen.live.sim import Misbehaviour, Options, Simulator
 from support.commands import COMMANDS, Outcome, run
@@ -63,6 +64,7 @@ def test_a_wrong_action_gets_the_right_one() -> None:
         "topic list --field x": "unknown argument '--field': an option of topic echo",
         "build --link x": "unknown argument '--link': an option of ",
         "topic list foo": "unknown argument 'foo'\n",
+        "topic type": "did you mean 'info'?",
     }.items():
         outcome = run(words.split())
         assert outcome.code == 2
@@ -176,16 +178,18 @@ def test_echo_prints_at_most_one_message_in_a_time(link: list[str]) -> None:
 @pytest.mark.parametrize(
     ("words", "error"),
     [
-        (["echo", "vehicle_statsu"], "argument TOPIC: no topic 'vehicle_statsu', did you mean '/fmu"),
+        (["echo", "vehicle_statsu"], "argument TOPIC: no topic 'vehicle_statsu', did you mean 'vehicle_status'?"),
+        (["info", "/fmu/out/vehicle_statsu"], "'/fmu/out/vehicle_statsu', did you mean '/fmu/out/vehicle_status_v4'?"),
         (["echo", "esc_status"], "that does not cross the bridge: it is not in dds_topics.yaml; add it there"),
-        (["echo", "trajectory_setpoint"], "PX4 reads '/fmu/in/trajectory_setpoint', and does not publish it"),
+        (["echo", "trajectory_setpoint"], "and does not publish it: msggen topic pub writes to it"),
+        (["echo", "vehicle_status", "m.nav_state == 4"], "'m.nav_state' is not a field: write 'nav_state', without"),
         (["echo", "vehicle_status", "--field", "nav_stat"], "VehicleStatus has no field 'nav_stat', did you"),
         (["echo", "vehicle_status", "nav_state = 4"], "argument FILTER: column 11: expected '==', not '='"),
         (["echo", "vehicle_status", "nav_state == X"], "argument FILTER: column 14: NavigationState has no member 'X'"),
         (["echo", "vehicle_status", "--once", "-n", "2"], "argument --once: not allowed with argument -n/--count"),
         (["echo", "vehicle_status", "--csv", "--json"], "argument --json: not allowed with argument --csv"),
         (["echo", "vehicle_status", "--every", "x"], "argument --every: expected a number, found 'x'"),
-        (["hz", "vehicle_status", "wnd"], "argument TOPIC: no topic 'wnd', did you mean '/fmu/out/wind'?"),
+        (["hz", "vehicle_status", "wnd"], "argument TOPIC: no topic 'wnd', did you mean 'wind'?"),
         (["bw", "-n", "0"], "argument --count: expected a number from 1 to"),
         (["delay", "--window", "0"], "argument --window: expected a number above 0, found '0'"),
     ],
@@ -217,6 +221,32 @@ def test_measures_of_all_topics_are_a_table(link: list[str]) -> None:
     assert lines[0].split() == ["topic", "rate", "min", "max", "std", "dev", "window"]
     assert "/fmu/out/sensor_combined" in {line.split()[0] for line in lines[1:]}
     assert topic("hz", "vehicle_command_ack", "--for", "1", link=link).stdout == "no new messages\n"
+
+
+@pytest.mark.parametrize("action", ["hz", "bw"])
+def test_a_topic_that_was_heard_once_is_not_silent(
+    action: str, px4_types: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    link = FakeLink(px4_types)
+    with Vehicle(link, px4_types) as vehicle:
+        remote = link.connect()
+
+        def once(*_: object) -> Iterator[None]:
+            link.sample(remote, px4_types.Vtx())
+            return iter([None])
+
+        found = nullcontext(Connection(vehicle, px4_types, "fake", "v1.18"))
+        monkeypatch.setattr("msggen.cli.topic.measuring.connection", lambda _: found)
+        monkeypatch.setattr("msggen.cli.topic.measuring.rounds", once)
+        assert run(["topic", action, "vtx"]).stdout == "one sample\n"
+        _, *rows = run(["topic", action, "vtx", "wind"]).stdout.splitlines()
+        assert [row.split() for row in rows] == [
+            ["/fmu/out/vtx", "one", "sample", "1"],
+            ["/fmu/out/wind", "silent"],
+        ]
+        row, _ = map(json.loads, run(["topic", action, "vtx", "wind", "--json"]).stdout.splitlines())
+        assert (row["topic"], row["window"]) == ("/fmu/out/vtx", 1)
+        assert row["rate" if action == "hz" else "bandwidth"] is None
 
 
 def test_clocks_that_are_not_in_sync_are_told(px4_types: Any) -> None:
@@ -264,6 +294,9 @@ class _Restarting:
     def is_connected(self) -> bool:
         return next(self.states)
 
+    def wait_connected(self, _: float) -> None:
+        raise LinkTimeoutError
+
 
 def test_a_watching_command_says_that_a_vehicle_has_disconnected(capsys: pytest.CaptureFixture[str]) -> None:
     options, vehicle = argparse.Namespace(**{"for": None}), _Restarting()
@@ -273,11 +306,76 @@ def test_a_watching_command_says_that_a_vehicle_has_disconnected(capsys: pytest.
     assert told == ["", "the vehicle has disconnected, waiting for it\n", "", "the vehicle is connected again\n", ""]
 
 
+class _Trouble(Vehicle):
+    """A vehicle that sends a damaged sample to each subscription. To a watch, its link fails."""
+
+    link: FakeLink
+
+    def subscribe(self, *arguments: Any, **options: Any) -> Any:
+        found = super().subscribe(*arguments, **options)
+        self.link.sample(self.remote, b"\0\1\0\0", "/fmu/out/vehicle_status")
+        return found
+
+    def watch(self, watcher: Any) -> Any:
+        found = super().watch(watcher)
+        self.fail()
+        return found
+
+    def fail(self) -> None:
+        self.link.disconnect(self.remote)
+        self.link.user().failed("the link failed: no power")
+
+
+@pytest.fixture
+def trouble(px4_types: Any, monkeypatch: pytest.MonkeyPatch) -> Iterator[_Trouble]:
+    link = FakeLink(px4_types)
+    with _Trouble(link, px4_types) as vehicle:
+        vehicle.link = link
+        link.connect()
+        for module in ("echo", "measuring"):
+            found = nullcontext(Connection(vehicle, px4_types, "fake", "v1.18"))
+            monkeypatch.setattr(f"msggen.cli.topic.{module}.connection", lambda _, found=found: found)
+        monkeypatch.setattr("msggen.cli.topic.echo._PATIENCE", 0.01)  # it tells no hashes
+        yield vehicle
+
+
+@pytest.mark.usefixtures("trouble")
+def test_a_damaged_sample_is_counted_once() -> None:
+    outcome = run(["topic", "echo", "vehicle_status", "--for", "0.4"])
+    assert outcome.stderr == "no message arrived\n1 sample could not be decoded\n"
+
+
+@pytest.mark.usefixtures("trouble")
+def test_a_link_that_fails_ends_a_command() -> None:
+    with pytest.raises(LinkError, match="the link failed: no power"):  # `connection` makes it an error of the user
+        run(["topic", "hz", "vehicle_status"])
+
+
+def test_a_link_that_fails_ends_an_echo(trouble: _Trouble, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("msggen.cli.topic.echo._confirm", lambda *_: trouble.fail())
+    with pytest.raises(LinkError, match="the link failed: no power"):
+        run(["topic", "echo", "vehicle_status"])
+
+
 def test_rounds_end_with_their_time() -> None:
     vehicle = type("Vehicle", (), {"is_connected": True})()
     for seconds, period, most in ((0.05, 0.02, 3), (0.01, 5.0, 1)):
         found = list(rounds(argparse.Namespace(**{"for": seconds}), vehicle, period))
         assert 1 <= len(found) <= most
+
+
+@pytest.mark.parametrize(
+    ("module", "words", "code"), [("topic.listing._list", "topic list", 0), ("doctor._doctor", "doctor", 1)]
+)
+def test_a_closed_pipe_ends_a_listing_with_0(
+    module: str, words: str, code: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def closed(_: object) -> NoReturn:
+        raise BrokenPipeError
+
+    monkeypatch.setattr(sys, "stdout", sys.stdout)  # which is replaced
+    monkeypatch.setattr(f"msggen.cli.{module}", closed)
+    assert main(words.split()) == code
 
 
 @pytest.mark.parametrize("words", [["echo", "vehicle_odometry"], ["hz", "vehicle_odometry"]])

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 
 from msggen.cli.call import service_of
 from msggen.cli.link import expected_package
+from msggen.cli.log.completing import recorded_fields, recorded_paths, recorded_topics
 from msggen.cli.message import values_like
 
 if TYPE_CHECKING:
-    from msggen.live.packages import Message, Way
+    from msggen.live.messages.packages import Message, Way
 
 _WORD = re.compile(r"[\w.\[\]]*\Z")
 _COMPARED = re.compile(r"([\w.\[\]]+)\s*(?:[=!<>]=|[<>&]|(?:not\s+)?in\s*\([^()]*)\s*\Z")
@@ -21,6 +22,9 @@ _COMPARED = re.compile(r"([\w.\[\]]+)\s*(?:[=!<>]=|[<>&]|(?:not\s+)?in\s*\([^()]
 
 def topics(prefix: str, options: argparse.Namespace) -> Iterator[str]:
     """Yield names of topics: those of uORB, or those of ROS 2 after a `/`. A topic to print is one of PX4."""
+    if getattr(options, "file", None):
+        yield from recorded_topics(prefix, options)
+        return
     ways: tuple[str, ...] = ("out", "in")
     if hasattr(options, "filter") or hasattr(options, "topics"):
         ways = ("out",)
@@ -39,13 +43,16 @@ def messages(_: str, options: argparse.Namespace) -> Iterator[str]:
 
 def fields(prefix: str, options: argparse.Namespace) -> Iterator[str]:
     """Yield the paths of values of the topic."""
+    if getattr(options, "file", None):
+        yield from recorded_fields(prefix, options)
+        return
     yield from _paths(prefix, _message(options))
 
 
 def conditions(prefix: str, options: argparse.Namespace) -> Iterator[str]:
     """Yield a condition with its last word completed: a field, a member of the enum of the other side, a function."""
-    from msggen.live.expression import FUNCTIONS
-    from msggen.live.places import PlaceError, place_of
+    from msggen.live.messages.expression import FUNCTIONS
+    from msggen.live.messages.places import PlaceError, place_of
 
     message = _message(options)
     found = _WORD.search(prefix)
@@ -74,7 +81,7 @@ def values(prefix: str, options: argparse.Namespace) -> Iterator[str]:
 def _message(options: argparse.Namespace, way: Way = "out") -> type[Message]:
     """Return the message of the topic in the options. Raises TopicError."""
     from msggen.live import TopicError
-    from msggen.live.lookup import named_topic
+    from msggen.live.messages.lookup import named_topic
 
     message = named_topic(options.topic or "", way, expected_package(options), ()).message
     if message is None:
@@ -83,7 +90,7 @@ def _message(options: argparse.Namespace, way: Way = "out") -> type[Message]:
 
 
 def _paths(prefix: str, message: type[Message]) -> Iterator[str]:
-    from msggen.live.places import PlaceError, place_of, places_of
+    from msggen.live.messages.places import PlaceError, place_of, places_of
 
     front, dot, last = prefix.rpartition(".")
     try:
@@ -101,6 +108,7 @@ COMPLETERS: Mapping[str, Callable[[str, argparse.Namespace], Iterator[str]]] = {
     "topics": topics,
     "message_type": messages,
     "field": fields,
+    "fields": recorded_paths,
     "filter": conditions,
     "values": values,
 }

@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, non_empty, refuse
 from msggen.cli.topic.naming import add_topic, published
-from msggen.cli.topic.watching import add_limits, convert_limits, rounds, watching
 from msggen.cli.values import convert_values, positive
+from msggen.cli.watching import add_limits, convert_limits, rounds, watching
 from msggen.diagnostics import counted
 from msggen.exit_codes import DONE, FINDINGS
 
 if TYPE_CHECKING:
     from msggen.live import Subscription, Vehicle
-    from msggen.live.expression import Condition, ConditionError
-    from msggen.live.lookup import Named
+    from msggen.live.messages.expression import Condition, ConditionError
+    from msggen.live.messages.lookup import Named
 
 _PERIOD = 0.05
 """How often to print what has arrived, in s: waking up for each sample would take most of the time."""
@@ -120,7 +120,7 @@ def _confirm(vehicle: Vehicle, topic: Named) -> None:
 
 def _condition(options: argparse.Namespace) -> Condition | None:
     """Parse the condition, before the vehicle is asked. A wrong one ends the process."""
-    from msggen.live.expression import Condition, ConditionError
+    from msggen.live.messages.expression import Condition, ConditionError
 
     try:
         return Condition(options.filter) if options.filter else None
@@ -139,12 +139,12 @@ def _print(
 
     is_told = False
     with watching():
-        arrivals = samples.timed()
         for number, _ in enumerate(rounds(options, found.vehicle, _PERIOD)):
             try:
-                while len(samples) and not printer.is_done:
-                    printer.take(*next(arrivals))
-                samples.latest()  # raises an error that is not one of a sample
+                for message, arrival in samples.arrived():
+                    printer.take(message, arrival)
+                    if printer.is_done:
+                        break
             except FormatError as error:
                 _refuse_types(options, error)
             if printer.is_done:
@@ -178,9 +178,9 @@ class _Printer:
 
     def prepare(self, message: type[Any]) -> tuple[Callable[[Any], bool] | None, Callable[[Any], str]]:
         """Return what to do with messages of a class. A wrong condition or path ends the process."""
-        from msggen.live.expression import ConditionError
-        from msggen.live.formats import csv_writer, json_writer, text_writer
-        from msggen.live.places import PlaceError
+        from msggen.live.messages.expression import ConditionError
+        from msggen.live.messages.formats import csv_writer, json_writer, text_writer
+        from msggen.live.messages.places import PlaceError
 
         options = self._options
         writer = json_writer if options.json else csv_writer if options.csv else text_writer
@@ -210,7 +210,7 @@ class _Printer:
             self._last = arrival
 
     def _print_header(self, cls: type[Any]) -> None:
-        from msggen.live.formats import csv_header
+        from msggen.live.messages.formats import csv_header
 
         print(csv_header(cls, self._options.field))
 

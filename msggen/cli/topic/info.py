@@ -15,7 +15,7 @@ from msggen.cli.topic.tables import print_table
 from msggen.exit_codes import DONE
 
 if TYPE_CHECKING:
-    from msggen.live.lookup import Named
+    from msggen.live.messages.lookup import Named
 
 _PATIENCE = 3.0
 """How long to wait for the vehicle's definitions, in s."""

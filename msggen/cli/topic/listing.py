@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.options import Commands, add_command, add_shared, non_empty, refuse
-from msggen.cli.topic.tables import finite, number_of_bytes, print_table
-from msggen.cli.topic.watching import add_window
+from msggen.cli.printing import number_of_bytes
+from msggen.cli.topic.tables import finite, print_table
 from msggen.cli.values import convert_values, positive
+from msggen.cli.watching import add_window
 from msggen.exit_codes import DONE
 
 if TYPE_CHECKING:
-    from msggen.live.lookup import Named
+    from msggen.live.messages.lookup import Named
     from msggen.live.meter import Flow
 
 _ENDED = 5.0
@@ -67,7 +68,7 @@ def _add_find(actions: Commands) -> None:
 
 
 def _list(options: argparse.Namespace) -> int:
-    from msggen.live.lookup import all_topics
+    from msggen.live.messages.lookup import all_topics
 
     convert_values(options, {"window": positive})
     with connection(options) as found:
@@ -151,7 +152,7 @@ def _find(options: argparse.Namespace) -> int:
 
 def _ros_type(options: argparse.Namespace, found: Connection) -> str:
     """Return the type that the user names. A wrong name ends the process."""
-    from msggen.live.lookup import message_named
+    from msggen.live.messages.lookup import message_named
 
     text = options.message_type
     for route in found.vehicle.routes:  # also of messages that the package does not have

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
@@ -12,20 +11,22 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
+from msggen.cli.printing import number_of_bytes
 from msggen.cli.topic.naming import add_topics, published
-from msggen.cli.topic.tables import number_of_bytes, print_table
-from msggen.cli.topic.watching import add_limits, add_window, convert_limits, rounds, watching
+from msggen.cli.topic.tables import finite, print_table
 from msggen.cli.values import convert_values, positive
+from msggen.cli.watching import add_limits, add_window, convert_limits, rounds, watching
 from msggen.exit_codes import DONE
 
 if TYPE_CHECKING:
     from msggen.live.link import Route
-    from msggen.live.packages import Message
+    from msggen.live.messages.packages import Message
     from msggen.live.watch import Watcher
 
 _PERIOD = 1.0
 _CODES = f"Exit codes: 0 done, or ended by Ctrl-C, {FAILED_CODES}"
 _NOT_IN_SYNC = "not in sync"
+_NO_RATE = "one sample"
 
 
 class _Measure(ABC):
@@ -70,16 +71,20 @@ class _Rates(_Measure):
 
     def rows(self, now: int) -> list[dict[str, Any]]:
         return [
-            {"topic": each.route.name, **{key: getattr(each, name) for key, name in self.values.items()}}
+            {"topic": each.route.name, **{key: finite(getattr(each, name)) for key, name in self.values.items()}}
             for each in self._meter.flows(now)
-            if math.isfinite(each.rate)
+            if each.window
         ]
 
     def cells(self, row: dict[str, Any]) -> list[str]:
+        if row["rate"] is None:
+            return _without_rate(self, row)
         times = [f"{row['min']:.3f}s", f"{row['max']:.3f}s", f"{row['std_dev']:.5f}s"]
         return [row["topic"], f"{row['rate']:.3f}", *times, str(row["window"])]
 
     def lines(self, row: dict[str, Any]) -> str:
+        if row["rate"] is None:
+            return _NO_RATE
         return f"average rate: {row['rate']:.3f}\n{_spread(row, 3)}"
 
 
@@ -94,10 +99,14 @@ class _Bandwidths(_Rates):
     }
 
     def cells(self, row: dict[str, Any]) -> list[str]:
+        if row["bandwidth"] is None:
+            return _without_rate(self, row)
         sizes = [number_of_bytes(row[name]) for name in ("mean", "min", "max")]
         return [row["topic"], f"{number_of_bytes(row['bandwidth'])}/s", *sizes, str(row["window"])]
 
     def lines(self, row: dict[str, Any]) -> str:
+        if row["bandwidth"] is None:
+            return _NO_RATE
         sizes = " ".join(f"{name}: {number_of_bytes(row[name])}" for name in ("mean", "min", "max"))
         return f"{number_of_bytes(row['bandwidth'])}/s from {row['window']} messages\n\tMessage size {sizes}"
 
@@ -107,7 +116,7 @@ class _Delays(_Measure):
 
     def __init__(self, options: argparse.Namespace, found: Connection) -> None:
         from msggen.live.delay import Delays
-        from msggen.live.lookup import endpoint_at
+        from msggen.live.messages.lookup import endpoint_at
 
         def message_of(route: Route) -> type[Message] | None:
             endpoint = endpoint_at(found.package, route.name)
@@ -140,6 +149,11 @@ class _Delays(_Measure):
         if not row["in_sync"]:
             return f"average delay{of}: {_NOT_IN_SYNC}: the timestamps are not of this computer's time"
         return f"average delay{of}: {row['delay']:.4f}\n{_spread(row, 4)}"
+
+
+def _without_rate(measure: _Measure, row: dict[str, Any]) -> list[str]:
+    """Return the cells of a topic that was heard only once."""
+    return [row["topic"], _NO_RATE, *[""] * (len(measure.heads) - 3), str(row["window"])]
 
 
 def _spread(row: dict[str, Any], digits: int) -> str:

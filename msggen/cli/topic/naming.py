@@ -10,15 +10,17 @@ from msggen.cli.link import Connection
 from msggen.cli.options import non_empty, refuse
 
 if TYPE_CHECKING:
-    from msggen.live.lookup import Named
-    from msggen.live.packages import Way
+    from msggen.live.messages.lookup import Named
+    from msggen.live.messages.packages import Way
 
 SPELLINGS = "any spelling will do: vehicle_status, /fmu/out/vehicle_status_v1, VehicleStatus"
 
+SPELLINGS_IN = "any spelling will do: trajectory_setpoint, /fmu/in/trajectory_setpoint, TrajectorySetpoint"
 
-def add_topic(parser: argparse.ArgumentParser) -> None:
+
+def add_topic(parser: argparse.ArgumentParser, spellings: str = SPELLINGS) -> None:
     """Add the argument TOPIC."""
-    parser.add_argument("topic", metavar="TOPIC", type=non_empty, help=f"the topic; {SPELLINGS}")
+    parser.add_argument("topic", metavar="TOPIC", type=non_empty, help=f"the topic; {spellings}")
 
 
 def add_topics(parser: argparse.ArgumentParser) -> None:
@@ -38,7 +40,7 @@ def topic_of(options: argparse.Namespace, text: str, found: Connection, way: Way
     A wrong name ends the process.
     """
     from msggen.live import TopicError
-    from msggen.live.lookup import named_topic
+    from msggen.live.messages.lookup import named_topic
 
     try:
         return named_topic(text, way, found.package, found.vehicle.routes)
@@ -51,5 +53,6 @@ def published(options: argparse.Namespace, found: Connection, texts: Sequence[st
     topics = [topic_of(options, text, found, "out") for text in texts]
     for topic in topics:
         if topic.direction == "in":
-            refuse(options, f"argument TOPIC: PX4 reads '{topic.name}', and does not publish it")
+            text = f"PX4 reads '{topic.name}', and does not publish it: msggen topic pub writes to it"
+            refuse(options, f"argument TOPIC: {text}")
     return list(dict.fromkeys(topics))

@@ -13,16 +13,16 @@ from typing import TYPE_CHECKING
 from msggen.cli.link import add_link, connection, given_package
 from msggen.cli.message import Values, add_values, read_values, settle
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, non_empty, refuse
-from msggen.cli.topic.naming import add_topic
-from msggen.cli.topic.watching import add_limits, convert_limits, watching
+from msggen.cli.topic.naming import SPELLINGS_IN, add_topic
 from msggen.cli.values import convert_values, positive
+from msggen.cli.watching import add_limits, convert_limits, watching
 from msggen.diagnostics import counted
 from msggen.exit_codes import DONE
 
 if TYPE_CHECKING:
     from msggen.live.link import Route
-    from msggen.live.lookup import Named
-    from msggen.live.packages import Message
+    from msggen.live.messages.lookup import Named
+    from msggen.live.messages.packages import Message
 
 _RATE = 1.0
 _FASTEST = 1e4
@@ -37,10 +37,11 @@ def add_to(actions: Commands) -> None:
         help="publish to a topic that the vehicle reads",
         description="Publish a message to a topic that the vehicle reads, once or at a rate until Ctrl-C. The values "
         "are YAML, checked against the definition of the message: fields without a value are zero, numbers can be "
-        "names of enum members, as in 'nav_state: AUTO_LOITER'.",
-        epilog=f"Exit codes: 0 done, or ended by Ctrl-C, {FAILED_CODES}",
+        "names of enum members, as in 'landing_gear: DOWN'.",
+        epilog="Example: `msggen topic pub --once trajectory_setpoint '{position: [0, 0, -5]}'`. "
+        f"Exit codes: 0 done, or ended by Ctrl-C, {FAILED_CODES}",
     )
-    add_topic(parser)
+    add_topic(parser, SPELLINGS_IN)
     add_values(parser)
     parser.add_argument("-r", "--rate", metavar="HZ", type=non_empty, help=f"messages a second (default: {_RATE:g})")
     parser.add_argument("-1", "--once", action="store_true", help="end after the first message")
@@ -75,7 +76,7 @@ def _rate(text: str) -> float:
 def _named(options: argparse.Namespace, package: ModuleType, routes: Sequence[Route] = ()) -> Named:
     """Return the topic that the user names. A wrong name ends the process."""
     from msggen.live import TopicError
-    from msggen.live.lookup import named_topic
+    from msggen.live.messages.lookup import named_topic
 
     try:
         topic = named_topic(options.topic, "in", package, routes)

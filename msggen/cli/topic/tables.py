@@ -1,4 +1,4 @@
-"""Tables and numbers of `msggen topic`."""
+"""Tables of `msggen topic`, and numbers as JSON has them."""
 
 from __future__ import annotations
 
@@ -21,14 +21,6 @@ def print_table(heads: Sequence[str], rows: Sequence[Sequence[str]], right: int)
             for index, (cell, width) in enumerate(zip(row, widths, strict=True))
         ]
         print("  ".join(cells).rstrip())
-
-
-def number_of_bytes(count: float) -> str:
-    """Return a number of bytes for people: `90 B`, `1.3 KB`, with 1000 bytes in a KB, as in ROS 2."""
-    for unit, size in (("MB", 1e6), ("KB", 1e3)):
-        if count >= size:
-            return f"{count / size:.2f} {unit}"
-    return f"{count:.0f} B"
 
 
 def finite(value: float) -> float | None:

@@ -7,10 +7,10 @@ import gc
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
-from msggen.cli.options import non_empty
+from msggen.cli.options import add_shared, non_empty
 from msggen.cli.printing import discard_output
 from msggen.cli.values import convert_values, positive, whole
 
@@ -35,7 +35,7 @@ def add_window(parser: argparse.ArgumentParser) -> None:
 def add_limits(parser: argparse.ArgumentParser) -> None:
     """Add the options that end a command: a number of results, or a time."""
     parser.add_argument("-n", "--count", metavar="N", type=non_empty, help="end after N messages, or reports")
-    parser.add_argument("--for", metavar="SECONDS", type=non_empty, help="end after this time")
+    add_shared(parser, "--for")
 
 
 def convert_limits(options: argparse.Namespace) -> None:
@@ -58,7 +58,8 @@ def watching() -> Iterator[None]:
 def rounds(options: argparse.Namespace, vehicle: Vehicle, period: float) -> Iterator[None]:
     """Yield every `period` seconds, until the time of the options is over, and once at its end.
 
-    Flushes the output after each round, and says on stderr when the vehicle disconnects and connects again.
+    Flushes the output after each round, and says on stderr when the vehicle disconnects and connects again. Raises
+    LinkError if the link has failed.
     """
     seconds = getattr(options, "for")  # a keyword
     start = time.monotonic()
@@ -76,7 +77,17 @@ def rounds(options: argparse.Namespace, vehicle: Vehicle, period: float) -> Iter
             was_connected = not was_connected
             text = "the vehicle is connected again" if was_connected else "the vehicle has disconnected, waiting for it"
             print(text, file=sys.stderr, flush=True)
+        if not was_connected:
+            check_link(vehicle)
         yield
         print(end="", flush=True)
         if is_last:
             return
+
+
+def check_link(vehicle: Vehicle) -> None:
+    """Raise LinkError if the link has failed: a vehicle that is disconnected would be waited for without an end."""
+    from msggen.live import LinkTimeoutError, NotConnectedError
+
+    with suppress(LinkTimeoutError, NotConnectedError):
+        vehicle.wait_connected(0)

@@ -1,0 +1,117 @@
+"""Arguments that several actions of `msggen log` have, and their values."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any
+
+from msggen.cli.options import FAILED_CODES, add_shared, non_empty
+from msggen.cli.values import convert_values, seconds
+
+if TYPE_CHECKING:
+    from msggen.recordings import Log, Topic
+
+CODES = f"Exit codes: 0 done, 1 something cannot be read, or there is nothing of what was asked for, {FAILED_CODES}"
+"""The exit codes for the help."""
+KINDS = "an MCAP file, a ULog, or a folder or database of rosbag2"
+
+
+def add_file(parser: argparse.ArgumentParser) -> None:
+    """Add the recording to read."""
+    parser.add_argument("file", metavar="FILE", type=non_empty, help=f"recording: {KINDS}")
+
+
+def add_topics(parser: argparse.ArgumentParser) -> None:
+    """Add the topics to take, and from when to when."""
+    parser.add_argument(
+        "topics",
+        metavar="TOPIC",
+        nargs="*",
+        type=non_empty,
+        help="topics to take, such as vehicle_status, VehicleStatus, /fmu/out/vehicle_status_v4 or 'sensor_*' "
+        "(default: all)",
+    )
+    add_times(parser)
+
+
+def add_times(parser: argparse.ArgumentParser) -> None:
+    """Add the options that choose a time."""
+    parser.add_argument(
+        "--start", metavar="SECONDS", type=non_empty, help="begin so long after the start of the recording"
+    )
+    parser.add_argument(
+        "--stop", metavar="SECONDS", type=non_empty, help="end before this time after the start of the recording"
+    )
+
+
+def add_fields(parser: argparse.ArgumentParser, text: str) -> None:
+    """Add the option that chooses fields."""
+    parser.add_argument(
+        "--field",
+        metavar="FIELD",
+        action="append",
+        type=non_empty,
+        help=f"{text}, such as timestamp, q or esc[0].esc_rpm; repeatable (default: all)",
+    )
+
+
+def add_output(parser: argparse.ArgumentParser, text: str, metavar: str = "FILE") -> None:
+    """Add the options of an action that writes."""
+    parser.add_argument("-o", "--output", metavar=metavar, type=non_empty, help=text)
+    add_shared(parser, "--json", "-q, --quiet")
+
+
+_VALUES: Mapping[str, Callable[[str], Any]] = {"start": seconds, "stop": seconds}
+
+
+def convert_times(options: argparse.Namespace) -> None:
+    """Convert the times in the options. Wrong ones end the process."""
+    convert_values(options, _VALUES)
+    if options.start is not None and options.stop is not None and options.stop <= options.start:
+        options.parser.error(f"argument --stop: {options.stop:g} is not after --start {options.start:g}")
+
+
+def asked_time(options: argparse.Namespace) -> str:
+    """Return the times in the options for a message: ` from 1 s to 2 s`, "" without."""
+    start, stop = getattr(options, "start", None), getattr(options, "stop", None)
+    if start is None:
+        return "" if stop is None else f" before {stop:g} s"
+    return f" from {start:g} s " + ("on" if stop is None else f"to {stop:g} s")
+
+
+def chosen_topics(options: argparse.Namespace, log: Log) -> Sequence[Topic] | None:
+    """Return the topics in the options, None for all. A name that the recording does not have ends the process."""
+    from msggen.recordings.choice import Choice, takes_instance
+
+    if not options.topics:
+        return None
+    for word in options.topics:
+        if any(takes_instance(word, topic) for topic in log.topics):
+            continue
+        problem = Choice([word]).problem([(topic.name, topic.ros_type) for topic in log.topics])
+        options.parser.error(f"argument TOPIC: {problem}: `msggen log info {log.path}` lists them")
+    return [topic for topic in log.topics if any(takes_instance(word, topic) for word in options.topics)]
+
+
+def decoded_topics(log: Log, topics: Sequence[Topic]) -> Sequence[Topic]:
+    """Return those of several topics that can be decoded; the problems of the log tell the others. If none can, all."""
+    from msggen.recordings import RecordingError
+
+    found = []
+    for topic in topics:
+        with suppress(RecordingError):
+            log.dtype(topic)
+            found.append(topic)
+    return found or topics
+
+
+def swapped_hint(options: argparse.Namespace, path: str) -> str:
+    """Return what to do if the recording is missing and another word of the command line is a file; otherwise ""."""
+    if path != getattr(options, "file", None):
+        return ""
+    words = [getattr(options, "topic", None), *getattr(options, "topics", ()), *getattr(options, "fields", ())]
+    found = next((word for word in words if word and os.path.exists(word)), None)
+    return f": the recording comes first, {options.parser.prog} {found} {path}" if found else ""

@@ -1,0 +1,77 @@
+"""`msggen log convert`."""
+
+from __future__ import annotations
+
+import argparse
+from functools import partial
+
+from msggen.cli.log.arguments import (
+    CODES,
+    add_fields,
+    add_file,
+    add_output,
+    add_topics,
+    chosen_topics,
+    convert_times,
+    decoded_topics,
+)
+from msggen.cli.log.fleet import add_fleet, convert_fleet, is_fleet, refuse_fleet
+from msggen.cli.log.opening import code_of, opened, written
+from msggen.cli.log.targets import default_target, format_of
+from msggen.cli.options import Commands, add_command
+from msggen.recordings.convert import FORMATS, TABLES
+
+
+def add_to(actions: Commands) -> None:
+    """Add the action to `msggen log`."""
+    parser = add_command(
+        actions,
+        "convert",
+        _convert,
+        help="write a recording as Parquet, Arrow, CSV, MCAP or rosbag2",
+        description="Write a recording in another format. Parquet, Arrow and CSV are a folder with a file for each "
+        "topic, <topic>[_<instance>].parquet. A ULog becomes an MCAP file that Foxglove, Rerun and ROS 2 open. The "
+        "recordings below a folder become one data set.",
+        epilog=CODES,
+    )
+    add_file(parser)
+    add_topics(parser)
+    parser.add_argument(
+        "--format",
+        choices=FORMATS,
+        metavar="FORMAT",
+        help=f"{', '.join(FORMATS)} (default: mcap if the output ends so, otherwise parquet)",
+    )
+    add_fields(parser, "column of tables to write")
+    add_output(
+        parser,
+        "file or folder to write (default: the name of the recording, or fleet for a folder of recordings, here)",
+        "FILE|DIR",
+    )
+    add_fleet(parser)
+
+
+def _convert(options: argparse.Namespace) -> int:
+    convert_times(options)
+    if is_fleet(options.file):
+        return convert_fleet(options)
+    refuse_fleet(options)
+    format_ = format_of(options)
+    target = options.output or default_target(options.file, format_)
+    with opened(options, options.file) as log:
+        from msggen.recordings.convert import convert
+
+        topics = chosen_topics(options, log)
+        if topics and format_ in TABLES:
+            topics = decoded_topics(log, topics)
+        write = partial(
+            convert,
+            log,
+            target,
+            format=format_,
+            topics=topics,
+            start=options.start,
+            stop=options.stop,
+            fields=options.field,
+        )
+        return code_of(written(options, target, lambda progress: write(progress=progress)))

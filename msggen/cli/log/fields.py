@@ -1,0 +1,80 @@
+"""The fields of a topic, for `msggen log info FILE TOPIC`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from msggen.cli.topic.tables import print_table
+from msggen.diagnostics import few, printable
+
+if TYPE_CHECKING:
+    from msggen.model import Message
+    from msggen.recordings import Topic
+    from msggen.recordings.annotations import Annotation
+    from msggen.recordings.schemas import Schema
+
+
+class _Field(NamedTuple):
+    name: str
+    """As `--field` takes it: `q`, `esc[0].esc_rpm`."""
+    type: str
+    about: Annotation
+
+
+def print_fields(topic: Topic) -> None:
+    """Print the fields of a topic with types, units, frames and the names of values. Raises RecordingError."""
+    rows = [
+        (f"  {each.name}", each.type, _unit(each.about), each.about.frame, few(_values(each.about)))
+        for each in _fields_of(topic)
+    ]
+    print("fields")
+    print_table(("  name", "type", "unit", "frame", "values"), [tuple(map(printable, row)) for row in rows], right=0)
+
+
+def field_objects(topic: Topic) -> list[dict[str, Any]]:
+    """Return the fields of a topic as objects of JSON. Raises RecordingError."""
+    return [
+        {
+            "name": each.name,
+            "type": each.type,
+            "unit": _unit(each.about),
+            "frame": each.about.frame,
+            "values": {str(value): name for value, name in sorted(each.about.members.items())},
+            "flags": each.about.is_flags,
+        }
+        for each in _fields_of(topic)
+    ]
+
+
+def _fields_of(topic: Topic) -> list[_Field]:
+    from msggen.recordings.schemas import SchemaError, read_schema
+    from msggen.recordings.source import RecordingError
+
+    try:
+        schema = read_schema(topic.ros_type, topic.definition)
+    except SchemaError as error:
+        raise RecordingError(f"{topic.label} cannot be decoded: {error}") from None
+    return list(_fields(topic, schema, schema.message, ""))
+
+
+def _fields(topic: Topic, schema: Schema, message: Message, front: str) -> Iterator[_Field]:
+    """Yield the fields of a message. Of an array of messages, the first element stands for all."""
+    from msggen.model import ArrayKind
+    from msggen.recordings.annotations import annotation_of
+
+    indices = {ArrayKind.SCALAR: "", ArrayKind.FIXED: "[0]"}
+    for field in message.fields:
+        name = front + field.name
+        yield _Field(name, str(field.type), annotation_of(topic.ros_type, topic.definition, name))
+        if not field.type.is_primitive:
+            inner = f"{name}{indices.get(field.type.array, '[]')}."
+            yield from _fields(topic, schema, schema.catalog.nested(message, field.type), inner)
+
+
+def _unit(about: Annotation) -> str:
+    return "" if about.unit == "-" else about.unit
+
+
+def _values(about: Annotation) -> list[str]:
+    return [f"{value} {name}" for value, name in sorted(about.members.items())]

@@ -1,0 +1,287 @@
+"""`msggen log info`."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Iterator, Sequence
+from datetime import datetime, timezone
+from typing import TYPE_CHECKING, Any
+
+from msggen.cli.log.arguments import CODES, add_file
+from msggen.cli.log.contents import contents_of
+from msggen.cli.log.fields import field_objects, print_fields
+from msggen.cli.log.opening import (
+    counted_samples,
+    opened,
+    print_problems,
+    problem_object,
+)
+from msggen.cli.options import Commands, add_command, add_shared, non_empty
+from msggen.cli.printing import number_of_bytes
+from msggen.cli.topic.tables import print_table
+from msggen.diagnostics import counted, printable
+from msggen.exit_codes import DONE, FINDINGS
+from msggen.report.json import dump
+
+if TYPE_CHECKING:
+    from msggen.recordings import Log, Topic
+    from msggen.recordings.source import Checksums
+
+_BAD = ("emergency", "alert", "critical", "error", "warning")
+"""The levels of texts that are counted."""
+_NAMES = {"mcap": "MCAP", "ulog": "ULog", "db3": "rosbag2 database", "rosbag2": "rosbag2"}
+
+
+def add_to(actions: Commands) -> None:
+    """Add the action to `msggen log`."""
+    parser = add_command(
+        actions,
+        "info",
+        _info,
+        help="show what a recording has: topics, rates, times, vehicle, firmware, or the fields of a topic",
+        description="Show what a recording has: its time, vehicle and firmware, and of each topic the type, the "
+        "number of samples, their size, the rate in Hz, the times of the first and the last sample in s after the "
+        "start, and the gaps: intervals longer than five times the median, with the longest in s. With TOPIC, show its "
+        "fields.",
+        epilog=CODES,
+    )
+    add_file(parser)
+    parser.add_argument("topic", metavar="TOPIC", nargs="?", type=non_empty, help="topic whose fields to show")
+    parser.add_argument(
+        "--verify", action="store_true", help="read the whole file, and compare the chunks of MCAP with their checksums"
+    )
+    add_shared(parser, "--json")
+
+
+def _info(options: argparse.Namespace) -> int:
+    with opened(options, options.file) as log:
+        checksums = _verify(log) if options.verify else None
+        if options.topic:
+            _print_topic(options, log, log.topic(options.topic))
+        elif options.json:
+            made = _object(options.file, log)
+            print(dump(made if checksums is None else {**made, "checksums": checksums._asdict()}))
+        else:
+            for name, text in (*_rows(options.file, log), *_rows_on_contents(log, checksums)):
+                print(f"{name:<11} {printable(text)}")
+            _print_topics(log)
+            print_problems(options, log.problems)
+        return FINDINGS if log.problems else DONE
+
+
+def _verify(log: Log) -> Checksums:
+    """Read all of a recording, which reports what is damaged, and compare its checksums."""
+    for _ in log.undecoded():
+        pass
+    return log.verify()
+
+
+def _rows_on_contents(log: Log, checksums: Checksums | None) -> Iterator[tuple[str, str]]:
+    """Yield the rows on checksums, if they were compared, and on problems."""
+    if checksums is not None and log.kind == "ulog":
+        yield "checksums", "none in a ULog, which was read to its end"
+    elif checksums is not None:
+        without = f", {checksums.missing} without a checksum" if checksums.missing else ""
+        yield "checksums", f"{counted(checksums.compared, 'chunk')} compared{without}"
+    if log.problems:
+        yield "problems", counted(len(log.problems), "problem") + ", on stderr"
+
+
+def _rows(path: str, log: Log) -> Iterator[tuple[str, str]]:
+    yield "file", f"{path}, {_NAMES.get(log.kind, log.kind)}, {number_of_bytes(_size(path))}"
+    start = _start(log)
+    yield "start", f"{start:%Y-%m-%d %H:%M:%S} UTC" if start else "unknown: the recording has no time of day"
+    end = _time_of_day(log, log.end)
+    if start and end:
+        yield "end", f"{end:%Y-%m-%d %H:%M:%S} UTC"
+    yield "duration", f"{log.duration:.3f} s"
+    if log.vehicle or log.information:
+        yield "vehicle", _told(log, "ver_hw", "ver_hw_subtype", more=log.vehicle) or "unknown"
+    system = _told(log, "sys_name", "sys_os_name", "sys_mcu")
+    if system:
+        yield "system", system
+    yield "firmware", ", ".join(filter(None, (str(log.release()), _commit(log))))
+    contents = contents_of(path) if log.kind in ("mcap", "rosbag2") else None
+    if contents:
+        yield "contents", str(contents)
+    counts = [topic.count for topic in log.topics]
+    empty = f", {counts.count(0)} more without samples" if 0 in counts else ""
+    yield "topics", f"{len(counts) - counts.count(0)}, {counted_samples(sum(counts))}{empty}"
+    if log.has_facts:
+        facts = log.facts
+        yield "parameters", f"{len(facts.parameters)}, {len(facts.changed_parameters)} changed"
+        yield "texts", _texts([text.level for text in facts.texts])
+        if "hardfault_plain" in facts.information:
+            yield "hard fault", "the firmware crashed before this log: --json prints hardfault_plain"
+        yield "dropouts", _dropouts([each.duration / 1e9 for each in facts.dropouts])
+        if facts.information:
+            parts = sum(isinstance(value, list) for value in facts.information.values())
+            several = f", {parts} of several parts" if parts else ""
+            yield "information", counted(len(facts.information), "value") + f"{several}: --json prints all"
+    for note in log.notes:
+        yield "definitions", note
+
+
+def _told(log: Log, *names: str, more: str = "") -> str:
+    """Return what a ULog tells of the vehicle, of several values."""
+    return ", ".join(filter(None, (*(str(log.information.get(name, "")) for name in names), more)))
+
+
+def _commit(log: Log) -> str:
+    """Return the commit and the branch of a firmware that is not a release, "" if they are not known."""
+    firmware = log.firmware
+    if not firmware.commit or (firmware.release and "-" not in firmware.release):
+        return ""
+    branch = log.information.get("ver_sw_branch")
+    return f"commit {firmware.commit[:12]}" + (f" of {branch}" if branch else "")
+
+
+def _texts(levels: Sequence[str]) -> str:
+    """Return the number of texts, and those of bad levels."""
+    bad = [f"{levels.count(level)} {level}" for level in _BAD if level in levels]
+    return ", ".join([str(len(levels)), *bad])
+
+
+def _dropouts(durations: Sequence[float]) -> str:
+    if not durations:
+        return "0"
+    mean = sum(durations) / len(durations)
+    return f"{len(durations)}, {sum(durations):.3f} s: mean {mean:.3f} s, longest {max(durations):.3f} s"
+
+
+def _size(path: str) -> int:
+    """Return the bytes of a file, or of the files in a folder."""
+    if not os.path.isdir(path):
+        return os.path.getsize(path)
+    return sum(entry.stat().st_size for entry in os.scandir(path) if entry.is_file())
+
+
+def _start(log: Log) -> datetime | None:
+    """Return when the recording begins, None if it does not tell."""
+    return _time_of_day(log, log.start)
+
+
+def _time_of_day(log: Log, time: int) -> datetime | None:
+    """Return a log time in UTC, None if the recording does not tell it."""
+    if log.utc_offset is None or log.end == 0:
+        return None
+    try:
+        return datetime.fromtimestamp((time + log.utc_offset) // 10**9, timezone.utc)
+    except (OverflowError, ValueError, OSError):
+        return None
+
+
+def _print_topic(options: argparse.Namespace, log: Log, topic: Topic) -> None:
+    """Print a topic with its fields."""
+    if options.json:
+        print(dump({**_topic_object(log, topic), "fields": field_objects(topic)}))
+        return
+    for name, text in _topic_rows(log, topic):
+        print(f"{name:<11} {printable(text)}")
+    print_fields(topic)
+    print_problems(options, log.problems)
+
+
+def _topic_rows(log: Log, topic: Topic) -> Iterator[tuple[str, str]]:
+    yield "topic", topic.label
+    yield "type", topic.ros_type
+    if topic.count:
+        _, _, samples, _, rate, first, last, gaps = _row(log, topic)
+        yield "samples", f"{samples}, {rate or 0} Hz, from {first} to {last} s" + (f", gaps {gaps}" if gaps else "")
+        size = _sample_size(topic)
+        if size is not None:
+            yield "size", f"{number_of_bytes(size)} each, {number_of_bytes(size * topic.count)} in all"
+    else:
+        yield "samples", "0"
+    for note in log.notes if topic.is_lent else ():
+        yield "definitions", note
+
+
+def _print_topics(log: Log) -> None:
+    rows = [_row(log, topic) for topic in log.topics if topic.count]
+    print()
+    print_table(("topic", "type", "samples", "size", "rate", "first", "last", "gaps"), rows, right=6)
+
+
+def _row(log: Log, topic: Topic) -> tuple[str, ...]:
+    names = printable(topic.label), printable(topic.ros_type.rpartition("/")[2])
+    gaps = topic.gaps
+    longest = max((after - before for before, after in gaps), default=0) / 1e9
+    size = _sample_size(topic)
+    return (
+        *names,
+        f"{topic.count:,}",
+        "" if size is None else number_of_bytes(size * topic.count),
+        f"{topic.rate:.1f}" if topic.rate else "",
+        f"{(topic.first - log.start) / 1e9:.3f}",
+        f"{(topic.last - log.start) / 1e9:.3f}",
+        f"{len(gaps)} ({longest:.3f})" if gaps else "",
+    )
+
+
+def _sample_size(topic: Topic) -> int | None:
+    """Return the bytes of each sample, None if they differ or the definition is not known."""
+    from msggen.recordings.layouts import layout_of
+    from msggen.recordings.schemas import SchemaError
+
+    channel = topic.channels[0][1]
+    if channel.encoding not in ("cdr", "ulog") or not (channel.layout or topic.definition):
+        return None
+    try:
+        layout = channel.layout or layout_of(topic.ros_type, topic.definition)
+    except SchemaError:
+        return None
+    return layout.size if layout else None
+
+
+def _object(path: str, log: Log) -> dict[str, Any]:
+    start, end = _start(log), _time_of_day(log, log.end)
+    facts = log.facts
+    contents = contents_of(path) if log.kind in ("mcap", "rosbag2") else None
+    made: dict[str, Any] = {
+        "file": path,
+        "format": log.kind,
+        "bytes": _size(path),
+        "start": f"{start:%Y-%m-%dT%H:%M:%SZ}" if start else None,
+        "end": f"{end:%Y-%m-%dT%H:%M:%SZ}" if end else None,
+        "start_ns": log.start,
+        "utc_offset_ns": log.utc_offset,
+        "duration": log.duration,
+        "vehicle": log.vehicle,
+        "firmware": str(log.release()),
+        "commit": log.firmware.commit,
+        "samples": sum(topic.count for topic in log.topics),
+        "topics": [_topic_object(log, topic) for topic in log.topics],
+        "notes": log.notes,
+        "problems": [problem_object(each) for each in log.problems],
+    }
+    if contents:
+        made["contents"] = contents._asdict()
+    if log.has_facts:
+        made["information"] = dict(facts.information)
+        made["parameters"] = {"count": len(facts.parameters), "changed": len(facts.changed_parameters)}
+        made["texts"] = len(facts.texts)
+        made["dropouts"] = [
+            {"time": (each.time - log.start) / 1e9, "duration": each.duration / 1e9} for each in facts.dropouts
+        ]
+    return made
+
+
+def _topic_object(log: Log, topic: Topic) -> dict[str, Any]:
+    def seconds(time: int) -> float | None:
+        return (time - log.start) / 1e9 if topic.count else None
+
+    size = _sample_size(topic)
+    return {
+        "name": topic.name,
+        "instance": topic.instance,
+        "type": topic.ros_type,
+        "samples": topic.count,
+        "sample_size": size,
+        "size": None if size is None else size * topic.count,
+        "rate": round(topic.rate, 3),
+        "first": seconds(topic.first),
+        "last": seconds(topic.last),
+        "gaps": [[seconds(before), seconds(after)] for before, after in topic.gaps],
+    }

@@ -1,0 +1,204 @@
+"""Recordings that the actions of `msggen log` read and write."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, Protocol
+
+from msggen.cli.log.arguments import asked_time, swapped_hint
+from msggen.cli.packages import missing_extra
+from msggen.cli.printing import number_of_bytes
+from msggen.cli.record import check_parent
+from msggen.diagnostics import counted, input_error, printable
+from msggen.disk.path_hint import path_hint
+from msggen.exit_codes import DONE, FINDINGS
+from msggen.report.json import dump
+
+if TYPE_CHECKING:
+    from msggen.recordings import Log, Problem
+    from msggen.recordings.convert import Converted
+
+_PATIENCE = 1.0
+"""The time in s after which a bar shows the progress."""
+
+
+@contextmanager
+def opened(options: argparse.Namespace, path: str) -> Iterator[Log]:
+    """Open a recording. Raises InputError if it cannot be read, also later. A name that it does not have is usage."""
+    try:
+        from msggen import recordings
+        from msggen.recordings import RecordingError
+
+        import_needed()
+    except ImportError as error:
+        raise missing_extra(error, "recordings", "R102") from None
+    try:
+        log = recordings.open(path)
+    except RecordingError as error:
+        raise input_error(path, "R102", _without_path(str(error), path), 0) from None
+    except OSError as error:
+        is_missing = isinstance(error, FileNotFoundError)
+        near = swapped_hint(options, path) or path_hint(path, is_meant=os.path.exists) if is_missing else ""
+        raise input_error(path, "R102", f"cannot be read: {error.strerror}{near}", 0) from None
+    with log:
+        try:
+            yield log
+        except RecordingError as error:
+            options.parser.error(str(error))
+
+
+def import_needed() -> None:
+    """Import packages of the extra. Raises ImportError."""
+    import numpy  # noqa: F401, ICN001
+
+
+def _without_path(text: str, path: str) -> str:
+    """Return an error without the path that is printed before it."""
+    return text.removeprefix(f"{path} ")
+
+
+def written(options: argparse.Namespace, path: str, write: Callable[[Callable[[float], None]], Converted]) -> Converted:
+    """Call a function that writes `path`, show its progress, and print what it did."""
+    begin = time.monotonic()
+    try:
+        with progress_bar(options) as progress:
+            converted = write(progress)
+    except FileExistsError:
+        text = "there is such a file or folder already: choose another name with -o, or remove it"
+        raise input_error(path, "R101", text, 0) from None
+    except FileNotFoundError:
+        check_parent(path)
+        raise
+    except ImportError as error:
+        raise missing_extra(error, "recordings", "R101") from None
+    except OSError as error:
+        raise input_error(path, "R101", f"cannot be written: {error.strerror}", 0) from None
+    seconds = time.monotonic() - begin
+    summarise(options, path, converted, seconds)
+    if not converted.rows:
+        print(f"{path} is not written: there are no samples{asked_time(options)}", file=sys.stderr)
+    return converted
+
+
+def code_of(converted: Converted) -> int:
+    """Return the exit code: 1 if something could not be read, or if there is nothing."""
+    return DONE if converted.rows and not converted.problems else FINDINGS
+
+
+def summarise(options: argparse.Namespace, path: str, converted: Converted, seconds: float) -> None:
+    """Print what was written, and what was not."""
+    size = sum(os.path.getsize(each) for each in converted.files)
+    if options.json:
+        made = {
+            "output": path,
+            "files": list(converted.files),
+            "samples": converted.rows,
+            "bytes": size,
+            "seconds": round(seconds, 3),
+            "notes": list(converted.notes),
+            "problems": [problem_object(each) for each in converted.problems],
+        }
+        print(dump(made))
+        return
+    print_problems(options, converted.problems)
+    if not options.quiet:
+        print_notes(options, converted.notes)
+    if not options.quiet and converted.rows:
+        files = f" in {counted(len(converted.files), 'file')}" if len(converted.files) > 1 else ""
+        print(f"{path}: {counted_samples(converted.rows)}{files}, {number_of_bytes(size)}")
+
+
+def print_problems(options: argparse.Namespace, problems: Iterable[Problem]) -> None:
+    """Print what a recording has and what was not read, to stderr."""
+    for each in problems:
+        print(f"{each.path or options.file}: {problem_text(each)}", file=sys.stderr)
+
+
+def print_notes(options: argparse.Namespace, notes: Iterable[str]) -> None:
+    """Print where definitions are from that are not in the recording, to stderr."""
+    front = f"{options.file}: " if hasattr(options, "file") else ""  # notes on several recordings name them
+    for each in notes:
+        print(printable(f"{front}{each}"), file=sys.stderr)
+
+
+def problem_text(problem: Problem) -> str:
+    """Return a problem in one line."""
+    facts = [
+        *([f"at byte {problem.offset}"] if problem.offset is not None else []),
+        *([f"{problem.size} bytes left out"] if problem.size else []),
+        *([f"{counted_samples(problem.samples)} left out"] if problem.samples else []),
+    ]
+    number = f"[{problem.instance}]" if problem.instance else ""
+    front = f"{problem.topic}{number}: " if problem.topic and (number or problem.topic not in problem.text) else ""
+    return printable(f"{front}{problem.text}" + (f" ({', '.join(facts)})" if facts else ""))
+
+
+def problem_object(problem: Problem) -> dict[str, object]:
+    """Return a problem as an object of JSON."""
+    return {name: value for name, value in problem._asdict().items() if value not in ("", None, 0) or name == "text"}
+
+
+class Show(Protocol):
+    """A function that shows a share from 0 to 1, and what is done in words."""
+
+    def __call__(self, share: float, text: str = "") -> None:
+        """Show a share."""
+
+
+@contextmanager
+def progress_bar(options: argparse.Namespace, *, at_once: bool = False) -> Iterator[Show]:
+    """Yield a function that shows progress in a bar, if a terminal shows it: after a second, or at once."""
+    shows = sys.stderr.isatty() and os.environ.get("TERM") != "dumb" and not (options.quiet or options.json)
+    if not shows:
+        yield lambda share, text="": None  # noqa: ARG005 - as Show
+        return
+    bar = _Bar()
+    if at_once:
+        bar.start()
+    try:
+        yield bar.show
+    finally:
+        bar.close()
+
+
+class _Bar:
+    """A bar of rich."""
+
+    def __init__(self) -> None:
+        self._begin = time.monotonic()
+        self._progress: Any = None
+        self._task: Any = None
+
+    def start(self) -> None:
+        """Show an empty bar."""
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+        words = TextColumn("{task.description}", markup=False)
+        columns = (BarColumn(), TaskProgressColumn(), TimeRemainingColumn(), words)
+        self._progress = Progress(*columns, console=Console(stderr=True), transient=True)
+        self._progress.start()
+        self._task = self._progress.add_task("", total=1.0)
+
+    def show(self, share: float, text: str = "") -> None:
+        """Show a share and a text, once the command takes over a second."""
+        if self._progress is None:
+            if time.monotonic() - self._begin < _PATIENCE:
+                return
+            self.start()
+        self._progress.update(self._task, completed=share, description=printable(text))
+
+    def close(self) -> None:
+        """Remove the bar."""
+        if self._progress is not None:
+            self._progress.stop()
+
+
+def counted_samples(count: int) -> str:
+    """Return `1 sample`, `49,320 samples`."""
+    return f"{count:,} sample{'' if count == 1 else 's'}"

@@ -1,0 +1,124 @@
+"""`msggen log plot`: fields of a recording over time."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from typing import TYPE_CHECKING, Any
+
+from msggen.cli.log.arguments import CODES, add_file, add_times, asked_time, convert_times
+from msggen.cli.log.opening import opened, print_notes, print_problems
+from msggen.cli.options import Commands, add_command, add_shared, non_empty, refuse
+from msggen.cli.packages import missing_extra
+from msggen.cli.printing import number_of_bytes
+from msggen.cli.record import check_parent
+from msggen.diagnostics import few
+from msggen.exit_codes import DONE, FINDINGS
+from msggen.recordings.paths import stem_of
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from msggen.recordings.log import Log
+    from msggen.recordings.plot import Series
+
+_WINDOWLESS = ("agg", "cairo", "pdf", "pgf", "ps", "svg", "template")
+"""The backends of matplotlib that cannot show a window."""
+
+
+def add_to(actions: Commands) -> None:
+    """Add the action to the command line."""
+    parser = add_command(
+        actions,
+        "plot",
+        _plot,
+        help="plot fields over time, to a file or in a window",
+        description="Plot fields of a recording over time: those of one unit share a panel, values with names are "
+        "bands, and the flight modes are the background.",
+        epilog=CODES,
+    )
+    add_file(parser)
+    parser.add_argument(
+        "fields",
+        metavar="FIELD",
+        nargs="+",
+        type=non_empty,
+        help="vehicle_local_position.z, vehicle_attitude.q, actuator_motors.control[0], 'sensor_gps[1].eph' of the "
+        "second instance",
+    )
+    parser.add_argument(
+        "-o", "--output", metavar="FILE", type=non_empty, help="file to write: .png, .svg or .pdf (default: a window)"
+    )
+    add_times(parser)
+    add_shared(parser, "-q, --quiet")
+
+
+def _plot(options: argparse.Namespace) -> int:
+    convert_times(options)
+    try:
+        import matplotlib as mpl
+
+        from msggen.recordings import plot
+    except ImportError as error:
+        raise missing_extra(error, "plot", "R102") from None
+    ending = os.path.splitext(options.output or "")[1].removeprefix(".").lower()
+    if options.output and ending not in plot.ENDINGS:
+        known = ", ".join(f".{each}" for each in plot.ENDINGS)
+        refuse(options, f"argument -o/--output: expected a name that ends in {known}, found '{options.output}'")
+    if options.output:
+        check_parent(options.output)
+    with opened(options, options.file) as log:
+        series, empty = _read(options, log)
+        if not options.output and (not _has_display() or str(mpl.get_backend()).lower() in _WINDOWLESS):
+            refuse(options, f"no window can be shown here: write a file, -o {stem_of(options.file)}.png")
+        if not options.quiet and any(plot.parse_path(log, path)[0].is_lent for path in options.fields):
+            print_notes(options, log.notes)
+        if empty:
+            print(f"{options.file}: there are no samples of {few(empty)}{asked_time(options)}", file=sys.stderr)
+        print_problems(options, log.problems)
+        if series and options.output:
+            _write(options, log, series, ending)
+        elif series:
+            _show(options, log, series)
+        return FINDINGS if empty or log.problems else DONE
+
+
+def _read(options: argparse.Namespace, log: Log) -> tuple[Sequence[Series], Sequence[str]]:
+    """Return the fields that have samples, and the paths of the others. Raises RecordingError."""
+    from msggen.recordings import plot
+
+    try:
+        return plot.read_series(log, options.fields, start=options.start, stop=options.stop), ()
+    except plot.NoSamplesError as error:
+        rest = [path for path in options.fields if path not in error.paths]
+        return plot.read_series(log, rest, start=options.start, stop=options.stop), error.paths
+
+
+def _has_display() -> bool:
+    """Whether there is a screen, where the environment tells."""
+    return sys.platform in ("win32", "darwin") or any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY", "MPLBACKEND")))
+
+
+def _write(options: argparse.Namespace, log: Log, series: Sequence[Series], ending: str) -> None:
+    from msggen.disk.staging import written_aside
+    from msggen.recordings import plot
+
+    picture = plot.render(_drawn(options, log, series), ending)
+    with written_aside({os.path.abspath(options.output): picture}, flushed=False) as move_into_place:
+        move_into_place()
+    if not options.quiet:
+        print(f"{options.output}: {number_of_bytes(len(picture))}")
+
+
+def _show(options: argparse.Namespace, log: Log, series: Sequence[Series]) -> None:
+    from matplotlib import pyplot as plt
+
+    _drawn(options, log, series, plt.figure(os.path.basename(options.file)))
+    plt.show()
+
+
+def _drawn(options: argparse.Namespace, log: Log, series: Sequence[Series], figure: Any = None) -> Any:
+    from msggen.recordings import plot
+
+    return plot.draw_series(log, series, start=options.start, stop=options.stop, figure=figure)
