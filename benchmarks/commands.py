@@ -25,8 +25,6 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from rich.console import Console
-
 from environment import ROOT
 from tables import Table
 
@@ -138,11 +136,7 @@ def main() -> None:
         types = build(Path(name))
         cases = CASES[:1] if options.quick else CASES
         rows = [measure(case, types[case.topics], seconds, start) for case in cases]
-    table = Table("commands that watch a vehicle", ["command", "topics of the vehicle", "% of a core"], rows)
-    if sys.stdout.isatty():
-        table.show(Console())
-    else:
-        print(table.markdown())
+    Table("commands that watch a vehicle", ["command", "topics of the vehicle", "% of a core"], rows).print()
 
 
 if __name__ == "__main__":

@@ -23,13 +23,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rich.console import Console
-
 from environment import HERE, ROOT
 from link_sender import Load, Send, endpoints, send_all, sensor_combined
-from msggen.live.dds import LOOPBACK, DdsLink
 from msggen.live.link import Link, Remote, Route, Service
-from msggen.live.udp import UdpLink
+from msggen.live.links.dds import LOOPBACK, DdsLink
+from msggen.live.links.udp import UdpLink
 from tables import Table
 
 DOMAIN = 100 + os.getpid() % 100
@@ -314,12 +312,8 @@ def main() -> None:
         for text in soak(600):
             print(text)
         return
-    console = Console()
     for table in tables(0.3 if options.quick else 10, is_quick=options.quick):
-        if sys.stdout.isatty():
-            table.show(console)
-        else:
-            print(f"### {table.title}\n\n{table.markdown()}\n", flush=True)
+        table.print()
 
 
 if __name__ == "__main__":

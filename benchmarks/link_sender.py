@@ -19,8 +19,8 @@ from typing import Any, NamedTuple
 
 from environment import ROOT
 from messages import read_samples
-from msggen.live.cyclone import Participant
-from msggen.live.dds import LOOPBACK
+from msggen.live.links.cyclone import Participant
+from msggen.live.links.dds import LOOPBACK
 from msggen.live.xrce.client import Client
 from msggen.live.xrce.client_entities import Settings, Writer
 from peers import Cyclone

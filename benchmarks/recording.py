@@ -12,19 +12,17 @@ from __future__ import annotations
 import argparse
 import importlib
 import os
-import sys
 import tempfile
 import time
 from typing import Any
 
 from mcap.reader import make_reader
-from rich.console import Console
 
 from link import SETTLE, send, sender
 from link_sender import Load
 from msggen.live import Vehicle
 from msggen.live.link import Route
-from msggen.live.udp import UdpLink
+from msggen.live.links.udp import UdpLink
 from msggen.recordings.recorder import Recorder
 from msggen.recordings.writer import Channel
 from tables import Table
@@ -77,11 +75,7 @@ def main() -> None:
     seconds = 1.0 if parser.parse_args().quick else 10.0
     rows = [measure(24, 250, seconds, compression) for compression in ("", "none", "lz4", "zstd")]
     rows += [measure(24, 500, seconds, "zstd"), measure(1, 250, seconds, "zstd")]
-    table = Table("recording over UDP", HEAD, rows)
-    if sys.stdout.isatty():
-        table.show(Console())
-    else:
-        print(f"### {table.title}\n\n{table.markdown()}\n")
+    Table("recording over UDP", HEAD, rows).print()
 
 
 if __name__ == "__main__":

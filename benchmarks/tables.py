@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping, Sequence
 from statistics import geometric_mean
 from typing import NamedTuple
@@ -29,6 +30,13 @@ class Table(NamedTuple):
     rows: Sequence[Sequence[str]]
     means: Sequence[Sequence[str]] = ()
     notes: Sequence[str] = ()
+
+    def print(self) -> None:
+        """Print the table and its notes: drawn in a terminal, otherwise as Markdown."""
+        if sys.stdout.isatty():
+            self.show(Console())
+        else:
+            print(f"### {self.title}\n\n{self.markdown()}\n", flush=True)
 
     def markdown(self) -> str:
         """Return the table and its notes as Markdown."""

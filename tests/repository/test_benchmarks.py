@@ -299,6 +299,33 @@ def test_charts_are_the_same_for_the_same_numbers() -> None:
     assert "dc:date" not in drawn
 
 
+@pytest.mark.parametrize(("is_terminal", "line"), [(True, "│ rosbags │  4 │"), (False, "| rosbags | 4 |")])
+def test_a_table_is_drawn_in_a_terminal_and_markdown_elsewhere(
+    is_terminal: bool,  # noqa: FBT001 - a parameter of the test
+    line: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr("sys.stdout.isatty", lambda: is_terminal)
+    tables.Table("decode", ["reader", "ms"], [["rosbags", "4"]]).print()
+    assert line in capsys.readouterr().out
+
+
+def test_readers_of_recordings_that_are_not_installed_are_named(tmp_path: Path) -> None:
+    recordings = pytest.importorskip("recordings", reason="needs mcap and numpy")
+
+    def absent(_path: str) -> None:
+        raise ModuleNotFoundError("a_module_that_nobody_has")
+
+    present = (recordings.FLOOR, "msggen, structured arrays")
+    readers = {name: recordings.ON_MCAP[name] for name in present}
+    table = recordings.mcap_table(
+        str(tmp_path), recordings.flight(1), 1, {**readers, "absent, messages": (absent, False)}
+    )
+    assert [row[0] for row in table.rows] == list(present)
+    assert table.notes[-1] == "absent is not installed"
+
+
 # --- Environment
 
 

@@ -59,6 +59,13 @@ def test_the_versions_of_python_agree() -> None:
     assert f"Python {PYTHONS[0]} to {PYTHONS[-1]}." in (ROOT / "README.md").read_text(encoding="utf-8")
 
 
+def test_readme_lists_the_extras() -> None:
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    table = readme.partition("| extra | for |")[2].partition("\n\n")[0]
+    listed = re.findall(r"^\| `(\w+)` ", table, re.MULTILINE)
+    assert {*listed, "test"} == PROJECT["optional-dependencies"].keys()
+
+
 def test_every_url_of_the_repository_is_the_same() -> None:
     repository = PROJECT["urls"]["Repository"]
     files = [*ROOT.glob("*.md"), ROOT / "docs" / "ci.md", *GITHUB.rglob("*.*")]
