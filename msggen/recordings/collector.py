@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from msggen.recordings.resident import large_empty
 from msggen.recordings.samples import Samples, Topic
 
 _FEW = 1024
@@ -20,7 +21,7 @@ class Collector:
         self._topic, self._dtype = topic, dtype
         self._size = 0 if dtype.hasobject else dtype.itemsize
         count = min(count, _MOST // max(dtype.itemsize, 16))
-        self._rows: Any = np.empty(count * self._size, np.uint8) if self._size else np.empty(count, dtype)
+        self._rows: Any = large_empty(count * self._size) if self._size else np.empty(count, dtype)
         self._log_times: Any = np.empty(count, np.int64)
         self._publish_times: Any = np.empty(count, np.int64)
         self._count = 0

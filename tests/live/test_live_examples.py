@@ -102,7 +102,7 @@ def test_notebook(px4_types: ModuleType, address: str, capsys: pytest.CaptureFix
     cells = ["".join(cell["source"]) for cell in notebook["cells"] if cell["cell_type"] == "code"]
     with Simulator(px4_types, address, [SOON]):
         for cell in cells:
-            shell.run_cell(cell.replace("udp://127.0.0.1:8888", address).replace("sleep(5)", "sleep(1)")).raise_error()
+            shell.run_cell(cell.replace("udp://127.0.0.1:8888", address).replace("sleep(5)", "sleep(2)")).raise_error()
     printed = capsys.readouterr().out
-    assert re.search(r"\d{3,} samples, \d+ Hz", printed)
+    assert re.search(r"\d{2,} samples, \d+ Hz", printed)  # fewer on a busy machine
     assert "mean in m/s^2" in printed

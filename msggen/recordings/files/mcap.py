@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections import Counter, defaultdict
+from collections import Counter
 from contextlib import closing
 from itertools import chain
 from typing import TYPE_CHECKING
@@ -144,8 +144,7 @@ class McapFile:
         for region in self._regions:
             if isinstance(region, Chunk):
                 for number in found.keys() & region.indexes.keys():
-                    entries = entries_at(file, number, region.indexes[number])
-                    if entries is not None:
+                    for entries in entries_at(file, [number], [region.indexes[number]]) or ():
                         found[number].append(times_of(entries.view("<u8")[::2]))
                 drop_pages(file)
         return {number: np.concatenate(each or [np.zeros(0, np.int64)]) for number, each in found.items()}
@@ -210,14 +209,20 @@ class McapFile:
 
     def _by_index(self, group: Sequence[Chunk], loaded: Loaded, wanted: Collection[int]) -> list[Part] | None:
         """Return the messages of chunks by their message indexes, None if one of the chunks needs a closer look."""
-        indexes: dict[int, list[Index]] = defaultdict(list)
-        for chunk, base in zip(group, loaded.bases, strict=True):
-            for number in wanted & chunk.indexes.keys():
-                entries = entries_at(self._file, number, chunk.indexes[number])
-                if entries is None:
-                    return None
-                if entries.size:
-                    indexes[number].append(Index(entries, base, chunk.size))
+        found = sorted(
+            (number, place, chunk.indexes[number])
+            for place, chunk in enumerate(group)
+            for number in wanted & chunk.indexes.keys()
+        )
+        numbers, places, offsets = zip(*found, strict=True) if found else ((), (), ())
+        entries = entries_at(self._file, numbers, offsets)
+        if entries is None:
+            return None
+        indexes = [
+            Index(number, each, loaded.bases[place], group[place].size)
+            for number, place, each in zip(numbers, places, entries, strict=True)
+            if each.size
+        ]
         return indexed(loaded.buffer, indexes) if indexes else []
 
     def _of_chunk(self, chunk: Chunk, wanted: Collection[int]) -> Iterator[Part]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 import numpy as np
 
 from msggen.recordings.files.compression import LARGEST, CompressionError, decompress_into, prefix_of
-from msggen.recordings.resident import drop_pages
+from msggen.recordings.resident import drop_pages, large_empty
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Sequence
@@ -54,7 +54,7 @@ class Loader:
             return None
         self._buffer, self._spare = self._spare, self._buffer
         if self._buffer.size < stops[-1]:
-            self._buffer = np.empty(max(stops[-1], _BUFFER), np.uint8)
+            self._buffer = large_empty(max(stops[-1], _BUFFER))
         buffer = self._buffer[: stops[-1]]
         bases = [0, *stops[:-1]]
         memory = buffer.data

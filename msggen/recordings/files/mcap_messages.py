@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import chain
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -26,7 +25,7 @@ from msggen.recordings.gather import Octets, Places, at, groups, walk
 from msggen.recordings.source import FOREVER, Part
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Collection, Iterator, Sequence
 
     from msggen.recordings.files.mcap_channels import Described
 
@@ -34,6 +33,7 @@ if TYPE_CHECKING:
 class Index(NamedTuple):
     """The message index of a channel in a chunk."""
 
+    channel: int
     entries: Octets
     base: int
     """The offset of the chunk in a buffer."""
@@ -41,24 +41,27 @@ class Index(NamedTuple):
     """The size of the chunk in the buffer."""
 
 
-def indexed(buffer: Octets, indexes: Mapping[int, Sequence[Index]]) -> list[Part] | None:
+def indexed(buffer: Octets, indexes: Sequence[Index]) -> list[Part] | None:
     """Return the messages of each channel at the offsets of its message indexes, None if one of them is wrong.
 
-    All messages are checked together: each step costs, whatever its size.
+    The indexes are sorted by channel, and none is empty. All messages are checked together: each step costs, whatever
+    its size.
     """
-    all_entries, all_bases, all_sizes = zip(*chain.from_iterable(indexes.values()), strict=True)
+    channels, all_entries, all_bases, all_sizes = zip(*indexes, strict=True)
     counts = np.array([entries.size for entries in all_entries]) // ENTRY
-    firsts = np.cumsum(counts) - counts
+    stops = np.cumsum(counts)
+    firsts = stops - counts
     bases, sizes = np.array(all_bases), np.array(all_sizes)
     offsets = np.concatenate(all_entries).view("<u8")[1::2]
     if int(sizes.min()) < HEAD or (np.maximum.reduceat(offsets, firsts) > (sizes - HEAD).astype(np.uint64)).any():
         return None
     starts = offsets.view(np.int64) + np.repeat(bases, counts)
     heads = at(buffer, HEAD_BYTES)[starts].view(HEADS)
-    numbers = np.repeat(np.array(list(indexes), np.uint32), [len(each) for each in indexes.values()])
+    numbers = np.array(channels, np.uint32)
     if (heads["opcode"] != MESSAGE).any() or (heads["channel"] != np.repeat(numbers << np.uint32(16), counts)).any():
         return None
-    if np.count_nonzero(starts[1:] <= starts[:-1]) >= len(indexes) and np.unique(starts).size != starts.size:
+    lasts = np.flatnonzero(np.append(numbers[1:] != numbers[:-1], True))
+    if np.count_nonzero(starts[1:] <= starts[:-1]) >= lasts.size and np.unique(starts).size != starts.size:
         return None
     starts += HEAD
     payloads = heads["length"] - (HEAD - FRONT)
@@ -68,8 +71,7 @@ def indexed(buffer: Octets, indexes: Mapping[int, Sequence[Index]]) -> list[Part
     log_times, publish_times = times_of(heads["log"]), times_of(heads["publish"])
     found = []
     begin = 0
-    for number, of_channel in indexes.items():
-        stop = begin + sum(each.entries.size for each in of_channel) // ENTRY
+    for number, stop in zip(numbers[lasts].tolist(), stops[lasts].tolist(), strict=True):
         own = slice(begin, stop)
         found.append(Part(number, buffer, starts[own], payloads[own], log_times[own], publish_times[own]))
         begin = stop

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from msggen.recordings.gather import Octets, Places
+from msggen.recordings.gather import Octets, Places, at
 from msggen.recordings.source import Attached
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator, Mapping
+    from collections.abc import Collection, Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -38,9 +38,12 @@ HEADS = np.dtype(
 HEAD_BYTES = np.dtype(f"V{HEAD}")
 ENTRY = 16
 """The size of an entry of a message index: a log time, and an offset in the chunk."""
-_INDEX_HEAD = struct.Struct("<BQHI")
+INDEX_HEADS = np.dtype(
+    {"names": ["opcode", "length", "channel", "size"], "formats": ["u1", "<u8", "<u2", "<u4"], "offsets": [0, 1, 9, 11]}
+)
 """A message index before its entries."""
-INDEX_FRONT = _INDEX_HEAD.size
+INDEX_FRONT = INDEX_HEADS.itemsize
+_INDEX_REST = INDEX_FRONT - FRONT
 CRC = 4
 """The size of the CRC at the end of an attachment."""
 _CHUNK_HEAD = struct.Struct("<QQQI")
@@ -106,15 +109,30 @@ def chunk_at(data: memoryview, start: int, length: int) -> Chunk | None:
     return Chunk(start, length, first, last, crc, kind, place + 8, stored, size, {})
 
 
-def entries_at(file: Octets, number: int, offset: int) -> Octets | None:
-    """Return the message index of a channel at an offset, pairs of log time and offset. None if it is wrong."""
-    if offset + _INDEX_HEAD.size > file.size:
+def entries_at(file: Octets, numbers: Sequence[int], offsets: Sequence[int]) -> list[Octets] | None:
+    """Return the message indexes of channels at offsets, each pairs of log time and offset. None if one is wrong.
+
+    All are checked together: each step costs, whatever its size.
+    """
+    places = np.array(offsets, np.uint64)
+    if not places.size:
+        return []
+    if int(places.max()) + INDEX_FRONT > file.size:
         return None
-    opcode, length, channel, size = _INDEX_HEAD.unpack_from(file.data, offset)
-    start = offset + _INDEX_HEAD.size
-    if opcode != MESSAGE_INDEX or channel != number or size % ENTRY or size + 6 != length:
+    starts = places.view(np.int64)
+    heads = at(file, INDEX_HEADS)[starts]
+    sizes = heads["size"].astype(np.uint64)
+    starts += INDEX_FRONT
+    stops = starts + sizes.view(np.int64)
+    if (
+        (heads["opcode"] != MESSAGE_INDEX).any()
+        or (heads["channel"] != np.array(numbers, np.uint16)).any()
+        or (sizes % np.uint64(ENTRY)).any()
+        or (heads["length"] != sizes + np.uint64(_INDEX_REST)).any()
+        or int(stops.max()) > file.size
+    ):
         return None
-    return file[start : start + size] if start + size <= file.size else None
+    return [file[start:stop] for start, stop in zip(starts.tolist(), stops.tolist(), strict=True)]
 
 
 def statistics_of(record: bytes) -> tuple[int, int, dict[int, int]]:
