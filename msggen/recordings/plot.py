@@ -217,7 +217,7 @@ def draw_series(
         else:
             _draw_lines(axes, panel)
         if modes is not None:
-            _draw_modes(axes, modes, high - low, is_top=axes is every[0])
+            _draw_modes(axes, modes, low, high, is_top=axes is every[0])
     every[0].set_xlim(low, high if high > low else low + 1.0)
     every[-1].set_xlabel("time since the start [s]")
     figure.suptitle(os.path.basename(os.path.abspath(log.path)), fontsize="medium")
@@ -298,10 +298,11 @@ def _draw_lines(axes: Axes, panel: Sequence[Series]) -> None:
         values = each.values.astype(np.float64)
         values[~np.isfinite(values)] = np.nan
         kept = thinned(each.times, values)
-        is_step = each.values.dtype.kind in "iu"
-        axes.plot(
-            each.times[kept], values[kept], label=each.label, lw=0.9, drawstyle="steps-post" if is_step else "default"
-        )
+        count = np.count_nonzero(np.isfinite(values))
+        label = each.label if count else f"{each.label} (never a finite number)"
+        style = "steps-post" if each.values.dtype.kind in "iu" else "default"
+        marker = "." if count == 1 else ""  # a line of one sample cannot be seen
+        axes.plot(each.times[kept], values[kept], label=label, lw=0.9, drawstyle=style, marker=marker)
     axes.set_ylabel(f"[{panel[0].unit}]" if panel[0].unit else "")
     axes.margins(x=0)
     axes.grid(visible=True, alpha=0.3)
@@ -334,18 +335,19 @@ def _draw_bands(axes: Axes, series: Series) -> None:
     axes.text(0.008, len(names), series.label, transform=axes.get_yaxis_transform(), fontsize="small", va="center")
 
 
-def _draw_modes(axes: Axes, modes: Series, seconds: float, *, is_top: bool) -> None:
-    """Draw the flight modes behind so many seconds of a panel, with their names above the panel at the top."""
+def _draw_modes(axes: Axes, modes: Series, low: float, high: float, *, is_top: bool) -> None:
+    """Draw the flight modes behind a panel of these times, with their names above the panel at the top."""
     colours = _colours(modes)
     changes = sum(len(band.spans) for band in modes.bands)
     for band in modes.bands:
         for begin, end in band.spans:
             axes.axvspan(begin, end, color=colours[band.name], alpha=0.25, lw=0, zorder=0, label=f"_{band.name}")
-            is_seen = (end - begin) * _PIXELS > seconds
+            shown = max(begin, low)
+            is_seen = (min(end, high) - shown) * _PIXELS > high - low
             if is_top and is_seen and changes <= _MOST_NAMES:
                 style: dict[str, Any] = {"rotation": 30, "fontsize": "x-small", "ha": "left", "va": "bottom"}
                 place: dict[str, Any] = {"xycoords": ("data", "axes fraction"), "textcoords": "offset points"}
-                axes.annotate(band.name, (begin, 1.0), (1, 2), annotation_clip=True, **place, **style)
+                axes.annotate(band.name, (shown, 1.0), (1, 2), annotation_clip=True, **place, **style)
     if is_top and changes > _MOST_NAMES:
         from matplotlib.patches import Patch
 

@@ -107,6 +107,24 @@ def test_the_flight_modes_are_the_background_of_all_panels(log: recordings.Log) 
     assert not figure.axes[1].texts
 
 
+def test_the_first_flight_mode_has_a_name_also_if_it_began_before_the_fields(tmp_path: Path, px4_types: Any) -> None:
+    samples = [("/fmu/out/vehicle_status_v4", time, px4_types.VehicleStatus(nav_state=4)) for time in (0.0, 1.0, 2.0)]
+    samples += [("/fmu/out/sensor_gps", 0.5 + step / 10, px4_types.SensorGps()) for step in range(10)]
+    with recordings.open(write_recording(tmp_path / "early.mcap", samples)) as log:
+        (axes,) = plot.draw(log, ["sensor_gps.eph"]).axes
+        (name,) = axes.texts
+        assert (name.get_text(), name.get_position()) == ("AUTO_LOITER", (1, 2))
+        assert name.xy == (0.5, 1.0)  # type: ignore[attr-defined]
+
+
+def test_fields_that_no_line_can_show_are_seen(tmp_path: Path, px4_types: Any) -> None:
+    gps = px4_types.SensorGps(eph=NAN, epv=1.5)
+    with recordings.open(write_recording(tmp_path / "one.mcap", [("/fmu/out/sensor_gps", 0.0, gps)])) as log:
+        (axes,) = plot.draw(log, ["sensor_gps.eph", "sensor_gps.epv"]).axes
+        found = {label: line.get_marker() for label, line in lines(axes).items()}
+        assert found == {"sensor_gps.eph (never a finite number)": "", "sensor_gps.epv": "."}
+
+
 def test_arrays_instances_and_elements_are_paths(log: recordings.Log) -> None:
     found = plot.read_series(
         log, ["vehicle_attitude.q", "actuator_motors.control[3]", "sensor_gps.eph", "sensor_gps[1].eph"]
