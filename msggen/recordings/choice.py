@@ -38,11 +38,11 @@ class Choice(NamedTuple):
         return ""
 
 
-_NUMBERED = re.compile(r"(.+?)(?:\[(\d{1,3})\]|_(\d{1,3}))")
+_NUMBERED = re.compile(r"(.+?)(?:\[(\d{1,3})\]|[_ ](\d{1,3}))")
 
 
 def split_instance(name: str) -> tuple[str, int] | None:
-    """Return the name and the number of `sensor_gps[1]` or `sensor_gps_1`, None for a name without a number."""
+    """Return the name and the number of `sensor_gps[1]`, `sensor_gps_1` or `sensor_gps 1`, None without a number."""
     found = _NUMBERED.fullmatch(name)
     return (found[1], int(found[2] or found[3])) if found else None
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from msggen.diagnostics import suggestion
-from msggen.recordings.source import RecordingError
+from msggen.recordings.source import UnknownFieldError
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
@@ -65,7 +65,7 @@ def check_fields(dtype: np.dtype[Any], fields: Collection[str]) -> None:
             raise TypeError(f"fields: expected names, got {field!r}")
         if not has_field(dtype, field):
             near = sorted({front for name in names for front in _fronts(name)})
-            raise RecordingError(f"no field is called '{field}'{suggestion(field, near)}")
+            raise UnknownFieldError(f"no field is called '{field}'{suggestion(field, near)}")
 
 
 def has_field(dtype: np.dtype[Any], field: str) -> bool:

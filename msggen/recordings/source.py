@@ -21,6 +21,10 @@ class RecordingError(ValueError):
     """A file that cannot be read as a recording, or a topic that it does not have. The message is one line."""
 
 
+class UnknownFieldError(RecordingError):
+    """A field that no topic of those that were asked for has."""
+
+
 class Problem(NamedTuple):
     """Data in a recording that was not read, or an inconsistency."""
 
@@ -212,6 +216,15 @@ class Facts(NamedTuple):
     """The log time in ns at which the recording starts: some samples are older. None if it does not tell."""
     boot: int | None = None
     """When the vehicle started, in ns since 1970, if that was added to the times in the ULog."""
+
+    @property
+    def other_defaults(self) -> Mapping[str, int | float]:
+        """The defaults of the parameters that had another value at the start."""
+        return {
+            name: default
+            for name, default in self.default_parameters.items()
+            if self.parameters.get(name, default) != default
+        }
 
 
 NO_FACTS = Facts({}, (), {}, {}, (), ())

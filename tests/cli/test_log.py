@@ -77,10 +77,15 @@ def test_info_tells_topics_counts_and_times(capsys: pytest.CaptureFixture[str]) 
 def test_info_tells_what_only_a_ulog_has(capsys: pytest.CaptureFixture[str]) -> None:
     assert run("info", "flight.ulg") == 0
     printed = capsys.readouterr().out
-    for line in (r"parameters +1, 1 changed", r"texts +1", r"dropouts +1, 0\.012 s", r"sensor_gps 1 +SensorGps +200 "):
+    for line in (
+        r"parameters +1, 1 changed later",
+        r"texts +1",
+        r"dropouts +1, 0\.012 s",
+        r"sensor_gps 1 +SensorGps +200 ",
+    ):
         assert re.search(rf"^{line}", printed, re.MULTILINE)
     assert run("info", "flight.ulg", "--json") == 0
-    assert json.loads(capsys.readouterr().out)["parameters"] == {"count": 1, "changed": 1}
+    assert json.loads(capsys.readouterr().out)["parameters"] == {"count": 1, "not_default": None, "changed": 1}
 
 
 def test_info_tells_what_ulog_info_tells(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -307,7 +312,31 @@ def test_show_chooses_parameters_and_texts(capsys: pytest.CaptureFixture[str]) -
         assert printed.err.startswith("" if lines else "flight.ulg: there are no texts ")
 
 
-@pytest.mark.parametrize("name", ["sensor_gps[1]", "sensor_gps_1", "SensorGps[1]"])
+def test_parameters_are_compared_with_their_defaults(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    writer = UlogWriter()
+    for name, value in {"MC_A": 1.5, "MC_B": 2.5, "MC_C": 3.5}.items():
+        writer.parameter(name, value)
+    writer.parameter("MC_A", 1.0, default=1)
+    writer.parameter("MC_B", 2.5, default=1)
+    writer.format("a", "uint64_t timestamp;float x;")
+    writer.subscribe(0, "a")
+    for time in range(3):
+        writer.sample(0, struct.pack("<Qf", time * 500_000, 1.0))
+    writer.parameter("MC_C", 4.5)
+    writer.write(here / "tuned.ulg")
+    assert run("info", "tuned.ulg") == 0
+    assert re.search("^parameters  3, 1 not default, 1 changed later$", capsys.readouterr().out, re.MULTILINE)
+    assert run("info", "tuned.ulg", "--json") == 0
+    assert json.loads(capsys.readouterr().out)["parameters"] == {"count": 3, "not_default": 1, "changed": 1}
+    assert run("show", "tuned.ulg", "--params", "--changed") == 0
+    assert [line.partition("  #")[0] for line in capsys.readouterr().out.splitlines()] == [
+        "MC_A: 1.5",
+        "MC_C: 3.5",
+        "MC_C: 4.5",
+    ]
+
+
+@pytest.mark.parametrize("name", ["sensor_gps[1]", "sensor_gps_1", "SensorGps[1]", "sensor_gps 1"])
 def test_instances_have_the_same_spellings_everywhere(
     name: str, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -391,8 +420,15 @@ def test_repair_keeps_every_whole_sample(here: Path, broken: str, capsys: pytest
         ("info .", "has several recordings and no metadata.yaml: name one of 'flight.mcap', 'flight.ulg'"),
         ("info none", "none: R102 is not a recording: a folder without metadata.yaml, *.mcap and *.db3\n"),
         ("plot flight.mcap esc_status.esc_count -o no/a.svg", "no/a.svg: R101 there is no folder 'no': create it firs"),
+        ("info flight.mcap flight.ulg", "flight.ulg is another file: msggen log info reads one recording; a folder"),
+        ("plot flight.mcap flight.ulg", "flight.ulg is another file: msggen log plot reads one recording; a folder"),
+        ("convert flight.mcap flight.ulg", "flight.ulg is another file: msggen log convert reads one recording"),
+        ("show flight.mcap esc_status --changed", "argument --changed: only with --params"),
         ("show flight.mcap esc_statsu", "no topic is called 'esc_statsu', did you mean 'esc_status'?"),
-        ("show flight.mcap esc_status --field esc_cuont", "no field is called 'esc_cuont', did you mean 'esc_count'?"),
+        (
+            "show flight.mcap esc_status --field esc_cuont",
+            "did you mean 'esc_count'?: `msggen log info flight.mcap TOPIC` li",
+        ),
         ("show flight.mcap", "expected one of TOPIC, --params and --texts"),
         (
             "show flight.mcap --params",

@@ -375,3 +375,10 @@ def test_problems_name_the_instance(tmp_path: Path) -> None:
         (problem,) = log.problems
         assert (problem.topic, problem.instance, problem.samples) == ("foo", 1, 1)
         assert problem_text(problem).startswith("foo[1]: 10 bytes, expected 12: ")
+
+
+def test_a_table_is_no_recording(tmp_path: Path) -> None:
+    path = tmp_path / "vehicle_status.parquet"
+    path.write_bytes(b"PAR1 and the rest of a table")
+    with pytest.raises(RecordingError, match="is a table in Parquet, not a recording"):
+        recordings.open(path)

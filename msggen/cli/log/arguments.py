@@ -108,10 +108,25 @@ def decoded_topics(log: Log, topics: Sequence[Topic]) -> Sequence[Topic]:
     return found or topics
 
 
+def _words(options: argparse.Namespace) -> list[str]:
+    """Return the words of the command line behind the recording: topics and fields."""
+    words = [getattr(options, "topic", None), *getattr(options, "topics", ()), *getattr(options, "fields", ())]
+    return [word for word in words if word]
+
+
+def refuse_files(options: argparse.Namespace, log: Log) -> None:
+    """End the process if a word behind the recording is a further file: most actions read one recording."""
+    if log.path != getattr(options, "file", None):
+        return
+    found = next((word for word in _words(options) if os.path.isfile(word) and word not in log), None)
+    if found:
+        text = "a folder of recordings is read by `msggen log convert FOLDER -o FLEET --by vehicle,date`"
+        options.parser.error(f"{found} is another file: {options.parser.prog} reads one recording; {text}")
+
+
 def swapped_hint(options: argparse.Namespace, path: str) -> str:
     """Return what to do if the recording is missing and another word of the command line is a file; otherwise ""."""
     if path != getattr(options, "file", None):
         return ""
-    words = [getattr(options, "topic", None), *getattr(options, "topics", ()), *getattr(options, "fields", ())]
-    found = next((word for word in words if word and os.path.exists(word)), None)
+    found = next((word for word in _words(options) if os.path.exists(word)), None)
     return f": the recording comes first, {options.parser.prog} {found} {path}" if found else ""

@@ -110,7 +110,8 @@ def _rows(path: str, log: Log) -> Iterator[tuple[str, str]]:
     yield "topics", f"{len(counts) - counts.count(0)}, {counted_samples(sum(counts))}{empty}"
     if log.has_facts:
         facts = log.facts
-        yield "parameters", f"{len(facts.parameters)}, {len(facts.changed_parameters)} changed"
+        others = f", {len(facts.other_defaults)} not default" if facts.default_parameters else ""
+        yield "parameters", f"{len(facts.parameters)}{others}, {len(facts.changed_parameters)} changed later"
         yield "texts", _texts([text.level for text in facts.texts])
         if "hardfault_plain" in facts.information:
             yield "hard fault", "the firmware crashed before this log: --json prints hardfault_plain"
@@ -260,7 +261,11 @@ def _object(path: str, log: Log) -> dict[str, Any]:
         made["contents"] = contents._asdict()
     if log.has_facts:
         made["information"] = dict(facts.information)
-        made["parameters"] = {"count": len(facts.parameters), "changed": len(facts.changed_parameters)}
+        made["parameters"] = {
+            "count": len(facts.parameters),
+            "not_default": len(facts.other_defaults) if facts.default_parameters else None,
+            "changed": len(facts.changed_parameters),
+        }
         made["texts"] = len(facts.texts)
         made["dropouts"] = [
             {"time": (each.time - log.start) / 1e9, "duration": each.duration / 1e9} for each in facts.dropouts

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Protocol
 
-from msggen.cli.log.arguments import asked_time, swapped_hint
+from msggen.cli.log.arguments import asked_time, refuse_files, swapped_hint
 from msggen.cli.packages import missing_extra
 from msggen.cli.printing import number_of_bytes
 from msggen.cli.record import check_parent
@@ -33,6 +33,7 @@ def opened(options: argparse.Namespace, path: str) -> Iterator[Log]:
     try:
         from msggen import recordings
         from msggen.recordings import RecordingError
+        from msggen.recordings.source import UnknownFieldError
 
         import_needed()
     except ImportError as error:
@@ -46,8 +47,11 @@ def opened(options: argparse.Namespace, path: str) -> Iterator[Log]:
         near = swapped_hint(options, path) or path_hint(path, is_meant=os.path.exists) if is_missing else ""
         raise input_error(path, "R102", f"cannot be read: {error.strerror}{near}", 0) from None
     with log:
+        refuse_files(options, log)
         try:
             yield log
+        except UnknownFieldError as error:
+            options.parser.error(f"{error}: `msggen log info {path} TOPIC` lists them")
         except RecordingError as error:
             options.parser.error(str(error))
 

@@ -52,6 +52,11 @@ def add_to(actions: Commands) -> None:
     )
     parser.add_argument("--instance", metavar="N", type=non_empty, help="of the topic (default: 0)")
     parser.add_argument("--params", action="store_true", help="print the parameters of a ULog")
+    parser.add_argument(
+        "--changed",
+        action="store_true",
+        help="with --params, leave out those that have their default and keep it",
+    )
     parser.add_argument("--texts", action="store_true", help="print the lines of the vehicle's log in a ULog")
     add_times(parser)
     parser.add_argument("-n", "--count", metavar="N", type=non_empty, help="end after so many samples, or lines")
@@ -97,6 +102,8 @@ def _check(options: argparse.Namespace) -> None:
         refuse(
             options, f"expected one of TOPIC, --params and --texts: `msggen log info {options.file}` lists the topics"
         )
+    if options.changed and not options.params:
+        refuse(options, "argument --changed: only with --params")
     if options.topic:
         return
     given = "--params" if options.params else "--texts"
@@ -189,15 +196,18 @@ def _params(options: argparse.Namespace, log: Log) -> Iterator[str]:
     chosen = {name for name in names if fnmatchcase(name.upper(), (options.name or "*").upper())}
     if names and not chosen:
         refuse(options, f"no parameter is called '{options.name}'{suggestion(options.name, names)}")
+    others = facts.other_defaults
+    if options.changed:
+        chosen &= others.keys() | {name for _, name, _ in facts.changed_parameters}
     for name, value in sorted(facts.parameters.items()):
         if name not in chosen:
             continue
-        default = facts.default_parameters.get(name)
         if options.json:
-            yield dump({"name": name, "value": value, "default": default}, indent=None)
+            yield dump({"name": name, "value": value, "default": facts.default_parameters.get(name)}, indent=None)
         else:
-            is_other = default is not None and default != value
-            yield printable(f"{name}: {_number(value)}" + (f"  # default {_number(default)}" if is_other else ""))  # type: ignore[arg-type]
+            yield printable(
+                f"{name}: {_number(value)}" + (f"  # default {_number(others[name])}" if name in others else "")
+            )
     for time, name, value in facts.changed_parameters:
         if name not in chosen:
             continue

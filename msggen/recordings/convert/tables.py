@@ -15,7 +15,7 @@ from msggen.recordings.columns import has_field, names_of
 from msggen.recordings.convert import Converted
 from msggen.recordings.convert.names import file_names
 from msggen.recordings.convert.selection import Selection, Share
-from msggen.recordings.source import RecordingError
+from msggen.recordings.source import UnknownFieldError
 from msggen.recordings.text import json_value
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ def _columns(
     for field in fields:
         if not any(has_field(dtype, field) for dtype in known.values()):
             near = sorted({name for dtype in known.values() for name in names_of(dtype)})
-            raise RecordingError(f"no field is called '{field}'{suggestion(field, near)}")
+            raise UnknownFieldError(f"no field is called '{field}'{suggestion(field, near)}")
     found = {key: tuple(field for field in fields if has_field(dtype, field)) for key, dtype in known.items()}
     return {
         key: tuple(dict.fromkeys([_TIME, *names])) if has_field(known[key], _TIME) else names

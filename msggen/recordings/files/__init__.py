@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 _MCAP = b"\x89MCAP0\r\n"
 _ULOG = b"ULog\x01\x12\x35"
 _SQLITE = b"SQLite format 3\0"
+_PARQUET = b"PAR1"
 
 
 def open_log(path: str | os.PathLike[str], definitions: Definitions | None = None) -> Log:
@@ -64,4 +65,6 @@ def _open_file(path: str) -> Source:
         return UlogFile(path)
     if not front:
         raise RecordingError(f"{path} is empty")
+    if front.startswith(_PARQUET):
+        raise RecordingError(f"{path} is a table in Parquet, not a recording: pyarrow, DuckDB and Polars read it")
     raise RecordingError(f"{path} is not a recording: expected an MCAP file, a ULog or a database of rosbag2")
