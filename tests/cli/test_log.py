@@ -7,6 +7,7 @@ import re
 import shlex
 import struct
 from pathlib import Path
+from time import sleep
 from typing import Any
 
 import pytest
@@ -492,11 +493,31 @@ def test_the_help_lists_the_exit_codes(capsys: pytest.CaptureFixture[str]) -> No
 
 
 def test_a_bar_shows_the_progress(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setattr("msggen.cli.log.opening._PATIENCE", 0)
+    monkeypatch.setattr("msggen.cli.log.progress._PATIENCE", 0)
     monkeypatch.setattr("sys.stderr.isatty", lambda: True)
     monkeypatch.setenv("TERM", "xterm")
     assert run("convert", "flight.ulg", "-o", "copy.mcap", "sensor_gps") == 0
     assert "100%" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("words", ["info flight.ulg --verify", "plot flight.ulg sensor_gps.fix_type -o gps.svg"])
+def test_a_bar_shows_that_a_recording_is_read(
+    words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+
+    def opened(path: str, opens: Any = recordings.open) -> recordings.Log:
+        sleep(0.3)
+        found: recordings.Log = opens(path)
+        return found
+
+    monkeypatch.setattr(recordings, "open", opened)
+    monkeypatch.setattr("msggen.cli.log.progress._PATIENCE", 0.01)
+    monkeypatch.setenv("TERM", "xterm")
+    assert run(*shlex.split(words)) == 0
+    assert capsys.readouterr().err == ""
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+    assert run(*shlex.split(words)) == 0
+    assert "opening flight.ulg" in capsys.readouterr().err
 
 
 # --- the page

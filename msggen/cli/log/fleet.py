@@ -11,7 +11,8 @@ from collections.abc import Iterator, Mapping
 from functools import partial
 from typing import TYPE_CHECKING
 
-from msggen.cli.log.opening import Show, counted_samples, progress_bar
+from msggen.cli.log.opening import counted_samples
+from msggen.cli.log.progress import Show, progress_bar
 from msggen.cli.log.targets import check_folder
 from msggen.cli.options import non_empty, refuse
 from msggen.cli.packages import missing_extra

@@ -17,6 +17,7 @@ from msggen.cli.log.opening import (
     print_problems,
     problem_object,
 )
+from msggen.cli.log.progress import busy_bar
 from msggen.cli.options import Commands, add_command, add_shared, non_empty
 from msggen.cli.printing import number_of_bytes
 from msggen.cli.topic.tables import print_table
@@ -56,7 +57,9 @@ def add_to(actions: Commands) -> None:
 
 def _info(options: argparse.Namespace) -> int:
     with opened(options, options.file) as log:
-        checksums = _verify(log) if options.verify else None
+        with busy_bar(options, f"reading {options.file}"):
+            checksums = _verify(log) if options.verify else None
+            _ = [topic.times for topic in log.topics]  # for rates and gaps
         if options.topic:
             _print_topic(options, log, log.topic(options.topic))
         elif options.json:

@@ -8,9 +8,10 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING
 
 from msggen.cli.log.arguments import asked_time, refuse_files, swapped_hint
+from msggen.cli.log.progress import busy_bar, progress_bar
 from msggen.cli.packages import missing_extra
 from msggen.cli.printing import number_of_bytes
 from msggen.cli.record import check_parent
@@ -22,9 +23,6 @@ from msggen.report.json import dump
 if TYPE_CHECKING:
     from msggen.recordings import Log, Problem
     from msggen.recordings.convert import Converted
-
-_PATIENCE = 1.0
-"""The time in s after which a bar shows the progress."""
 
 
 @contextmanager
@@ -39,7 +37,8 @@ def opened(options: argparse.Namespace, path: str) -> Iterator[Log]:
     except ImportError as error:
         raise missing_extra(error, "recordings", "R102") from None
     try:
-        log = recordings.open(path)
+        with busy_bar(options, f"opening {path}"):
+            log = recordings.open(path)
     except RecordingError as error:
         raise input_error(path, "R102", _without_path(str(error), path), 0) from None
     except OSError as error:
@@ -145,62 +144,6 @@ def problem_text(problem: Problem) -> str:
 def problem_object(problem: Problem) -> dict[str, object]:
     """Return a problem as an object of JSON."""
     return {name: value for name, value in problem._asdict().items() if value not in ("", None, 0) or name == "text"}
-
-
-class Show(Protocol):
-    """A function that shows a share from 0 to 1, and what is done in words."""
-
-    def __call__(self, share: float, text: str = "") -> None:
-        """Show a share."""
-
-
-@contextmanager
-def progress_bar(options: argparse.Namespace, *, at_once: bool = False) -> Iterator[Show]:
-    """Yield a function that shows progress in a bar, if a terminal shows it: after a second, or at once."""
-    shows = sys.stderr.isatty() and os.environ.get("TERM") != "dumb" and not (options.quiet or options.json)
-    if not shows:
-        yield lambda share, text="": None  # noqa: ARG005 - as Show
-        return
-    bar = _Bar()
-    if at_once:
-        bar.start()
-    try:
-        yield bar.show
-    finally:
-        bar.close()
-
-
-class _Bar:
-    """A bar of rich."""
-
-    def __init__(self) -> None:
-        self._begin = time.monotonic()
-        self._progress: Any = None
-        self._task: Any = None
-
-    def start(self) -> None:
-        """Show an empty bar."""
-        from rich.console import Console
-        from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
-
-        words = TextColumn("{task.description}", markup=False)
-        columns = (BarColumn(), TaskProgressColumn(), TimeRemainingColumn(), words)
-        self._progress = Progress(*columns, console=Console(stderr=True), transient=True)
-        self._progress.start()
-        self._task = self._progress.add_task("", total=1.0)
-
-    def show(self, share: float, text: str = "") -> None:
-        """Show a share and a text, once the command takes over a second."""
-        if self._progress is None:
-            if time.monotonic() - self._begin < _PATIENCE:
-                return
-            self.start()
-        self._progress.update(self._task, completed=share, description=printable(text))
-
-    def close(self) -> None:
-        """Remove the bar."""
-        if self._progress is not None:
-            self._progress.stop()
 
 
 def counted_samples(count: int) -> str:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from msggen.cli.log.arguments import CODES, add_file, add_times, asked_time, convert_times
 from msggen.cli.log.opening import opened, print_notes, print_problems
+from msggen.cli.log.progress import busy_bar
 from msggen.cli.options import Commands, add_command, add_shared, non_empty, refuse
 from msggen.cli.packages import missing_extra
 from msggen.cli.printing import number_of_bytes
@@ -69,7 +70,8 @@ def _plot(options: argparse.Namespace) -> int:
     if options.output:
         check_parent(options.output)
     with opened(options, options.file) as log:
-        series, empty = _read(options, log)
+        with busy_bar(options, f"reading {options.file}"):
+            series, empty = _read(options, log)
         if not options.output and (not _has_display() or str(mpl.get_backend()).lower() in _WINDOWLESS):
             refuse(options, f"no window can be shown here: write a file, -o {stem_of(options.file)}.png")
         if not options.quiet and any(plot.parse_path(log, path)[0].is_lent for path in options.fields):
