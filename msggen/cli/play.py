@@ -19,8 +19,8 @@ from msggen.exit_codes import DONE, FINDINGS
 if TYPE_CHECKING:
     from msggen.live.sim.runner import Runner
     from msggen.recordings.choice import Choice
+    from msggen.recordings.live.player import Endpoints, Player
     from msggen.recordings.log import Log
-    from msggen.recordings.player import Endpoints, Player
 
 _ADDRESS = "udp://127.0.0.1:8888"
 _REFRESH = 0.5
@@ -72,7 +72,7 @@ _VALUES: Mapping[str, Callable[[str], Any]] = {
 def _play(options: argparse.Namespace) -> int:
     convert_values(options, _VALUES)
     check_packages("R102")
-    from msggen.recordings.player import Player, endpoints_of
+    from msggen.recordings.live.player import Player, endpoints_of
     from msggen.recordings.source import RecordingError
 
     recording = _open(options)
@@ -114,7 +114,7 @@ def _open(options: argparse.Namespace) -> Log:
 def _choice(options: argparse.Namespace, recording: Log) -> Choice:
     """Return the topics to play. Ends the process, or raises InputError, if there is none."""
     from msggen.recordings.choice import Choice
-    from msggen.recordings.player import is_played
+    from msggen.recordings.live.player import is_played
 
     played = [(topic.recorded_name, topic.ros_type) for topic in recording.topics if is_played(topic)]
     choice = Choice(options.topics, options.exclude)

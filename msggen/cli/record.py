@@ -25,8 +25,8 @@ from msggen.exit_codes import DONE
 if TYPE_CHECKING:
     from msggen.live import Vehicle
     from msggen.recordings.choice import Choice
-    from msggen.recordings.definitions import Definitions
-    from msggen.recordings.recorder import Counts, Recorder
+    from msggen.recordings.live.definitions import Definitions
+    from msggen.recordings.live.recorder import Counts, Recorder
 
 _REFRESH = 1.0
 """The time in s between two looks at the vehicle, and after which the state is shown."""
@@ -116,7 +116,7 @@ _VALUES: Mapping[str, Callable[[str], Any]] = {
 
 def _record(options: argparse.Namespace) -> int:
     from msggen.recordings.choice import Choice
-    from msggen.recordings.definitions import Definitions
+    from msggen.recordings.live.definitions import Definitions
 
     convert_values(options, _VALUES)
     check_packages("R101")
@@ -158,7 +158,7 @@ def _path(output: str | None) -> str:
 
 def _first_file(output: str | None, options: argparse.Namespace) -> str:
     """Return the file to write; of several, one that exists, or else the first one."""
-    from msggen.recordings.recorder import part_of, taken_part
+    from msggen.recordings.live.recorder import part_of, taken_part
 
     path = _path(output)
     if options.split_size is None and options.split_every is None:
@@ -181,7 +181,7 @@ def check_parent(path: str) -> None:
 
 
 def _open(options: argparse.Namespace, choice: Choice, definitions: Definitions) -> Recorder:
-    from msggen.recordings.recorder import Limits, Recorder
+    from msggen.recordings.live.recorder import Limits, Recorder
 
     path = _path(options.output)
     try:

@@ -60,7 +60,7 @@ def recorded(options: argparse.Namespace, path: str, other: Sources | None = Non
     from msggen.cli.log.opening import opened
 
     with opened(options, path) as log:
-        from msggen.recordings.sources import sources_of
+        from msggen.recordings.definitions.sources import sources_of
 
         return sources_of(log, other)
 
@@ -72,7 +72,7 @@ def generated(options: argparse.Namespace, folder: str, recording: str) -> Sourc
 
     package = import_package(folder)
     with opened(options, recording) as log:
-        from msggen.recordings.sources import sources_of_package
+        from msggen.recordings.definitions.sources import sources_of_package
 
         return sources_of_package(package, log)
 

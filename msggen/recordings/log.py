@@ -10,10 +10,10 @@ import numpy as np
 
 from msggen.diagnostics import counted
 from msggen.recordings.choice import check_times, checked_time, listed
-from msggen.recordings.collector import Collector
-from msggen.recordings.columns import check_fields
-from msggen.recordings.decoder import Rows
-from msggen.recordings.lent import Lender
+from msggen.recordings.columns.arrays import check_fields
+from msggen.recordings.columns.collector import Collector
+from msggen.recordings.decode.decoder import Rows
+from msggen.recordings.definitions.lent import Lender
 from msggen.recordings.origin import Firmware, firmware_of, utc_offset_of, vehicle_of
 from msggen.recordings.payloads import Sample
 from msggen.recordings.reader import Reader
@@ -42,8 +42,8 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
     from msggen.recordings.align import Aligned, Direction
-    from msggen.recordings.comparison import Compared
-    from msggen.recordings.release import Release
+    from msggen.recordings.definitions.comparison import Compared
+    from msggen.recordings.definitions.release import Release
 
     MessageT = TypeVar("MessageT")
 
@@ -167,7 +167,7 @@ class Log:
 
     def release(self) -> Release:
         """Return the embedded release of PX4 that the recording is from, by its definitions and what a ULog tells."""
-        from msggen.recordings.release import release_of
+        from msggen.recordings.definitions.release import release_of
 
         return release_of(self)
 
@@ -418,7 +418,7 @@ class Log:
 
     def compare(self, package: ModuleType) -> tuple[Compared, ...]:
         """Compare the definition of each topic with that of its class in a generated package."""
-        from msggen.recordings.comparison import compare
+        from msggen.recordings.definitions.comparison import compare
 
         return compare(self, package)
 

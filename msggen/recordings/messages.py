@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from msggen.live.messages.packages import package_of_class
-from msggen.recordings.comparison import difference, differences, is_of_ulog, is_same, versions_of
-from msggen.recordings.left_out import LeftOut, leave_out
-from msggen.recordings.schemas import SchemaError
+from msggen.recordings.decode.left_out import LeftOut, leave_out
+from msggen.recordings.decode.schemas import SchemaError
+from msggen.recordings.definitions.comparison import difference, differences, is_of_ulog, is_same, versions_of
 from msggen.recordings.source import RecordingError
 from msggen.recordings.topics import named_after_message, of_instance
 

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from msggen.diagnostics import few, suggestion
-from msggen.recordings.annotations import Annotation, annotation_of
 from msggen.recordings.choice import listed
-from msggen.recordings.columns import names_of
+from msggen.recordings.columns.annotations import Annotation, annotation_of
+from msggen.recordings.columns.arrays import names_of
 from msggen.recordings.source import RecordingError
 from msggen.unit import normalized_unit
 

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from msggen.recordings.decoder import Decoder
-from msggen.recordings.left_out import LeftOut
-from msggen.recordings.lent import Lender, Lent, lend
+from msggen.recordings.decode.decoder import Decoder
+from msggen.recordings.decode.left_out import LeftOut
+from msggen.recordings.decode.schemas import SchemaError
+from msggen.recordings.definitions.lent import Lender, Lent, lend
 from msggen.recordings.payloads import in_order, merged
-from msggen.recordings.schemas import SchemaError
 from msggen.recordings.source import Attached, Channel, Checksums, Part, Problem, RecordingError, Source
 from msggen.recordings.topics import topics_of
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from msggen.recordings.decoder import Rows
+    from msggen.recordings.decode.decoder import Rows
     from msggen.recordings.payloads import Sample
     from msggen.recordings.samples import Topic
 

@@ -11,7 +11,7 @@ import numpy as np
 from msggen.diagnostics import counted
 from msggen.live.messages.names import stem_of
 from msggen.recordings.choice import listed
-from msggen.recordings.columns import check_fields, columns_of
+from msggen.recordings.columns.arrays import check_fields, columns_of
 from msggen.recordings.source import RecordingError
 
 if TYPE_CHECKING:
@@ -188,7 +188,7 @@ class Samples:
         """
         import pyarrow as pa
 
-        from msggen.recordings.arrow import table_of
+        from msggen.recordings.columns.arrow import table_of
 
         table, clocks = table_of(self), self._clocks(times=times)
         fields = [*(pa.field(name, pa.int64()) for name in clocks), *table.schema]

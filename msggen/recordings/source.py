@@ -10,8 +10,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from msggen.recordings.decode.layouts import Layout
     from msggen.recordings.gather import Octets, Places
-    from msggen.recordings.layouts import Layout
 
 FOREVER = (1 << 63) - 1
 """The largest log time."""

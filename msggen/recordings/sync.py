@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from msggen.diagnostics import counted
-from msggen.recordings.columns import columns_of
+from msggen.recordings.columns.arrays import columns_of
 from msggen.recordings.source import RecordingError
 
 if TYPE_CHECKING:

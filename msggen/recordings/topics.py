@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, TypeGuard
 from msggen.diagnostics import suggestion
 from msggen.live.messages.names import is_named_after, stem_of
 from msggen.recordings.choice import is_numbered, names_of, split_instance, takes_instance
-from msggen.recordings.decoder import DECODED
+from msggen.recordings.decode.decoder import DECODED
+from msggen.recordings.decode.schemas import SchemaError, type_hash_of
 from msggen.recordings.samples import Topic
-from msggen.recordings.schemas import SchemaError, type_hash_of
 from msggen.recordings.source import RecordingError
 
 if TYPE_CHECKING:

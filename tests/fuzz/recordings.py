@@ -13,7 +13,7 @@ from typing import NamedTuple
 from mcap.writer import MCAP0_MAGIC
 
 from msggen.live.link import Route
-from msggen.recordings import recorder, writer
+from msggen.recordings.live import recorder, writer
 from support.recordings import START, check_read, read_mcap, read_ours
 from support.scratch import scratch_folder
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from msggen import recordings
 from msggen.recordings import Log, RecordingError
 from msggen.recordings.align import Direction, partners
-from msggen.recordings.columns import columns_of
+from msggen.recordings.columns.arrays import columns_of
 from support.log_files import Written, write_log
 
 START = 1_790_000_000_000_000_000

@@ -17,7 +17,7 @@ from msggen import recordings
 from msggen.diagnostics import InputError
 from msggen.firmware.embedded import EMBEDDED
 from msggen.generate.cache import package_of
-from msggen.recordings.schemas import definition_of, read_schema, type_hash_of
+from msggen.recordings.decode.schemas import definition_of, read_schema, type_hash_of
 from support.databases import Stored, write_database
 from support.recordings import START
 from support.repository import ROOT

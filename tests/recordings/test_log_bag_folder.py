@@ -16,9 +16,9 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
 from msggen import recordings
+from msggen.recordings.decode.schemas import type_hash_of
 from msggen.recordings.files import open_sources
 from msggen.recordings.files.compression import CompressionError, decompress_file, decompress_frame
-from msggen.recordings.schemas import type_hash_of
 from msggen.recordings.source import RecordingError
 from support.databases import Sample, Stored, expected_of, samples_of, write_database
 from support.recordings import START

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from msggen.recordings.columns import columns_of
-from msggen.recordings.decoder import Decoder
-from msggen.recordings.left_out import Missing
-from msggen.recordings.schemas import read_schema
+from msggen.recordings.columns.arrays import columns_of
+from msggen.recordings.decode.decoder import Decoder
+from msggen.recordings.decode.left_out import Missing
+from msggen.recordings.decode.schemas import read_schema
 from msggen.recordings.source import Channel, Part
 from support.reference import HEADERS, serialize, to_values
 

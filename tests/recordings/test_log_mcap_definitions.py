@@ -13,7 +13,7 @@ from mcap_ros2.decoder import DecoderFactory
 
 from msggen import recordings
 from msggen.live.firmware import releases
-from msggen.recordings.layouts import layout_of
+from msggen.recordings.decode.layouts import layout_of
 from msggen.recordings.source import RecordingError
 from support.log_files import Written, definition_in, write_log
 from support.mcap_reference import flat

@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 from msggen import recordings
 from msggen.cli.log.opening import problem_text
 from msggen.recordings import Log, RecordingError, offset_between
-from msggen.recordings.left_out import LeftOut, leave_out
+from msggen.recordings.decode.left_out import LeftOut, leave_out
 from support.catalogs import catalog_of, import_package
 from support.databases import Stored, write_database
 from support.log_files import Written, write_log

@@ -12,8 +12,8 @@ from msggen.firmware.embedded import EMBEDDED, Releases
 from msggen.firmware.released import released_as
 from msggen.identity import message_hash, type_hash
 from msggen.live.firmware import releases
+from msggen.recordings.definitions.release import Release, release_of
 from msggen.recordings.origin import firmware_of
-from msggen.recordings.release import Release, release_of
 from support.log_files import Written, definition_in, write_log
 
 

@@ -17,7 +17,7 @@ from msggen import recordings
 from msggen.recordings import Log, RecordingError
 from msggen.recordings.choice import Choice
 from msggen.recordings.convert import convert
-from msggen.recordings.player import endpoints_of
+from msggen.recordings.live.player import endpoints_of
 from support.log_files import Written, write_log
 from support.scratch import scratch_folder
 from support.ulog import write_ulog

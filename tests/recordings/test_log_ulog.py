@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from msggen import recordings
+from msggen.recordings.decode.schemas import read_schema
 from msggen.recordings.files.ulog_formats import MESSAGES
 from msggen.recordings.origin import release_of
-from msggen.recordings.schemas import read_schema
 from msggen.recordings.source import Dropout, Text
 from support.repository import DEFINITIONS, ROOT, SOME
 from support.ulog import UlogWriter, columns_of_pyulog, content_of, differences, flight, formats_of, size_of, snake

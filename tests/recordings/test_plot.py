@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 
 from msggen import recordings
 from msggen.recordings import plot
-from msggen.recordings.annotations import Annotation, annotation_of, annotations_of
+from msggen.recordings.columns.annotations import Annotation, annotation_of, annotations_of
 from support.repository import ROOT
 from support.ulog import UlogWriter
 from support.written import write_recording

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from msggen.recordings.decode.schemas import definitions_in
 from msggen.recordings.files.ulog import MAGIC
 from msggen.recordings.files.ulog_messages import SYNC
-from msggen.recordings.schemas import definitions_in
 
 TYPES = {"float32": "float", "float64": "double", "bool": "bool", "char": "char", "byte": "uint8_t"} | {
     f"{sign}int{bits}": f"{sign}int{bits}_t" for sign in ("", "u") for bits in (8, 16, 32, 64)

@@ -22,7 +22,7 @@ def recorded_topics(prefix: str, options: argparse.Namespace) -> Iterator[str]:
 def recorded_fields(_: str, options: argparse.Namespace) -> Iterator[str]:
     """Yield the columns of the topics in the options, or of all."""
     from msggen import recordings
-    from msggen.recordings.columns import names_of
+    from msggen.recordings.columns.arrays import names_of
 
     with recordings.open(options.file) as log:
         chosen = [options.topic] if getattr(options, "topic", None) else getattr(options, "topics", None)
@@ -33,7 +33,7 @@ def recorded_fields(_: str, options: argparse.Namespace) -> Iterator[str]:
 def recorded_paths(prefix: str, options: argparse.Namespace) -> Iterator[str]:
     """Yield the paths of the columns of all topics: `vehicle_status.nav_state`."""
     from msggen import recordings
-    from msggen.recordings.columns import names_of
+    from msggen.recordings.columns.arrays import names_of
 
     with recordings.open(options.file) as log:
         for topic in log.chosen(None):

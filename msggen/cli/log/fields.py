@@ -11,8 +11,8 @@ from msggen.diagnostics import few, printable
 if TYPE_CHECKING:
     from msggen.model import Message
     from msggen.recordings import Topic
-    from msggen.recordings.annotations import Annotation
-    from msggen.recordings.schemas import Schema
+    from msggen.recordings.columns.annotations import Annotation
+    from msggen.recordings.decode.schemas import Schema
 
 
 class _Field(NamedTuple):
@@ -48,7 +48,7 @@ def field_objects(topic: Topic) -> list[dict[str, Any]]:
 
 
 def _fields_of(topic: Topic) -> list[_Field]:
-    from msggen.recordings.schemas import SchemaError, read_schema
+    from msggen.recordings.decode.schemas import SchemaError, read_schema
     from msggen.recordings.source import RecordingError
 
     try:
@@ -61,7 +61,7 @@ def _fields_of(topic: Topic) -> list[_Field]:
 def _fields(topic: Topic, schema: Schema, message: Message, front: str) -> Iterator[_Field]:
     """Yield the fields of a message. Of an array of messages, the first element stands for all."""
     from msggen.model import ArrayKind
-    from msggen.recordings.annotations import annotation_of
+    from msggen.recordings.columns.annotations import annotation_of
 
     indices = {ArrayKind.SCALAR: "", ArrayKind.FIXED: "[0]"}
     for field in message.fields:

@@ -226,8 +226,8 @@ def _row(log: Log, topic: Topic) -> tuple[str, ...]:
 
 def _sample_size(topic: Topic) -> int | None:
     """Return the bytes of each sample, None if they differ or the definition is not known."""
-    from msggen.recordings.layouts import layout_of
-    from msggen.recordings.schemas import SchemaError
+    from msggen.recordings.decode.layouts import layout_of
+    from msggen.recordings.decode.schemas import SchemaError
 
     channel = topic.channels[0][1]
     if channel.encoding not in ("cdr", "ulog") or not (channel.layout or topic.definition):

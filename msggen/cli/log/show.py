@@ -141,7 +141,7 @@ def _nothing(options: argparse.Namespace) -> str:
 
 
 def _samples(options: argparse.Namespace, log: Log, topic: Topic) -> Iterator[str]:
-    from msggen.recordings.text import Printer
+    from msggen.recordings.columns.text import Printer
 
     printer = Printer(topic)
     left = options.count or _MOST

@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from msggen.recordings.decode.layouts import USUAL, wire_of
+from msggen.recordings.decode.schemas import read_schema
 from msggen.recordings.gather import Octets, at
-from msggen.recordings.layouts import USUAL, wire_of
-from msggen.recordings.schemas import read_schema
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
-    from msggen.recordings.layouts import Layout
+    from msggen.recordings.decode.layouts import Layout
     from msggen.recordings.samples import Samples, Topic
     from msggen.recordings.source import Part
 

@@ -9,14 +9,14 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any
 
 from msggen.diagnostics import suggestion
-from msggen.recordings.arrow import table_of
-from msggen.recordings.collector import Collector
-from msggen.recordings.columns import has_field, names_of
+from msggen.recordings.columns.arrays import has_field, names_of
+from msggen.recordings.columns.arrow import table_of
+from msggen.recordings.columns.collector import Collector
+from msggen.recordings.columns.text import json_value
 from msggen.recordings.convert import Converted
 from msggen.recordings.convert.names import file_names
 from msggen.recordings.convert.selection import Selection, Share
 from msggen.recordings.source import UnknownFieldError
-from msggen.recordings.text import json_value
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping, Sequence

@@ -7,7 +7,7 @@ from itertools import chain, count
 from typing import TYPE_CHECKING
 
 from msggen.identity import type_hash
-from msggen.recordings.schemas import SchemaError, key_of, read_schema
+from msggen.recordings.decode.schemas import SchemaError, key_of, read_schema
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

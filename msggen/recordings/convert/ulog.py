@@ -10,7 +10,7 @@ import numpy as np
 
 from msggen.recordings.convert.mcap import Target
 from msggen.recordings.convert.payloads import Block
-from msggen.recordings.layouts import USUAL
+from msggen.recordings.decode.layouts import USUAL
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

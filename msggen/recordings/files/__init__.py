@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from msggen.recordings.source import RecordingError
 
 if TYPE_CHECKING:
-    from msggen.recordings.lent import Definitions
+    from msggen.recordings.definitions.lent import Definitions
     from msggen.recordings.log import Log
     from msggen.recordings.source import Source
 
@@ -32,7 +32,7 @@ def open_log(path: str | os.PathLike[str], definitions: Definitions | None = Non
     except ModuleNotFoundError as error:
         text = f"the package {error.name} is not installed: pip install 'msggen[recordings]'"
         raise ModuleNotFoundError(text, name=error.name) from None
-    from msggen.recordings.lent import lender_of
+    from msggen.recordings.definitions.lent import lender_of
     from msggen.recordings.log import Log
 
     lender = None if definitions is None else lender_of(definitions)

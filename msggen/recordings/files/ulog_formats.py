@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from msggen.recordings.layouts import Layout, bools_at
+from msggen.recordings.decode.layouts import Layout, bools_at
 from msggen.recordings.source import RecordingError
 
 _NUMBERS = {

@@ -10,7 +10,7 @@ from msggen.firmware.embedded import EMBEDDED, Releases
 from msggen.firmware.released import released_as
 from msggen.identity import type_hash
 from msggen.model import DEFAULT_PACKAGE
-from msggen.recordings.schemas import SchemaError, content_of, read_schema
+from msggen.recordings.decode.schemas import SchemaError, content_of, read_schema
 
 if TYPE_CHECKING:
     from msggen.recordings.log import Log

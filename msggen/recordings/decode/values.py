@@ -11,12 +11,12 @@ import numpy as np
 from msggen.layout import Encoding, is_static, padding_before
 from msggen.model import ArrayKind, Field, Message
 from msggen.primitives import PRIMITIVES
-from msggen.recordings.layouts import ENCODINGS, HEADER, SURPLUS
+from msggen.recordings.decode.layouts import ENCODINGS, HEADER, SURPLUS
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from msggen.recordings.schemas import Schema
+    from msggen.recordings.decode.schemas import Schema
 
 _LARGEST_UNIT = 0xFFFF
 _OVERESTIMATE = 8

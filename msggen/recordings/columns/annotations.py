@@ -17,7 +17,7 @@ from msggen.firmware.embedded import EMBEDDED, Releases
 from msggen.firmware.inferred import unit_in_sentences
 from msggen.model import DEFAULT_PACKAGE, Comment, Field, InferredTag, Message
 from msggen.parse.definition import parse_message
-from msggen.recordings.schemas import Schema, SchemaError, read_schema
+from msggen.recordings.decode.schemas import Schema, SchemaError, read_schema
 from msggen.tags import ENUM, INHERITED, UNIT
 
 _INDEX = re.compile(r"\[\d+\]")

@@ -7,11 +7,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from msggen.recordings import values
+from msggen.recordings.decode import values
+from msggen.recordings.decode.layouts import ENCODINGS, HEADER, USUAL, Layout, layout_of, wire_of
+from msggen.recordings.decode.left_out import Missing, leave_out
+from msggen.recordings.decode.schemas import SchemaError, read_schema
 from msggen.recordings.gather import Octets, at
-from msggen.recordings.layouts import ENCODINGS, HEADER, USUAL, Layout, layout_of, wire_of
-from msggen.recordings.left_out import Missing, leave_out
-from msggen.recordings.schemas import SchemaError, read_schema
 from msggen.recordings.source import Channel, Part
 
 Rows = NDArray[Any]

@@ -16,10 +16,10 @@ from msggen.live.xrce import client as xrce
 from msggen.live.xrce.client_entities import Reader, Settings, Sync, Writer
 from msggen.live.xrce.wire import ENCAPSULATION
 from msggen.recordings.choice import Choice
+from msggen.recordings.decode.schemas import hash_of
 from msggen.recordings.log import Log
 from msggen.recordings.payloads import Sample
 from msggen.recordings.samples import Topic
-from msggen.recordings.schemas import hash_of
 
 _OUT = re.compile(r"(?:/(.+))?/fmu/out/[^#]+")
 _SLASHES = 2

@@ -1,7 +1,7 @@
 """Samples as tables of Arrow, with what the values mean as metadata.
 
-The metadata of a field has `unit`, `frame` and `enum` as far as they are known (msggen/recordings/annotations.py).
-`enum` is JSON such as `{"0": "MANUAL"}`, and `flags` is "true" if its members are bits. The metadata of a table has
+The metadata of a field has `unit`, `frame` and `enum` as far as they are known (annotations.py). `enum` is JSON such as
+`{"0": "MANUAL"}`, and `flags` is "true" if its members are bits. The metadata of a table has
 `topic`, `instance` and `type`.
 """
 
@@ -14,16 +14,16 @@ from typing import TYPE_CHECKING, Any
 
 from msggen.model import ArrayKind, FieldType, Message
 from msggen.primitives import PRIMITIVES
-from msggen.recordings.annotations import Annotation, annotation_of
-from msggen.recordings.schemas import read_schema
+from msggen.recordings.columns.annotations import Annotation, annotation_of
+from msggen.recordings.decode.schemas import read_schema
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping
 
     import pyarrow as pa
 
+    from msggen.recordings.decode.schemas import Schema
     from msggen.recordings.samples import Samples
-    from msggen.recordings.schemas import Schema
 
 _INDEX = re.compile(r"\[\d+\]")
 

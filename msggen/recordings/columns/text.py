@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from msggen.live.messages.formats import quoted_text, shortest, yaml_number
-from msggen.recordings.annotations import UNKNOWN, Annotation, annotation_of, annotations_of, without_indices
-from msggen.recordings.schemas import SchemaError, read_schema
+from msggen.recordings.columns.annotations import UNKNOWN, Annotation, annotation_of, annotations_of, without_indices
+from msggen.recordings.decode.schemas import SchemaError, read_schema
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from msggen.model import Message
+    from msggen.recordings.decode.schemas import Schema
     from msggen.recordings.samples import Samples, Topic
-    from msggen.recordings.schemas import Schema
 
 
 class Printer:

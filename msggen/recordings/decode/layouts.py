@@ -15,7 +15,7 @@ import numpy as np
 from msggen.layout import DelimiterHeader, Encoding, Leaf, lay_out
 from msggen.model import ArrayKind
 from msggen.primitives import PRIMITIVES
-from msggen.recordings.schemas import Schema, read_schema
+from msggen.recordings.decode.schemas import Schema, read_schema
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -13,8 +13,8 @@ from msggen.firmware.tree import Snapshot
 from msggen.identity import type_hash
 from msggen.location import Location
 from msggen.model import DEFAULT_PACKAGE, Catalog, Message
-from msggen.recordings.comparison import is_of_ulog
-from msggen.recordings.schemas import content_of, definitions_in, read_schema
+from msggen.recordings.decode.schemas import content_of, definitions_in, read_schema
+from msggen.recordings.definitions.comparison import is_of_ulog
 
 if TYPE_CHECKING:
     from msggen.recordings.log import Log

@@ -14,7 +14,7 @@ from msggen.compare.rules import CHECKED, find
 from msggen.finding import Category, Finding, Reader
 from msggen.live.messages.packages import package_of_class, packages_of
 from msggen.model import Catalog
-from msggen.recordings.schemas import Schema, SchemaError, content_of, hash_of, key_of, read_schema
+from msggen.recordings.decode.schemas import Schema, SchemaError, content_of, hash_of, key_of, read_schema
 
 if TYPE_CHECKING:
     from msggen.recordings.log import Log

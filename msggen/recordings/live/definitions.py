@@ -14,7 +14,7 @@ from msggen.live.messages.names import version_of
 if TYPE_CHECKING:
     from msggen.live import Vehicle
     from msggen.live.link import Route
-    from msggen.recordings.writer import Channel
+    from msggen.recordings.live.writer import Channel
 
 PATIENCE = 5.0
 """How long to wait in s for the hashes of a vehicle. It tells all of them within 2 s, or none."""
@@ -56,7 +56,7 @@ class Definitions:
 
     def channel(self, route: Route) -> Channel:
         """Return the channel of a route. Its definition is "" if no package has the vehicle's."""
-        from msggen.recordings.writer import Channel
+        from msggen.recordings.live.writer import Channel
 
         told = self._hashes.get(route.ros_type)
         for package in self._packages(route, told):

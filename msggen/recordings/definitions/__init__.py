@@ -1,0 +1,1 @@
+"""The definitions of a recording: compared with others, lent by others, and which release they are of."""
