@@ -28,6 +28,7 @@ NAMES = (INFORMATION, PARAMETERS, DEFAULTS, CHANGED, TEXTS, DROPOUTS, TIME, LENT
 _HEX = "hex"
 _LATEST = 1 << 63
 _SHOWN = 40
+_BITS = 64
 
 
 def records_of(facts: Facts) -> Iterator[tuple[str, Mapping[str, str]]]:
@@ -123,6 +124,8 @@ def _read(text: str) -> Any:
 def _number(value: Any) -> int | float:
     if not isinstance(value, (int, float)):
         raise TypeError(value)
+    if isinstance(value, int) and value.bit_length() > _BITS:
+        raise ValueError(value)
     return value
 
 

@@ -27,7 +27,7 @@ from support.fleet_recordings import write_flight
 from support.repository import ROOT
 
 SUMMARY = """\
-fleet: 6 recordings converted in S s, 1,634 samples in 28 files, N kB
+fleet: 6 recordings converted in S s, 1,631 samples in 34 files, N kB
        1 with parts that cannot be read
        1 that cannot be read
 vehicles: px4-00060000000033343531303437, px4-00060000000037363231353530, px4-0006000000003832393034313a
@@ -64,10 +64,11 @@ def test_a_folder_becomes_a_fleet(here: Path, capsys: pytest.CaptureFixture[str]
     assert without_figures(told.out) == SUMMARY
     assert told.err == (
         "logs/2026-11-21/notes.ulg: not a recording: expected an MCAP file, a ULog or a database of rosbag2\n"
-        "logs/2026-11-21/16_20_55.ulg: the file is cut off or damaged (at byte 3946)\n"
+        "logs/2026-11-21/16_20_55.ulg: the file is cut off or damaged (at byte 3977)\n"
     ).replace("/", str(Path("/"))[-1])
     assert {path.name for path in (here / "fleet").iterdir()} == {
-        "_logs.parquet", "_msggen", "battery_status", "sensor_gps", "vehicle_local_position", "vehicle_status"
+        "_logs.parquet", "_msggen", "battery_status", "sensor_gps", "ulog_parameters", "vehicle_local_position",
+        "vehicle_status",
     }  # fmt: skip
     vehicles = {path.name for path in (here / "fleet" / "battery_status").iterdir()}
     assert vehicles == {f"vehicle=px4-{vehicle}" for vehicle in VEHICLES}
@@ -81,7 +82,7 @@ def test_the_second_run_has_nothing_to_do(here: Path, capsys: pytest.CaptureFixt
     assert capsys.readouterr().out == ""
     assert run("logs", "-o", "made", "--jobs", "1") == FINDINGS
     told = capsys.readouterr()
-    assert told.err.endswith("16_20_55.ulg: the file is cut off or damaged (at byte 3946)\n")
+    assert told.err.endswith("16_20_55.ulg: the file is cut off or damaged (at byte 3977)\n")
     assert told.out.startswith(
         "made: nothing new\n       6 converted before\n       1 with parts that cannot be read\nvehicles: px4-"
     )
@@ -134,7 +135,7 @@ def test_json(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert told.err == ""
     document = json.loads(told.out)
     assert document == json.loads((here / "fleet" / "_msggen" / "report.json").read_text())
-    assert (document["found"], document["converted"], document["rows"], document["files"]) == (7, 6, 1634, 28)
+    assert (document["found"], document["converted"], document["rows"], document["files"]) == (7, 6, 1631, 34)
     assert [each["path"] for each in document["failed"]] == [str(here / "logs" / "2026-11-21" / "notes.ulg")]
     assert [Path(each["path"]).name for each in document["incomplete"]] == ["16_20_55.ulg"]
 

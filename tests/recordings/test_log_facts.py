@@ -83,6 +83,7 @@ def test_values_are_easy_to_read() -> None:
         ("ulog.parameters", "six"),
         ("ulog.parameters", "[1]"),
         ("ulog.parameters", "1" * 5000),
+        ("ulog.parameters", str(1 << 64)),
         ("ulog.default_parameters", "null"),
         ("ulog.information", "null"),
         ("ulog.information", '"\\ud800"'),

@@ -50,6 +50,11 @@ def flight(number: int, vehicle: str, utc: int, *, is_new: bool) -> UlogWriter:
     log.information(f"char[{len(vehicle)}] sys_uuid", vehicle.encode())
     log.information("char[3] sys_name", b"PX4")
     log.information("uint32_t ver_sw_release", struct.pack("<I", 0x011100FF))
+    log.parameter("BAT1_N_CELLS", 4)
+    log.parameter("MPC_Z_VEL_MAX_UP", 5.0 if is_new else 3.0)
+    log.parameter("BAT1_N_CELLS", 0, default=1)
+    if is_new:
+        log.parameter("MPC_Z_VEL_MAX_UP", 3.0, default=1)
     topics = [("vehicle_local_position", 0), ("battery_status", 0), ("vehicle_status", 0), ("sensor_gps", 0)]
     topics += [("battery_status", 1)] * is_new
     for index, (topic, instance) in enumerate(topics):

@@ -33,7 +33,7 @@ class Converted(NamedTuple):
     files: Sequence[str]
     """The paths of the files."""
     rows: int
-    """How many samples were written."""
+    """How many samples were written, without the rows of tables of what a ULog has beside its topics."""
     problems: Sequence[Problem]
     """What the recording has and what is not in the files."""
     notes: Sequence[str] = ()

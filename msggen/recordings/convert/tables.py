@@ -14,12 +14,13 @@ from msggen.recordings.columns.arrow import table_of
 from msggen.recordings.columns.collector import Collector
 from msggen.recordings.columns.text import json_value
 from msggen.recordings.convert import Converted
+from msggen.recordings.convert.fact_tables import fact_tables
 from msggen.recordings.convert.names import file_names
 from msggen.recordings.convert.selection import Selection, Share
 from msggen.recordings.source import UnknownFieldError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Mapping, Sequence
+    from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
     from typing import IO
 
     from msggen.recordings.log import Log
@@ -52,9 +53,21 @@ def write_tables(
         tables.flush()
     finally:
         tables.close()
+    files = [*tables.files, *(_written_facts(log, folder, format_, selection) if tables.rows else ())]
     share.end()
     notes = log.notes if any(topic.is_lent for topic in wanted) else ()
-    return Converted(tables.files, tables.rows, log.problems, notes)
+    return Converted(files, tables.rows, log.problems, notes)
+
+
+def _written_facts(log: Log, folder: str, format_: str, selection: Selection) -> Iterator[str]:
+    """Write what a ULog has beside its topics, unless topics or fields were chosen. Yield the paths."""
+    if selection.topics is not None or selection.fields is not None:
+        return
+    for name, table in fact_tables(log, *selection.limits(log.start)):
+        path = os.path.join(folder, f"{name}.{format_}")
+        with open(path, "xb") as file, _writer(file, format_, table.schema) as writer:
+            writer.write_table(table)
+        yield path
 
 
 def _columns(

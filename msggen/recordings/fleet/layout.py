@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from datetime import date, datetime, timezone
 from typing import TYPE_CHECKING, NamedTuple
 
-from msggen.recordings.convert.names import place_of
+from msggen.recordings.convert.names import Place, place_of
 from msggen.recordings.origin import gps_offset_of
 from msggen.recordings.paths import stem_of
 
@@ -50,13 +50,22 @@ def places_of(topics: Iterable[Topic], values: Mapping[str, str], log: str) -> d
     """
     found: dict[tuple[str, int], str] = {}
     for topic in topics:
-        name, namespace, instance = place_of(topic)
-        keys = {**values, "log": log, "namespace": namespace or NONE, "instance": str(instance)}
-        folder = "/".join((name, *(f"{key}={value}" for key, value in keys.items())))
-        stem = f"{name}_{instance}" if instance else name
+        place = place_of(topic)
+        folder = _folder_of(place, values, log)
+        stem = f"{place.name}_{place.instance}" if place.instance else place.name
         number = 1 + sum(os.path.dirname(path) == folder for path in found.values())
         found[topic.name, topic.instance] = f"{folder}/{stem}" + (f"-{number}.parquet" if number > 1 else ".parquet")
     return found
+
+
+def place_of_facts(name: str, values: Mapping[str, str], log: str) -> str:
+    """Return the path of a table of FACTS, as `places_of` does for topics."""
+    return f"{_folder_of(Place(name, '', 0), values, log)}/{name}.parquet"
+
+
+def _folder_of(place: Place, values: Mapping[str, str], log: str) -> str:
+    keys = {**values, "log": log, "namespace": place.namespace or NONE, "instance": str(place.instance)}
+    return "/".join((place.name, *(f"{key}={value}" for key, value in keys.items())))
 
 
 def cleaned(text: str) -> str:

@@ -78,9 +78,9 @@ def _write(task: Task, ledger: Ledger, name: str, digest: str, state: State) -> 
     from msggen.disk.files import flush
     from msggen.disk.staging import staging_folder
     from msggen.recordings.convert import convert
-    from msggen.recordings.convert.names import file_names
+    from msggen.recordings.convert.names import FACTS, file_names
     from msggen.recordings.files import open_log
-    from msggen.recordings.fleet.layout import date_of, is_utc, places_of, vehicle_of
+    from msggen.recordings.fleet.layout import date_of, is_utc, place_of_facts, places_of, vehicle_of
 
     # copies of a recording have the same name, and may be converted at the same time
     aside = hashlib.sha256(task.path.encode(errors="surrogateescape")).hexdigest()[:8]
@@ -89,8 +89,10 @@ def _write(task: Task, ledger: Ledger, name: str, digest: str, state: State) -> 
         dated = date_of(log, task.path)
         every = {"vehicle": vehicle_of(log), "date": dated.day}
         topics = log.chosen(None)
-        place_by_key = places_of(topics, {key: every[key] for key in task.by}, name)
+        values = {key: every[key] for key in task.by}
+        place_by_key = places_of(topics, values, name)
         place_by_stem = {stem: place_by_key[key] for key, stem in file_names(topics).items()}
+        place_by_stem |= {stem: place_of_facts(stem, values, name) for stem in FACTS}
         places = {path: place_by_stem[os.path.splitext(os.path.basename(path))[0]] for path in converted.files}
         offset = log.utc_offset
         start = None if offset is None else log.start + offset

@@ -1,0 +1,88 @@
+"""What a ULog has beside its topics, as tables: its parameters, the lines of the vehicle's log, and its dropouts."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from msggen.recordings.convert.facts import between
+from msggen.recordings.convert.names import DROPOUTS, PARAMETERS, TEXTS
+from msggen.recordings.source import FOREVER
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from msggen.recordings.log import Log
+    from msggen.recordings.source import Facts
+
+
+def fact_tables(log: Log, low: int, high: int) -> Iterator[tuple[str, Any]]:
+    """Yield the names of the tables that have rows, and the tables (pyarrow.Table): from `low` up to `high` in ns."""
+    if not log.has_facts:
+        return
+    facts = between(log.facts, low, high)
+    for name, table in (
+        (PARAMETERS, _parameters(log, facts, max(low, log.start))),
+        (TEXTS, _texts(log, facts)),
+        (DROPOUTS, _dropouts(log, facts)),
+    ):
+        if len(table):
+            yield name, table
+
+
+def _parameters(log: Log, facts: Facts, begin: int) -> Any:
+    """Return a table of the values of parameters, each from a time on: at first from `begin`, a log time in ns."""
+    import pyarrow as pa
+
+    rows = [*((begin, name, value) for name, value in facts.parameters.items()), *facts.changed_parameters]
+    # a log with defaults has those that are not the value at its start
+    defaults = {**log.facts.parameters, **facts.default_parameters} if facts.default_parameters else {}
+    return _table(
+        log,
+        [time for time, _, _ in rows],
+        name=pa.array([name for _, name, _ in rows], pa.string()),
+        value=pa.array([float(value) for _, _, value in rows], pa.float64()),
+        default=pa.array([float(defaults[name]) if name in defaults else None for _, name, _ in rows], pa.float64()),
+    )
+
+
+def _texts(log: Log, facts: Facts) -> Any:
+    import pyarrow as pa
+
+    return _table(
+        log,
+        [text.time for text in facts.texts],
+        level=pa.array([text.level for text in facts.texts], pa.string()),
+        text=pa.array([text.text for text in facts.texts], pa.string()),
+        tag=pa.array([text.tag for text in facts.texts], pa.int64()),
+    )
+
+
+def _dropouts(log: Log, facts: Facts) -> Any:
+    import pyarrow as pa
+
+    durations = pa.array([dropout.duration / 1e9 for dropout in facts.dropouts], pa.float64())
+    return _table(log, [dropout.time for dropout in facts.dropouts], duration=durations)
+
+
+def _table(log: Log, times: Sequence[int], **columns: Any) -> Any:
+    """Return a table with the columns of time that the tables of topics have, in front of others."""
+    import pyarrow as pa
+
+    boot, offset = log.facts.boot or 0, log.utc_offset
+    kind = pa.timestamp("ns", "UTC")
+    fields = [
+        pa.field("timestamp", pa.uint64(), metadata={"unit": "us"}),
+        pa.field("log_time", kind),
+        *(
+            pa.field(name, values.type, metadata={"unit": "s"} if name == "duration" else None)
+            for name, values in columns.items()
+        ),
+    ]
+    arrays = [
+        pa.array([max(time - boot, 0) // 1000 for time in times], pa.uint64()),
+        pa.nulls(len(times), kind)
+        if offset is None
+        else pa.array([min(time + offset, FOREVER) for time in times], kind),
+        *columns.values(),
+    ]
+    return pa.Table.from_arrays(arrays, schema=pa.schema(fields))
