@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import struct
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -250,6 +251,40 @@ def test_damaged_files_are_read_or_refused_and_nothing_is_silent(way: str, px4_t
         except RecordingError:
             refused += 1
     assert refused < 20
+
+
+def records_of(data: bytes | bytearray) -> Iterator[tuple[int, int]]:
+    """Yield the opcodes and the offsets of the records outside of chunks."""
+    place = 8
+    while place + 9 <= len(data) - 8:
+        opcode, length = struct.unpack_from("<BQ", data, place)
+        yield opcode, place
+        place += 9 + length
+
+
+@pytest.mark.parametrize("change", ["channel", 5, 8, "removed"])
+@pytest.mark.parametrize("number", range(5))
+def test_a_damaged_message_index_in_a_file_with_a_damaged_summary(
+    change: str | int, number: int, px4_types: Any, tmp_path: Path
+) -> None:
+    data = bytearray(recording(px4_types, 25, 3, 1200, **WAYS["none"]))
+    whole = expected_of(messages(bytes(data)))
+    place = [start for opcode, start in records_of(data) if opcode == 7][number]
+    if change == "channel":
+        data[place + 10] ^= 6
+    elif change == "removed":
+        (length,) = struct.unpack_from("<Q", data, place + 1)
+        del data[place : place + 9 + length]
+    else:
+        data[place] = int(change)
+    footer = max(start for opcode, start in records_of(data) if opcode == 2)
+    data[footer + 9 : footer + 17] = (1 << 60).to_bytes(8, "little")  # where the summary is
+    path = tmp_path / "flight.mcap"
+    path.write_bytes(data)
+    with open_log(path) as log:
+        assert found_in(log) == whole or problems_of(log)
+        if change != "removed":
+            assert set(whole) <= set(found_in(log))
 
 
 def test_a_cut_file_has_every_whole_message(px4_types: Any, tmp_path: Path) -> None:

@@ -53,7 +53,8 @@ def write_tables(
         tables.flush()
     finally:
         tables.close()
-    files = [*tables.files, *(_written_facts(log, folder, format_, selection) if tables.rows else ())]
+    facts = _written_facts(log, folder, format_, selection) if tables.rows else ()
+    files = sorted([*tables.files, *facts])
     share.end()
     notes = log.notes if any(topic.is_lent for topic in wanted) else ()
     return Converted(files, tables.rows, log.problems, notes)

@@ -63,7 +63,7 @@ class McapFile:
         summary = read_summary(self._file.data, self._described)
         self._stated = summary.counts
         if summary.chunks is None:
-            self._scan()
+            self._scan(is_damaged=summary.is_damaged)
         else:
             self._regions = summary.chunks
             self._described.set_counts(summary.counts)
@@ -149,11 +149,12 @@ class McapFile:
                 drop_pages(file)
         return {number: np.concatenate(each or [np.zeros(0, np.int64)]) for number, each in found.items()}
 
-    def _scan(self) -> None:
-        """Search the file, which has no index of all its messages."""
+    def _scan(self, *, is_damaged: bool) -> None:
+        """Search the file, which has no index of all its messages. If `is_damaged`, so may be the message indexes."""
         summarized = self._described.channels
         self._described = Described(self.problems)
-        self._regions, self._times = scan(self._file, self._described, summarized)
+        self._regions, self._times, found = scan(self._file, self._described, summarized, is_damaged=is_damaged)
+        self._stated = self._stated or found
         times = self.times(self.channels)
         counts = {number: len(of_channel) for number, of_channel in times.items()}
         self._described.set_counts(counts)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections import defaultdict
+from contextlib import suppress
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -21,6 +22,7 @@ from msggen.recordings.files.mcap_records import (
     MESSAGE_INDEX,
     METADATA,
     RECORD,
+    STATISTICS,
     Chunk,
     Loose,
     chunk_at,
@@ -28,6 +30,8 @@ from msggen.recordings.files.mcap_records import (
     entries_at,
     lengths_of,
     opcodes_of,
+    statistics_of,
+    steps,
 )
 from msggen.recordings.gather import Octets, at, walk
 from msggen.recordings.resident import drop_pages
@@ -49,22 +53,39 @@ class Scanned(NamedTuple):
     regions: Sequence[Chunk | Loose]
     times: Mapping[int, Sequence[NDArray[np.int64]]]
     """The times of the messages that no message index has."""
+    counts: Mapping[int, int]
+    """The number of messages of each channel in the statistics, as far as there are any behind the messages."""
 
 
-def scan(file: Octets, described: Described, summarized: Mapping[int, Channel]) -> Scanned:
-    """Find chunks, messages and channels. `summarized` has the channels of the summary, also those of lost chunks."""
-    regions = _Scan(file, described).regions()
+def scan(file: Octets, described: Described, summarized: Mapping[int, Channel], *, is_damaged: bool) -> Scanned:
+    """Find chunks, messages and channels. `summarized` has the channels of the summary, also those of lost chunks.
+
+    If `is_damaged`, message indexes are not used: one may be missing.
+    """
+    if is_damaged:
+        described.report("the summary at the end is damaged or does not fit the file, which is searched instead")
+    found = _Scan(file, described, uses_indexes=not is_damaged)
+    regions = found.regions()
     for region in regions:
         if isinstance(region, Chunk) and not (region.indexes and region.indexes.keys() <= described.channels.keys()):
             _take_channels(file, region, described)
     described.channels = {**summarized, **described.channels}
+    regions = [_trusted(region, described) for region in regions]
     times: dict[int, list[NDArray[np.int64]]] = defaultdict(list)
     for region in regions:
         if isinstance(region, Loose) or not region.indexes:
             data = file if isinstance(region, Loose) else records_of(file, region, described)
             for part in searched(data, region, described.channels.keys(), described):
                 times[part.channel].append(part.log_times.copy())
-    return Scanned(regions, times)
+    return Scanned(regions, times, found.counts)
+
+
+def _trusted(region: Chunk | Loose, described: Described) -> Chunk | Loose:
+    """Return a region, a chunk without its message indexes if one of them has a channel that the file does not have."""
+    if isinstance(region, Loose) or region.indexes.keys() <= described.channels.keys():
+        return region
+    described.report("the message index does not fit the chunk, which is searched instead", region.start)
+    return region._replace(indexes={})
 
 
 def _take_channels(file: Octets, chunk: Chunk, described: Described) -> None:
@@ -79,11 +100,21 @@ def _take_channels(file: Octets, chunk: Chunk, described: Described) -> None:
             described.take_or_report(raw, opcode, start + FRONT, length)
 
 
+def _counts_from(data: memoryview, place: int) -> Mapping[int, int]:
+    """Return the number of messages of each channel in the statistics behind an offset."""
+    for opcode, start, length in steps(data, place, len(data)):
+        if opcode == STATISTICS:
+            with suppress(struct.error):
+                return statistics_of(bytes(data[start : start + length]))[2]
+    return {}
+
+
 class _Scan:
     """One pass over a file."""
 
-    def __init__(self, file: Octets, described: Described) -> None:
+    def __init__(self, file: Octets, described: Described, *, uses_indexes: bool) -> None:
         self._file = file
+        self._uses_indexes = uses_indexes
         self._data = file.data
         self._described = described
         self._regions: list[Chunk | Loose] = []
@@ -91,6 +122,8 @@ class _Scan:
         """The chunk whose message indexes may follow."""
         self._indexes: dict[int, int] | None = None
         """Its message indexes so far, None if one of them is wrong."""
+        self.counts: Mapping[int, int] = {}
+        """The number of messages of each channel in the statistics."""
 
     def regions(self) -> list[Chunk | Loose]:
         """Return the regions of the file, in order."""
@@ -114,6 +147,7 @@ class _Scan:
             opcode, length = RECORD.unpack_from(self._data, place)
             start, end = place + FRONT, place + FRONT + length
             if opcode in _SIZES and length == _SIZES[opcode] and end <= size:
+                self.counts = _counts_from(self._data, end)
                 return None
             if opcode == CHUNK:
                 chunk = chunk_at(self._data, start, length)
@@ -124,11 +158,13 @@ class _Scan:
             elif opcode in (0, DATA_END, FOOTER) or end > size:
                 return place
             elif opcode == MESSAGE:
+                self._indexes = None  # it may have been a message index
                 self._end_chunk()
                 end = self._take_loose(place)
             elif opcode == MESSAGE_INDEX:
                 self._take_index(place)
             else:
+                self._indexes = None  # likewise
                 self._take(opcode, start, length)
             place = end
         return min(place, size)
@@ -144,7 +180,7 @@ class _Scan:
         chunk = self._chunk
         drop_pages(self._file)
         if chunk is not None:
-            is_trusted = has_all_indexes and chunk.records + chunk.stored <= self._file.size
+            is_trusted = self._uses_indexes and has_all_indexes and chunk.records + chunk.stored <= self._file.size
             self._regions.append(chunk._replace(indexes=(self._indexes or {}) if is_trusted else {}))
         self._chunk = None
 

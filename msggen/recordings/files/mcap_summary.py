@@ -42,6 +42,8 @@ class Summary(NamedTuple):
     """The chunks with their message indexes. None if they are not all messages, or if anything is contradictory."""
     counts: Mapping[int, int]
     """The number of messages of each channel in the statistics."""
+    is_damaged: bool = False
+    """Whether a file that is not cut off has no whole summary where it should be: bytes were changed or lost."""
 
 
 def read_summary(data: memoryview, described: Described) -> Summary:
@@ -51,7 +53,7 @@ def read_summary(data: memoryview, described: Described) -> Summary:
         return Summary(None, {})
     opcode, _, start_of_summary = struct.unpack_from("<BQQ", data, size - _END)
     if opcode != FOOTER or not len(MAGIC) <= start_of_summary < size - _END:
-        return Summary(None, {})
+        return Summary(None, {}, is_damaged=opcode != FOOTER or start_of_summary != 0)
     chunks: list[Chunk] = []
     index_sizes: list[int] = []
     counts: dict[int, int] = {}
@@ -79,7 +81,17 @@ def read_summary(data: memoryview, described: Described) -> Summary:
         and not described.lacks_schemas
         and _has_only(data, chunks, index_sizes, start_of_summary, described)
     )
-    return Summary(chunks if is_whole else None, counts)
+    if is_whole:
+        return Summary(chunks, counts)
+    return Summary(None, counts, is_damaged=not _is_whole(data, start_of_summary))
+
+
+def _is_whole(data: memoryview, start_of_summary: int) -> bool:
+    """Whether records from an offset on lead exactly to the end of a file."""
+    end = start_of_summary
+    for _, start, length in steps(data, start_of_summary, len(data) - len(MAGIC)):
+        end = start + length
+    return end == len(data) - len(MAGIC)
 
 
 def _indexed_chunk(data: memoryview, start: int, length: int) -> tuple[Chunk, int]:
