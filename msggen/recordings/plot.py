@@ -148,7 +148,7 @@ def read_series(
         for column, values in samples.columns().items():
             if values.dtype == object:
                 raise RecordingError(f"{front}.{column} has no fixed size, and is not drawn")
-            about = annotation_of(topic.ros_type, topic.definition, column)
+            about = annotation_of(topic, column)
             series = Series(f"{front}.{column}", times, values[plotted], about, begin, last)
             if stop is not None and topic.last > samples.log_times[-1]:  # the last value lasts until a later sample
                 series = replace(series, end=stop)

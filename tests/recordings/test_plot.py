@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 
 from msggen import recordings
 from msggen.recordings import plot
-from msggen.recordings.columns.annotations import Annotation, annotation_of, annotations_of
+from msggen.recordings.columns.annotations import Annotation
 from support.repository import ROOT
 from support.ulog import UlogWriter
 from support.written import write_recording
@@ -309,45 +309,6 @@ def test_bands_closer_than_a_pixel_are_one() -> None:
     times = np.arange(100_000) / 1000
     values = np.arange(100_000) % 2 == 0
     values[50_000:60_000] = False
-    about = annotation_of("px4_msgs/msg/None", "", "x")
-    false, true = plot.Series("x", times, values, about, 0.0, 100.0).bands
+    false, true = plot.Series("x", times, values, Annotation(), 0.0, 100.0).bands
     assert [np.round(span, 2).tolist() for span in true.spans] == [[0, 50], [60, 100]]
     assert [np.round(span, 2).tolist() for span in false.spans] == [[0, 100]]
-
-
-# What fields mean
-
-
-def test_units_come_from_the_recording_or_from_a_release() -> None:
-    own = annotations_of("px4_msgs/msg/VehicleLocalPosition", "float32 z # [ft] height\nfloat32 x\nfloat32 other")
-    assert {name: each.unit for name, each in own.items()} == {"z": "ft", "x": "m", "other": ""}
-    assert own["x"].frame == "NED"
-    foreign = annotations_of("my_msgs/msg/VehicleLocalPosition", "float32 z # [m] height\nfloat32 x")
-    assert {name: each.unit for name, each in foreign.items()} == {"z": "m", "x": ""}
-
-
-def test_names_of_values_without_constants_come_from_a_release(px4_types: Any) -> None:
-    definition = px4_types.VehicleStatus.__msg__.definition
-    bare = "\n".join(line for line in definition.splitlines() if "=" not in line)
-    own, embedded = (annotation_of("px4_msgs/msg/VehicleStatus", text, "nav_state") for text in (definition, bare))
-    assert own.members == embedded.members
-    assert own.members[14] == "OFFBOARD"
-
-
-def test_names_of_values_of_the_recording_have_priority() -> None:
-    text = "uint8 NAVIGATION_STATE_MANUAL = 3\nuint8 NAVIGATION_STATE_HOVER = 4\nuint8 nav_state"
-    found = annotation_of("px4_msgs/msg/VehicleStatus", text, "nav_state")
-    assert found.members == {3: "MANUAL", 4: "HOVER"}
-
-
-def test_flags_and_nested_fields(px4_types: Any) -> None:
-    esc = px4_types.EscStatus.__msg__
-    assert annotation_of(esc.ros_type, esc.definition, "esc[7].esc_rpm").unit == "rpm"
-    local = px4_types.VehicleLocalPosition.__msg__
-    flags = annotation_of(local.ros_type, local.definition, "dist_bottom_sensor_bitfield")
-    assert flags.is_flags
-    assert flags.members == {0: "NONE", 1: "RANGE", 2: "FLOW"}
-
-
-def test_definitions_that_cannot_be_read_have_no_annotations() -> None:
-    assert annotations_of("px4_msgs/msg/VehicleStatus", "nonsense[") == {}
