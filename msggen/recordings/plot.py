@@ -103,12 +103,20 @@ class Series:
         if self.values.dtype == bool:
             found: list[tuple[str, NDArray[np.bool_]]] = [("false", ~self.values), ("true", self.values)]
         elif self.annotation.is_flags:
-            bits = sorted(value for value in names if value > 0)
-            found = [(names[bit], self.values & bit == bit) for bit in bits]
+            flags = _unsigned(self.values)
+            found = [(name, flags & bit == bit) for bit, name in self._bits.items()]
             found.append((names.get(0, "none"), self.values == 0))
         else:
             found = [(names.get(int(each), str(each)), self.values == each) for each in np.unique(self.values)]
         return tuple(Band(name, self._spans(mask)) for name, mask in found if mask.any())
+
+    @property
+    def _bits(self) -> dict[int, str]:
+        """The flags that occur and their names, `bit 29` for a bit without a name."""
+        every = int(np.bitwise_or.reduce(_unsigned(self.values)))
+        bits = {1 << bit: f"bit {bit}" for bit in range(every.bit_length())}
+        named = {**bits, **self.annotation.members}
+        return {flag: named[flag] for flag in sorted(named) if flag > 0 and flag & every == flag}
 
     def _spans(self, mask: NDArray[np.bool_]) -> tuple[tuple[float, float], ...]:
         """Return begin and end of each stretch in which `mask` is set; those without a pixel between them are one."""
@@ -272,6 +280,10 @@ def parse_path(log: Log, path: str) -> tuple[Topic, str]:
         raise RecordingError(f"'{path}' is a topic: name one of its fields, such as {few(columns)}")
     instance = found["instance"]
     return log.topic(found["topic"], None if instance is None else int(instance)), found["field"]
+
+
+def _unsigned(values: NDArray[Any]) -> NDArray[Any]:
+    return values.view(values.dtype.str.replace("i", "u"))
 
 
 def _panels(series: Iterable[Series]) -> Iterator[list[Series]]:

@@ -179,6 +179,25 @@ def test_samples_long_before_the_start_are_left_out(tmp_path: Path) -> None:
         assert len(whole.times) == len(whole.values) == 4
 
 
+@given(
+    kind=st.sampled_from([f"{sign}{size}" for sign in "iu" for size in (1, 2, 4, 8)]),
+    named=st.sets(st.integers(0, 63)),
+    data=st.data(),
+)
+def test_each_bit_that_occurs_has_a_band(kind: str, named: set[int], data: st.DataObject) -> None:
+    width = 8 * np.dtype(kind).itemsize
+    bits = data.draw(st.lists(st.sets(st.integers(0, width - 1)), min_size=1, max_size=5))
+    values = np.array([sum(1 << bit for bit in each) for each in bits], f"u{width // 8}").view(kind)
+    about = Annotation(members={1 << bit: f"NAME_{bit}" for bit in named}, is_flags=True)
+    series = plot.Series("x", np.arange(len(values), dtype=float), values, about, 0.0, float(len(values)))
+    occurring = sorted(set().union(*bits))
+    names = [f"NAME_{bit}" if bit in named else f"bit {bit}" for bit in occurring]
+    assert [band.name for band in series.bands] == names + ["none"] * (set() in bits)
+    for bit, band in zip(occurring, series.bands, strict=False):
+        held = sum(end - begin for begin, end in band.spans)
+        assert held == sum(bit in each for each in bits)
+
+
 @pytest.mark.parametrize(
     ("path", "text"),
     [
