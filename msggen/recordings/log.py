@@ -326,7 +326,7 @@ class Log:
         """Compare the chunks of MCAP files with their checksums, and return how many have one.
 
         `problems` has those that differ. rosbag2 writes no checksums by default, and other formats have none. Reading
-        samples does not compare them, as that takes 10 to 15 % longer.
+        samples does not compare them, as that takes a quarter longer.
         """
         return self._reader.verify()
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from typing import TYPE_CHECKING, Any
 
@@ -41,15 +40,14 @@ class Printer:
                 f"{name}: {_shown(values[index], kinds[name])}{_about(kinds[name])}" for name, values in columns.items()
             )
 
-    def objects(self, samples: Samples) -> Iterator[str]:
-        """Yield an object of JSON for each sample: enums are numbers, what is not finite is null."""
+    def objects(self, samples: Samples) -> Iterator[dict[str, Any]]:
+        """Yield the values of each sample as JSON has them: enums are numbers, what is not finite is None."""
         if samples.fields is None:
-            for row in samples.array:
-                yield json.dumps(self._object(row, ""), allow_nan=False)
+            yield from (self._object(row, "") for row in samples.array)
             return
         columns = self._columns(samples)
         for index in range(len(samples)):
-            yield json.dumps({name: json_value(values[index]) for name, values in columns.items()}, allow_nan=False)
+            yield {name: json_value(values[index]) for name, values in columns.items()}
 
     def _columns(self, samples: Samples) -> dict[str, Any]:
         """Return the chosen columns. All elements of a `char[N]` are one column of texts."""
