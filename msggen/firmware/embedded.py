@@ -51,6 +51,20 @@ def _number(release: str) -> tuple[int, ...]:
     return tuple(map(int, release[1:].split(".")))
 
 
+def nearest_first(version: str) -> tuple[str, ...]:
+    """Return the embedded releases, the nearest to a version such as `v1.16.2` first. Without one, the newest first."""
+    told = _NAME.match(version)
+    if told is None:
+        return EMBEDDED
+    place = _place(told[0])
+    return tuple(sorted(EMBEDDED, key=lambda release: abs(_place(release) - place)))
+
+
+def _place(release: str) -> int:
+    major, minor = _number(release)
+    return 1000 * major + minor
+
+
 def near_release(text: str) -> str:
     """Return ", did you mean 'v1.16'?" for `1.16` and `v1.16.0`, "" if no embedded release is similar."""
     found = re.fullmatch(r"[vV]?(\d+\.\d+)(?:\.\d+)?", text)

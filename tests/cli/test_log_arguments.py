@@ -20,7 +20,7 @@ from support.ulog import UlogWriter, write_ulog
 @pytest.fixture(autouse=True)
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
-    write_ulog(tmp_path / "flight.ulg")
+    write_ulog(tmp_path / "flight.ulg", version=0x011000FF)
     return tmp_path
 
 

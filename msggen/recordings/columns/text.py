@@ -24,7 +24,7 @@ class Printer:
 
     def __init__(self, topic: Topic) -> None:
         self._topic = topic
-        self._annotations = annotations_of(topic.ros_type, topic.definition)
+        self._annotations = annotations_of(topic.ros_type, topic.definition, topic.firmware)
         self._texts = dict(_texts(topic))
 
     def texts(self, samples: Samples) -> Iterator[str]:
@@ -34,7 +34,7 @@ class Printer:
                 yield "\n".join(self._lines(row, "", ""))
             return
         columns = self._columns(samples)
-        kinds = {name: annotation_of(self._topic.ros_type, self._topic.definition, name) for name in columns}
+        kinds = {name: annotation_of(self._topic, name) for name in columns}
         for index in range(len(samples)):
             yield "\n".join(
                 f"{name}: {_shown(values[index], kinds[name])}{_about(kinds[name])}" for name, values in columns.items()
