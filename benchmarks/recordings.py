@@ -1,6 +1,6 @@
 """Measure how long recordings take to read, side by side with other libraries.
 
-    python benchmarks/run.py recordings            about five minutes; docs/reading.md shows the tables
+    python benchmarks/run.py recordings            about two minutes;  docs/reading.md shows the tables
     python benchmarks/run.py recordings --quick    checks in a few seconds that it works
 
 The recordings have 18 topics at their real rates for 600 s: MCAP with each compression, a database of rosbag2, and a

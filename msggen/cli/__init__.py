@@ -53,6 +53,11 @@ _MODULES = {
 }
 """The module of each command."""
 
+_ACTIONS = {
+    **dict.fromkeys(("info", "show", "plot", "convert", "cut", "merge", "repair"), "log"),
+    **dict.fromkeys(("echo", "hz", "bw", "delay", "list", "pub"), "topic"),
+}
+"""The commands of actions that users type without them."""
 _SYNONYMS = {"type": "info", "show": "info"}
 """What is called otherwise in ROS 2, for suggestions."""
 
@@ -267,7 +272,10 @@ class _Parser(argparse.ArgumentParser):
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.choices is not None and value not in action.choices:
             choices = list(map(str, action.choices))
+            command = _ACTIONS.get(str(value), "")
+            is_action = command in choices and self.prog == "msggen"
             hint = suggestion(_SYNONYMS.get(str(value), str(value)), choices)
+            hint = f", did you mean '{command} {value}'?" if is_action else hint
             raise argparse.ArgumentError(action, f"invalid choice: {value!r} (choose from {', '.join(choices)}){hint}")
 
 

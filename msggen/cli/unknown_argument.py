@@ -38,7 +38,9 @@ def hint_for(parser: Any, wrong: str, given: Sequence[str]) -> str:
 
     It says to use a similar option, to name the firmware with --px4, or to give fewer names.
     """
-    return _of_other_programs(parser, wrong, given) or _hint_for(parser, wrong, given)
+    return (
+        _of_other_programs(parser, wrong, given) or _of_further_file(parser, wrong) or _hint_for(parser, wrong, given)
+    )
 
 
 def _hint_for(parser: Any, wrong: str, given: Sequence[str]) -> str:
@@ -74,6 +76,12 @@ def _of_other_programs(parser: Any, wrong: str, given: Sequence[str]) -> str:
         return f": write a parameter without dashes, {wrong[2:].replace('-', '_')}=VALUE"
     other = _OTHER_WORDS.get((command, wrong))
     return f": {other}" if other else ""
+
+
+def _of_further_file(parser: Any, wrong: str) -> str:
+    """Return what to do about a second recording, "" for other words."""
+    takes_one = parser.prog.startswith("msggen log ") and "\0" not in wrong and os.path.isfile(wrong)
+    return f": {parser.prog} reads one recording: run it for each file" if takes_one else ""
 
 
 def hint_for_second_value(wrong: str, words: Sequence[str]) -> str:

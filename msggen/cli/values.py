@@ -53,7 +53,8 @@ def seconds(text: str) -> float:
     except ValueError:
         found = -1.0
     if not 0 <= found <= _LONGEST:
-        raise argparse.ArgumentTypeError(f"expected a time in s of 0 or more, found {text!r}")
+        limit = f" and up to {_LONGEST:.0f}" if found > _LONGEST else ""
+        raise argparse.ArgumentTypeError(f"expected a time in s of 0 or more{limit}, found {text!r}")
     return found
 
 

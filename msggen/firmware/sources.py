@@ -143,9 +143,9 @@ def open_tree(text: str) -> Tree:
         from msggen.disk.path_hint import path_hint
 
         name = text.partition("@")[0] or text
-        raise input_error(
-            name, "S101", f"no such folder{near_release(text) or path_hint(name, is_meant=_is_source)}", 0
-        )
+        kind = "file" if text.endswith(_RECORDINGS) else "folder"
+        hint = near_release(text) or path_hint(name, is_meant=_is_source)
+        raise input_error(name, "S101", f"no such {kind}{hint}", 0)
     return read_revision(folder, revision)
 
 

@@ -13,6 +13,7 @@ from msggen.diagnostics import counted, suggestion
 from msggen.recordings.choice import listed
 from msggen.recordings.samples import Samples, frame_of
 from msggen.recordings.source import RecordingError
+from msggen.recordings.topics import find
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -75,19 +76,29 @@ class Aligned:
         return found
 
     def choose(self, fields: Collection[str]) -> Aligned:
-        """Return the same rows with only some fields, such as `vehicle_attitude.q`. Raises RecordingError."""
+        """Return the same rows with only some fields, such as `vehicle_attitude.q`. Raises RecordingError.
+
+        Topics have all their names. A topic alone stands for all of its fields.
+        """
         chosen: dict[str, list[str] | None] = {}
-        for field in listed(fields):
-            name = next((each for each in self.samples if f"{field}.".startswith(f"{each}.")), None)
-            if name is None:
-                raise RecordingError(f"no topic is called '{field}'{suggestion(field, list(self.samples))}")
+        for path in listed(fields):
+            name, field = self._split(path)
             known = chosen.setdefault(name, [])
-            if field == name:
+            if not field:
                 chosen[name] = None
             elif known is not None:
-                known.append(field[len(name) + 1 :])
+                known.append(field)
         samples = {name: each.choose(chosen[name]) for name, each in self.samples.items() if name in chosen}
         return replace(self, samples=samples)
+
+    def _split(self, path: str) -> tuple[str, str]:
+        """Return the topic of a path, by its name in the columns, and the field, "" for all. Raises RecordingError."""
+        for name in self.samples:
+            if f"{path}.".startswith(f"{name}."):
+                return name, path[len(name) + 1 :]
+        topic, _, field = path.partition(".")
+        names = {samples.topic: name for name, samples in self.samples.items()}
+        return names[find(list(names), topic)], field
 
     def columns(self) -> dict[str, NDArray[Any]]:
         """Return the columns by name: `time`, and those of the topics, such as `vehicle_attitude.q[0]`."""

@@ -52,13 +52,13 @@ def takes_instance(pattern: str, topic: Topic) -> bool:
 
     In ROS 2, instances are topics of their own: `sensor_gps[1]` takes `/fmu/out/sensor_gps_1`, too.
     """
+    if _takes(pattern, topic):
+        return True
     numbered = split_instance(pattern)
-    if numbered is not None:
-        name, number = numbered
-        if topic.instance == number and _takes(name, topic):
-            return True
-        pattern = f"{name}_{number}"
-    return _takes(pattern, topic)
+    if numbered is None:
+        return False
+    name, number = numbered
+    return (topic.instance == number and _takes(name, topic)) or _takes(f"{name}_{number}", topic)
 
 
 def _takes(pattern: str, topic: Topic) -> bool:

@@ -115,10 +115,10 @@ class Log:
         """The topics, by name and instance. A topic whose definition changes is several topics: `/a#1` and `/a#2`."""
         return self._reader.topics
 
-    @cached_property
+    @property
     def facts(self) -> Facts:
         """What only a ULog has, and an MCAP file made of one: parameters, information, texts and dropouts."""
-        return next((source.facts for source in self._sources if source.facts is not NO_FACTS), NO_FACTS)
+        return self._reader.facts
 
     @property
     def has_facts(self) -> bool:
@@ -326,7 +326,7 @@ class Log:
         """Compare the chunks of MCAP files with their checksums, and return how many have one.
 
         `problems` has those that differ. rosbag2 writes no checksums by default, and other formats have none. Reading
-        samples does not compare them, as that takes 10 to 15 % longer.
+        samples does not compare them, as that takes a quarter longer.
         """
         return self._reader.verify()
 

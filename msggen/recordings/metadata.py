@@ -19,10 +19,11 @@ if TYPE_CHECKING:
     _Kind = TypeVar("_Kind")
 
 INFORMATION, PARAMETERS, DEFAULTS = "ulog.information", "ulog.parameters", "ulog.default_parameters"
+AIRFRAME = "ulog.airframe_defaults"
 CHANGED, TEXTS, DROPOUTS, TIME = "ulog.changed_parameters", "ulog.texts", "ulog.dropouts", "ulog.time"
 LENT = "msggen.definitions"
 """The record that tells which definitions are not in the recording."""
-NAMES = (INFORMATION, PARAMETERS, DEFAULTS, CHANGED, TEXTS, DROPOUTS, TIME, LENT)
+NAMES = (INFORMATION, PARAMETERS, DEFAULTS, AIRFRAME, CHANGED, TEXTS, DROPOUTS, TIME, LENT)
 """The names of the records that are read back."""
 
 _HEX = "hex"
@@ -38,6 +39,7 @@ def records_of(facts: Facts) -> Iterator[tuple[str, Mapping[str, str]]]:
         INFORMATION: facts.information,
         PARAMETERS: facts.parameters,
         DEFAULTS: facts.default_parameters,
+        AIRFRAME: facts.airframe_defaults,
         CHANGED: _numbered(changed),
         TEXTS: _numbered(each._asdict() for each in facts.texts),
         DROPOUTS: _numbered(each._asdict() for each in facts.dropouts),
@@ -79,6 +81,7 @@ def facts_of(records: Mapping[str, Sequence[Mapping[str, str]]], report: Callabl
         parameters=dict(values(PARAMETERS, _number)),
         changed_parameters=listed(CHANGED, _change),
         default_parameters=dict(values(DEFAULTS, _number)),
+        airframe_defaults=dict(values(AIRFRAME, _number)),
         information=dict(values(INFORMATION, _information)),
         texts=listed(TEXTS, _text),
         dropouts=listed(DROPOUTS, _dropout),

@@ -11,6 +11,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from io import BytesIO
+from math import inf
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -44,8 +45,6 @@ _LEGEND_ROW, _LEGEND_EDGE = 0.2, 0.3
 _DPI = 100
 _PIXELS = 2 * round(_WIDTH * _DPI)
 """The number of points on the time axis that are told apart: two for each pixel of a PNG."""
-_OLDEST = 60.0
-"""How many s before the start a sample can be: some topics of a ULog were published long before, or have no time."""
 _MOST_BANDS = 64
 """The rows that bands have at most: a field with more values is drawn as a line."""
 _MOST_NAMES = 16
@@ -79,8 +78,6 @@ class Series:
     """In s after the start of the recording."""
     values: NDArray[Any]
     annotation: Annotation
-    start: float
-    """The time in s at which it begins: its first sample, or the one that was asked for."""
     end: float
     """The time in s at which it ends: its last sample, or if the values have names, the usual interval later."""
 
@@ -97,25 +94,49 @@ class Series:
         return bool(self.annotation.members) and len(np.unique(self.values)) <= _MOST_BANDS
 
     @property
+    def is_held(self) -> bool:
+        """Whether a value lasts until the next sample: all but floats."""
+        return self.values.dtype.kind != "f"
+
+    def since(self, begin: float) -> Series:
+        """Return the same field without the samples before a time in s.
+
+        The last of these is moved to this time, if its value lasts until then or there is no later sample.
+        """
+        first = int(np.searchsorted(self.times, begin))
+        if first == len(self.times) or (first and self.is_held and self.times[first] > begin):
+            first -= 1
+        times = np.maximum(self.times[first:], begin)
+        return replace(self, times=times, values=self.values[first:], end=max(self.end, begin))
+
+    @property
     def bands(self) -> tuple[Band, ...]:
         """The bands of a field whose values have names, in the order of the values; only of those that occur."""
         names = self.annotation.members
         if self.values.dtype == bool:
             found: list[tuple[str, NDArray[np.bool_]]] = [("false", ~self.values), ("true", self.values)]
         elif self.annotation.is_flags:
-            bits = sorted(value for value in names if value > 0)
-            found = [(names[bit], self.values & bit == bit) for bit in bits]
+            flags = _unsigned(self.values)
+            found = [(name, flags & bit == bit) for bit, name in self._bits.items()]
             found.append((names.get(0, "none"), self.values == 0))
         else:
             found = [(names.get(int(each), str(each)), self.values == each) for each in np.unique(self.values)]
         return tuple(Band(name, self._spans(mask)) for name, mask in found if mask.any())
+
+    @property
+    def _bits(self) -> dict[int, str]:
+        """The flags that occur and their names, `bit 29` for a bit without a name."""
+        every = int(np.bitwise_or.reduce(_unsigned(self.values)))
+        bits = {1 << bit: f"bit {bit}" for bit in range(every.bit_length())}
+        named = {**bits, **self.annotation.members}
+        return {flag: named[flag] for flag in sorted(named) if flag > 0 and flag & every == flag}
 
     def _spans(self, mask: NDArray[np.bool_]) -> tuple[tuple[float, float], ...]:
         """Return begin and end of each stretch in which `mask` is set; those without a pixel between them are one."""
         edges = np.diff(np.concatenate(([False], mask, [False])).astype(np.int8))
         ends = np.append(self.times, self.end)
         begin, stop = ends[np.flatnonzero(edges == 1)], ends[np.flatnonzero(edges == -1)]
-        apart = begin[1:] - stop[:-1] > (self.end - self.start) / _PIXELS
+        apart = begin[1:] - stop[:-1] > (self.end - self.times[0]) / _PIXELS
         begin, stop = begin[np.append(True, apart)], stop[np.append(apart, True)]
         return tuple(zip(begin.tolist(), stop.tolist(), strict=True))
 
@@ -142,35 +163,35 @@ def read_series(
         topic, _ = wanted[path]
         times = (samples.log_times - log.start) / 1e9
         front = topic.uorb + (f"[{topic.instance}]" if topic.instance else "")
-        plotted = slice(0 if start is not None else _first_of(times), None)
-        times = times[plotted]
-        begin, last = float(times[0]) if start is None else start, float(times[-1])
         for column, values in samples.columns().items():
             if values.dtype == object:
                 raise RecordingError(f"{front}.{column} has no fixed size, and is not drawn")
-            about = annotation_of(topic.ros_type, topic.definition, column)
-            series = Series(f"{front}.{column}", times, values[plotted], about, begin, last)
+            about = annotation_of(topic, column)
+            series = Series(f"{front}.{column}", times, values, about, float(times[-1]))
             if stop is not None and topic.last > samples.log_times[-1]:  # the last value lasts until a later sample
                 series = replace(series, end=stop)
-            elif series.is_named and len(times) > 1:
-                later = last + float(np.median(np.diff(times)))
-                series = replace(series, end=later if stop is None else min(later, stop))
+            elif series.is_named:
+                series = replace(series, end=_end_of(series, stop))
             found.append(series)
     return found
 
 
-def _first_of(times: NDArray[np.float64]) -> int:
-    """Return the index of the first sample that is not long before the start, 0 if all are."""
-    first = int(np.searchsorted(times, -_OLDEST))
-    return first if first < len(times) else 0
+def _end_of(series: Series, stop: float | None) -> float:
+    """Return until when the last value lasts: for the median interval. Samples long before the start do not count."""
+    times = series.times if series.end < 0 else series.since(0.0).times
+    usual = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+    return min(float(times[-1]) + usual, inf if stop is None else stop)
 
 
 def read_modes(log: Log, *, start: float | None = None, stop: float | None = None) -> Series | None:
-    """Return the flight modes of a recording, None if it does not have them."""
+    """Return the flight modes of a recording, None if it does not have them. Those without a name have a number."""
     try:
-        return read_series(log, [".".join(MODES)], start=start, stop=stop)[0]
+        modes = read_series(log, [".".join(MODES)], start=start, stop=stop)[0]
     except RecordingError:
         return None
+    numbered = {value: f"{MODES[1]} {value}" for value in np.unique(modes.values).tolist()}
+    about = modes.annotation._replace(members={**numbered, **modes.annotation.members})
+    return replace(modes, annotation=about, end=max(modes.end, _end_of(modes, stop)))
 
 
 def draw(
@@ -200,7 +221,9 @@ def draw_series(
     """Draw fields that `read_series` has read of a recording for the same time. See `draw`."""
     from matplotlib.figure import Figure as NewFigure
 
-    panels = list(_panels(series))
+    series = list(series)
+    low = start or _begin_of(series)
+    panels = list(_panels(each.since(low) for each in series))
     heights = [_height(panel) for panel in panels]
     figure = figure or NewFigure()
     figure.set_size_inches(_WIDTH, sum(heights) + _MARGIN)
@@ -209,8 +232,8 @@ def draw_series(
     grid = figure.subplots(len(panels), 1, sharex=True, squeeze=False, gridspec_kw={"height_ratios": heights})
     every: list[Axes] = list(grid[:, 0])
     modes = read_modes(log, start=start, stop=stop)
-    low = min(each.start for panel in panels for each in panel)
-    high = max(each.end for panel in panels for each in panel)
+    modes = modes and modes.since(low)
+    high = max(each.end for each in series)
     for axes, panel in zip(every, panels, strict=True):
         if panel[0].is_named:
             _draw_bands(axes, panel[0])
@@ -274,6 +297,16 @@ def parse_path(log: Log, path: str) -> tuple[Topic, str]:
     return log.topic(found["topic"], None if instance is None else int(instance)), found["field"]
 
 
+def _begin_of(series: Iterable[Series]) -> float:
+    """Return the time in s at which a picture begins: the start of the recording, unless all samples are older."""
+    is_older = all(each.times[-1] < 0 for each in series)
+    return min(float(each.times[0]) for each in series) if is_older else 0.0
+
+
+def _unsigned(values: NDArray[Any]) -> NDArray[Any]:
+    return values.view(values.dtype.str.replace("i", "u"))
+
+
 def _panels(series: Iterable[Series]) -> Iterator[list[Series]]:
     """Yield the series of each panel: one with names, or all of one unit, in the order of the first of each.
 
@@ -300,10 +333,12 @@ def _draw_lines(axes: Axes, panel: Sequence[Series]) -> None:
         kept = thinned(each.times, values)
         count = np.count_nonzero(np.isfinite(values))
         label = each.label if count else f"{each.label} (never a finite number)"
-        style = "steps-post" if each.values.dtype.kind in "iu" else "default"
+        style = "steps-post" if each.is_held else "default"
         marker = "." if count == 1 else ""  # a line of one sample cannot be seen
         axes.plot(each.times[kept], values[kept], label=label, lw=0.9, drawstyle=style, marker=marker)
     axes.set_ylabel(f"[{panel[0].unit}]" if panel[0].unit else "")
+    exponent = axes.yaxis.get_offset_text()
+    exponent.set(horizontalalignment="right", fontsize="x-small")  # the names of flight modes are to the right of it
     axes.margins(x=0)
     axes.grid(visible=True, alpha=0.3)
     _draw_legend(axes, panel)
@@ -342,12 +377,11 @@ def _draw_modes(axes: Axes, modes: Series, low: float, high: float, *, is_top: b
     for band in modes.bands:
         for begin, end in band.spans:
             axes.axvspan(begin, end, color=colours[band.name], alpha=0.25, lw=0, zorder=0, label=f"_{band.name}")
-            shown = max(begin, low)
-            is_seen = (min(end, high) - shown) * _PIXELS > high - low
+            is_seen = (min(end, high) - begin) * _PIXELS > high - low
             if is_top and is_seen and changes <= _MOST_NAMES:
                 style: dict[str, Any] = {"rotation": 30, "fontsize": "x-small", "ha": "left", "va": "bottom"}
                 place: dict[str, Any] = {"xycoords": ("data", "axes fraction"), "textcoords": "offset points"}
-                axes.annotate(band.name, (shown, 1.0), (1, 2), annotation_clip=True, **place, **style)
+                axes.annotate(band.name, (begin, 1.0), (1, 2), annotation_clip=True, **place, **style)
     if is_top and changes > _MOST_NAMES:
         from matplotlib.patches import Patch
 

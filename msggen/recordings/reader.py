@@ -13,8 +13,19 @@ from msggen.recordings.decode.decoder import Decoder
 from msggen.recordings.decode.left_out import LeftOut
 from msggen.recordings.decode.schemas import SchemaError
 from msggen.recordings.definitions.lent import Lender, Lent, lend
+from msggen.recordings.origin import firmware_of
 from msggen.recordings.payloads import in_order, merged
-from msggen.recordings.source import Attached, Channel, Checksums, Part, Problem, RecordingError, Source
+from msggen.recordings.source import (
+    NO_FACTS,
+    Attached,
+    Channel,
+    Checksums,
+    Facts,
+    Part,
+    Problem,
+    RecordingError,
+    Source,
+)
 from msggen.recordings.topics import topics_of
 
 if TYPE_CHECKING:
@@ -87,7 +98,12 @@ class Reader:
             for number, source in enumerate(self.sources)
             for channel in source.channels.values()
         ]
-        return topics_of(channels, self._times)
+        return topics_of(channels, self._times, firmware_of(self.facts.information).release)
+
+    @cached_property
+    def facts(self) -> Facts:
+        """What only a ULog has, and an MCAP file made of one."""
+        return next((source.facts for source in self.sources if source.facts is not NO_FACTS), NO_FACTS)
 
     @cached_property
     def lent(self) -> Lent:

@@ -37,10 +37,10 @@ _LARGE_PAGE = 2 << 20
 
 
 def large_empty(size: int) -> Octets:
-    """Return `size` bytes of new memory, which begin with a page if they fill several large ones.
+    """Return `size` bytes of new memory. If they fill several large pages, they begin at the start of one.
 
-    A system gives large pages only where they fit. The first write to new memory takes several times as long with
-    small pages, in all as long as all other steps together.
+    A system gives large pages only where whole ones fit. Writing to new memory for the first time takes several times
+    as long with small pages.
     """
     if size < 2 * _LARGE_PAGE:  # numpy asks for large pages from here on
         return np.empty(size, np.uint8)

@@ -48,6 +48,8 @@ class Topic:
     """Returns the log times of all samples in ns. None for the topic of `Samples`, which does not keep the log."""
     is_lent: bool = False
     """Whether `definition` is not in the recording, but taken from elsewhere: `Log.notes` tells from where."""
+    firmware: str = ""
+    """The version of the firmware that the recording tells: `v1.16.0`. Only a ULog does; otherwise ""."""
 
     @property
     def recorded_definition(self) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 if TYPE_CHECKING:
@@ -199,6 +200,11 @@ class Dropout(NamedTuple):
     """In ns."""
 
 
+def _is_same(value: float, other: float) -> bool:
+    """Whether two values of a parameter are the same. NaN is the same as NaN."""
+    return value == other or (value != value and other != other)  # noqa: PLR0124 - true for NaN alone
+
+
 class Facts(NamedTuple):
     """What only a ULog has beside its topics, and an MCAP file that was made of one."""
 
@@ -207,7 +213,7 @@ class Facts(NamedTuple):
     changed_parameters: Sequence[tuple[int, str, int | float]]
     """Times in ns, names and values of parameters that changed later."""
     default_parameters: Mapping[str, int | float]
-    """The defaults of the firmware and the airframe, as far as the log has them."""
+    """The defaults of the firmware that differ from the parameters at the start."""
     information: Mapping[str, object]
     """Such as `sys_name`, `ver_sw`: text, numbers, tuples, bytes; what has several parts is a list of lists of them."""
     texts: Sequence[Text]
@@ -216,15 +222,27 @@ class Facts(NamedTuple):
     """The log time in ns at which the recording starts: some samples are older. None if it does not tell."""
     boot: int | None = None
     """When the vehicle started, in ns since 1970, if that was added to the times in the ULog."""
+    airframe_defaults: Mapping[str, int | float] = MappingProxyType({})
+    """The defaults of the airframe that differ from the parameters at the start."""
 
     @property
-    def other_defaults(self) -> Mapping[str, int | float]:
-        """The defaults of the parameters that had another value at the start."""
-        return {
-            name: default
-            for name, default in self.default_parameters.items()
-            if self.parameters.get(name, default) != default
-        }
+    def has_defaults(self) -> bool:
+        """Whether the log has defaults. Older firmware does not write them."""
+        return bool(self.default_parameters or self.airframe_defaults)
+
+    @property
+    def tuned(self) -> Mapping[str, int | float]:
+        """The defaults of the airframe, of the parameters that had other values at the start."""
+        return self._others(self.airframe_defaults)
+
+    @property
+    def configured(self) -> Mapping[str, int | float]:
+        """The defaults of the firmware, of the parameters that had other values at the start."""
+        return self._others(self.default_parameters)
+
+    def _others(self, defaults: Mapping[str, int | float]) -> Mapping[str, int | float]:
+        own = self.parameters
+        return {name: value for name, value in defaults.items() if name in own and not _is_same(own[name], value)}
 
 
 NO_FACTS = Facts({}, (), {}, {}, (), ())

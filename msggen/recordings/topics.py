@@ -33,7 +33,7 @@ _BRIDGE = re.compile(r"/(?:.+/)?fmu/(?:in|out)/([^/]+)")
 
 
 def topics_of(
-    channels: Iterable[tuple[int, Channel]], read_times: Callable[[Channels], NDArray[np.int64]]
+    channels: Iterable[tuple[int, Channel]], read_times: Callable[[Channels], NDArray[np.int64]], firmware: str
 ) -> tuple[Topic, ...]:
     """Return the topics, by name and instance. `read_times` returns the log times of some channels.
 
@@ -57,6 +57,7 @@ def topics_of(
                     channels=tuple(same),
                     read_times=lambda same=same: read_times(same),  # type: ignore[misc]
                     is_lent=any(channel.is_lent for _, channel in same),
+                    firmware=firmware,
                 )
             )
     return tuple(found)

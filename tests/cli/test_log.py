@@ -19,6 +19,7 @@ from msggen import recordings
 from msggen.cli import main, parser_for
 from msggen.live.sim import Options, Simulator
 from msggen.recordings.live.writer import Writer
+from msggen.recordings.reader import Reader
 from support.flights import TOPICS, write_flight
 from support.log_files import Written, write_log
 from support.ports import free_port
@@ -204,7 +205,9 @@ def test_show_prints_samples_as_topic_echo_does(px4_types: Any, here: Path, caps
         assert run("show", "small.mcap", name) == 0
         assert capsys.readouterr().out == f"# 0.000000 s\n{text_writer(type(each))(each)}\n---\n"
         assert run("show", "small.mcap", name, "--json") == 0
-        assert json.loads(capsys.readouterr().out) == json.loads(json_writer(type(each))(each))
+        time, *values = json.loads(capsys.readouterr().out).items()
+        assert time[0] == "time"
+        assert dict(values) == json.loads(json_writer(type(each))(each))
 
 
 def test_show_chooses_samples_and_fields(capsys: pytest.CaptureFixture[str]) -> None:
@@ -216,10 +219,18 @@ def test_show_chooses_samples_and_fields(capsys: pytest.CaptureFixture[str]) -> 
     assert capsys.readouterr().out == "".join(times)
     assert run(*words, "--json") == 0
     found = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
-    assert found == [{"timestamp": 2_000_000 + index * 10_000} for index in range(3)]
+    start = found[0]["time"]
+    assert found == [
+        {"time": pytest.approx(start + index / 100), "timestamp": 2_000_000 + index * 10_000} for index in range(3)
+    ]
     assert run("show", "flight.mcap", "texts", "--count", "2", "--json") == 0
     found = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
-    assert found[1] == {"name": "name 1 ü", "values": [0.5], "points": [{"x": 1.5, "label": "label"}]}
+    assert found[1] == {
+        "time": pytest.approx(0.01, abs=1e-3),
+        "name": "name 1 ü",
+        "values": [0.5],
+        "points": [{"x": 1.5, "label": "label"}],
+    }
 
 
 @pytest.fixture
@@ -275,7 +286,7 @@ def test_chosen_texts_are_shown_as_texts(here: Path, capsys: pytest.CaptureFixtu
     ]  # fmt: skip
     assert capsys.readouterr().out == "\n".join(["# 0.000000 s", *lines, "---", ""])
     assert run("show", "text.mcap", "a", "--json", "--field", "name", "--field", "parts[1].tag") == 0
-    assert json.loads(capsys.readouterr().out) == {"name": "hello", "parts[1].tag": "cde"}
+    assert json.loads(capsys.readouterr().out) == {"time": 0.0, "name": "hello", "parts[1].tag": "cde"}
     assert run("show", "text.mcap", "a", "--field", "name[1]") == 0
     assert "name[1]: 101\n" in capsys.readouterr().out
 
@@ -317,8 +328,8 @@ def test_parameters_are_compared_with_their_defaults(here: Path, capsys: pytest.
     writer = UlogWriter()
     for name, value in {"MC_A": 1.5, "MC_B": 2.5, "MC_C": 3.5}.items():
         writer.parameter(name, value)
-    writer.parameter("MC_A", 1.0, default=1)
-    writer.parameter("MC_B", 2.5, default=1)
+    writer.parameter("MC_A", 1.0, default=3)
+    writer.parameter("MC_B", 2.0, default=1)  # the airframe has another default than the firmware
     writer.format("a", "uint64_t timestamp;float x;")
     writer.subscribe(0, "a")
     for time in range(3):
@@ -330,11 +341,18 @@ def test_parameters_are_compared_with_their_defaults(here: Path, capsys: pytest.
     assert run("info", "tuned.ulg", "--json") == 0
     assert json.loads(capsys.readouterr().out)["parameters"] == {"count": 3, "not_default": 1, "changed": 1}
     assert run("show", "tuned.ulg", "--params", "--changed") == 0
-    assert [line.partition("  #")[0] for line in capsys.readouterr().out.splitlines()] == [
-        "MC_A: 1.5",
-        "MC_C: 3.5",
-        "MC_C: 4.5",
-    ]
+    changed = ["MC_A: 1.5  # default 1", "MC_C: 3.5", "MC_C: 4.5  # from 0.000000 s on"]
+    assert capsys.readouterr().out.splitlines() == changed
+    assert run("show", "tuned.ulg", "--params") == 0
+    airframe = "MC_B: 2.5  # default of the airframe; of the firmware 2"
+    assert capsys.readouterr().out.splitlines() == [changed[0], airframe, *changed[1:]]
+    assert run("show", "tuned.ulg", "--params", "mc_b", "--json") == 0
+    found = {"name": "MC_B", "value": 2.5, "default": 2.5, "firmware_default": 2.0}
+    assert json.loads(capsys.readouterr().out) == found
+    assert run("show", "tuned.ulg", "--params", "mc_b", "--changed") == 1
+    assert capsys.readouterr().err == (
+        "tuned.ulg: of the parameters that were asked for, none changed, and all have their defaults\n"
+    )
 
 
 @pytest.mark.parametrize("name", ["sensor_gps[1]", "sensor_gps_1", "SensorGps[1]", "sensor_gps 1"])
@@ -421,14 +439,23 @@ def test_repair_keeps_every_whole_sample(here: Path, broken: str, capsys: pytest
         ("info .", "has several recordings and no metadata.yaml: name one of 'flight.mcap', 'flight.ulg'"),
         ("info none", "none: R102 is not a recording: a folder without metadata.yaml, *.mcap and *.db3\n"),
         ("plot flight.mcap esc_status.esc_count -o no/a.svg", "no/a.svg: R101 there is no folder 'no': create it firs"),
-        ("info flight.mcap flight.ulg", "flight.ulg is another file: msggen log info reads one recording; a folder"),
-        ("plot flight.mcap flight.ulg", "flight.ulg is another file: msggen log plot reads one recording; a folder"),
-        ("convert flight.mcap flight.ulg", "flight.ulg is another file: msggen log convert reads one recording"),
+        (
+            "info flight.mcap flight.ulg",
+            "flight.ulg is another file: msggen log info reads one recording: run it for each file",
+        ),
+        (
+            "plot flight.mcap flight.ulg",
+            "flight.ulg is another file: msggen log plot reads one recording: run it for each file",
+        ),
+        (
+            "convert flight.mcap flight.ulg",
+            "flight.ulg is another file: msggen log convert reads one recording: `msggen log convert FOLDER -o FLEET`",
+        ),
         ("show flight.mcap esc_status --changed", "argument --changed: only with --params"),
         ("show flight.mcap esc_statsu", "no topic is called 'esc_statsu', did you mean 'esc_status'?"),
         (
             "show flight.mcap esc_status --field esc_cuont",
-            "did you mean 'esc_count'?: `msggen log info flight.mcap TOPIC` li",
+            "did you mean 'esc_count'? `msggen log info flight.mcap TOPIC` lis",
         ),
         ("show flight.mcap", "expected one of TOPIC, --params and --texts"),
         (
@@ -444,6 +471,7 @@ def test_repair_keeps_every_whole_sample(here: Path, broken: str, capsys: pytest
             "convert flight.mcap esc_statsu",
             "argument TOPIC: no topic is called 'esc_statsu', did you mean 'esc_status'?",
         ),
+        ("convert flight.mcap copy.mcap", "no topic is called 'copy.mcap': name what to write with -o copy.mcap"),
         ("convert flight.mcap --field tmestamp", "did you mean 'timestamp'?"),
         ("convert flight.mcap --format parkett", "did you mean 'parquet'?"),
         ("convert flight.mcap --format mcap", "flight.mcap: R101 there is such a file or folder already"),
@@ -454,6 +482,20 @@ def test_repair_keeps_every_whole_sample(here: Path, broken: str, capsys: pytest
         ("cut flight.mcap --start 2 --stop 1", "argument --stop: 1 is not after --start 2"),
         ("cut flight.mcap --start soon", "argument --start: expected a time in s of 0 or more"),
         ("merge flight.mcap", "expected several recordings, found one"),
+        (
+            "merge flight.mcap flight.ulg ./flight.mcap",
+            "flight.mcap is named twice: its samples would be written twice",
+        ),
+        (
+            "show flight.ulg error --texts",
+            "argument TOPIC: not with --texts, which prints all lines of the log, found 'e",
+        ),
+        ("show flight.ulg --texts --params", "argument --texts: not with --params"),
+        (
+            "show flight.ulg esc_status --start 1795406390",
+            "expected a time in s of 0 or more and up to 1000000000, found",
+        ),
+        ("info flight.ulg sensor_gps flight.mcap", "msggen log info reads one recording: run it for each file"),
         ("convert flight.mcap -o a.csv", "-o/--output: a folder is written: --format csv -o a\n"),
         ("convert flight.mcap -o a.CSV", "-o/--output: a folder is written: --format csv -o a\n"),
         ("convert flight.mcap -o a.parquet", "-o/--output: a folder is written: --format parquet -o a\n"),
@@ -483,7 +525,7 @@ def test_errors_tell_what_to_do(words: str, expected: str, here: Path, capsys: p
 
 def test_check_suggests_recordings(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", "flihgt.mcap", "v1.18"]) == 2
-    assert "flihgt.mcap: S101 no such folder, did you mean 'flight.mcap'?" in capsys.readouterr().err
+    assert "flihgt.mcap: S101 no such file, did you mean 'flight.mcap'?" in capsys.readouterr().err
 
 
 def test_the_help_lists_the_exit_codes(capsys: pytest.CaptureFixture[str]) -> None:
@@ -510,6 +552,16 @@ def test_a_bar_shows_that_a_recording_is_read(
         found: recordings.Log = opens(path)
         return found
 
+    def times(topic: recordings.Topic, channels: Any, reads: Any = Reader._times) -> Any:
+        sleep(0.3)
+        return reads(topic, channels)
+
+    def parts(*arguments: Any, reads: Any = Reader._parts) -> Any:
+        sleep(0.3)
+        return reads(*arguments)
+
+    monkeypatch.setattr(Reader, "_times", times)
+    monkeypatch.setattr(Reader, "_parts", parts)
     monkeypatch.setattr(recordings, "open", opened)
     monkeypatch.setattr("msggen.cli.log.progress._PATIENCE", 0.01)
     monkeypatch.setenv("TERM", "xterm")
@@ -517,7 +569,9 @@ def test_a_bar_shows_that_a_recording_is_read(
     assert capsys.readouterr().err == ""
     monkeypatch.setattr("sys.stderr.isatty", lambda: True)
     assert run(*shlex.split(words)) == 0
-    assert "opening flight.ulg" in capsys.readouterr().err
+    printed = capsys.readouterr().err
+    assert "opening flight.ulg" in printed
+    assert "reading flight.ulg" in printed
 
 
 # --- the page

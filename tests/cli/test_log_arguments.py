@@ -20,7 +20,7 @@ from support.ulog import UlogWriter, write_ulog
 @pytest.fixture(autouse=True)
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
-    write_ulog(tmp_path / "flight.ulg")
+    write_ulog(tmp_path / "flight.ulg", version=0x011000FF)
     return tmp_path
 
 
@@ -88,7 +88,10 @@ def test_a_topic_with_a_dot_in_its_name_is_a_topic(here: Path, capsys: pytest.Ca
         ("show flight.ulg", "`msggen log info flight.ulg` lists the topics\n"),
         ("show flight.ulg sensor_gps.fix_typ", "no field is called 'fix_typ', did you mean 'fix_type'?"),
         ("show flight.ulg sensor_gbs.fix_type", "no topic is called 'sensor_gbs', did you mean 'sensor_gps'?"),
-        ("show flight.ulg 'sensor_gps[1].fix_type' --instance 0", "argument --instance: sensor_gps[1] is another one"),
+        (
+            "show flight.ulg 'sensor_gps[1].fix_type' --instance 0",
+            "argument --instance: 0 contradicts sensor_gps[1]: give one of them",
+        ),
         ("info flight.ulg sensor_gbs", "no topic is called 'sensor_gbs', did you mean 'sensor_gps'?"),
     ],
 )
@@ -212,7 +215,8 @@ def no_constant(name: str) -> float:
         ("cut {} esc_status -o a.mcap", DONE),
         ("cut {} esc_status --start 90 -o a.mcap", FINDINGS),
         ("cut {}", FAILED),
-        ("merge {} {} -o a.mcap", None),
+        ("merge {} {} -o a.mcap", FAILED),
+        ("merge flight.ulg flight.mcap -o a.mcap", None),
         ("merge {} nothing.ulg -o a.mcap", FAILED),
         ("merge {}", FAILED),
         ("repair {} -o a.mcap", DONE),

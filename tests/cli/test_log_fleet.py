@@ -147,11 +147,14 @@ def test_json(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
         (["logs", "--by", "date,date"], "argument --by: expected"),
         (["logs", "--jobs", "0"], "argument --jobs: expected a number from 1 to 1024, found '0'"),
         (["logs", "--jobs", "2", "--dask", "tcp://127.0.0.1:9"], "argument --jobs: the cluster of --dask has its own"),
-        (["logs", "battery_status"], "argument TOPIC: not for a folder of recordings"),
-        (["logs", "--format", "csv"], "argument --format: not for a folder of recordings"),
+        (["logs", "battery_status"], "argument TOPIC: a folder of recordings becomes Parquet as a whole: leave it out"),
+        (
+            ["logs", "--format", "csv"],
+            "argument --format: a folder of recordings becomes Parquet as a whole: leave it out",
+        ),
         (["logs", "-o", "all.parquet"], "argument -o/--output: a folder is written: -o all\n"),
         (["empty"], "empty: R150 there is no recording in this folder"),
-        (["logs", "-o", "fleet_of_dates"], "logs: R150 this fleet is by 'date', not by 'vehicle,date'"),
+        (["logs", "-o", "fleet_of_dates"], "fleet_of_dates: R150 this fleet is by 'date', not by 'vehicle,date'"),
     ],
 )
 def test_errors(words: Sequence[str], error: str, here: Path, capsys: pytest.CaptureFixture[str]) -> None:

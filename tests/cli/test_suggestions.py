@@ -87,6 +87,13 @@ def test_the_words_of_other_programs_have_hints(line: str, hint: str, capsys: Ca
     assert f"unknown argument {hint}" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(("line", "meant"), [("info flight.ulg", "log info"), ("echo vehicle_status", "topic echo")])
+def test_an_action_without_its_command_has_a_hint(line: str, meant: str, capsys: Capture) -> None:
+    with pytest.raises(SystemExit):
+        main(line.split())
+    assert f", did you mean '{meant}'?" in capsys.readouterr().err
+
+
 @pytest.mark.tools("git")
 def test_the_embedded_release_is_suggested_for_a_patch_release(tree: Path, capsys: Capture) -> None:
     def said(against: str) -> str:

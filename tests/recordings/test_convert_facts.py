@@ -21,9 +21,9 @@ from support.ulog import UTC, UlogWriter
 START = 2_000_000
 """The start of the log, and the time of its first sample, in us."""
 PARAMETERS = [
-    (START, "MC_A", 1.5, 1.0),
-    (START, "MC_B", 7.0, 7.0),  # its default is not in the log
-    (START + 1_000_000, "MC_A", 1.25, 1.0),
+    (START, "MC_A", 1.5, 1.0, 0.5),
+    (START, "MC_B", 7.0, 7.0, 7.0),  # its defaults are not in the log
+    (START + 1_000_000, "MC_A", 1.25, 1.0, 0.5),
 ]
 TEXTS = [(START + 500_000, "warning", "first", None), (START + 1_500_000, "info", "second é", 7)]
 DROPOUTS = [(START + 1_000_000, 0.012)]
@@ -34,7 +34,8 @@ def ulog(tmp_path: Path) -> Path:
     writer = UlogWriter(start=START)
     writer.parameter("MC_A", 1.5)
     writer.parameter("MC_B", 7)
-    writer.parameter("MC_A", 1.0, default=1)
+    writer.parameter("MC_A", 0.5, default=1)
+    writer.parameter("MC_A", 1.0, default=2)
     writer.format(
         "vehicle_gps_position", "uint64_t timestamp;uint64_t time_utc_usec;uint8_t fix_type;uint8_t[7] _padding0"
     )
@@ -81,7 +82,10 @@ def test_an_mcap_file_made_of_a_ulog_has_the_same_tables(ulog: Path, tmp_path: P
 def test_a_part_has_the_parameters_at_its_start(ulog: Path, tmp_path: Path) -> None:
     found = tables(ulog, tmp_path / "part", start=1.2)
     begin = START + 1_200_000
-    assert found["ulog_parameters"] == [(begin, "MC_A", 1.25, 1.0), (begin, "MC_B", 7.0, 7.0)]
+    assert found["ulog_parameters"] == [
+        (begin, "MC_A", 1.25, 1.0, 0.5),
+        (begin, "MC_B", 7.0, 7.0, 7.0),
+    ]
     assert found["ulog_texts"] == TEXTS[1:]
     assert "ulog_dropouts" not in found
 
@@ -89,6 +93,20 @@ def test_a_part_has_the_parameters_at_its_start(ulog: Path, tmp_path: Path) -> N
 @pytest.mark.parametrize("options", [{"topics": ["vehicle_gps_position"]}, {"fields": ["fix_type"]}])
 def test_chosen_topics_and_fields_are_written_alone(ulog: Path, tmp_path: Path, options: dict[str, Any]) -> None:
     assert tables(ulog, tmp_path / "some", **options) == {}
+
+
+def test_a_parameter_that_changes_before_the_start_has_its_new_value_then(tmp_path: Path) -> None:
+    writer = UlogWriter(start=START)
+    writer.parameter("MC_A", 1.5)
+    writer.format("a", "uint64_t timestamp;float x;")
+    writer.subscribe(0, "a")
+    writer.sample(0, struct.pack("<Qf", START - 500_000, 1.0))
+    writer.parameter("MC_A", 2.5)
+    writer.sample(0, struct.pack("<Qf", START + 500_000, 1.0))
+    with recordings.open(writer.write(tmp_path / "early.ulg")) as log:
+        convert(log, str(tmp_path / "tables"), format="parquet")
+    table = read_table(tmp_path / "tables" / "ulog_parameters.parquet")
+    assert (table["timestamp"].to_pylist(), table["value"].to_pylist()) == ([START], [2.5])
 
 
 def test_other_formats_have_the_same_rows(ulog: Path, tmp_path: Path) -> None:

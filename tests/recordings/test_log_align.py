@@ -16,6 +16,7 @@ from msggen.recordings import Log, RecordingError
 from msggen.recordings.align import Direction, partners
 from msggen.recordings.columns.arrays import columns_of
 from support.log_files import Written, write_log
+from support.ulog import write_ulog
 
 START = 1_790_000_000_000_000_000
 TIMES = st.lists(st.one_of(st.integers(0, 30), st.integers(0, (1 << 62))), max_size=20)
@@ -115,6 +116,29 @@ def test_fields_are_chosen(log: Log) -> None:
         found.choose(["vehicle_attitud.q"])
     with pytest.raises(RecordingError, match=re.escape("no field is called 'w'")):
         found.choose(["vehicle_attitude.w"])
+
+
+@pytest.mark.parametrize(
+    ("name", "column"),
+    [
+        ("sensor_gps", "sensor_gps"),
+        ("SensorGps", "sensor_gps"),
+        ("px4_msgs/msg/SensorGps", "sensor_gps"),
+        ("/fmu/out/sensor_gps", "sensor_gps"),
+        ("sensor_gps[1]", "sensor_gps_1"),
+        ("sensor_gps_1", "sensor_gps_1"),
+        ("sensor_gps 1", "sensor_gps_1"),
+        ("SensorGps[1]", "sensor_gps_1"),
+    ],
+)
+def test_fields_are_chosen_by_the_names_by_which_topics_are_aligned(name: str, column: str, tmp_path: Path) -> None:
+    with recordings.open(write_ulog(tmp_path / "a.ulg")) as log:
+        other = "sensor_gps" if column == "sensor_gps_1" else "sensor_gps[1]"
+        found = log.align(name, other, tolerance=1)
+        assert list(found.choose([f"{name}.fix_type"]).columns()) == ["time", f"{column}.fix_type"]
+        assert found.choose([name]).samples.keys() == {column}
+        with pytest.raises(RecordingError, match="'sensor_gps' has no instance 2"):
+            found.choose(["sensor_gps[2].fix_type"])
 
 
 @pytest.mark.parametrize("clock", ["log_time", "publish_time"])

@@ -43,6 +43,7 @@ facts = st.builds(
     parameters=parameters,
     changed_parameters=st.lists(st.tuples(times, st.text(), numbers), max_size=20),
     default_parameters=parameters,
+    airframe_defaults=parameters,
     information=st.dictionaries(st.text(), values | parts),
     texts=st.lists(texts, max_size=20),
     dropouts=st.lists(st.builds(Dropout, times, times), max_size=20),

@@ -253,6 +253,30 @@ def test_damaged_files_are_read_or_refused_and_nothing_is_silent(way: str, px4_t
     assert refused < 20
 
 
+def test_a_message_that_an_index_has_twice_is_read_once(tmp_path: Path) -> None:
+    """And the one that it lacks is found, also if the channels do not overlap in time."""
+    path = tmp_path / "twice.mcap"
+    with path.open("wb") as file:
+        writer = McapWriter(file, compression=CompressionType.NONE)
+        writer.start()
+        schema = writer.register_schema("px4_msgs/msg/A", "ros2msg", b"uint64 timestamp\n")
+        for name in ("/a", "/b"):
+            channel = writer.register_channel(name, "cdr", schema)
+            for time in (1, 2, 3):
+                writer.add_message(channel, time, b"\0\1\0\0" + struct.pack("<Q", time), time)
+        writer.finish()
+    data = bytearray(path.read_bytes())
+    first = next(start for opcode, start in records_of(data) if opcode == 7)
+    data[first + 15 + 16 : first + 15 + 32] = data[first + 15 : first + 15 + 16]
+    path.write_bytes(data)
+    with open_log(path) as log:
+        assert {name: samples.array["timestamp"].tolist() for name, samples in log.load().items()} == {
+            "/a": [1, 2, 3],
+            "/b": [1, 2, 3],
+        }
+        assert problems_of(log)
+
+
 def records_of(data: bytes | bytearray) -> Iterator[tuple[int, int]]:
     """Yield the opcodes and the offsets of the records outside of chunks."""
     place = 8

@@ -265,14 +265,15 @@ def test_what_a_log_has_beside_its_samples(tmp_path: Path) -> None:
     writer.parameter("MPC_Z_P", 1.75, default=2)
     writer.subscribe(0, "vehicle_attitude")
     writer.sample(0, attitude(1000))
-    writer.text(4, 1500, "low battery")
+    writer.text(4, 1500, "low battery\t")  # as PX4 writes it if there is an event, too
     writer.text(6, 1600, "tagged", tag=3)
     writer.sample(0, attitude(2000))
     writer.dropout(25)
     writer.parameter("MPC_XY_P", 1.5)
     with recordings.open(writer.write(tmp_path / "a.ulg")) as log:
         assert log.parameters == {"SYS_AUTOSTART": 4001, "MPC_XY_P": 0.5}
-        assert log.facts.default_parameters == {"MPC_XY_P": 0.25, "MPC_Z_P": 1.75}
+        assert log.facts.default_parameters == {"MPC_XY_P": 0.25, "MPC_Z_P": 0.75}
+        assert log.facts.airframe_defaults == {"MPC_Z_P": 1.75}
         assert list(log.facts.changed_parameters) == [(2_000_000, "MPC_XY_P", 1.5)]
         assert list(log.texts) == [Text(1_500_000, "warning", "low battery"), Text(1_600_000, "info", "tagged", 3)]
         assert list(log.dropouts) == [Dropout(2_000_000, 25_000_000)]

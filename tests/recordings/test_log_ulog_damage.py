@@ -15,7 +15,7 @@ import pytest
 from msggen import recordings
 from msggen.recordings.files.ulog_messages import SYNC
 from msggen.recordings.log import Log
-from support.ulog import UlogWriter, flight
+from support.ulog import UTC, UlogWriter, flight
 
 NAMES = ["SensorCombined", "VehicleStatus", "EscStatus", "VehicleAttitude"]
 COUNT = 120
@@ -255,11 +255,38 @@ def test_times_beyond_all_limits(tmp_path: Path) -> None:
     writer = UlogWriter()
     writer.format("good", "uint64_t timestamp")
     writer.subscribe(0, "good")
-    for time in (0, (1 << 64) - 1, 5):
+    for time in (0, (1 << 64) - 1, (1 << 64) - 9):
         writer.sample(0, struct.pack("<Q", time))
     writer.text(9, (1 << 64) - 1, "late")
     with opened(bytes(writer.data), tmp_path / "a.ulg") as log:
         samples = log.samples("good")
         assert np.all(np.diff(samples.log_times) >= 0)
-        assert samples.array["timestamp"].tolist() == [0, 5, (1 << 64) - 1]
+        assert samples.array["timestamp"].tolist() == [0, (1 << 64) - 1, (1 << 64) - 9]
         assert log.texts[0].level == "unknown"
+
+
+@pytest.mark.parametrize("start", [0, 5_000_000])
+def test_samples_with_damaged_times_are_left_out(tmp_path: Path, start: int) -> None:
+    writer = UlogWriter(start=start)
+    writer.format("a", "uint64_t timestamp;float x")
+    writer.subscribe(0, "a")
+    for step in range(100):
+        time = 5_000_000 + step * 10_000
+        writer.sample(0, struct.pack("<Qf", time | 1 << 60 if step % 40 == 7 else time, step))
+    with recordings.open(writer.write(tmp_path / "noise.ulg")) as log:
+        assert log["a"]["x"].tolist() == [step for step in range(100) if step % 40 != 7]
+        assert log.end == (5_000_000 + 99 * 10_000) * 1000
+        (problem,) = log.problems
+        assert (problem.text, problem.samples) == ("times more than 30 days after the other samples", 3)
+        assert log.topic("a").count == 97
+
+
+def test_times_of_day_are_no_damage(tmp_path: Path) -> None:
+    """The clock of an old simulation counts from 1970, and the header of such a log can have the time 0."""
+    writer = UlogWriter(start=0)
+    writer.format("a", "uint64_t timestamp;float x")
+    writer.subscribe(0, "a")
+    for step in range(10):
+        writer.sample(0, struct.pack("<Qf", UTC + step, step))
+    with recordings.open(writer.write(tmp_path / "simulation.ulg")) as log:
+        assert (len(log["a"]), log.problems) == (10, [])

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 
 from msggen import recordings
 from msggen.recordings import plot
-from msggen.recordings.columns.annotations import Annotation, annotation_of, annotations_of
+from msggen.recordings.columns.annotations import Annotation
 from support.repository import ROOT
 from support.ulog import UlogWriter
 from support.written import write_recording
@@ -107,16 +107,6 @@ def test_the_flight_modes_are_the_background_of_all_panels(log: recordings.Log) 
     assert not figure.axes[1].texts
 
 
-def test_the_first_flight_mode_has_a_name_also_if_it_began_before_the_fields(tmp_path: Path, px4_types: Any) -> None:
-    samples = [("/fmu/out/vehicle_status_v4", time, px4_types.VehicleStatus(nav_state=4)) for time in (0.0, 1.0, 2.0)]
-    samples += [("/fmu/out/sensor_gps", 0.5 + step / 10, px4_types.SensorGps()) for step in range(10)]
-    with recordings.open(write_recording(tmp_path / "early.mcap", samples)) as log:
-        (axes,) = plot.draw(log, ["sensor_gps.eph"]).axes
-        (name,) = axes.texts
-        assert (name.get_text(), name.get_position()) == ("AUTO_LOITER", (1, 2))
-        assert name.xy == (0.5, 1.0)  # type: ignore[attr-defined]
-
-
 def test_fields_that_no_line_can_show_are_seen(tmp_path: Path, px4_types: Any) -> None:
     gps = px4_types.SensorGps(eph=NAN, epv=1.5)
     with recordings.open(write_recording(tmp_path / "one.mcap", [("/fmu/out/sensor_gps", 0.0, gps)])) as log:
@@ -164,19 +154,92 @@ def test_a_picture_ends_with_its_fields(tmp_path: Path, px4_types: Any) -> None:
         assert bands(status) == {"AUTO_LOITER": [(0, 3.4)]}
 
 
-def test_samples_long_before_the_start_are_left_out(tmp_path: Path) -> None:
-    """A topic that was published once has the time 0 in a log that counts since 1970."""
-    begin = 1_700_000_000_000_000
-    writer = UlogWriter(start=begin)
-    writer.format("wind", "uint64_t timestamp;float x")
-    writer.subscribe(0, "wind")
-    for time in (0, begin - 1_000_000, begin, begin + 2_000_000):
-        writer.sample(0, struct.pack("<Qf", time, 1.0))
-    with recordings.open(writer.write(tmp_path / "a.ulg")) as log:
-        (series,) = plot.read_series(log, ["wind.x"])
-        assert series.times.tolist() == [-1, 0, 2]
-        (whole,) = plot.read_series(log, ["wind.x"], start=0)
-        assert len(whole.times) == len(whole.values) == 4
+BEGIN = 1_700_000_000_000_000
+"""The start in us of a log that counts since 1970: a topic that was published once before has the time 0."""
+
+
+@pytest.fixture
+def older(tmp_path: Path) -> Iterator[recordings.Log]:
+    """A log with samples before its start: of `wind` and `actuator_armed` also later ones, of `airspeed` none."""
+    writer = UlogWriter(start=BEGIN)
+    topics = {
+        "wind": "float x",
+        "actuator_armed": "bool armed;uint8_t count",
+        "airspeed": "float x",
+        "vehicle_status": "uint8_t nav_state",
+    }
+    for number, (name, fields) in enumerate(topics.items()):
+        writer.format(name, f"uint64_t timestamp;{fields}")
+        writer.subscribe(number, name)
+    for time in (0, BEGIN - 46_000_000, BEGIN + 1_000_000, BEGIN + 2_000_000):
+        writer.sample(0, struct.pack("<Qf", time, 1.0 + (time > BEGIN)))
+    for time, is_armed in ((0, True), (BEGIN - 46_000_000, False), (BEGIN + 1_000_000, True)):
+        writer.sample(1, struct.pack("<Q?B", time, is_armed, 7 + is_armed))
+    writer.sample(2, struct.pack("<Qf", BEGIN - 5_000_000, 3.0))
+    for time, mode in ((BEGIN - 46_000_000, 4), (BEGIN + 1_000_000, 5)):
+        writer.sample(3, struct.pack("<QB", time, mode))
+    with recordings.open(writer.write(tmp_path / "older.ulg")) as log:
+        yield log
+
+
+@pytest.mark.parametrize("start", [None, 0])
+def test_a_picture_begins_at_the_start_of_the_recording(older: recordings.Log, start: float | None) -> None:
+    wind, armed, count = plot.draw(older, ["wind.x", "actuator_armed.armed", "actuator_armed.count"], start=start).axes
+    assert wind.get_xlim() == (0, 2)
+    (line,) = wind.get_lines()
+    assert line.get_xydata().tolist() == [[1, 2], [2, 2]]  # type: ignore[union-attr]
+    (line,) = count.get_lines()
+    assert line.get_xydata().tolist() == [[0, 7], [1, 8]]  # type: ignore[union-attr]
+    assert bands(armed)["false"] == [(0, 1)]
+    assert bands(armed)["true"][0][0] == 1
+
+
+def test_flight_modes_before_the_start_and_without_names(older: recordings.Log) -> None:
+    (axes,) = plot.draw(older, ["wind.x"]).axes
+    patches: list[Any] = list(axes.patches)
+    assert [(patch.get_label(), patch.get_x()) for patch in patches] == [("_nav_state 4", 0), ("_nav_state 5", 1)]
+    assert [name.get_text() for name in axes.texts] == ["nav_state 4", "nav_state 5"]
+    assert len({patch.get_facecolor() for patch in patches}) == 2
+
+
+def test_a_picture_of_older_samples_begins_with_them(older: recordings.Log) -> None:
+    (alone,) = plot.draw(older, ["airspeed.x"]).axes
+    assert alone.get_xlim() == (-5, -4)
+    assert alone.get_lines()[0].get_xydata().tolist() == [[-5, 3]]  # type: ignore[union-attr]
+    airspeed, _ = plot.draw(older, ["airspeed.x", "wind.x"]).axes
+    assert airspeed.get_xlim() == (0, 2)
+    assert airspeed.get_lines()[0].get_xydata().tolist() == [[0, 3]]  # type: ignore[union-attr]
+
+
+def test_an_exponent_covers_no_flight_mode(log: recordings.Log) -> None:
+    times = np.arange(100) / 10
+    series = plot.Series("a.b", times, 1e15 + times * 1e9, Annotation("us"), 10.0)
+    figure = plot.draw_series(log, [series])
+    plot.render(figure, "png")
+    (axes,) = figure.axes
+    exponent = axes.yaxis.get_offset_text()
+    assert exponent.get_text()
+    for name in axes.texts:
+        assert not name.get_window_extent().overlaps(exponent.get_window_extent())
+
+
+@given(
+    kind=st.sampled_from([f"{sign}{size}" for sign in "iu" for size in (1, 2, 4, 8)]),
+    named=st.sets(st.integers(0, 63)),
+    data=st.data(),
+)
+def test_each_bit_that_occurs_has_a_band(kind: str, named: set[int], data: st.DataObject) -> None:
+    width = 8 * np.dtype(kind).itemsize
+    bits = data.draw(st.lists(st.sets(st.integers(0, width - 1)), min_size=1, max_size=5))
+    values = np.array([sum(1 << bit for bit in each) for each in bits], f"u{width // 8}").view(kind)
+    about = Annotation(members={1 << bit: f"NAME_{bit}" for bit in named}, is_flags=True)
+    series = plot.Series("x", np.arange(len(values), dtype=float), values, about, float(len(values)))
+    occurring = sorted(set().union(*bits))
+    names = [f"NAME_{bit}" if bit in named else f"bit {bit}" for bit in occurring]
+    assert [band.name for band in series.bands] == names + ["none"] * (set() in bits)
+    for bit, band in zip(occurring, series.bands, strict=False):
+        held = sum(end - begin for begin, end in band.spans)
+        assert held == sum(bit in each for each in bits)
 
 
 @pytest.mark.parametrize(
@@ -213,8 +276,7 @@ def test_the_legend_covers_no_line(count: int, log: recordings.Log) -> None:
     names = ("x", "y", "z", "z_deriv", "delta_z", "dist_bottom", "delta_dist_bottom")
     times, values = np.arange(100) / 10, np.arange(100.0) % 10
     series = [
-        plot.Series(f"vehicle_local_position.{name}", times, values, Annotation("m"), 0.0, 10.0)
-        for name in names[:count]
+        plot.Series(f"vehicle_local_position.{name}", times, values, Annotation("m"), 10.0) for name in names[:count]
     ]
     figure = plot.draw_series(log, series)
     figure.canvas.draw()
@@ -309,45 +371,6 @@ def test_bands_closer_than_a_pixel_are_one() -> None:
     times = np.arange(100_000) / 1000
     values = np.arange(100_000) % 2 == 0
     values[50_000:60_000] = False
-    about = annotation_of("px4_msgs/msg/None", "", "x")
-    false, true = plot.Series("x", times, values, about, 0.0, 100.0).bands
+    false, true = plot.Series("x", times, values, Annotation(), 100.0).bands
     assert [np.round(span, 2).tolist() for span in true.spans] == [[0, 50], [60, 100]]
     assert [np.round(span, 2).tolist() for span in false.spans] == [[0, 100]]
-
-
-# What fields mean
-
-
-def test_units_come_from_the_recording_or_from_a_release() -> None:
-    own = annotations_of("px4_msgs/msg/VehicleLocalPosition", "float32 z # [ft] height\nfloat32 x\nfloat32 other")
-    assert {name: each.unit for name, each in own.items()} == {"z": "ft", "x": "m", "other": ""}
-    assert own["x"].frame == "NED"
-    foreign = annotations_of("my_msgs/msg/VehicleLocalPosition", "float32 z # [m] height\nfloat32 x")
-    assert {name: each.unit for name, each in foreign.items()} == {"z": "m", "x": ""}
-
-
-def test_names_of_values_without_constants_come_from_a_release(px4_types: Any) -> None:
-    definition = px4_types.VehicleStatus.__msg__.definition
-    bare = "\n".join(line for line in definition.splitlines() if "=" not in line)
-    own, embedded = (annotation_of("px4_msgs/msg/VehicleStatus", text, "nav_state") for text in (definition, bare))
-    assert own.members == embedded.members
-    assert own.members[14] == "OFFBOARD"
-
-
-def test_names_of_values_of_the_recording_have_priority() -> None:
-    text = "uint8 NAVIGATION_STATE_MANUAL = 3\nuint8 NAVIGATION_STATE_HOVER = 4\nuint8 nav_state"
-    found = annotation_of("px4_msgs/msg/VehicleStatus", text, "nav_state")
-    assert found.members == {3: "MANUAL", 4: "HOVER"}
-
-
-def test_flags_and_nested_fields(px4_types: Any) -> None:
-    esc = px4_types.EscStatus.__msg__
-    assert annotation_of(esc.ros_type, esc.definition, "esc[7].esc_rpm").unit == "rpm"
-    local = px4_types.VehicleLocalPosition.__msg__
-    flags = annotation_of(local.ros_type, local.definition, "dist_bottom_sensor_bitfield")
-    assert flags.is_flags
-    assert flags.members == {0: "NONE", 1: "RANGE", 2: "FLOW"}
-
-
-def test_definitions_that_cannot_be_read_have_no_annotations() -> None:
-    assert annotations_of("px4_msgs/msg/VehicleStatus", "nonsense[") == {}

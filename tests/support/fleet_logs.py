@@ -52,9 +52,9 @@ def flight(number: int, vehicle: str, utc: int, *, is_new: bool) -> UlogWriter:
     log.information("uint32_t ver_sw_release", struct.pack("<I", 0x011100FF))
     log.parameter("BAT1_N_CELLS", 4)
     log.parameter("MPC_Z_VEL_MAX_UP", 5.0 if is_new else 3.0)
-    log.parameter("BAT1_N_CELLS", 0, default=1)
+    log.parameter("BAT1_N_CELLS", 0, default=3)
     if is_new:
-        log.parameter("MPC_Z_VEL_MAX_UP", 3.0, default=1)
+        log.parameter("MPC_Z_VEL_MAX_UP", 3.0, default=3)
     topics = [("vehicle_local_position", 0), ("battery_status", 0), ("vehicle_status", 0), ("sensor_gps", 0)]
     topics += [("battery_status", 1)] * is_new
     for index, (topic, instance) in enumerate(topics):

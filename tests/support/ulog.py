@@ -189,13 +189,18 @@ def flight(px4_types: Any, names: Sequence[str], random: Random, *, count: int, 
     return writer
 
 
-def write_ulog(path: Path, *, is_timed: bool = True, seed: int = 1, count: int = COUNT) -> Path:
-    """Write a log of `TOPICS`, with nested messages, padding, a parameter, a text and a dropout."""
+def write_ulog(path: Path, *, is_timed: bool = True, seed: int = 1, count: int = COUNT, version: int = 0) -> Path:
+    """Write a log of `TOPICS`, with nested messages, padding, a parameter, a text and a dropout.
+
+    `version` is that of the firmware: 0x011000FF for v1.16.0.
+    """
     chance = Random(seed)  # noqa: S311 - no secret
     writer = UlogWriter()
     for name, fields in _FORMATS.items():
         writer.format(name, fields)
     writer.information("char[3] sys_name", b"PX4")
+    if version:
+        writer.information("uint32_t ver_sw_release", struct.pack("<I", version))
     writer.parameter("MC_P", 6.5)
     for number, (name, instance) in enumerate(TOPICS):
         writer.subscribe(number, name, instance)

@@ -19,6 +19,10 @@ CODES = f"Exit codes: 0 done, 1 something cannot be read, or there is nothing of
 KINDS = "an MCAP file, a ULog, or a folder or database of rosbag2"
 
 
+_WRITTEN = (".mcap", ".parquet", ".arrow", ".csv", ".db3", ".ulg")
+"""The endings of what is written."""
+
+
 def add_file(parser: argparse.ArgumentParser) -> None:
     """Add the recording to read."""
     parser.add_argument("file", metavar="FILE", type=non_empty, help=f"recording: {KINDS}")
@@ -40,7 +44,10 @@ def add_topics(parser: argparse.ArgumentParser) -> None:
 def add_times(parser: argparse.ArgumentParser) -> None:
     """Add the options that choose a time."""
     parser.add_argument(
-        "--start", metavar="SECONDS", type=non_empty, help="begin so long after the start of the recording"
+        "--start",
+        metavar="SECONDS",
+        type=non_empty,
+        help="begin so long after the start of the recording; 0 includes older samples",
     )
     parser.add_argument(
         "--stop", metavar="SECONDS", type=non_empty, help="end before this time after the start of the recording"
@@ -91,7 +98,10 @@ def chosen_topics(options: argparse.Namespace, log: Log) -> Sequence[Topic] | No
     for word in options.topics:
         if any(takes_instance(word, topic) for topic in log.topics):
             continue
+        refuse_files(options, log)
         problem = Choice([word]).problem([(topic.name, topic.ros_type) for topic in log.topics])
+        if word.lower().endswith(_WRITTEN):
+            options.parser.error(f"argument TOPIC: {problem}: name what to write with -o {word}")
         options.parser.error(f"argument TOPIC: {problem}: `msggen log info {log.path}` lists them")
     return [topic for topic in log.topics if any(takes_instance(word, topic) for word in options.topics)]
 
@@ -115,13 +125,15 @@ def _words(options: argparse.Namespace) -> list[str]:
 
 
 def refuse_files(options: argparse.Namespace, log: Log) -> None:
-    """End the process if a word behind the recording is a further file: most actions read one recording."""
+    """End the process if a word that names no topic is a further file: most actions read one recording."""
     if log.path != getattr(options, "file", None):
         return
-    found = next((word for word in _words(options) if os.path.isfile(word) and word not in log), None)
+    found = next((word for word in _words(options) if word not in log and os.path.isfile(word)), None)
     if found:
-        text = "a folder of recordings is read by `msggen log convert FOLDER -o FLEET --by vehicle,date`"
-        options.parser.error(f"{found} is another file: {options.parser.prog} reads one recording; {text}")
+        text = "run it for each file"
+        if options.parser.prog.endswith("convert"):
+            text = "`msggen log convert FOLDER -o FLEET` reads all below a folder"
+        options.parser.error(f"{found} is another file: {options.parser.prog} reads one recording: {text}")
 
 
 def swapped_hint(options: argparse.Namespace, path: str) -> str:

@@ -66,7 +66,7 @@ def _fields(topic: Topic, schema: Schema, message: Message, front: str) -> Itera
     indices = {ArrayKind.SCALAR: "", ArrayKind.FIXED: "[0]"}
     for field in message.fields:
         name = front + field.name
-        yield _Field(name, str(field.type), annotation_of(topic.ros_type, topic.definition, name))
+        yield _Field(name, str(field.type), annotation_of(topic, name))
         if not field.type.is_primitive:
             inner = f"{name}{indices.get(field.type.array, '[]')}."
             yield from _fields(topic, schema, schema.catalog.nested(message, field.type), inner)

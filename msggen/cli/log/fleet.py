@@ -80,7 +80,7 @@ def convert_fleet(options: argparse.Namespace) -> int:
     convert_values(options, {"jobs": whole(1, _MOST_JOBS)})
     for name, spelling in _SINGLE.items():
         if getattr(options, name) not in (None, []):
-            refuse(options, f"argument {spelling}: not for a folder of recordings, of which all is converted")
+            refuse(options, f"argument {spelling}: a folder of recordings becomes Parquet as a whole: leave it out")
     check_folder(options)
     fleet = options.output or _FLEET
     began = time.monotonic()
@@ -100,6 +100,7 @@ def _updated(options: argparse.Namespace, fleet: str) -> Summary:
         import pyarrow  # noqa: F401, ICN001
 
         from msggen.recordings.fleet import KEYS, update
+        from msggen.recordings.fleet.ledger import FleetError
         from msggen.recordings.fleet.run import pool_of
         from msggen.recordings.source import RecordingError
 
@@ -120,6 +121,8 @@ def _updated(options: argparse.Namespace, fleet: str) -> Summary:
         except KeyboardInterrupt:
             print("the same command goes on where this run was interrupted", file=sys.stderr)
             raise
+        except FleetError as error:
+            raise input_error(fleet, "R150", str(error), 0) from None
         except RecordingError as error:
             raise input_error(options.file, "R150", str(error), 0) from None
         except OSError as error:

@@ -27,7 +27,7 @@ from msggen.report.json import dump
 
 if TYPE_CHECKING:
     from msggen.recordings import Log, Topic
-    from msggen.recordings.source import Checksums
+    from msggen.recordings.source import Checksums, Facts
 
 _BAD = ("emergency", "alert", "critical", "error", "warning")
 """The levels of texts that are counted."""
@@ -59,17 +59,17 @@ def _info(options: argparse.Namespace) -> int:
     with opened(options, options.file) as log:
         with busy_bar(options, f"reading {options.file}"):
             checksums = _verify(log) if options.verify else None
-            _ = [topic.times for topic in log.topics]  # for rates and gaps
+            _ = [topic.times for topic in ([log.topic(options.topic)] if options.topic else log.topics)]
         if options.topic:
             _print_topic(options, log, log.topic(options.topic))
         elif options.json:
             made = _object(options.file, log)
             print(dump(made if checksums is None else {**made, "checksums": checksums._asdict()}))
         else:
+            print_problems(options, log.problems)
             for name, text in (*_rows(options.file, log), *_rows_on_contents(log, checksums)):
                 print(f"{name:<11} {printable(text)}")
             _print_topics(log)
-            print_problems(options, log.problems)
         return FINDINGS if log.problems else DONE
 
 
@@ -113,8 +113,8 @@ def _rows(path: str, log: Log) -> Iterator[tuple[str, str]]:
     yield "topics", f"{len(counts) - counts.count(0)}, {counted_samples(sum(counts))}{empty}"
     if log.has_facts:
         facts = log.facts
-        others = f", {len(facts.other_defaults)} not default" if facts.default_parameters else ""
-        yield "parameters", f"{len(facts.parameters)}{others}, {len(facts.changed_parameters)} changed later"
+        others = f", {len(facts.tuned)} not default" if facts.has_defaults else ""
+        yield "parameters", f"{len(facts.parameters)}{others}, {len(_changed(facts))} changed later"
         yield "texts", _texts([text.level for text in facts.texts])
         if "hardfault_plain" in facts.information:
             yield "hard fault", "the firmware crashed before this log: --json prints hardfault_plain"
@@ -125,6 +125,11 @@ def _rows(path: str, log: Log) -> Iterator[tuple[str, str]]:
             yield "information", counted(len(facts.information), "value") + f"{several}: --json prints all"
     for note in log.notes:
         yield "definitions", note
+
+
+def _changed(facts: Facts) -> set[str]:
+    """Return the parameters that changed during the log."""
+    return {name for _, name, _ in facts.changed_parameters}
 
 
 def _told(log: Log, *names: str, more: str = "") -> str:
@@ -266,8 +271,8 @@ def _object(path: str, log: Log) -> dict[str, Any]:
         made["information"] = dict(facts.information)
         made["parameters"] = {
             "count": len(facts.parameters),
-            "not_default": len(facts.other_defaults) if facts.default_parameters else None,
-            "changed": len(facts.changed_parameters),
+            "not_default": len(facts.tuned) if facts.has_defaults else None,
+            "changed": len(_changed(facts)),
         }
         made["texts"] = len(facts.texts)
         made["dropouts"] = [

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import os
+from collections import Counter
 from collections.abc import Iterable
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
@@ -37,6 +39,9 @@ def _merge(options: argparse.Namespace) -> int:
     target = options.output or "merged.mcap"
     if len(options.files) == 1:
         options.parser.error("expected several recordings, found one")
+    twice = [path for path, count in Counter(map(os.path.realpath, options.files)).items() if count > 1]
+    if twice:
+        options.parser.error(f"{os.path.relpath(twice[0])} is named twice: its samples would be written twice")
     with ExitStack() as stack:
         logs = [stack.enter_context(opened(options, path)) for path in options.files]
         from msggen.recordings.convert import join

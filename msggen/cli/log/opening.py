@@ -46,12 +46,12 @@ def opened(options: argparse.Namespace, path: str) -> Iterator[Log]:
         near = swapped_hint(options, path) or path_hint(path, is_meant=os.path.exists) if is_missing else ""
         raise input_error(path, "R102", f"cannot be read: {error.strerror}{near}", 0) from None
     with log:
-        refuse_files(options, log)
         try:
             yield log
         except UnknownFieldError as error:
-            options.parser.error(f"{error}: `msggen log info {path} TOPIC` lists them")
+            options.parser.error(f"{error} `msggen log info {path} TOPIC` lists the fields of a topic")
         except RecordingError as error:
+            refuse_files(options, log)
             options.parser.error(str(error))
 
 

@@ -14,7 +14,7 @@ from msggen.cli.options import Commands, add_command, add_shared, non_empty, ref
 from msggen.cli.packages import missing_extra
 from msggen.cli.printing import number_of_bytes
 from msggen.cli.record import check_parent
-from msggen.diagnostics import few
+from msggen.diagnostics import few, input_error
 from msggen.exit_codes import DONE, FINDINGS
 from msggen.recordings.paths import stem_of
 
@@ -107,8 +107,11 @@ def _write(options: argparse.Namespace, log: Log, series: Sequence[Series], endi
     from msggen.recordings import plot
 
     picture = plot.render(_drawn(options, log, series), ending)
-    with written_aside({os.path.abspath(options.output): picture}, flushed=False) as move_into_place:
-        move_into_place()
+    try:
+        with written_aside({os.path.abspath(options.output): picture}, flushed=False) as move_into_place:
+            move_into_place()
+    except OSError as error:
+        raise input_error(options.output, "R101", f"cannot be written: {error.strerror}", 0) from None
     if not options.quiet:
         print(f"{options.output}: {number_of_bytes(len(picture))}")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from fnmatch import fnmatchcase
@@ -20,6 +21,7 @@ from msggen.report.json import dump
 
 if TYPE_CHECKING:
     from msggen.recordings import Log, Samples, Topic
+    from msggen.recordings.source import Facts
 
 _MOST = 10**9
 _PIECE = 50_000
@@ -55,7 +57,7 @@ def add_to(actions: Commands) -> None:
     parser.add_argument(
         "--changed",
         action="store_true",
-        help="with --params, leave out those that have their default and keep it",
+        help="with --params, print only those that differ from the default of the airframe, or change during the log",
     )
     parser.add_argument("--texts", action="store_true", help="print the lines of the vehicle's log in a ULog")
     add_times(parser)
@@ -85,7 +87,7 @@ def _show(options: argparse.Namespace) -> int:
             found = True
             print(line)
         if not found:
-            print(f"{options.file}: {_nothing(options)}{asked_time(options)}", file=sys.stderr)
+            print(f"{options.file}: {_nothing(options, log)}{asked_time(options)}", file=sys.stderr)
         sys.stdout.flush()
         if topic and topic.is_lent:
             print_notes(options, log.notes)
@@ -98,12 +100,16 @@ def _check(options: argparse.Namespace) -> None:
     options.name = options.topic if options.params else None
     if options.params:
         options.topic = None
-    if bool(options.topic) + options.params + options.texts != 1:
+    if options.changed and not options.params:
+        refuse(options, "argument --changed: only with --params")
+    if options.params and options.texts:
+        refuse(options, "argument --texts: not with --params")
+    if options.topic and options.texts:
+        refuse(options, f"argument TOPIC: not with --texts, which prints all lines of the log, found '{options.topic}'")
+    if not (options.topic or options.params or options.texts):
         refuse(
             options, f"expected one of TOPIC, --params and --texts: `msggen log info {options.file}` lists the topics"
         )
-    if options.changed and not options.params:
-        refuse(options, "argument --changed: only with --params")
     if options.topic:
         return
     given = "--params" if options.params else "--texts"
@@ -129,15 +135,22 @@ def _topic(options: argparse.Namespace, log: Log) -> Topic:
     if numbered is None:
         return log.topic(name, options.instance or None)
     if options.instance not in (None, numbered[1]):
-        refuse(options, f"argument --instance: {name} is another one")
+        refuse(options, f"argument --instance: {options.instance} contradicts {name}: give one of them")
     return log.topic(numbered[0], numbered[1] or None)
 
 
-def _nothing(options: argparse.Namespace) -> str:
+def _nothing(options: argparse.Namespace, log: Log) -> str:
     """Return that there is nothing to print."""
     if options.topic:
         return f"there are no samples of {options.topic}"
-    return "there are no texts" if options.texts else "there are no parameters"
+    if options.texts:
+        return "there are no texts"
+    if options.changed and log.parameters:
+        others = "none changed" + (
+            ", and all have their defaults" if log.facts.has_defaults else "; the log has no defaults"
+        )
+        return f"of the parameters that were asked for, {others}"
+    return "there are no parameters"
 
 
 def _samples(options: argparse.Namespace, log: Log, topic: Topic) -> Iterator[str]:
@@ -147,11 +160,14 @@ def _samples(options: argparse.Namespace, log: Log, topic: Topic) -> Iterator[st
     left = options.count or _MOST
     for piece in _pieces(log, topic, options.start, options.stop, min(left, _PIECE)):
         samples = _first(piece, left).choose(options.field)
+        seconds = ((samples.log_times - log.start) / 1e9).tolist()
         if options.json:
-            yield from printer.objects(samples)
+            name = "time_" if "time" in (samples.array.dtype.names or ()) else "time"
+            for time, values in zip(seconds, printer.objects(samples), strict=True):
+                yield json.dumps({name: time, **values}, allow_nan=False)
         else:
-            for time, text in zip(samples.log_times.tolist(), printer.texts(samples), strict=True):
-                yield f"# {(time - log.start) / 1e9:.6f} s\n{text}\n---"
+            for time, text in zip(seconds, printer.texts(samples), strict=True):
+                yield f"# {time:.6f} s\n{text}\n---"
         left -= len(samples)
         if not left:
             return
@@ -196,18 +212,18 @@ def _params(options: argparse.Namespace, log: Log) -> Iterator[str]:
     chosen = {name for name in names if fnmatchcase(name.upper(), (options.name or "*").upper())}
     if names and not chosen:
         refuse(options, f"no parameter is called '{options.name}'{suggestion(options.name, names)}")
-    others = facts.other_defaults
     if options.changed:
-        chosen &= others.keys() | {name for _, name, _ in facts.changed_parameters}
+        chosen &= facts.tuned.keys() | {name for _, name, _ in facts.changed_parameters}
+    comments = _comments(facts)
     for name, value in sorted(facts.parameters.items()):
         if name not in chosen:
             continue
         if options.json:
-            yield dump({"name": name, "value": value, "default": facts.default_parameters.get(name)}, indent=None)
+            own = value if facts.has_defaults else None  # a log has only the defaults that are not the value
+            default, of_firmware = facts.airframe_defaults.get(name, own), facts.default_parameters.get(name, own)
+            yield dump({"name": name, "value": value, "default": default, "firmware_default": of_firmware}, indent=None)
         else:
-            yield printable(
-                f"{name}: {_number(value)}" + (f"  # default {_number(others[name])}" if name in others else "")
-            )
+            yield printable(f"{name}: {_number(value)}{comments.get(name, '')}")
     for time, name, value in facts.changed_parameters:
         if name not in chosen:
             continue
@@ -216,6 +232,15 @@ def _params(options: argparse.Namespace, log: Log) -> Iterator[str]:
             yield dump({"name": name, "value": value, "time": seconds}, indent=None)
         else:
             yield printable(f"{name}: {_number(value)}  # from {seconds:.6f} s on")
+
+
+def _comments(facts: Facts) -> dict[str, str]:
+    """Return comments with the defaults of the parameters that have other values."""
+    of_firmware = {
+        name: f"  # default of the airframe; of the firmware {_number(value)}"
+        for name, value in facts.configured.items()
+    }
+    return of_firmware | {name: f"  # default {_number(value)}" for name, value in facts.tuned.items()}
 
 
 def _number(value: float) -> str:

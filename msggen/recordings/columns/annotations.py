@@ -1,24 +1,29 @@
 """What the fields of recorded messages mean: their units, frames, and the names of their values.
 
-A definition in a recording seldom tells: a ULog has neither comments nor constants. The tags that it lacks come from
-the embedded release whose message has the same fields, or else from the newest one that has the field.
+A definition in a recording seldom tells: a ULog has neither comments nor constants. What it lacks comes from the
+embedded releases: first from those whose message has the same fields in any order, and of these from the nearest to the
+firmware that the recording tells, or else from the newest. Names of values change from release to release. So without
+the same fields they come from the nearest release, and if the recording does not tell its firmware, from none.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache, lru_cache
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.enumeration import Enumeration, enum_by_name, enumerations
-from msggen.firmware.embedded import EMBEDDED, Releases
+from msggen.firmware.embedded import Releases, nearest_first
 from msggen.firmware.inferred import unit_in_sentences
 from msggen.model import DEFAULT_PACKAGE, Comment, Field, InferredTag, Message
 from msggen.parse.definition import parse_message
 from msggen.recordings.decode.schemas import Schema, SchemaError, read_schema
 from msggen.tags import ENUM, INHERITED, UNIT
+
+if TYPE_CHECKING:
+    from msggen.recordings.samples import Topic
 
 _INDEX = re.compile(r"\[\d+\]")
 
@@ -39,9 +44,9 @@ class Annotation(NamedTuple):
 UNKNOWN = Annotation()
 
 
-def annotation_of(ros_type: str, definition: str, column: str) -> Annotation:
+def annotation_of(topic: Topic, column: str) -> Annotation:
     """Return what the values of a column such as `esc[7].esc_rpm` mean."""
-    return annotations_of(ros_type, definition).get(without_indices(column), UNKNOWN)
+    return annotations_of(topic.ros_type, topic.definition, topic.firmware).get(without_indices(column), UNKNOWN)
 
 
 def without_indices(column: str) -> str:
@@ -50,21 +55,25 @@ def without_indices(column: str) -> str:
 
 
 @lru_cache(256)
-def annotations_of(ros_type: str, definition: str) -> Mapping[str, Annotation]:
-    """Return what the values of each field mean, by paths without indices, such as `esc.esc_rpm`."""
+def annotations_of(ros_type: str, definition: str, firmware: str = "") -> Mapping[str, Annotation]:
+    """Return what the values of each field mean, by paths without indices, such as `esc.esc_rpm`.
+
+    `firmware` is the version that the recording tells: `v1.16.0`.
+    """
     try:
         schema = read_schema(ros_type, definition)
     except SchemaError:
         return {}
-    return dict(_annotations(schema, schema.message, ""))
+    return dict(_annotations(schema, schema.message, "", firmware))
 
 
-def _annotations(schema: Schema, recorded: Message, front: str) -> Iterator[tuple[str, Annotation]]:
-    message = _completed(recorded)
+def _annotations(schema: Schema, recorded: Message, front: str, firmware: str) -> Iterator[tuple[str, Annotation]]:
+    message = _completed(recorded, firmware)
     enums = {name: each for each in enumerations(message) for name in each.fields}
     for field in message.fields:
         if not field.type.is_primitive:
-            yield from _annotations(schema, schema.catalog.nested(recorded, field.type), f"{front}{field.name}.")
+            nested = schema.catalog.nested(recorded, field.type)
+            yield from _annotations(schema, nested, f"{front}{field.name}.", firmware)
             continue
         members, is_flags = _members(enums.get(field.name))
         yield (
@@ -79,15 +88,15 @@ def _members(enum: Enumeration | None) -> tuple[Mapping[int, str], bool]:
     return {member.value: member.name for member in reversed(enum.members)}, enum.is_flags
 
 
-def _completed(message: Message) -> Message:
+def _completed(message: Message, firmware: str) -> Message:
     """Return a message with the constants and the tags of embedded definitions, where it has none of its own."""
-    known = sorted(_embedded(message), key=lambda each: _shape(each) != _shape(message))  # stable: the newest first
-    if known and not message.constants:
+    known = _embedded(message, firmware)
+    if known and not message.constants and (firmware or _fields_of(known[0]) == _fields_of(message)):
         message = message._replace(constants=known[0].constants)
     return message._replace(fields=tuple(_with_tags(message, field, known) for field in message.fields))
 
 
-def _with_tags(message: Message, field: Field, known: list[Message]) -> Field:
+def _with_tags(message: Message, field: Field, known: Sequence[Message]) -> Field:
     own = field.comment
     same = (each.comment for other in known for each in other.fields if _key(each) == _key(field))
     release = next(same, Comment())
@@ -98,12 +107,13 @@ def _with_tags(message: Message, field: Field, known: list[Message]) -> Field:
     return field._replace(comment=Comment(own.text or release.text, own.unit, own.tags, inferred))
 
 
-def _embedded(message: Message) -> list[Message]:
-    """Return the messages of the same name in embedded releases, the newest first."""
+def _embedded(message: Message, firmware: str) -> list[Message]:
+    """Return the messages of the same name in embedded releases: those with the same fields, then the nearest ones."""
     if message.package != DEFAULT_PACKAGE:
         return []
-    found = (_released(release, message.name) for release in EMBEDDED)
-    return [each for each in found if each is not None]
+    found = [_released(release, message.name) for release in nearest_first(firmware)]
+    own = _fields_of(message)
+    return sorted((each for each in found if each is not None), key=lambda each: _fields_of(each) != own)  # stable
 
 
 @lru_cache(1024)
@@ -117,8 +127,9 @@ def _releases() -> Releases:
     return Releases()
 
 
-def _shape(message: Message) -> list[tuple[str, str]]:
-    return [_key(field) for field in message.fields]
+def _fields_of(message: Message) -> frozenset[tuple[str, str]]:
+    """Return the fields in no order, because a ULog has them in the order of uORB's struct."""
+    return frozenset(map(_key, message.fields))
 
 
 def _key(field: Field) -> tuple[str, str]:

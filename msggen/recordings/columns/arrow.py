@@ -90,7 +90,7 @@ def _clean(value: Any) -> Any:
 def _field(samples: Samples, name: str, type_: Any) -> Any:
     import pyarrow as pa
 
-    annotation = annotation_of(samples.topic.ros_type, samples.topic.definition, name)
+    annotation = annotation_of(samples.topic, name)
     return pa.field(name, type_, metadata=_metadata(annotation))
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from typing import TYPE_CHECKING, Any
 
@@ -25,7 +24,7 @@ class Printer:
 
     def __init__(self, topic: Topic) -> None:
         self._topic = topic
-        self._annotations = annotations_of(topic.ros_type, topic.definition)
+        self._annotations = annotations_of(topic.ros_type, topic.definition, topic.firmware)
         self._texts = dict(_texts(topic))
 
     def texts(self, samples: Samples) -> Iterator[str]:
@@ -35,21 +34,20 @@ class Printer:
                 yield "\n".join(self._lines(row, "", ""))
             return
         columns = self._columns(samples)
-        kinds = {name: annotation_of(self._topic.ros_type, self._topic.definition, name) for name in columns}
+        kinds = {name: annotation_of(self._topic, name) for name in columns}
         for index in range(len(samples)):
             yield "\n".join(
                 f"{name}: {_shown(values[index], kinds[name])}{_about(kinds[name])}" for name, values in columns.items()
             )
 
-    def objects(self, samples: Samples) -> Iterator[str]:
-        """Yield an object of JSON for each sample: enums are numbers, what is not finite is null."""
+    def objects(self, samples: Samples) -> Iterator[dict[str, Any]]:
+        """Yield the values of each sample as JSON has them: enums are numbers, what is not finite is None."""
         if samples.fields is None:
-            for row in samples.array:
-                yield json.dumps(self._object(row, ""), allow_nan=False)
+            yield from (self._object(row, "") for row in samples.array)
             return
         columns = self._columns(samples)
         for index in range(len(samples)):
-            yield json.dumps({name: json_value(values[index]) for name, values in columns.items()}, allow_nan=False)
+            yield {name: json_value(values[index]) for name, values in columns.items()}
 
     def _columns(self, samples: Samples) -> dict[str, Any]:
         """Return the chosen columns. All elements of a `char[N]` are one column of texts."""

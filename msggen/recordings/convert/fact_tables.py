@@ -9,7 +9,7 @@ from msggen.recordings.convert.names import DROPOUTS, PARAMETERS, TEXTS
 from msggen.recordings.source import FOREVER
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from msggen.recordings.log import Log
     from msggen.recordings.source import Facts
@@ -19,9 +19,10 @@ def fact_tables(log: Log, low: int, high: int) -> Iterator[tuple[str, Any]]:
     """Yield the names of the tables that have rows, and the tables (pyarrow.Table): from `low` up to `high` in ns."""
     if not log.has_facts:
         return
+    begin = max(low, log.start)
     facts = between(log.facts, low, high)
     for name, table in (
-        (PARAMETERS, _parameters(log, facts, max(low, log.start))),
+        (PARAMETERS, _parameters(log, between(log.facts, begin, high), begin)),
         (TEXTS, _texts(log, facts)),
         (DROPOUTS, _dropouts(log, facts)),
     ):
@@ -34,15 +35,23 @@ def _parameters(log: Log, facts: Facts, begin: int) -> Any:
     import pyarrow as pa
 
     rows = [*((begin, name, value) for name, value in facts.parameters.items()), *facts.changed_parameters]
-    # a log with defaults has those that are not the value at its start
-    defaults = {**log.facts.parameters, **facts.default_parameters} if facts.default_parameters else {}
+    names = [name for _, name, _ in rows]
     return _table(
         log,
         [time for time, _, _ in rows],
-        name=pa.array([name for _, name, _ in rows], pa.string()),
+        name=pa.array(names, pa.string()),
         value=pa.array([float(value) for _, _, value in rows], pa.float64()),
-        default=pa.array([float(defaults[name]) if name in defaults else None for _, name, _ in rows], pa.float64()),
+        default=_defaults(log.facts, facts.airframe_defaults, names),
+        firmware_default=_defaults(log.facts, facts.default_parameters, names),
     )
+
+
+def _defaults(facts: Facts, known: Mapping[str, float], names: Sequence[str]) -> Any:
+    """Return defaults of parameters. A log has only those that are not the values at its start."""
+    import pyarrow as pa
+
+    every = {**facts.parameters, **known} if facts.has_defaults else {}
+    return pa.array([float(every[name]) if name in every else None for name in names], pa.float64())
 
 
 def _texts(log: Log, facts: Facts) -> Any:

@@ -57,6 +57,7 @@ def joined(parts: Sequence[tuple[int, Facts]]) -> Facts | None:
                 [*first.changed_parameters, *differing, *each.changed_parameters], key=itemgetter(0)
             ),
             default_parameters=_common(first.default_parameters, each.default_parameters),
+            airframe_defaults=_common(first.airframe_defaults, each.airframe_defaults),
             information=_common(first.information, each.information),
             texts=sorted([*first.texts, *each.texts], key=itemgetter(0)),
             dropouts=sorted([*first.dropouts, *each.dropouts], key=itemgetter(0)),

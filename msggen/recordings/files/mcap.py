@@ -24,6 +24,7 @@ from msggen.recordings.files.mcap_records import (
     Loose,
     attached_of,
     entries_at,
+    entries_of,
     times_of,
 )
 from msggen.recordings.files.mcap_scan import scan
@@ -144,7 +145,8 @@ class McapFile:
         for region in self._regions:
             if isinstance(region, Chunk):
                 for number in found.keys() & region.indexes.keys():
-                    for entries in entries_at(file, [number], [region.indexes[number]]) or ():
+                    entries = entries_of(file, number, region.indexes[number])
+                    if entries is not None:
                         found[number].append(times_of(entries.view("<u8")[::2]))
                 drop_pages(file)
         return {number: np.concatenate(each or [np.zeros(0, np.int64)]) for number, each in found.items()}

@@ -61,7 +61,9 @@ def indexed(buffer: Octets, indexes: Sequence[Index]) -> list[Part] | None:
     if (heads["opcode"] != MESSAGE).any() or (heads["channel"] != np.repeat(numbers << np.uint32(16), counts)).any():
         return None
     lasts = np.flatnonzero(np.append(numbers[1:] != numbers[:-1], True))
-    if np.count_nonzero(starts[1:] <= starts[:-1]) >= lasts.size and np.unique(starts).size != starts.size:
+    is_back = starts[1:] <= starts[:-1]
+    is_back[stops[lasts[:-1]] - 1] = False  # the next channel begins
+    if is_back.any() and np.unique(starts).size != starts.size:
         return None
     starts += HEAD
     payloads = heads["length"] - (HEAD - FRONT)

@@ -38,11 +38,12 @@ HEADS = np.dtype(
 HEAD_BYTES = np.dtype(f"V{HEAD}")
 ENTRY = 16
 """The size of an entry of a message index: a log time, and an offset in the chunk."""
+_INDEX_HEAD = struct.Struct("<BQHI")
 INDEX_HEADS = np.dtype(
     {"names": ["opcode", "length", "channel", "size"], "formats": ["u1", "<u8", "<u2", "<u4"], "offsets": [0, 1, 9, 11]}
 )
 """A message index before its entries."""
-INDEX_FRONT = INDEX_HEADS.itemsize
+INDEX_FRONT = _INDEX_HEAD.size
 _INDEX_REST = INDEX_FRONT - FRONT
 CRC = 4
 """The size of the CRC at the end of an attachment."""
@@ -107,6 +108,17 @@ def chunk_at(data: memoryview, start: int, length: int) -> Chunk | None:
         return None
     first, last = min(first, LARGEST_NUMBER), min(last, LARGEST_NUMBER)
     return Chunk(start, length, first, last, crc, kind, place + 8, stored, size, {})
+
+
+def entries_of(file: Octets, number: int, offset: int) -> Octets | None:
+    """Return the message index of a channel at an offset, as `entries_at` does for several."""
+    start = offset + INDEX_FRONT
+    if start > file.size:
+        return None
+    opcode, length, channel, size = _INDEX_HEAD.unpack_from(file.data, offset)
+    if opcode != MESSAGE_INDEX or channel != number or size % ENTRY or length != size + _INDEX_REST:
+        return None
+    return file[start : start + size] if start + size <= file.size else None
 
 
 def entries_at(file: Octets, numbers: Sequence[int], offsets: Sequence[int]) -> list[Octets] | None:

@@ -27,7 +27,7 @@ from msggen.recordings.files.mcap_records import (
     Loose,
     chunk_at,
     chunk_or_message_from,
-    entries_at,
+    entries_of,
     lengths_of,
     opcodes_of,
     statistics_of,
@@ -189,7 +189,7 @@ class _Scan:
         if self._chunk is None or self._indexes is None:
             return
         (number,) = struct.unpack_from("<H", self._data, place + FRONT) if place + 11 <= self._file.size else (0,)
-        if entries_at(self._file, [number], [place]) is None or number in self._indexes:
+        if entries_of(self._file, number, place) is None or number in self._indexes:
             self._indexes = None
         else:
             self._indexes[number] = place

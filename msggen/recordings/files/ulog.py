@@ -54,6 +54,9 @@ _FIRST = frozenset(b"BFIMPQALC")
 _TEXTS = frozenset(b"LC")
 _LONGEST = 1000 << 32
 """The ns whose us fit in 32 bits."""
+_DAY = 86400 * 10**9
+_FAR = 30 * _DAY
+"""How far in ns the time of a sample can be from those of most others."""
 _SHOWN = 5
 _MOST_UNKNOWN = 1000
 """How many messages of unknown kinds are reported one by one."""
@@ -332,16 +335,36 @@ class UlogFile:
         without: dict[int, Places] = {}
         for channel, each in found.items():
             starts = samples[each[0] if len(each) == 1 else np.sort(np.concatenate(each))]
-            self._counts[channel] += len(starts)
             if channel in self._topics.clocks:
                 timed[channel] = starts, self._times_at(starts, self._topics.clocks[channel])
             else:
                 without[channel] = starts
+        timed = self._in_time(timed)
         if without:
             places, times = _merged(timed.values())
             times = np.append(self._windows[-1].time_at_end if self._windows else 0, times)
             timed |= {channel: (starts, times[np.searchsorted(places, starts)]) for channel, starts in without.items()}
+        for channel, (starts, _) in timed.items():
+            self._counts[channel] += len(starts)
         return timed
+
+    def _in_time(self, timed: dict[int, Timed]) -> dict[int, Timed]:
+        """Return samples without those whose times are damaged: far later than most of them, and than all before."""
+        known = max(self._start, self._last_time) + _FAR
+        if all(int(times.max()) <= known for _, times in timed.values()):
+            return timed
+        latest = max(known, int(np.median(np.concatenate([times for _, times in timed.values()]))) + _FAR)
+        found: dict[int, Timed] = {}
+        for channel, (starts, times) in timed.items():
+            kept = times <= latest
+            if not kept.all():
+                topic = self._topics.channels[channel]
+                text = f"times more than {_FAR // _DAY} days after the other samples"
+                count = int(np.count_nonzero(~kept))
+                self._leave_out(Problem(text, int(starts[~kept][0]), 0, count, topic.topic, topic.instance))
+            if kept.any():
+                found[channel] = starts[kept], times[kept]
+        return found
 
     @staticmethod
     def _window(timed: Mapping[int, Timed]) -> _Window:

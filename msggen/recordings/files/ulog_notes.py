@@ -57,7 +57,8 @@ class Notes:
         return Facts(
             parameters=self._parameters,
             changed_parameters=self._changed,
-            default_parameters={**self._system, **self._setup},
+            default_parameters=self._system,
+            airframe_defaults=self._setup,
             information=self._information,
             texts=self._texts,
             dropouts=self._dropouts,
@@ -113,7 +114,8 @@ class Notes:
         if not _is_printable(text) and (not is_known or (before and abs(time - before) > _NEAR)):
             raise ValueError(text)  # a sample whose kind is damaged seems to be a text
         name = LEVELS[number] if is_known else "unknown"
-        self._add(self._texts, Text(time, name, text.decode(errors="replace"), tag))
+        # PX4 puts a tab behind texts that it also sends as events
+        self._add(self._texts, Text(time, name, text.decode(errors="replace").removesuffix("\t"), tag))
 
     def _add(self, found: list[_Kind], each: _Kind) -> None:
         if len(found) < _MOST:

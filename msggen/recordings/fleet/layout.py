@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from msggen.recordings.log import Log
     from msggen.recordings.samples import Topic
 
-VERSION = 2
+VERSION = 3
 """The version of the layout. A fleet has only files of one."""
 KEYS = ("vehicle", "date")
 """What folders can be named after."""

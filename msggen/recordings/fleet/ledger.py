@@ -18,6 +18,11 @@ from msggen.recordings.fleet.finding import State
 from msggen.recordings.fleet.layout import DIGITS, VERSION
 from msggen.recordings.source import RecordingError
 
+
+class FleetError(RecordingError):
+    """A folder that is not the fleet that was asked for."""
+
+
 STATE = "_msggen"
 """The folder of the records. Engines skip names that begin with an underscore."""
 LAYOUT = "layout.json"
@@ -72,12 +77,12 @@ class Ledger:
         self.state = os.path.join(fleet, STATE)
 
     def open(self, by: Sequence[str]) -> None:
-        """Create the folders. Raises RecordingError for a fleet with other keys or another layout, and OSError.
+        """Create the folders. Raises FleetError for a fleet with other keys or another layout, and OSError.
 
-        A folder with other files raises RecordingError too: the files of a fleet would be among them.
+        A folder with other files raises FleetError too: the files of a fleet would be among them.
         """
         if not os.path.lexists(self.state) and os.path.isdir(self.fleet) and os.listdir(self.fleet):
-            raise RecordingError("the folder of the fleet has other files: choose a new folder")
+            raise FleetError("the folder of the fleet has other files: choose a new folder")
         os.makedirs(os.path.join(self.state, _LOGS), exist_ok=True)
         path = os.path.join(self.state, LAYOUT)
         known = _read(path)
@@ -85,9 +90,9 @@ class Ledger:
             write_if_changed(path, json.dumps({"by": list(by), "version": VERSION}) + "\n")
         elif known.get("by") != list(by):
             had = ",".join(map(str, known.get("by", ())))
-            raise RecordingError(f"this fleet is by '{had}', not by '{','.join(by)}': choose another folder")
+            raise FleetError(f"this fleet is by '{had}', not by '{','.join(by)}': choose another folder")
         elif known.get("version") != VERSION:
-            raise RecordingError("another version of msggen wrote this fleet, with other folders: choose a new folder")
+            raise FleetError("another version of msggen wrote this fleet, with other folders: choose a new folder")
 
     @contextmanager
     def locked(self, waiting: Callable[[str], None]) -> Iterator[None]:

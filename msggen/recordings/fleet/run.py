@@ -122,7 +122,7 @@ def update(  # noqa: PLR0913 - named options
     run at a time can update a fleet: if another one does, `waiting` is called with the name of its process, "" if that
     is not known, and this one waits for its end.
 
-    Raises RecordingError if `folder` has no recordings, or if the fleet has other keys, and OSError.
+    Raises RecordingError if `folder` has no recordings, FleetError if the fleet has other keys, and OSError.
     """
     folder, fleet = os.path.abspath(folder), os.path.abspath(fleet)
     found = list(find_recordings(folder, without=fleet))
