@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import replace
-from functools import partial
 from hashlib import sha256
 from itertools import chain
 from typing import TYPE_CHECKING, NamedTuple
@@ -149,16 +148,16 @@ class _Channels:
         """What is not as in the recordings, or not as programs of ROS 2 expect it."""
         return [*self.types.notes, *self._renamed, *_misread(list(self._unknown))]
 
-    def reserve(self, version: str, topics: Sequence[Topic]) -> None:
-        """Give types with the definitions of releases their names, before topics with other fields take them."""
+    def reserve(self, topics: Sequence[Topic]) -> None:
+        """Give types with the definitions of releases their names, before topics of a ULog with other fields do."""
         for topic in topics:
-            written = _released(topic, version)
-            if written is not topic and topic.count:
+            written = _released(topic) if topic.count else topic
+            if written is not topic:
                 self.types.name_of(written)
 
-    def of_ulog(self, version: str, topic: Topic) -> tuple[int, str]:
-        """Return the channel of a topic of a ULog of a firmware, and its definition there."""
-        written = _released(topic, version)
+    def of_ulog(self, topic: Topic) -> tuple[int, str]:
+        """Return the channel of a topic of a ULog, and its definition there."""
+        written = _released(topic)
         if written is topic:
             self._unknown[topic.label] = None
         name = f"/fmu/out/{topic.recorded_name}" + (f"_{topic.instance}" if topic.instance else "")
@@ -208,9 +207,9 @@ def _write_attached(writer: McapWriter, logs: Sequence[Log]) -> None:
             writer.add_attached(attached)
 
 
-def _released(topic: Topic, version: str) -> Topic:
+def _released(topic: Topic) -> Topic:
     """Return a topic of a ULog with the definition of a release, or as it is if none has its fields."""
-    definition = restored(topic.ros_type, topic.definition, version)
+    definition = restored(topic.ros_type, topic.definition, topic.firmware)
     return replace(topic, definition=definition) if definition else topic
 
 
@@ -291,7 +290,5 @@ def _blocks(each: _Input, selection: Selection, channels: _Channels) -> Iterator
     if selection.topics is None:
         yield from blocks_of_texts(each.log, selection, channels.of_target, offset)
     topics = [topic for topic in each.topics if topic.definition]
-    version = each.log.firmware.release
-    channels.reserve(version, topics)
-    channel_of = partial(channels.of_ulog, version)
-    yield from blocks_of_ulog(each.log.batches(topics, **limits), channel_of, offset)
+    channels.reserve(topics)
+    yield from blocks_of_ulog(each.log.batches(topics, **limits), channels.of_ulog, offset)

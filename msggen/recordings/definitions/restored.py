@@ -10,15 +10,15 @@ from msggen.recordings.decode.schemas import SEPARATOR, content_of, read_schema
 
 
 @lru_cache(1024)
-def restored(ros_type: str, definition: str, version: str) -> str:
+def restored(ros_type: str, definition: str, firmware: str) -> str:
     """Return the text of an embedded release with the same fields in its own order, "" if none has them.
 
-    `version` is what the log tells (`v1.16.1`), or "": of the releases with these fields, the nearest one is taken, or
-    the newest one, because releases have other constants for the same fields. Raises SchemaError.
+    `firmware` is the version that the log tells (`v1.16.1`), or "". Of several releases with these fields, the nearest
+    one is taken, or the newest one, because their constants differ. Raises SchemaError.
     """
     schema = read_schema(ros_type, definition)
     content = content_of(schema.catalog, schema.message)
-    for release in nearest_first(version):
+    for release in nearest_first(firmware):
         found = _released(release, schema.message.package, schema.message.name)
         if found is not None and content_of(*found) == content:
             return _text(release, found)
