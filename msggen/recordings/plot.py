@@ -94,6 +94,12 @@ class Series:
         return bool(self.annotation.members) and len(np.unique(self.values)) <= _MOST_BANDS
 
     @property
+    def name_in_legend(self) -> str:
+        """The label, with a note on a line that cannot be seen."""
+        is_seen = self.is_held or bool(np.isfinite(self.values).any())
+        return self.label if is_seen else f"{self.label} (never a finite number)"
+
+    @property
     def is_held(self) -> bool:
         """Whether a value lasts until the next sample: all but floats."""
         return self.values.dtype.kind != "f"
@@ -234,6 +240,7 @@ def draw_series(
     modes = read_modes(log, start=start, stop=stop)
     modes = modes and modes.since(low)
     high = max(each.end for each in series)
+    high = high if high > low else low + 1.0
     for axes, panel in zip(every, panels, strict=True):
         if panel[0].is_named:
             _draw_bands(axes, panel[0])
@@ -241,7 +248,7 @@ def draw_series(
             _draw_lines(axes, panel)
         if modes is not None:
             _draw_modes(axes, modes, low, high, is_top=axes is every[0])
-    every[0].set_xlim(low, high if high > low else low + 1.0)
+    every[0].set_xlim(low, high)
     every[-1].set_xlabel("time since the start [s]")
     figure.suptitle(os.path.basename(os.path.abspath(log.path)), fontsize="medium")
     return figure
@@ -331,17 +338,29 @@ def _draw_lines(axes: Axes, panel: Sequence[Series]) -> None:
         values = each.values.astype(np.float64)
         values[~np.isfinite(values)] = np.nan
         kept = thinned(each.times, values)
-        count = np.count_nonzero(np.isfinite(values))
-        label = each.label if count else f"{each.label} (never a finite number)"
         style = "steps-post" if each.is_held else "default"
-        marker = "." if count == 1 else ""  # a line of one sample cannot be seen
-        axes.plot(each.times[kept], values[kept], label=label, lw=0.9, drawstyle=style, marker=marker)
+        alone = np.flatnonzero(_is_alone(values[kept]))
+        axes.plot(
+            each.times[kept],
+            values[kept],
+            label=each.name_in_legend,
+            lw=0.9,
+            drawstyle=style,
+            marker="." if alone.size else "",
+            markevery=alone.tolist(),
+        )
     axes.set_ylabel(f"[{panel[0].unit}]" if panel[0].unit else "")
     exponent = axes.yaxis.get_offset_text()
     exponent.set(horizontalalignment="right", fontsize="x-small")  # the names of flight modes are to the right of it
     axes.margins(x=0)
     axes.grid(visible=True, alpha=0.3)
     _draw_legend(axes, panel)
+
+
+def _is_alone(values: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which values are numbers between others that are not: a line does not show them."""
+    is_number = np.concatenate(([False], ~np.isnan(values), [False]))
+    return is_number[1:-1] & ~is_number[:-2] & ~is_number[2:]
 
 
 def _draw_legend(axes: Axes, panel: Sequence[Series]) -> None:
@@ -355,7 +374,7 @@ def _draw_legend(axes: Axes, panel: Sequence[Series]) -> None:
 
 def _legend_shape(panel: Sequence[Series]) -> tuple[int, int]:
     """Return the rows and columns of a legend that is not wider than its panel."""
-    longest = max(len(each.label) for each in panel)
+    longest = max(len(each.name_in_legend) for each in panel)
     columns = min(max(int(_LEGEND_WIDTH / (longest * _LETTER + _SAMPLE)), 1), len(panel))
     return -(-len(panel) // columns), columns
 

@@ -115,6 +115,26 @@ def test_fields_that_no_line_can_show_are_seen(tmp_path: Path, px4_types: Any) -
         assert found == {"sensor_gps.eph (never a finite number)": "", "sensor_gps.epv": "."}
 
 
+def test_numbers_between_others_that_are_not_are_seen(tmp_path: Path, px4_types: Any) -> None:
+    values = [NAN, 1.0, NAN, 2.0, 3.0, NAN, 4.0]
+    samples = [("/fmu/out/sensor_gps", float(time), px4_types.SensorGps(eph=eph)) for time, eph in enumerate(values)]
+    with recordings.open(write_recording(tmp_path / "gaps.mcap", samples)) as log:
+        (axes,) = plot.draw(log, ["sensor_gps.eph"]).axes
+        (line,) = axes.get_lines()
+        assert (line.get_marker(), line.get_markevery()) == (".", [1, 6])
+
+
+def test_the_legend_has_place_for_its_notes(tmp_path: Path, px4_types: Any) -> None:
+    setpoint = px4_types.VehicleAttitudeSetpoint(q_d=[NAN] * 4)
+    topic = "/fmu/out/vehicle_attitude_setpoint"
+    with recordings.open(write_recording(tmp_path / "nan.mcap", [(topic, 0.0, setpoint)])) as log:
+        figure = plot.draw(log, ["vehicle_attitude_setpoint.q_d"])
+        figure.canvas.draw()
+        legend = figure.axes[0].get_legend()
+        assert legend is not None
+        assert legend.get_window_extent().x0 >= figure.axes[0].bbox.x0
+
+
 def test_arrays_instances_and_elements_are_paths(log: recordings.Log) -> None:
     found = plot.read_series(
         log, ["vehicle_attitude.q", "actuator_motors.control[3]", "sensor_gps.eph", "sensor_gps[1].eph"]
