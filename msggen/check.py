@@ -65,7 +65,7 @@ def check(previous: Sources, current: Sources, *, topics_only: bool = False) -> 
 
 
 def _inference(sources: Sources) -> Inference | None:
-    """Return the inference of tags. The definitions of a recording need not have comments, and say nothing by that."""
+    """Return the inference of tags. Recordings and generated packages can lack comments, and say nothing by that."""
     return None if sources.is_partial else Inference(sources)
 
 

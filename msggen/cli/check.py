@@ -80,13 +80,17 @@ def _check(options: argparse.Namespace) -> int:
         return _check_live(options)
     settings = read_settings(".") if options.other is None else Settings()
     if options.other is None:
-        previous, judged = firmware_of(options, settings), options.side
+        reference, judged = options.px4 or settings.px4 or "", options.side
+        previous = (
+            _of_recording(options, reference, judged) if is_recording(reference) else firmware_of(options, settings)
+        )
     else:
-        previous, judged = _first_of_two(options), options.other
+        reference, judged = options.side, options.other
+        previous = _first_of_two(options)
     if is_recording(judged):
         current = recorded(options, judged, previous)
     elif previous.is_partial and _is_generated(judged):
-        current = generated(options, judged, options.side)
+        current = generated(options, judged, reference)
     else:
         current = with_board(find_sources(judged), board_of(options, settings, optional=True))
     current = current.with_packages_of(previous)._replace(strict=previous.strict)
@@ -127,6 +131,15 @@ def _check_live(options: argparse.Namespace) -> int:
     return check_live(
         options, None if _is_generated(options.side) else find_sources(options.side, tuple(options.msg_dir or ()))
     )
+
+
+def _of_recording(options: argparse.Namespace, recording: str, path: str) -> Sources:
+    """Return the definitions of a recording. Those of a ULog have the order and the constants of the other side."""
+    if is_recording(path):
+        other = recorded(options, path)
+    else:
+        other = generated(options, path, recording) if _is_generated(path) else find_sources(path)
+    return recorded(options, recording, other)._replace(strict=is_strict(options, read_settings(".")))
 
 
 def _is_generated(path: str) -> bool:
@@ -190,10 +203,11 @@ def _sync_command(options: argparse.Namespace, current: Sources, known: Record) 
 def _first_of_two(options: argparse.Namespace) -> Sources:
     """Return the first side. `--msg-dir` may only name other packages, which both sides nest."""
     if is_recording(options.side):
-        has_none = is_recording(options.other) or _is_generated(options.other)
-        found = recorded(options, options.side, None if has_none else find_sources(options.other))
-        return found._replace(strict=is_strict(options, read_settings(".")))
-    sources = find_sources(options.side, tuple(options.msg_dir or ()), options.topics, options.release)
+        return _of_recording(options, options.side, options.other)
+    if _is_generated(options.side) and is_recording(options.other):
+        sources = generated(options, options.side, options.other)
+    else:
+        sources = find_sources(options.side, tuple(options.msg_dir or ()), options.topics, options.release)
     sources = with_board(sources, board_of(options, Settings()))
     sources = sources._replace(strict=is_strict(options, read_settings(".")))
     files = (*sources.messages, *sources.services)

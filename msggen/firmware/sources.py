@@ -58,8 +58,8 @@ class Sources(NamedTuple):
     - `lists` is the file in which the tree lists the messages that it builds. `unbuilt` has the messages that the
       `board` does not build, with the condition under which each is listed, "" for those that are not listed. They are
       not in `messages`.
-    - `is_partial` is set for the definitions of a recording, which are only some of its firmware's. Those that it lacks
-      are not compared.
+    - `is_partial` is set for the definitions of a recording, which are only some of its firmware's, and those of a
+      generated package for a recording. Those that are missing are not compared, nor are comments.
     """
 
     messages: tuple[File, ...]

@@ -6,7 +6,6 @@ import importlib
 import json
 import sys
 from pathlib import Path
-from random import Random
 from typing import Any
 
 import numpy as np
@@ -15,9 +14,9 @@ import pytest
 from msggen import recordings
 from msggen.cli import main
 from msggen.live.firmware import releases
-from support.log_files import Written, definition_in, write_log
+from support.log_files import Written, definition_in, write_log, write_ulog_of
 from support.repository import ROOT
-from support.ulog import UlogWriter, content_of, formats_of, size_of, snake
+from support.ulog import snake
 
 START = 1_790_000_000_000_000_000
 NAMES = ("VehicleAttitude", "EscStatus", "VehicleStatus", "SensorGps", "BatteryStatus", "AirspeedValidated")
@@ -29,21 +28,9 @@ def mcap(path: str, release: str, names: tuple[str, ...] = NAMES, *others: Writt
     return str(write_log(Path(path), [*topics, *others]))
 
 
-def ulog(path: str, release: str, names: tuple[str, ...] = NAMES, count: int = 3) -> str:
-    """Write a ULog with the definitions of a release and samples of random bytes, and return its path."""
-    writer = UlogWriter()
-    formats = {}
-    for name in names:
-        formats.update(formats_of(f"px4_msgs/msg/{name}", definition_in(release, name)))
-    for name, text in formats.items():
-        writer.format(name, text)
-    for number, name in enumerate(names):
-        writer.subscribe(number, snake(name))
-    random = Random(7)  # noqa: S311 - no secret
-    for index in range(count):
-        for number, name in enumerate(names):
-            writer.sample(number, content_of(random, size_of(formats, snake(name), with_end=False), 1000 * index))
-    return writer.write(Path(path))
+def ulog(path: str, release: str, names: tuple[str, ...] = NAMES) -> str:
+    """Write a ULog with the definitions of a release, and return its path."""
+    return write_ulog_of(release, names, Path(path))
 
 
 def check(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, str]:
@@ -108,6 +95,23 @@ def test_other_sides(capsys: pytest.CaptureFixture[str]) -> None:
     code, out, _ = check(capsys, old, package, "--output-format", "sarif")
     assert code == 1
     assert "px4_types/msg/VehicleStatus.msg" in out
+
+
+@WRITERS
+@pytest.mark.usefixtures("working_folder")
+def test_a_recording_matches_a_package_of_its_release(
+    capsys: pytest.CaptureFixture[str], write: Any, name: str
+) -> None:
+    """On either side: a ULog takes the constants and the order of fields from the package, as from a release."""
+    path, package = write(name, "v1.18"), str(ROOT / "generated" / "px4_types")
+    end = f"{len(NAMES) + 1} messages, 0 services\n"
+    for arguments in ((path, package), (package, "--px4", path)):
+        assert check(capsys, *arguments) == (0, f"px4_types matches {name}: {end}", "")
+    assert check(capsys, package, path) == (0, f"{name} matches px4_types: {end}", "")
+    assert check(capsys, "v1.18", "--px4", path) == (0, f"the embedded PX4 v1.18 matches {name}: {end}", "")
+    other = write(f"other_{name}", "v1.16")
+    assert check(capsys, other, package)[0] == 1
+    assert check(capsys, other, path)[0] == 1
 
 
 @pytest.mark.usefixtures("working_folder")

@@ -257,7 +257,9 @@ def test_two_flights_of_a_vehicle_are_joined(tmp_path: Path) -> None:
         write_ulog(tmp_path / "b.ulg", begin=5_000_000),
     ]
     logs = [recordings.open(path) for path in paths]
-    assert join(logs, str(tmp_path / "joined.mcap")).notes == []
+    (note,) = join(logs, str(tmp_path / "joined.mcap")).notes
+    assert note.startswith("programs with px4_msgs misread 2 topics in uORB's order")  # each is named once
+    assert note.endswith(": vehicle_attitude, sensor_gps")
     with recordings.open(tmp_path / "joined.mcap") as log:
         assert (log.vehicle, log.firmware.release) == ("0042", "v1.17.0")
         assert (len(log.texts), len(log.dropouts)) == (16, 16)
@@ -285,7 +287,8 @@ def test_a_ulog_gives_its_facts_to_a_recording_of_ros(px4_types: Any, tmp_path: 
     bag = write_flight(tmp_path / "bag.mcap", px4_types, 100, start=(UTC + START + 500_000) * 1000)
     with recordings.open(write_ulog(tmp_path / "a.ulg")) as log, recordings.open(bag) as other:
         assert not other.has_facts
-        assert join([other, log], str(tmp_path / "joined.mcap")).notes == []
+        notes = join([other, log], str(tmp_path / "joined.mcap")).notes
+        assert not any("are not written" in note for note in notes)
         with recordings.open(tmp_path / "joined.mcap") as both:
             assert both.facts == shifted(log.facts, UTC * 1000)._replace(boot=UTC * 1000)
 

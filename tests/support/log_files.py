@@ -13,7 +13,7 @@ from mcap.writer import Writer
 
 from msggen.firmware.embedded import Releases
 from msggen.firmware.released import released_as
-from support.ulog import UlogWriter, formats_of
+from support.ulog import UlogWriter, content_of, formats_of, size_of, snake
 
 
 @dataclass
@@ -56,6 +56,32 @@ def definition_in(release: str, name: str) -> str:
     inner = [each.name for each in found.catalog.nested_all(found.message)]
     nested = (f"{'=' * 80}\nMSG: px4_msgs/{each}\n{releases.file(release, f'{each}.msg')[1]}" for each in inner)
     return own + "".join(nested)
+
+
+def write_ulog_of(  # noqa: PLR0913 - named options
+    release: str, names: Sequence[str], path: Path, *, count: int = 3, version: str = "", boot: int = 0
+) -> str:
+    """Write a ULog with the definitions of a release and samples of random bytes, and return its path.
+
+    `version` is the firmware that it tells: "v1.16.0". `boot` is when the vehicle started, in us since 1970.
+    """
+    writer = UlogWriter()
+    if version:
+        writer.information("uint32_t ver_sw_release", bytes([255, *map(int, reversed(version[1:].split(".")))]))
+    if boot:
+        writer.information("uint64_t boot_time_utc_us", struct.pack("<Q", boot))
+    formats = {}
+    for name in names:
+        formats.update(formats_of(f"px4_msgs/msg/{name}", definition_in(release, name)))
+    for name, text in formats.items():
+        writer.format(name, text)
+    for number, name in enumerate(names):
+        writer.subscribe(number, snake(name))
+    random = Random(7)  # noqa: S311 - no secret
+    for index in range(count):
+        for number, name in enumerate(names):
+            writer.sample(number, content_of(random, size_of(formats, snake(name), with_end=False), 1000 * index))
+    return writer.write(path)
 
 
 def example_flight(folder: Path, package: Any) -> None:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections import deque
+from functools import lru_cache
+from itertools import chain
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from msggen.layout import lay_out
 from msggen.recordings.decode.layouts import USUAL, wire_of
-from msggen.recordings.decode.schemas import read_schema
+from msggen.recordings.decode.schemas import Schema, read_schema
 from msggen.recordings.gather import Octets, at
 
 if TYPE_CHECKING:
@@ -16,6 +19,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from msggen.layout import Path
     from msggen.recordings.decode.layouts import Layout
     from msggen.recordings.samples import Samples, Topic
     from msggen.recordings.source import Part
@@ -47,29 +51,48 @@ def blocks_of_parts(parts: Iterable[tuple[Topic, Part]], channel_of: Callable[[T
             yield Block(channel_of(topic), payloads.reshape(len(starts), size), times, publish_times)
 
 
-def blocks_of_ulog(batches: Iterable[Samples], channel_of: Callable[[Topic], int], offset: int = 0) -> Iterator[Block]:
-    """Yield the samples of a ULog as CDR. `offset` in ns is added to all log times."""
+def blocks_of_ulog(
+    batches: Iterable[Samples], channel_of: Callable[[Topic], tuple[int, str]], offset: int = 0
+) -> Iterator[Block]:
+    """Yield the samples of a ULog as CDR. `offset` in ns is added to all log times.
+
+    `channel_of` returns the channel of a topic and the definition that it has there: the fields of the topic's own
+    definition, in any order.
+    """
     for samples in batches:
         topic = samples.topic
         layout = topic.channels[0][1].layout
         assert layout is not None  # noqa: S101 - a ULog has layouts
-        payloads = encoded(samples.array, layout, topic.ros_type, topic.definition)
+        channel, definition = channel_of(topic)
+        own, written = (read_schema(topic.ros_type, each) for each in (topic.definition, definition))
+        payloads = encoded(samples.array, layout, own, written)
         times = samples.log_times + offset
-        yield Block(channel_of(topic), payloads, times, times)
+        yield Block(channel, payloads, times, times)
 
 
-def encoded(rows: NDArray[np.void], layout: Layout, ros_type: str, definition: str) -> Octets:
-    """Return rows as CDR samples with their headers: little-endian XCDR1, padding is 0.
+def encoded(rows: NDArray[np.void], layout: Layout, own: Schema, written: Schema) -> Octets:
+    """Return rows as CDR samples of the definition `written`, with their headers: little-endian XCDR1, padding is 0.
 
-    The values are in the order of the definition in both, so that their bytes only move.
+    `own` is the definition whose order the rows have. Values stay as they are, so that their bytes only move.
     """
-    wire = wire_of(read_schema(ros_type, definition), USUAL)
+    wire = wire_of(written, USUAL)
     made = np.zeros((len(rows), wire.size), np.uint8)
     made[:, : len(USUAL)] = np.frombuffer(USUAL, np.uint8)
-    made[:, wire.positions] = (
-        rows.view(f"V{rows.dtype.itemsize}").view(np.uint8).reshape(len(rows), -1)[:, layout.positions]
-    )
+    octets = rows.view(f"V{rows.dtype.itemsize}").view(np.uint8).reshape(len(rows), -1)
+    made[:, wire.positions] = octets[:, layout.positions[_moved(own, written)]]
     return made
+
+
+@lru_cache(1024)
+def _moved(own: Schema, written: Schema) -> NDArray[np.intp]:
+    """Return where the bytes of the values of `written`, in its order, are among those of `own`."""
+    places: dict[Path, range] = {}
+    end = 0
+    for leaf in lay_out(own.catalog, own.message).leaves:
+        begin, end = end, end + leaf.size * leaf.element_count
+        places[leaf.path] = range(begin, end)
+    order = (places[leaf.path] for leaf in lay_out(written.catalog, written.message).leaves)
+    return np.fromiter(chain.from_iterable(order), np.intp, end)
 
 
 def ordered(blocks: Iterable[Block]) -> Iterator[list[Block]]:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import replace
 from hashlib import sha256
 from itertools import chain
 from typing import TYPE_CHECKING, NamedTuple
 
+from msggen.diagnostics import counted, few
 from msggen.recordings.convert import Converted
 from msggen.recordings.convert.facts import between, joined, shifted
 from msggen.recordings.convert.mcap import McapWriter, Target
@@ -14,6 +16,7 @@ from msggen.recordings.convert.payloads import blocks_of_parts, blocks_of_ulog, 
 from msggen.recordings.convert.selection import Selection, Share
 from msggen.recordings.convert.types import TypeNames
 from msggen.recordings.convert.ulog import blocks_of_texts
+from msggen.recordings.definitions.restored import restored
 from msggen.recordings.metadata import LENT, NAMES, records_of
 from msggen.recordings.source import NO_FACTS, Problem, RecordingError
 
@@ -88,7 +91,7 @@ def write_contents(logs: Sequence[Log], path: str, selection: Selection, progres
         if log.kind == "ulog" and topic.count and not topic.definition
     ]
     notes += [note for each in inputs if each.lent for note in each.log.notes]
-    notes += [*channels.types.notes, *channels.notes]
+    notes += channels.notes
     return Contents(writer, [*(each for log in logs for each in log.problems), *channels.problems, *problems], notes)
 
 
@@ -137,17 +140,35 @@ class _Channels:
         self._numbers: dict[Target, int] = {}
         self.types = TypeNames()
         self.problems: list[Problem] = []
-        self.notes: list[str] = []
+        self._renamed: list[str] = []
+        self._unknown: dict[str, None] = {}
+
+    @property
+    def notes(self) -> list[str]:
+        """What is not as in the recordings, or not as programs of ROS 2 expect it."""
+        return [*self.types.notes, *self._renamed, *_misread(list(self._unknown))]
+
+    def reserve(self, topics: Sequence[Topic]) -> None:
+        """Give types with the definitions of releases their names, before topics of a ULog with other fields do."""
+        for topic in topics:
+            written = _released(topic) if topic.count else topic
+            if written is not topic:
+                self.types.name_of(written)
+
+    def of_ulog(self, topic: Topic) -> tuple[int, str]:
+        """Return the channel of a topic of a ULog, and its definition there."""
+        written = _released(topic)
+        if written is topic:
+            self._unknown[topic.label] = None
+        name = f"/fmu/out/{topic.recorded_name}" + (f"_{topic.instance}" if topic.instance else "")
+        target = Target(name, self.types.name_of(written), written.definition)
+        if target not in self._numbers:
+            self._renamed += _renamed(topic)
+        return self.of_target(target), written.definition
 
     def of_topic(self, topic: Topic) -> int:
-        """Return the channel of a topic."""
+        """Return the channel of a topic of ROS."""
         channel, type_ = topic.channels[0][1], self.types.name_of(topic)
-        if channel.encoding == "ulog":
-            name = f"/fmu/out/{channel.topic}" + (f"_{topic.instance}" if topic.instance else "")
-            target = Target(name, type_, topic.definition)
-            if target not in self._numbers:
-                self.notes += _renamed(topic)
-            return self.of_target(target)
         qos = next((each.qos for _, each in topic.channels if each.qos), "")
         hash_ = topic.type_hash if type_ == topic.ros_type else ""
         return self.of_target(
@@ -186,11 +207,25 @@ def _write_attached(writer: McapWriter, logs: Sequence[Log]) -> None:
             writer.add_attached(attached)
 
 
+def _released(topic: Topic) -> Topic:
+    """Return a topic of a ULog with the definition of a release, or as it is if none has its fields."""
+    definition = restored(topic.ros_type, topic.definition, topic.firmware)
+    return replace(topic, definition=definition) if definition else topic
+
+
 def _renamed(topic: Topic) -> list[str]:
     """Return a note if fields of a topic of a ULog have other names in ROS 2."""
     layout = topic.channels[0][1].layout
     names = [name for name in (layout.dtype.names or () if layout else ()) if name != name.lower()]
     return [f"{topic.label}: {', '.join(names)} written in lower case, as ROS 2 needs it"] if names else []
+
+
+def _misread(labels: list[str]) -> list[str]:
+    """Return a note about topics of a ULog whose definitions no release has."""
+    if not labels:
+        return []
+    text = f"{counted(len(labels), 'topic')} in uORB's order of fields, because no embedded release has these fields"
+    return [f"programs with px4_msgs misread {text}: {few(labels)}"]
 
 
 def _write_facts(writer: McapWriter, inputs: Sequence[_Input], selection: Selection) -> list[str]:
@@ -255,4 +290,5 @@ def _blocks(each: _Input, selection: Selection, channels: _Channels) -> Iterator
     if selection.topics is None:
         yield from blocks_of_texts(each.log, selection, channels.of_target, offset)
     topics = [topic for topic in each.topics if topic.definition]
-    yield from blocks_of_ulog(each.log.batches(topics, **limits), channels.of_topic, offset)
+    channels.reserve(topics)
+    yield from blocks_of_ulog(each.log.batches(topics, **limits), channels.of_ulog, offset)

@@ -11,6 +11,7 @@ import numpy as np
 from msggen.recordings.convert.mcap import Target
 from msggen.recordings.convert.payloads import Block
 from msggen.recordings.decode.layouts import USUAL
+from msggen.recordings.decode.schemas import SEPARATOR
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -23,7 +24,7 @@ _ROSOUT = Target(
     "/rosout",
     "rcl_interfaces/msg/Log",
     "builtin_interfaces/Time stamp\nuint8 level\nstring name\nstring msg\nstring file\nstring function\nuint32 line\n"
-    f"{'=' * 80}\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n",
+    f"{SEPARATOR}\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n",
 )
 """The topic on which nodes of ROS 2 publish texts."""
 _LEVELS = {"emergency": 50, "alert": 50, "critical": 50, "error": 40, "warning": 30, "notice": 20, "info": 20}

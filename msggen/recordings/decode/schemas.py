@@ -15,6 +15,8 @@ from msggen.primitives import OCTETS
 
 _HEAD = re.compile(r"^=+[ \t\r]*\nMSG:[ \t]*(\S+)[ \t\r]*$", re.MULTILINE)
 """The head of the definition of a nested message."""
+SEPARATOR = "=" * 80
+"""The line before the head of a nested message."""
 _NO_CONVENTIONS = Conventions(
     "", 0, full_topic_path=True, version_suffix=True, default_interval_ms=0, exact_intervals=True
 )
@@ -97,7 +99,7 @@ def definition_of(catalog: Catalog, message: Message) -> str:
     """Return a definition with those that it nests, in the format `ros2msg`, without comments and defaults."""
     package = message.released_as[0]
     nested = [
-        f"{'=' * 80}\nMSG: {'/'.join(inner.released_as)}\n{_lines(catalog, inner, package)}"
+        f"{SEPARATOR}\nMSG: {'/'.join(inner.released_as)}\n{_lines(catalog, inner, package)}"
         for inner in catalog.nested_all(message)
     ]
     return "".join([_lines(catalog, message, package), *nested])

@@ -52,7 +52,7 @@ def sources_of_package(package: Any, log: Log) -> Sources:
     if not texts:
         raise input_error(package.__name__, "S102", "it has no definition of the recording's types", 0)
     owners = [key.partition("/")[0] for key in texts]
-    return _sources(package.__name__, max(sorted(set(owners)), key=owners.count), texts)
+    return _sources(package.__name__, max(sorted(set(owners)), key=owners.count), texts)._replace(is_partial=True)
 
 
 def _sources(label: str, package: str, texts: Mapping[str, str]) -> Sources:

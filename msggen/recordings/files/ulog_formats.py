@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from msggen.recordings.decode.layouts import Layout, bools_at
+from msggen.recordings.decode.schemas import SEPARATOR
 from msggen.recordings.source import RecordingError
 
 _NUMBERS = {
@@ -33,7 +34,6 @@ _VALUE, _BOOL, _FILL = b"\1", b"\2", b"\0"
 _LARGEST = (1 << 16) - 1 - 2
 """The size of the largest sample: a message has 65,535 bytes, two of them for its number."""
 _DEEPEST = 32
-_SEPARATOR = "=" * 80
 
 # Topics that are not named after their message, by message: the `# TOPICS` lines of PX4's definitions
 _OTHER_TOPICS = {
@@ -161,7 +161,7 @@ class Formats:
             if not all(map(_ROS_NAME.fullmatch, [each, *names])) or len({*names}) < len(names):
                 return ""
             text = "".join(map(self._declaration, fields))
-            parts.append(f"{_SEPARATOR}\nMSG: px4_msgs/{self._message(each)}\n{text}" if parts else text)
+            parts.append(f"{SEPARATOR}\nMSG: px4_msgs/{self._message(each)}\n{text}" if parts else text)
             others = dict.fromkeys(field.type for field in fields if field.type not in _NUMBERS)
             nested += [other for other in others if other not in nested]
         return "".join(parts)
