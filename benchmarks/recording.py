@@ -24,7 +24,7 @@ from msggen.live import Vehicle
 from msggen.live.link import Route
 from msggen.live.links.udp import UdpLink
 from msggen.recordings.live.recorder import Recorder
-from msggen.recordings.live.writer import Channel
+from msggen.recordings.writer import Channel
 from tables import Table
 
 HEAD = ["samples", "sent", "in the file", "lost by the link", "dropped", "MB", "CPU, us a sample", "CPU, % of a core"]

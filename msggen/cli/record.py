@@ -25,8 +25,8 @@ from msggen.exit_codes import DONE
 if TYPE_CHECKING:
     from msggen.live import Vehicle
     from msggen.recordings.choice import Choice
-    from msggen.recordings.live.definitions import Definitions
     from msggen.recordings.live.recorder import Counts, Recorder
+    from msggen.recordings.live.vehicle_definitions import Definitions
 
 _REFRESH = 1.0
 """The time in s between two looks at the vehicle, and after which the state is shown."""
@@ -116,7 +116,7 @@ _VALUES: Mapping[str, Callable[[str], Any]] = {
 
 def _record(options: argparse.Namespace) -> int:
     from msggen.recordings.choice import Choice
-    from msggen.recordings.live.definitions import Definitions
+    from msggen.recordings.live.vehicle_definitions import Definitions
 
     convert_values(options, _VALUES)
     check_packages("R101")

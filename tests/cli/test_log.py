@@ -18,8 +18,8 @@ from pyarrow import parquet
 from msggen import recordings
 from msggen.cli import main, parser_for
 from msggen.live.sim import Options, Simulator
-from msggen.recordings.live.writer import Writer
 from msggen.recordings.reader import Reader
+from msggen.recordings.writer import Writer
 from support.flights import TOPICS, write_flight
 from support.log_files import Written, write_log
 from support.ports import free_port
@@ -195,7 +195,7 @@ def test_show_prints_samples_as_topic_echo_does(px4_types: Any, here: Path, caps
     writer = Writer(str(here / "small.mcap"))
     for each in (message, other):
         info = each.__msg__
-        from msggen.recordings.live.writer import Channel
+        from msggen.recordings.writer import Channel
 
         number = writer.add_channel(Channel(f"/fmu/out/{info.name}", info.ros_type, info.definition, ""))
         writer.write(number, 10**18, 10**18, each.encode())

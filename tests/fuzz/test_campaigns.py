@@ -107,7 +107,7 @@ PLANTED: dict[str, tuple[str, Any]] = {
     "strangers": ("msggen.generate.build.write_output", write_in_place),
     "arguments": ("msggen.firmware.catalog.decode_text", fail),
     "datagrams": ("msggen.live.xrce.wire.WireError", KeyError),
-    "recordings": ("msggen.recordings.live.writer.McapWriter.flush", lambda _: None),
+    "recordings": ("msggen.recordings.writer.McapWriter.flush", lambda _: None),
     "conversions": ("msggen.recordings.convert._whole", at_once),
 }
 """An error for each campaign: the function or the number that is replaced, and by what."""

@@ -25,7 +25,7 @@ from rosbags.highlevel import AnyReader
 from msggen import recordings
 from msggen.recordings import Log
 from msggen.recordings.convert import EVERYTHING, FORMATS, TABLES, Converted, convert, join
-from msggen.recordings.live.writer import Channel, Writer
+from msggen.recordings.writer import Channel, Writer
 from support.flights import TEXTS, TOPICS, same_columns, write_flight
 from support.recordings import START, read_mcap
 from support.ulog import UTC, write_ulog

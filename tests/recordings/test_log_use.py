@@ -10,7 +10,7 @@ import pytest
 from msggen import InputError, recordings
 from msggen.recordings import Log, RecordingError
 from msggen.recordings.convert import convert
-from msggen.recordings.live.writer import Channel, Writer
+from msggen.recordings.writer import Channel, Writer
 from support.ulog import write_ulog
 
 

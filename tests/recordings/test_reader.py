@@ -17,8 +17,8 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from msggen.recordings.choice import Choice
 from msggen.recordings.files import open_log
 from msggen.recordings.live.player import endpoints_of
-from msggen.recordings.live.writer import COMPRESSIONS, Writer
 from msggen.recordings.source import RecordingError
+from msggen.recordings.writer import COMPRESSIONS, Writer
 from support.recordings import START, Found, channel_of, read_ours, route_of
 
 STATUS, ODOMETRY = "/fmu/out/vehicle_status_v4", "/uav_1/fmu/out/vehicle_odometry"

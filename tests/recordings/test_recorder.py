@@ -18,7 +18,7 @@ from mcap.reader import make_reader
 from msggen.live.link import Route
 from msggen.recordings.live import recorder as module
 from msggen.recordings.live.recorder import Limits, Recorder, publish_time
-from msggen.recordings.live.writer import Channel
+from msggen.recordings.writer import Channel
 from support.recordings import START, Found, channel_of, check_read, read_mcap, read_ours, route_of
 
 PAYLOAD = b"\0\1\0\0" + bytes(60)

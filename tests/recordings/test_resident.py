@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from msggen import recordings
-from msggen.recordings.live.writer import Channel, Writer
 from msggen.recordings.resident import drop_pages
+from msggen.recordings.writer import Channel, Writer
 from support.databases import Stored, write_database
 
 SIZE = 16 << 20

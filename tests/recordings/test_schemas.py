@@ -10,7 +10,7 @@ import pytest
 from msggen.live import Vehicle
 from msggen.live.link import Route
 from msggen.recordings.decode.schemas import hash_of
-from msggen.recordings.live.definitions import Definitions
+from msggen.recordings.live.vehicle_definitions import Definitions
 from support.fake_link import FakeLink
 from support.recordings import channel_of, route_of
 

@@ -16,8 +16,8 @@ from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
 from msggen.recordings.files import open_log
-from msggen.recordings.live.writer import COMPRESSIONS, Channel, Writer
 from msggen.recordings.source import RecordingError
+from msggen.recordings.writer import COMPRESSIONS, Channel, Writer
 from support.recordings import START, Found, channel_of, check_decoded, check_read, read_mcap, read_ours, route_of
 from support.scratch import scratch_folder
 

@@ -13,7 +13,7 @@ from rosbags.highlevel import AnyReader
 
 from msggen.live.link import Route
 from msggen.recordings.files import open_log
-from msggen.recordings.live.writer import Channel
+from msggen.recordings.writer import Channel
 
 START = 1_790_000_000_000_000_000
 

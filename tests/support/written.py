@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from msggen.recordings.live.writer import Channel, Writer
+from msggen.recordings.writer import Channel, Writer
 from support.recordings import START
 
 

@@ -345,3 +345,15 @@ def response_of(request: Message) -> tuple[Any, str]:
         raise TypeError(f"expected a request such as srv.VehicleCommand.Request(...), got {cls.__name__}")
     package = package_of_class(cls)
     return getattr(package.srv, cls.__name__.removesuffix("_Request") + "_Response"), name.rpartition("/")[2]
+
+
+def classes_of(package: Any, name: str, ros_type: str) -> list[Any]:
+    """Return the classes of a topic in a package, the newest version first."""
+    try:
+        found = [endpoint.message for endpoint in reversed(package.topics.versions_of(name))]
+    except KeyError:
+        try:
+            found = [package.by_type(ros_type)]
+        except KeyError:
+            return []
+    return [cls for cls in found if cls.__msg__.ros_type == ros_type]

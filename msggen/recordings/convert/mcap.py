@@ -31,9 +31,9 @@ from msggen import __version__
 from msggen.recordings.files.mcap_channels import IS_LENT
 from msggen.recordings.files.mcap_records import ATTACHMENT, METADATA, RECORD
 from msggen.recordings.gather import at, groups
-from msggen.recordings.live.qos import QOS, QOS_VERSION, numbered
-from msggen.recordings.live.writer import CHUNK
+from msggen.recordings.qos import QOS, QOS_VERSION, numbered
 from msggen.recordings.source import RawSchema
+from msggen.recordings.writer import CHUNK
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

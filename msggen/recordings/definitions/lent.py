@@ -16,10 +16,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.diagnostics import InputError, few
 from msggen.live.messages.names import version_of
-from msggen.live.messages.packages import packages_of
+from msggen.live.messages.packages import classes_of, packages_of
 from msggen.recordings.decode.decoder import Decoder
 from msggen.recordings.decode.schemas import SchemaError, definition_of, read_schema, type_hash_of
-from msggen.recordings.live.definitions import classes_of
 from msggen.recordings.source import Channel, Part, Source
 
 if TYPE_CHECKING:

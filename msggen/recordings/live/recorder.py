@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from msggen.live.link import Route
 
 if TYPE_CHECKING:
-    from msggen.recordings.live.writer import Channel, Writer
+    from msggen.recordings.writer import Channel, Writer
 
 QUEUE = 64 * 1024 * 1024
 """The bytes that wait for the disk at most; what exceeds them is dropped. 30 s of 6,000 samples a second."""
@@ -78,7 +78,7 @@ class _File:
     """A file and its topics."""
 
     def __init__(self, path: str, compression: str) -> None:
-        from msggen.recordings.live.writer import Writer
+        from msggen.recordings.writer import Writer
 
         self.writer: Writer = Writer(path, compression)
         self.topics: dict[str, _Topic] = {}

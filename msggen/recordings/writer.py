@@ -15,7 +15,7 @@ from mcap.writer import MCAP0_MAGIC, CompressionType
 from mcap.writer import Writer as McapWriter
 
 from msggen import __version__
-from msggen.recordings.live.qos import QOS, QOS_VERSION
+from msggen.recordings.qos import QOS, QOS_VERSION
 
 COMPRESSIONS = ("zstd", "lz4", "none")
 CHUNK = 768 * 1024

@@ -5,16 +5,17 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from msggen.live import NotConnectedError
 from msggen.live.firmware import releases
 from msggen.live.messages.names import version_of
+from msggen.live.messages.packages import classes_of
 
 if TYPE_CHECKING:
     from msggen.live import Vehicle
     from msggen.live.link import Route
-    from msggen.recordings.live.writer import Channel
+    from msggen.recordings.writer import Channel
 
 PATIENCE = 5.0
 """How long to wait in s for the hashes of a vehicle. It tells all of them within 2 s, or none."""
@@ -56,7 +57,7 @@ class Definitions:
 
     def channel(self, route: Route) -> Channel:
         """Return the channel of a route. Its definition is "" if no package has the vehicle's."""
-        from msggen.recordings.live.writer import Channel
+        from msggen.recordings.writer import Channel
 
         told = self._hashes.get(route.ros_type)
         for package in self._packages(route, told):
@@ -72,15 +73,3 @@ class Definitions:
         for release, rows in releases().items():
             if told is not None and any(row.message == name and row.message_hash == told for row in rows.values()):
                 yield self._package_of(release)
-
-
-def classes_of(package: Any, name: str, ros_type: str) -> list[Any]:
-    """Return the classes of a topic in a package, the newest version first."""
-    try:
-        found = [endpoint.message for endpoint in reversed(package.topics.versions_of(name))]
-    except KeyError:
-        try:
-            found = [package.by_type(ros_type)]
-        except KeyError:
-            return []
-    return [cls for cls in found if cls.__msg__.ros_type == ros_type]
