@@ -290,3 +290,17 @@ def test_times_of_day_are_no_damage(tmp_path: Path) -> None:
         writer.sample(0, struct.pack("<Qf", UTC + step, step))
     with recordings.open(writer.write(tmp_path / "simulation.ulg")) as log:
         assert (len(log["a"]), log.problems) == (10, [])
+
+
+def test_a_last_sample_that_is_too_short_for_a_time(tmp_path: Path) -> None:
+    writer = UlogWriter()
+    writer.format("a", "uint64_t timestamp;float x")
+    writer.format("short", "uint16_t x")
+    for number, name in enumerate(("a", "short")):
+        writer.subscribe(number, name)
+    writer.sample(0, struct.pack("<Qf", 2_000_000, 1.5))
+    writer.sample(1, struct.pack("<H", 7))
+    with recordings.open(writer.write(tmp_path / "short.ulg")) as log:
+        assert (log["a"]["x"].tolist(), log["short"]["x"].tolist()) == ([1.5], [7])
+        assert log.samples("short").log_times.tolist() == [2_000_000_000]
+        assert log.problems == []

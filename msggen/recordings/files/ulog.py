@@ -54,6 +54,8 @@ _FIRST = frozenset(b"BFIMPQALC")
 _TEXTS = frozenset(b"LC")
 _LONGEST = 1000 << 32
 """The ns whose us fit in 32 bits."""
+_TIME = 8
+"""The size of a time."""
 _DAY = 86400 * 10**9
 _FAR = 30 * _DAY
 """How far in ns the time of a sample can be from those of most others."""
@@ -191,6 +193,14 @@ class UlogFile:
             return np.full(len(starts), layout.size, np.int64)
         sizes: Places = at(self._file, "<u2")[starts].astype(np.int64) - (PAYLOAD - FRONT)
         return sizes
+
+    def _usual_times(self, samples: Places) -> NDArray[np.int64]:
+        """Return what the times of samples are if they begin with them, all together: memory is read in order.
+
+        The last sample of a file may be too short to have one.
+        """
+        last = self._file.size - PAYLOAD - _TIME
+        return self._times_at(np.minimum(samples, last), PAYLOAD) if last >= 0 else np.zeros(len(samples), np.int64)
 
     def _times_at(self, starts: Places, offset: int) -> NDArray[np.int64]:
         """Return the log times of samples whose messages have their time at an offset."""
@@ -333,9 +343,13 @@ class UlogFile:
                     found[topic.number].append(chosen)
         timed: dict[int, Timed] = {}
         without: dict[int, Places] = {}
+        usual = self._usual_times(samples)
         for channel, each in found.items():
-            starts = samples[each[0] if len(each) == 1 else np.sort(np.concatenate(each))]
-            if channel in self._topics.clocks:
+            indices = each[0] if len(each) == 1 else np.sort(np.concatenate(each))
+            starts = samples[indices]
+            if self._topics.clocks.get(channel) == PAYLOAD:
+                timed[channel] = starts, usual[indices]
+            elif channel in self._topics.clocks:
                 timed[channel] = starts, self._times_at(starts, self._topics.clocks[channel])
             else:
                 without[channel] = starts
