@@ -105,6 +105,8 @@ class UlogFile:
         self._channels: dict[int, Channel] = {}
         self._windows: list[_Window] = []
         self._counts: Counter[int] = Counter()
+        self._sizes: dict[int, int] = {}
+        """The size of all messages with samples of a channel without their fronts, 0 if not all have the same."""
         self._left_out: dict[tuple[str, int, str], Problem] = {}
         """What was left out of each topic, by its name and instance, and why."""
         self._unknown = 0
@@ -188,9 +190,8 @@ class UlogFile:
 
     def _sizes_at(self, starts: Places, number: int) -> Places:
         """Return the sizes of the samples of a channel, whose messages begin at `starts`."""
-        layout = self._channels[number].layout
-        if layout is not None and not layout.surplus:
-            return np.full(len(starts), layout.size, np.int64)
+        if self._sizes[number]:
+            return np.full(len(starts), self._sizes[number] - (PAYLOAD - FRONT), np.int64)
         sizes: Places = at(self._file, "<u2")[starts].astype(np.int64) - (PAYLOAD - FRONT)
         return sizes
 
@@ -399,7 +400,10 @@ class UlogFile:
     def _fitting(self, topic: Topic, indices: Places, samples: Places, sizes: Places) -> Places:
         """Return the indices of the samples that have the size of their topic, and count the others."""
         given = sizes[indices]
-        if int(given.min()) >= topic.smallest and int(given.max()) <= topic.largest:
+        least, most = int(given.min()), int(given.max())
+        if not self._sizes.setdefault(topic.number, least) == least == most:
+            self._sizes[topic.number] = 0
+        if least >= topic.smallest and most <= topic.largest:
             return indices
         fits = (given >= topic.smallest) & (given <= topic.largest)
         if topic.wrong:
