@@ -8,7 +8,7 @@ a comment takes the comment from the next newer release that has it. `tests/supp
 import os
 import re
 from collections.abc import Collection
-from functools import cached_property
+from functools import cache, cached_property
 
 from msggen.diagnostics import input_error, suggestion
 from msggen.disk.resources import embedded_root
@@ -192,3 +192,9 @@ def with_comments(text: str, newer: list[str]) -> str:
                 lines[index] = f"{line}  # {comment}"
     body = "\n".join(lines)
     return f"{head}\n{body}\n" if head else f"{body}\n"
+
+
+@cache
+def all_releases() -> Releases:
+    """Return the files of all embedded releases, so that each is read once for all that ask for it."""
+    return Releases()

@@ -22,7 +22,7 @@ BLOCK = 1 << 13
 """The bytes between two places where a walk begins."""
 _HEAD = 8
 _LINE = 64
-"""The size of a line of the processor's cache, of most processors. Memory is read fastest in order."""
+"""The bytes of a cache line of most processors."""
 
 
 def at(buffer: Octets, dtype: Any, offset: int = 0) -> NDArray[Any]:
@@ -64,7 +64,9 @@ def walk(
     if not heads_at.size:
         return
     while start + _HEAD <= stop:
-        np.bitwise_or.reduce(buffer[start : min(start + WINDOW, stop) : _LINE])  # from the disk to the cache, in order
+        np.bitwise_or.reduce(
+            buffer[start : min(start + WINDOW, stop) : _LINE]
+        )  # fills the cache in order, which is fastest
         stretch = _walk_window(heads_at, start, min(start + WINDOW, stop), length_of, find)
         if not stretch.starts.size:
             if stretch.end > stop:

@@ -21,7 +21,7 @@ import pyarrow.csv
 import pyarrow.parquet as pq
 
 from fuzz.payloads import targets
-from msggen.recordings.convert.names import FACTS
+from msggen.recordings.convert.names import FACT_TABLES
 from msggen.recordings.files import open_log
 from support.commands import Outcome, check_outcome, run
 from support.databases import Stored, write_database
@@ -123,7 +123,7 @@ def files_in(folder: Path) -> Iterator[Path]:
 
 def samples_in(files: Iterable[Path]) -> int:
     """Return how many samples files have. All are read, also those of what a ULog has beside its topics."""
-    return sum(rows_of(path) * (path.stem not in FACTS) for path in files)
+    return sum(rows_of(path) * (path.stem not in FACT_TABLES) for path in files)
 
 
 def rows_of(path: Path) -> int:

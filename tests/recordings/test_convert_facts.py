@@ -14,7 +14,7 @@ from pyarrow.parquet import read_table
 
 from msggen import recordings
 from msggen.recordings.convert import convert
-from msggen.recordings.convert.names import FACTS, file_names, place_of
+from msggen.recordings.convert.names import FACT_TABLES, file_names, place_of
 from msggen.recordings.fleet import update
 from support.ulog import UTC, UlogWriter
 
@@ -57,7 +57,7 @@ def tables(path: Path, target: Path, **options: Any) -> dict[str, list[tuple[Any
     with recordings.open(path) as log:
         converted = convert(log, str(target), format="parquet", **options)
     found = {}
-    for name in FACTS:
+    for name in FACT_TABLES:
         file = target / f"{name}.parquet"
         assert (str(file) in converted.files) == file.exists()
         if file.exists():

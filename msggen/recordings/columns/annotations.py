@@ -1,21 +1,21 @@
 """What the fields of recorded messages mean: their units, frames, and the names of their values.
 
-A definition in a recording seldom tells: a ULog has neither comments nor constants. What it lacks comes from the
-embedded releases: first from those whose message has the same fields in any order, and of these from the nearest to the
-firmware that the recording tells, or else from the newest. Names of values change from release to release. So without
-the same fields they come from the nearest release, and if the recording does not tell its firmware, from none.
+A definition in a recording seldom tells: a ULog has neither comments nor constants. What it lacks comes from embedded
+releases. Those whose message has the same fields, in any order, come first. Among them, the release that is nearest to
+the recorded firmware comes first, or the newest if the recording does not tell its firmware. Names of values change
+from release to release: without that firmware, they only come from a message with the same fields.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from functools import cache, lru_cache
+from functools import lru_cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.enumeration import Enumeration, enum_by_name, enumerations
-from msggen.firmware.embedded import Releases, nearest_first
+from msggen.firmware.embedded import all_releases, nearest_first
 from msggen.firmware.inferred import unit_in_sentences
 from msggen.model import DEFAULT_PACKAGE, Comment, Field, InferredTag, Message
 from msggen.parse.definition import parse_message
@@ -118,13 +118,8 @@ def _embedded(message: Message, firmware: str) -> list[Message]:
 
 @lru_cache(1024)
 def _released(release: str, name: str) -> Message | None:
-    text = _releases().file(release, f"{name}.msg")[1]
+    text = all_releases().file(release, f"{name}.msg")[1]
     return parse_message(text, name, name, DEFAULT_PACKAGE)[0] if text else None
-
-
-@cache
-def _releases() -> Releases:
-    return Releases()
 
 
 def _fields_of(message: Message) -> frozenset[tuple[str, str]]:

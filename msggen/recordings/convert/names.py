@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from msggen.recordings.samples import Topic
 
 PARAMETERS, TEXTS, DROPOUTS = "ulog_parameters", "ulog_texts", "ulog_dropouts"
-FACTS = (PARAMETERS, TEXTS, DROPOUTS)
+FACT_TABLES = (PARAMETERS, TEXTS, DROPOUTS)
 """The names of tables of what a ULog has beside its topics: no topic has one of them."""
 _STRANGE = re.compile(r"[^A-Za-z0-9_.-]")
 _PX4 = re.compile(r"(?:/(.+))?/fmu/(in|out)/([^/]+)")
@@ -31,10 +31,10 @@ def file_names(topics: Iterable[Topic]) -> dict[tuple[str, int], str]:
     """Return a name for each topic, by name and instance, without a suffix. No two differ in case only.
 
     It is the name in uORB with the instance if that is not 0. Where several topics have that, as `/fmu/in/x` and
-    `/fmu/out/x`, the next ones have their whole name: `fmu_out_x`. None has one of FACTS.
+    `/fmu/out/x`, the next ones have their whole name: `fmu_out_x`. None has one of FACT_TABLES.
     """
     found: dict[tuple[str, int], str] = {}
-    taken = set(FACTS)
+    taken = set(FACT_TABLES)
     for topic in topics:
         name = next(each for each in _candidates(topic) if each.casefold() not in taken)
         taken.add(name.casefold())
@@ -71,7 +71,7 @@ def place_of(topic: Topic) -> Place:
 def _unique(name: str) -> str:
     """Return a name as that of a folder. Where others could become the same, it ends with a digest."""
     clean = _clean(name, "")
-    if clean == name.lower() and clean not in FACTS:
+    if clean == name.lower() and clean not in FACT_TABLES:
         return clean
     return f"{clean}-{hashlib.sha256(name.encode(errors='surrogateescape')).hexdigest()[:_DIGITS]}"
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.diagnostics import counted
-from msggen.firmware.embedded import EMBEDDED, Releases
+from msggen.firmware.embedded import EMBEDDED, all_releases
 from msggen.firmware.released import released_as
 from msggen.identity import type_hash
 from msggen.model import DEFAULT_PACKAGE
@@ -84,18 +84,16 @@ class _Recorded(NamedTuple):
 class _Definitions:
     """The definitions of an embedded release."""
 
-    _releases = Releases()
-
     def __init__(self, release: str) -> None:
         self.release = release
 
     def has_name(self, message: str) -> bool:
         """Whether the release has a message of this name."""
-        return bool(self._releases.file(self.release, f"{message}.msg")[0])
+        return bool(all_releases().file(self.release, f"{message}.msg")[0])
 
     def has(self, recorded: _Recorded) -> bool:
         """Whether a recorded definition has the fields of this release, in any order: a ULog has another one."""
-        found = released_as(self._releases, self.release, recorded.message, recorded.package)
+        found = released_as(all_releases(), self.release, recorded.message, recorded.package)
         if found is None:
             return False
         if recorded.type_hash and recorded.type_hash == type_hash(*found):

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from functools import cache, lru_cache
+from functools import lru_cache
 
-from msggen.firmware.embedded import Releases, nearest_first
+from msggen.firmware.embedded import all_releases, nearest_first
 from msggen.firmware.released import Released, released_as
 from msggen.recordings.decode.schemas import SEPARATOR, content_of, read_schema
 
@@ -27,16 +27,11 @@ def restored(ros_type: str, definition: str, firmware: str) -> str:
 
 def _text(release: str, found: Released) -> str:
     """Return a definition with its comments and constants, and those that it nests."""
-    texts = {each.key: _releases().file(release, f"{each.name}.msg")[1] for each in found.catalog.messages.values()}
+    texts = {each.key: all_releases().file(release, f"{each.name}.msg")[1] for each in found.catalog.messages.values()}
     own = texts.pop(found.message.key)
     return own + "".join(f"{SEPARATOR}\nMSG: {key}\n{text}" for key, text in texts.items())
 
 
 @lru_cache(1024)
 def _released(release: str, package: str, name: str) -> Released | None:
-    return released_as(_releases(), release, name, package)
-
-
-@cache
-def _releases() -> Releases:
-    return Releases()
+    return released_as(all_releases(), release, name, package)

@@ -59,7 +59,7 @@ def places_of(topics: Iterable[Topic], values: Mapping[str, str], log: str) -> d
 
 
 def place_of_facts(name: str, values: Mapping[str, str], log: str) -> str:
-    """Return the path of a table of FACTS, as `places_of` does for topics."""
+    """Return the path of a table of FACT_TABLES, as `places_of` does for topics."""
     return f"{_folder_of(Place(name, '', 0), values, log)}/{name}.parquet"
 
 

@@ -78,7 +78,7 @@ def _write(task: Task, ledger: Ledger, name: str, digest: str, state: State) -> 
     from msggen.disk.files import flush
     from msggen.disk.staging import staging_folder
     from msggen.recordings.convert import convert
-    from msggen.recordings.convert.names import FACTS, file_names
+    from msggen.recordings.convert.names import FACT_TABLES, file_names
     from msggen.recordings.files import open_log
     from msggen.recordings.fleet.layout import date_of, is_utc, place_of_facts, places_of, vehicle_of
 
@@ -92,7 +92,7 @@ def _write(task: Task, ledger: Ledger, name: str, digest: str, state: State) -> 
         values = {key: every[key] for key in task.by}
         place_by_key = places_of(topics, values, name)
         place_by_stem = {stem: place_by_key[key] for key, stem in file_names(topics).items()}
-        place_by_stem |= {stem: place_of_facts(stem, values, name) for stem in FACTS}
+        place_by_stem |= {stem: place_of_facts(stem, values, name) for stem in FACT_TABLES}
         places = {path: place_by_stem[os.path.splitext(os.path.basename(path))[0]] for path in converted.files}
         offset = log.utc_offset
         start = None if offset is None else log.start + offset
