@@ -30,8 +30,8 @@ def add_to(actions: Commands) -> None:
         _convert,
         help="write a recording as Parquet, Arrow, CSV, MCAP or rosbag2",
         description="Write a recording in another format. Parquet, Arrow and CSV are a folder with a file for each "
-        "topic, <topic>[_<instance>].parquet, and unless topics or fields are chosen, of a ULog one each for "
-        "parameters, texts and dropouts. A ULog becomes an MCAP file that Foxglove, Rerun and ROS 2 open. The "
+        "topic, <topic>[_<instance>].parquet. Those of a ULog come with its parameters, texts and dropouts, "
+        "unless topics or fields are chosen. A ULog becomes an MCAP file that Foxglove, Rerun and ROS 2 open. The "
         "recordings below a folder become one data set.",
         epilog=CODES,
     )

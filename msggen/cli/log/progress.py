@@ -43,7 +43,7 @@ def progress_bar(options: argparse.Namespace, *, at_once: bool = False) -> Itera
 
 @contextmanager
 def busy_bar(options: argparse.Namespace, text: str) -> Iterator[None]:
-    """Show a bar that only moves after a second, if a terminal shows it: for what does not tell how far it is."""
+    """Show a bar without a share, for what does not tell how far it is: after a second, if a terminal shows it."""
     if not _is_shown(options):
         yield
         return
@@ -74,7 +74,7 @@ class _Bar:
         self._task: Any = None
 
     def start(self, text: str = "", total: float | None = 1.0) -> None:
-        """Show an empty bar, or without a total one that only moves."""
+        """Show an empty bar. Without a total, it moves but shows no share."""
         from rich.console import Console
         from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 

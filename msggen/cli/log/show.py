@@ -146,10 +146,8 @@ def _nothing(options: argparse.Namespace, log: Log) -> str:
     if options.texts:
         return "there are no texts"
     if options.changed and log.parameters:
-        others = "none changed" + (
-            ", and all have their defaults" if log.facts.has_defaults else "; the log has no defaults"
-        )
-        return f"of the parameters that were asked for, {others}"
+        defaults = ", and all have their defaults" if log.facts.has_defaults else "; the log has no defaults"
+        return f"of the parameters that were asked for, none changed{defaults}"
     return "there are no parameters"
 
 
