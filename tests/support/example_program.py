@@ -67,4 +67,4 @@ class Program:
 def interrupted(program: Program) -> None:
     """Interrupt a program, which ends without an error."""
     assert program.end() == 0, program.printed
-    assert "Traceback" not in program.printed
+    assert "Traceback" not in program.printed, program.printed
