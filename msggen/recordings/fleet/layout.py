@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from datetime import date, datetime, timezone
 from typing import TYPE_CHECKING, NamedTuple
@@ -49,12 +50,14 @@ def places_of(topics: Iterable[Topic], values: Mapping[str, str], log: str) -> d
     recording, it has several files in one folder.
     """
     found: dict[tuple[str, int], str] = {}
+    counts: Counter[str] = Counter()
     for topic in topics:
         place = place_of(topic)
         folder = _folder_of(place, values, log)
         stem = f"{place.name}_{place.instance}" if place.instance else place.name
-        number = 1 + sum(os.path.dirname(path) == folder for path in found.values())
-        found[topic.name, topic.instance] = f"{folder}/{stem}" + (f"-{number}.parquet" if number > 1 else ".parquet")
+        counts[folder] += 1
+        end = f"-{counts[folder]}.parquet" if counts[folder] > 1 else ".parquet"
+        found[topic.name, topic.instance] = f"{folder}/{stem}{end}"
     return found
 
 
