@@ -50,7 +50,7 @@ def remove(folder: Path) -> None:
 
 @contextmanager
 def deep_folder(folder: Path, depth: int, name: str = "a") -> Iterator[None]:
-    """Make folders of one name in each other below `folder`, and remove them at the end. Their paths can be too long."""
+    """Make folders of one name in each other below `folder`, and remove them at the end."""
     with inside(folder):
         for _ in range(depth):
             os.mkdir(name)
