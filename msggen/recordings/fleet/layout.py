@@ -22,6 +22,8 @@ VERSION = 3
 KEYS = ("vehicle", "date")
 """What folders can be named after."""
 UNKNOWN = "unknown"
+ORIGINS = ("gps", "name", "clock", UNKNOWN)
+"""Where the day of a recording can come from."""
 NONE = "none"
 """The namespace of topics without one. All files of a data set must have the same keys."""
 DIGITS = 8
@@ -36,7 +38,7 @@ _YEAR_2001, _YEAR_2100 = 978_307_200 * 10**9, 4_102_444_800 * 10**9
 
 
 class Dated(NamedTuple):
-    """The day of a recording, in UTC, and where it comes from: `gps`, `name`, `clock` or `unknown`."""
+    """The day of a recording, in UTC, and where it comes from, one of ORIGINS."""
 
     day: str
     origin: str
