@@ -14,7 +14,7 @@ from msggen.cli.options import Commands, add_command, add_shared, non_empty, ref
 from msggen.cli.packages import missing_extra
 from msggen.cli.printing import number_of_bytes
 from msggen.cli.record import check_parent
-from msggen.diagnostics import few, input_error
+from msggen.diagnostics import few, input_error, printable
 from msggen.exit_codes import DONE, FINDINGS
 from msggen.recordings.paths import stem_of
 
@@ -119,7 +119,7 @@ def _write(options: argparse.Namespace, log: Log, series: Sequence[Series], endi
 def _show(options: argparse.Namespace, log: Log, series: Sequence[Series]) -> None:
     from matplotlib import pyplot as plt
 
-    _drawn(options, log, series, plt.figure(os.path.basename(options.file)))
+    _drawn(options, log, series, plt.figure(printable(os.path.basename(options.file))))
     plt.show()
 
 
