@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from msggen.cli.log.arguments import CODES, add_file, add_times, asked_time, convert_times
 from msggen.cli.log.opening import opened, print_notes, print_problems
 from msggen.cli.log.progress import busy_bar
-from msggen.cli.options import Commands, add_command, add_shared, non_empty, refuse
+from msggen.cli.options import Commands, add_command, add_shared, local_path, non_empty, refuse
 from msggen.cli.packages import missing_extra
 from msggen.cli.printing import number_of_bytes
 from msggen.cli.record import check_parent
@@ -49,7 +49,7 @@ def add_to(actions: Commands) -> None:
         "second instance",
     )
     parser.add_argument(
-        "-o", "--output", metavar="FILE", type=non_empty, help="file to write: .png, .svg or .pdf (default: a window)"
+        "-o", "--output", metavar="FILE", type=local_path, help="file to write: .png, .svg or .pdf (default: a window)"
     )
     add_times(parser)
     add_shared(parser, "-q, --quiet")
