@@ -25,6 +25,7 @@ from msggen.recordings.paths import is_bag
 from msggen.recordings.source import RecordingError
 from support.databases import Sample, Stored, expected_of, samples_of, write_database
 from support.recordings import START
+from support.ulog import write_ulog
 
 DEFINITION = "uint64 timestamp\nfloat32[3] xyz\nbool valid\n"
 TOPICS = tuple(Stored(number, f"/fmu/out/{name}", "demo/msg/Demo", DEFINITION) for number, name in enumerate("abc", 1))
@@ -283,6 +284,16 @@ def test_links_to_files_are_followed_and_links_to_folders_are_not(tmp_path: Path
     change_metadata(tmp_path / "bag", lambda each: each["relative_file_paths"].append("away/stored.db3"))
     problem = "away/stored.db3, which metadata.yaml names, is not in the folder of the recording, and is not read"
     assert read(tmp_path / "bag") == (expected_of(TOPICS, rows), [problem])
+
+
+def test_a_ulog_that_is_named_as_a_file_of_rosbag2_is_left_out(tmp_path: Path) -> None:
+    rows = write_split(tmp_path / "bag")
+    (tmp_path / "bag" / "metadata.yaml").unlink()
+    path = tmp_path / "bag" / "bag_3.db3"
+    write_ulog(path)
+    found, problems = read(tmp_path / "bag")
+    assert found == expected_of(TOPICS, rows)
+    assert problems[-1] == f"a file is left out: {path} is a ULog, which is a recording of its own"
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="there are no pipes in folders")

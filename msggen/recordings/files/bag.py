@@ -101,10 +101,16 @@ def _opened(
     """Open files, and add those that cannot be read to `problems`."""
     for path in paths:
         try:
-            yield open_compressed(path, open_file, is_by_sample=metadata is not None and metadata.is_by_sample)
+            source = open_compressed(path, open_file, is_by_sample=metadata is not None and metadata.is_by_sample)
         except RecordingError as error:
             count = metadata.counts.get(os.path.basename(path), 0) if metadata else 0
             problems.append(Problem(f"a file is left out: {error}", samples=count))
+            continue
+        if source.kind == "ulog":  # its times are of another clock
+            source.close()
+            problems.append(Problem(f"a file is left out: {path} is a ULog, which is a recording of its own"))
+        else:
+            yield source
 
 
 def _is_complete(metadata: Metadata, sources: Sequence[Source]) -> bool:

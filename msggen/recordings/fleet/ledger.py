@@ -165,11 +165,11 @@ class Ledger:
     def remove_files(self, files: Iterable[str]) -> None:
         """Remove files of the fleet, and the folders that are then empty, but nothing below a link. Raises OSError."""
         for name in files:
-            folder = os.path.dirname(name)
+            path, folder = os.path.join(self.fleet, name), os.path.dirname(name)
             if link_in(self.fleet, folder):
                 continue
-            with suppress(FileNotFoundError):
-                os.unlink(os.path.join(self.fleet, name))
+            if os.path.lexists(path) and not os.path.isdir(path):  # a folder is not of a record
+                os.unlink(path)
             with suppress(OSError):  # the first one that is not empty ends it
                 while folder:
                     os.rmdir(os.path.join(self.fleet, folder))
