@@ -221,7 +221,9 @@ def _private(chance: Random, work: Path, _: Path) -> None:
 def _recording(chance: Random, work: Path, _: Path) -> None:
     kind = chance.choice(("flight.mcap", "flight.ulg", "flight.db3"))
     content = files_of(kind)[kind]
-    _place(chance, work).write_bytes(chance.choice((content, damaged(chance, content), b"", b"x")))
+    path = _place(chance, work)
+    _clear(path)
+    path.write_bytes(chance.choice((content, damaged(chance, content), b"", b"x")))
 
 
 def _link(chance: Random, work: Path, outside: Path) -> None:
