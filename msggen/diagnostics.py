@@ -103,6 +103,7 @@ CODES: Mapping[str, Level] = MappingProxyType(
         "S128": Level.ERROR,
         "S129": Level.ERROR,
         "S130": Level.ERROR,
+        "S131": Level.ERROR,
         "B101": Level.ERROR,
         "B102": Level.ERROR,
         "B103": Level.ERROR,

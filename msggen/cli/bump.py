@@ -7,7 +7,7 @@ import os
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from msggen.cli.options import WRITING_CODES, Commands, add_command, add_shared, non_empty, writes
+from msggen.cli.options import WRITING_CODES, Commands, add_command, add_shared, local_path, writes
 from msggen.cli.printing import print_diff, print_notices
 from msggen.cli.sources import check_setting, firmware_path
 from msggen.exit_codes import DONE, FINDINGS
@@ -32,7 +32,7 @@ def add_to(commands: Commands) -> None:
         epilog=WRITING_CODES,
     )
     parser.add_argument(
-        "message", metavar="MSG", type=non_empty, help="name of the message, such as VehicleStatus, or its file"
+        "message", metavar="MSG", type=local_path, help="name of the message, such as VehicleStatus, or its file"
     )
     add_shared(parser, "--px4", "--against", "--check", "--diff", "-q, --quiet")
 

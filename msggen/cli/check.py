@@ -15,7 +15,7 @@ from msggen.cli.options import (
     add_output_format,
     add_shared,
     add_sources,
-    non_empty,
+    local_path,
 )
 from msggen.cli.printing import print_report
 from msggen.cli.sources import (
@@ -57,9 +57,9 @@ def add_to(commands: Commands) -> None:
         epilog=f"{COMPARING_CODES} Sources can be set in [tool.msggen] of pyproject.toml.",
     )
     parser.add_argument(
-        "side", metavar="PKG", type=non_empty, nargs="?", help="source to check, such as a px4_msgs package"
+        "side", metavar="PKG", type=local_path, nargs="?", help="source to check, such as a px4_msgs package"
     )
-    parser.add_argument("other", metavar="B", type=non_empty, nargs="?", help="source to check against the first one")
+    parser.add_argument("other", metavar="B", type=local_path, nargs="?", help="source to check against the first one")
     add_sources(parser, "--board")
     add_shared(parser, "--topics-only")
     parser.add_argument(

@@ -14,7 +14,7 @@ from msggen.cli.options import (
     add_command,
     add_shared,
     add_sources,
-    non_empty,
+    local_path,
     writes,
 )
 from msggen.cli.printing import print_notices, print_plan
@@ -53,7 +53,7 @@ def add_to(commands: Commands) -> None:
     output.add_argument(
         "--project",
         metavar="DIR",
-        type=non_empty,
+        type=local_path,
         nargs="?",
         const=os.curdir,
         help="add README.md and docs/*.md of a project (default: of the current folder)",

@@ -14,7 +14,7 @@ from hashlib import blake2b
 from types import ModuleType
 from typing import TYPE_CHECKING, NamedTuple
 
-from msggen.cli.options import add_shared, non_empty
+from msggen.cli.options import add_shared, local_path, non_empty
 from msggen.cli.packages import import_package, topics_of
 from msggen.cli.values import convert_values, positive, whole
 from msggen.diagnostics import few, input_error
@@ -77,7 +77,7 @@ def add_link(parser: argparse.ArgumentParser, *, has_types: bool = True) -> None
         source.add_argument(
             "--types",
             metavar="NAME|DIR",
-            type=non_empty,
+            type=local_path,
             help="generated package with the vehicle's messages (default: the setting `types`, or the embedded release "
             "that the vehicle has)",
         )

@@ -6,7 +6,14 @@ import argparse
 import os
 from dataclasses import replace
 
-from msggen.cli.options import FINDING_CODES, Commands, add_command, add_output_format, add_sources, non_empty
+from msggen.cli.options import (
+    FINDING_CODES,
+    Commands,
+    add_command,
+    add_output_format,
+    add_sources,
+    local_path,
+)
 from msggen.cli.printing import print_report
 from msggen.cli.selection import add_selection, selected_rules, unmatched
 from msggen.cli.sources import sources_of
@@ -34,7 +41,7 @@ def add_to(commands: Commands) -> None:
     parser.add_argument(
         "messages",
         metavar="MSG",
-        type=non_empty,
+        type=local_path,
         nargs="*",
         help="name of a message or service, such as VehicleStatus, or its file (default: all)",
     )

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from msggen.cli.link import Connection
-from msggen.cli.options import non_empty, refuse
+from msggen.cli.options import local_path, non_empty, refuse
 from msggen.diagnostics import Diagnostic, InputError, input_error
 from msggen.location import Location
 
@@ -36,7 +36,7 @@ def add_values(parser: argparse.ArgumentParser) -> None:
         nargs="?",
         help="values in YAML, such as '{position: true}', or '{}' for zeros; - reads them from stdin",
     )
-    parser.add_argument("-f", "--file", metavar="FILE", type=non_empty, help="read the values from a file")
+    parser.add_argument("-f", "--file", metavar="FILE", type=local_path, help="read the values from a file")
 
 
 def add_timeout(parser: argparse.ArgumentParser) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NoReturn, TypeAlias
 
@@ -33,17 +34,37 @@ def non_empty(text: str) -> str:
     return text
 
 
+_URL = re.compile(r"(?:\w+=)?([A-Za-z][A-Za-z0-9+.-]+)://")
+"""The scheme at the beginning of a URL, also behind `PKG=`. A single letter is a drive of Windows."""
+
+
+def local_path(text: str) -> str:
+    """Return `text`. Raise ArgumentTypeError as `non_empty` does, and InputError for a URL: it would name a folder."""
+    found = _URL.match(non_empty(text))
+    if found:
+        from msggen.diagnostics import input_error
+
+        scheme = found[1].lower()
+        hint = f"copy files of {scheme}:// with another program, or mount it"
+        if scheme == "file":
+            from urllib.request import url2pathname
+
+            hint = f"name {url2pathname(text[found.end() :])}"
+        raise input_error(text, "S131", f"a URL, expected a path: {hint}", 0)
+    return text
+
+
 SHARED: Mapping[str, Mapping[str, Any]] = {
-    "--px4": {"metavar": "PATH", "type": non_empty, "help": "firmware, such as a PX4-Autopilot tree"},
+    "--px4": {"metavar": "PATH", "type": local_path, "help": "firmware, such as a PX4-Autopilot tree"},
     "--msg-dir": {
         "metavar": "[PKG=]DIR",
-        "type": non_empty,
+        "type": local_path,
         "action": "append",
         "help": "folder of more messages: of external modules, or of another ROS package; repeatable",
     },
     "--topics": {
         "metavar": "FILE",
-        "type": non_empty,
+        "type": local_path,
         "help": "dds_topics.yaml (default: the one of the firmware)",
     },
     "--release": {
@@ -54,19 +75,19 @@ SHARED: Mapping[str, Mapping[str, Any]] = {
     "--strict": {"action": argparse.BooleanOptionalAction, "help": "treat warnings as errors"},
     "--board": {
         "metavar": "NAME|FILE",
-        "type": non_empty,
+        "type": local_path,
         "help": "board, such as px4_sitl_default, or .px4board file: leave out messages that it does not build",
     },
     "--against": {
         "metavar": "REF|DIR",
-        "type": non_empty,
+        "type": local_path,
         "help": "previous definitions: a revision of the firmware's repository, or another source",
     },
     "--topics-only": {
         "action": argparse.BooleanOptionalAction,
         "help": "take only the messages that cross the bridge, the messages that they nest, and the services",
     },
-    "-o, --output": {"metavar": "DIR", "type": non_empty, "help": "folder to write to"},
+    "-o, --output": {"metavar": "DIR", "type": local_path, "help": "folder to write to"},
     "--check": {
         "old": "--dry-run",
         "action": "store_true",
@@ -78,7 +99,7 @@ SHARED: Mapping[str, Mapping[str, Any]] = {
     },
     "--depfile": {
         "metavar": "FILE",
-        "type": non_empty,
+        "type": local_path,
         "help": "write a Makefile rule that lists all inputs, for CMake and Ninja",
     },
     "--list-outputs": {"action": "store_true", "help": "write nothing; list the output files"},

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, non_empty
+from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, local_path, non_empty
 from msggen.cli.printing import terminal_width
 from msggen.cli.record import add_topics, check_packages
 from msggen.cli.values import convert_values, positive, seconds, whole
@@ -41,7 +41,7 @@ def add_to(commands: Commands) -> None:
         epilog=f"Exit codes: 0 done, or ended by Ctrl-C, 1 no program answered, {FAILED_CODES}",
     )
     parser.add_argument(
-        "file", metavar="FILE", type=non_empty, help="recording of `msggen record` or `ros2 bag record`, an MCAP file"
+        "file", metavar="FILE", type=local_path, help="recording of `msggen record` or `ros2 bag record`, an MCAP file"
     )
     add_topics(parser, "play")
     parser.add_argument(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 
-from msggen.cli.options import Commands, add_command, non_empty
+from msggen.cli.options import Commands, add_command, local_path, non_empty
 from msggen.exit_codes import DONE
 
 
@@ -34,17 +34,17 @@ def _add_messages(parser: argparse.ArgumentParser) -> None:
         ("--uorb-idl-header", "headers for Cyclone DDS"),
     ):
         kind.add_argument(option, dest="kind", action="store_const", const=option, help=text)
-    messages.add_argument("-f", dest="file", metavar="FILE", type=non_empty, nargs="+", help=".msg files")
+    messages.add_argument("-f", dest="file", metavar="FILE", type=local_path, nargs="+", help=".msg files")
     messages.add_argument(
         "-i",
         dest="include_paths",
         metavar="DIR",
-        type=non_empty,
+        type=local_path,
         nargs="*",
         help="folders of the messages that they nest",
     )
-    messages.add_argument("-o", dest="outputdir", metavar="DIR", type=non_empty, help="folder to write to")
-    messages.add_argument("-e", dest="templatedir", metavar="DIR", type=non_empty, help="folder of templates")
+    messages.add_argument("-o", dest="outputdir", metavar="DIR", type=local_path, help="folder to write to")
+    messages.add_argument("-e", dest="templatedir", metavar="DIR", type=local_path, help="folder of templates")
     messages.add_argument(
         "-k", dest="package", metavar="NAME", type=non_empty, default="px4", help="package name (default: px4)"
     )
@@ -54,11 +54,11 @@ def _add_messages(parser: argparse.ArgumentParser) -> None:
 def _add_bridge(parser: argparse.ArgumentParser) -> None:
     bridge = parser.add_argument_group("bridge (generate_dds_topics.py)")
     bridge.add_argument(
-        "-y", "--dds-topics-file", dest="yaml_file", metavar="FILE", type=non_empty, help="dds_topics.yaml"
+        "-y", "--dds-topics-file", dest="yaml_file", metavar="FILE", type=local_path, help="dds_topics.yaml"
     )
-    bridge.add_argument("-t", "--template_file", metavar="FILE", type=non_empty, help="template file")
+    bridge.add_argument("-t", "--template_file", metavar="FILE", type=local_path, help="template file")
     bridge.add_argument(
-        "-u", "--client-outdir", dest="clientdir", metavar="DIR", type=non_empty, help="folder to write to"
+        "-u", "--client-outdir", dest="clientdir", metavar="DIR", type=local_path, help="folder to write to"
     )
     bridge.add_argument("-m", "--topic-msg-dir", metavar="DIR", help="accepted and ignored: an option of older scripts")
 

@@ -14,7 +14,7 @@ from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
 from msggen.cli.link import Connection, add_link, connection
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, non_empty
+from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, local_path, non_empty
 from msggen.cli.packages import missing_extra
 from msggen.cli.printing import discard_output, number_of_bytes, terminal_width
 from msggen.cli.values import convert_values, positive
@@ -50,7 +50,7 @@ def add_to(commands: Commands) -> None:
         "-o",
         "--output",
         metavar="FILE|DIR",
-        type=non_empty,
+        type=local_path,
         help="file to write, or folder for a file that is named after the time (default: the current folder)",
     )
     add_shared(parser, "--for")

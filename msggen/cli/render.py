@@ -13,6 +13,7 @@ from msggen.cli.options import (
     add_command,
     add_shared,
     add_sources,
+    local_path,
     non_empty,
     writes,
 )
@@ -47,7 +48,7 @@ def add_to(commands: Commands) -> None:
     parser.set_defaults(hints={"--output": "with -o -, the text is printed"})
     template = parser.add_argument_group("template")
     template.add_argument(
-        "--template", metavar="FILE", type=non_empty, required=True, help="template file, *.j2 or *.em"
+        "--template", metavar="FILE", type=local_path, required=True, help="template file, *.j2 or *.em"
     )
     template.add_argument(
         "--each", choices=THINGS, default="message", metavar="THING", help=f"{', '.join(THINGS)} (default: message)"

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, non_empty
+from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, local_path, non_empty
 from msggen.cli.packages import import_package, topics_of
 from msggen.cli.printing import terminal_width
 from msggen.cli.values import convert_values, finite, positive, share, whole
@@ -63,7 +63,7 @@ def _add_vehicles(parser: argparse.ArgumentParser) -> None:
     source = group.add_mutually_exclusive_group()
     add_shared(source, "--px4", old="--release")
     source.add_argument(
-        "--types", metavar="NAME|DIR", type=non_empty, help="package that msggen has generated, instead of --px4"
+        "--types", metavar="NAME|DIR", type=local_path, help="package that msggen has generated, instead of --px4"
     )
     group.add_argument("--count", metavar="N", type=non_empty, default="1", help="number of vehicles (default: 1)")
     group.add_argument(

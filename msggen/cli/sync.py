@@ -13,6 +13,7 @@ from msggen.cli.options import (
     add_option,
     add_shared,
     add_sources,
+    local_path,
     non_empty,
     writes,
 )
@@ -48,7 +49,7 @@ def add_to(commands: Commands) -> None:
         "the newest embedded release.",
         epilog=f"{WRITING_CODES} Sources and ros-package can be set in [tool.msggen] of pyproject.toml.",
     )
-    parser.add_argument("target", metavar="PKG", type=non_empty, help="folder of the package")
+    parser.add_argument("target", metavar="PKG", type=local_path, help="folder of the package")
     add_sources(parser)
     package = parser.add_argument_group("package")
     package.add_argument("--create", action="store_true", help="create the package if it does not exist")

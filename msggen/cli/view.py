@@ -11,7 +11,7 @@ from logging import CRITICAL, getLogger
 from typing import TYPE_CHECKING
 
 from msggen.cli.link import add_link, connection, given_package
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, non_empty
+from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, local_path, non_empty
 from msggen.cli.packages import missing_extra
 from msggen.cli.values import convert_values, positive, whole
 from msggen.cli.watching import rounds, watching
@@ -48,7 +48,7 @@ def add_to(commands: Commands) -> None:
         epilog=f"Exit codes: 0 done, or ended by Ctrl-C, {FAILED_CODES}",
     )
     parser.add_argument(
-        "file", metavar="FILE", nargs="?", type=non_empty, help="recording in MCAP (default: the vehicle on the link)"
+        "file", metavar="FILE", nargs="?", type=local_path, help="recording in MCAP (default: the vehicle on the link)"
     )
     group = parser.add_argument_group("server")
     group.add_argument("--host", metavar="ADDRESS", type=non_empty, help=f"address to serve on (default: {_HOST})")

@@ -176,20 +176,20 @@ def _encoded(folder: str, files: Mapping[str, str], names: Collection[str]) -> d
 def _obsolete(folder: str, files: Collection[str], record: Record) -> list[str]:
     """Return the names of recorded files that are not in `files`, except in folders that are symbolic links."""
     names = [name for name in record.files if name not in files]
-    linked = {parent for parent in ("", *_parents(names)) if _link_in(folder, parent)}
+    linked = {parent for parent in ("", *_parents(names)) if link_in(folder, parent)}
     return [name for name in names if os.path.dirname(name) not in linked]
 
 
 def check_links(folder: str, parents: Collection[str]) -> None:
     """Raise InputError if one of `parents`, folders in `folder` or "" for itself, is a symbolic link or below one."""
     for parent in parents:
-        link = _link_in(folder, parent)
+        link = link_in(folder, parent)
         if link:
             text = f"symbolic link to {os.readlink(link)}: replace it with a folder, or name its target as the output"
             raise input_error(link, "S115", text, 0)
 
 
-def _link_in(folder: str, parent: str) -> str:
+def link_in(folder: str, parent: str) -> str:
     """Return the first symbolic link on the way from `folder` to `parent` in it, or "".
 
     An empty parent is `folder`: the way to it starts at the current folder, which may be a stranger's. An absolute path

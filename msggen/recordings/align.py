@@ -13,7 +13,7 @@ from msggen.diagnostics import counted, suggestion
 from msggen.recordings.choice import listed
 from msggen.recordings.samples import Samples, frame_of
 from msggen.recordings.source import RecordingError
-from msggen.recordings.topics import find
+from msggen.recordings.topics import by_name, find
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -98,7 +98,7 @@ class Aligned:
                 return name, path[len(name) + 1 :]
         topic, _, field = path.partition(".")
         names = {samples.topic: name for name, samples in self.samples.items()}
-        return names[find(list(names), topic)], field
+        return names[find(by_name(list(names)), topic)], field
 
     def columns(self) -> dict[str, NDArray[Any]]:
         """Return the columns by name: `time`, and those of the topics, such as `vehicle_attitude.q[0]`."""

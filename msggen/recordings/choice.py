@@ -38,6 +38,8 @@ class Choice(NamedTuple):
         return ""
 
 
+_LONGEST = 512
+"""The most characters of a name whose ends are names too. DDS allows half as many."""
 _NUMBERED = re.compile(r"(.+?)(?:\[(\d{1,3})\]|[_ ](\d{1,3}))")
 
 
@@ -101,7 +103,7 @@ def names_of(name: str, ros_type: str) -> Iterator[str]:
     """
     for each in (name, stem_of(name)):
         yield each
-        parts = each.strip("/").split("/")
+        parts = each.strip("/").split("/") if len(each) <= _LONGEST else []
         for start in range(len(parts)):
             rest = "/".join(parts[start:])
             yield rest

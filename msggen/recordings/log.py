@@ -181,7 +181,7 @@ class Log:
 
         `sensor_gps[1]` is the instance 1 of `sensor_gps`, and so is `sensor_gps_1` if no topic has this name.
         """
-        return find(self.topics, key, instance)
+        return find(self._reader.by_name, key, instance)
 
     def __repr__(self) -> str:
         """Return path, format, duration and number of topics."""
@@ -209,7 +209,7 @@ class Log:
     def __contains__(self, key: object) -> bool:
         """Whether there is a topic with this name."""
         try:
-            find(self.topics, key)  # type: ignore[arg-type]
+            find(self._reader.by_name, key)  # type: ignore[arg-type]
         except (RecordingError, TypeError):
             return False
         return True

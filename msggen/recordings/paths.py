@@ -54,11 +54,10 @@ def stem_of(path: str) -> str:
 
 def _is_of_rosbag2(path: str) -> bool:
     """Whether a metadata.yaml is that of a recording. Programs of other kinds write files of this name, too."""
-    try:
-        with open(path, "rb") as file:
-            return _MARK in file.read(_LARGEST)
-    except FileNotFoundError:  # a link to nothing
+    if not os.path.isfile(path):  # a link to nothing, a pipe
         return False
+    with open(path, "rb") as file:
+        return _MARK in file.read(_LARGEST)
 
 
 def _unpacked(name: str) -> str:

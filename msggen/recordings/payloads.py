@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections import deque
-from heapq import heappop, heappush, heapreplace
+from heapq import heapify, heappop, heappush, heapreplace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -65,6 +65,8 @@ def in_order(source: OpenFile, names: Mapping[int, str], start: int, stop: int) 
     coming = {number: _Coming(times, start, stop) for number, times in source.times(names.keys()).items()}
     waiting: list[tuple[int, int, int, Sample]] = []
     """Samples after their time, the number of their buffer, and their place in it."""
+    queue = [(each.earliest, number) for number, each in coming.items()]
+    heapify(queue)
     reached, buffer = start, 0
     of_buffer: set[int] = set()
     for part in source.parts(names.keys(), start, stop):
@@ -76,9 +78,10 @@ def in_order(source: OpenFile, names: Mapping[int, str], start: int, stop: int) 
         for time, place, size in zip(part.log_times.tolist(), part.starts.tolist(), part.sizes.tolist(), strict=True):
             waiting.append((time, buffer, place, Sample(topic, time, bytes(data[place : place + size]))))
         coming[part.channel].take(part.log_times)
-        earliest = min(each.earliest for each in coming.values())
-        if earliest > reached:
-            reached = earliest
+        while queue[0][0] < coming[queue[0][1]].earliest:  # these times only grow
+            heapreplace(queue, (coming[queue[0][1]].earliest, queue[0][1]))
+        if queue[0][0] > reached:
+            reached = queue[0][0]
             waiting.sort()
             count = bisect_left(waiting, (reached,))
             yield from (sample for *_, sample in waiting[:count])

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from msggen.diagnostics import few, suggestion
+from msggen.diagnostics import few, printable, shortened, suggestion
 from msggen.recordings.choice import listed
 from msggen.recordings.columns.annotations import Annotation, annotation_of
 from msggen.recordings.columns.arrays import names_of
@@ -25,7 +25,7 @@ from msggen.unit import normalized_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure, SubFigure
     from numpy.typing import NDArray
 
     from msggen.recordings.log import Log
@@ -49,6 +49,10 @@ _MOST_BANDS = 64
 """The rows that bands have at most: a field with more values is drawn as a line."""
 _MOST_NAMES = 16
 """The changes of flight mode up to which each one has its name in the picture."""
+_LONGEST, _LONGEST_VALUE = 60, 40
+"""The most characters of a text that are drawn, and of the name of a value."""
+_LITERAL = {"text.parse_math": False, "text.usetex": False, "axes.formatter.use_mathtext": False}
+"""Settings of matplotlib with which texts are drawn as they are: names may have `$` in them."""
 _PATH = re.compile(r"(?P<topic>[^.\[\]]+)(?:\[(?P<instance>\d{1,3})\])?\.(?P<field>.+)")
 
 
@@ -97,7 +101,7 @@ class Series:
     def name_in_legend(self) -> str:
         """The label, with a note on a line that cannot be seen."""
         is_seen = self.is_held or bool(np.isfinite(self.values).any())
-        return self.label if is_seen else f"{self.label} (never a finite number)"
+        return _shown(self.label) + ("" if is_seen else " (never a finite number)")
 
     @property
     def is_held(self) -> bool:
@@ -225,13 +229,18 @@ def draw_series(
     figure: Figure | None = None,
 ) -> Figure:
     """Draw fields that `read_series` has read of a recording for the same time. See `draw`."""
+    import matplotlib as mpl
     from matplotlib.figure import Figure as NewFigure
 
-    series = list(series)
+    with mpl.rc_context(_LITERAL):  # each text takes it over when it is made
+        return _drawn(log, list(series), start, stop, figure or NewFigure())
+
+
+def _drawn(log: Log, series: Sequence[Series], start: float | None, stop: float | None, figure: Figure) -> Figure:
+    """Draw fields into a figure, and return it."""
     low = start or _begin_of(series)
     panels = list(_panels(each.since(low) for each in series))
     heights = [_height(panel) for panel in panels]
-    figure = figure or NewFigure()
     figure.set_size_inches(_WIDTH, sum(heights) + _MARGIN)
     figure.set_dpi(_DPI)
     figure.set_layout_engine("constrained")
@@ -250,7 +259,7 @@ def draw_series(
             _draw_modes(axes, modes, low, high, is_top=axes is every[0])
     every[0].set_xlim(low, high)
     every[-1].set_xlabel("time since the start [s]")
-    figure.suptitle(os.path.basename(os.path.abspath(log.path)), fontsize="medium")
+    figure.suptitle(_shown(os.path.basename(os.path.abspath(log.path))), fontsize="medium")
     return figure
 
 
@@ -333,6 +342,11 @@ def _height(panel: Sequence[Series]) -> float:
     return _PANEL + (_legend_shape(panel)[0] - 1) * _LEGEND_ROW
 
 
+def _shown(text: str, longest: int = _LONGEST) -> str:
+    """Return a text of a recording as it is drawn."""
+    return shortened(printable(text), longest, longest // 2)
+
+
 def _draw_lines(axes: Axes, panel: Sequence[Series]) -> None:
     for each in panel:
         values = each.values.astype(np.float64)
@@ -349,7 +363,7 @@ def _draw_lines(axes: Axes, panel: Sequence[Series]) -> None:
             marker="." if alone.size else "",
             markevery=alone.tolist(),
         )
-    axes.set_ylabel(f"[{panel[0].unit}]" if panel[0].unit else "")
+    axes.set_ylabel(f"[{_shown(panel[0].unit)}]" if panel[0].unit else "")
     exponent = axes.yaxis.get_offset_text()
     exponent.set(horizontalalignment="right", fontsize="x-small")  # the names of flight modes are to the right of it
     axes.margins(x=0)
@@ -369,7 +383,15 @@ def _draw_legend(axes: Axes, panel: Sequence[Series]) -> None:
     share = (rows * _LEGEND_ROW + _LEGEND_EDGE) / _height(panel)
     low, high = axes.get_ylim()
     axes.set_ylim(low, low + (high - low) / (1 - share))
-    axes.legend(loc="upper right", fontsize="small", ncols=columns, borderaxespad=0.3)
+    names = [each.name_in_legend for each in panel]
+    _add_legend(axes, axes.lines, names, loc="upper right", fontsize="small", ncols=columns, borderaxespad=0.3)
+
+
+def _add_legend(owner: Axes | Figure | SubFigure, handles: Sequence[Any], names: Sequence[str], **style: Any) -> None:
+    """Draw a legend. Names are set when it is there: labels that begin with `_` are left out of it."""
+    legend = owner.legend(handles, [" "] * len(names), **style)
+    for text, name in zip(legend.get_texts(), names, strict=True):
+        text.set_text(name)
 
 
 def _legend_shape(panel: Sequence[Series]) -> tuple[int, int]:
@@ -383,10 +405,12 @@ def _draw_bands(axes: Axes, series: Series) -> None:
     for row, band in enumerate(series.bands):
         spans = [(begin, end - begin) for begin, end in band.spans]
         axes.broken_barh(spans, (row - 0.4, 0.8), facecolor=f"C{row % 10}", edgecolor="face", label=band.name)
-    names = [band.name for band in series.bands]
+    names = [_shown(band.name, _LONGEST_VALUE) for band in series.bands]
     axes.set_yticks(range(len(names)), names, fontsize="small")
     axes.set_ylim(-0.6, len(names) + 0.5)  # with a row for the label
-    axes.text(0.008, len(names), series.label, transform=axes.get_yaxis_transform(), fontsize="small", va="center")
+    axes.text(
+        0.008, len(names), _shown(series.label), transform=axes.get_yaxis_transform(), fontsize="small", va="center"
+    )
 
 
 def _draw_modes(axes: Axes, modes: Series, low: float, high: float, *, is_top: bool) -> None:
@@ -400,12 +424,15 @@ def _draw_modes(axes: Axes, modes: Series, low: float, high: float, *, is_top: b
             if is_top and is_seen and changes <= _MOST_NAMES:
                 style: dict[str, Any] = {"rotation": 30, "fontsize": "x-small", "ha": "left", "va": "bottom"}
                 place: dict[str, Any] = {"xycoords": ("data", "axes fraction"), "textcoords": "offset points"}
-                axes.annotate(band.name, (begin, 1.0), (1, 2), annotation_clip=True, **place, **style)
+                axes.annotate(
+                    _shown(band.name, _LONGEST_VALUE), (begin, 1.0), (1, 2), annotation_clip=True, **place, **style
+                )
     if is_top and changes > _MOST_NAMES:
         from matplotlib.patches import Patch
 
         patches = [Patch(color=colour, alpha=0.25, label=name) for name, colour in colours.items()]
-        axes.figure.legend(handles=patches, loc="outside right upper", fontsize="x-small")
+        names = [_shown(name, _LONGEST_VALUE) for name in colours]
+        _add_legend(axes.figure, patches, names, loc="outside right upper", fontsize="x-small")
 
 
 def _colours(modes: Series) -> Mapping[str, Any]:

@@ -26,7 +26,7 @@ from msggen.recordings.source import (
     RecordingError,
     Source,
 )
-from msggen.recordings.topics import topics_of
+from msggen.recordings.topics import by_name, topics_of
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from msggen.recordings.decode.decoder import Rows
     from msggen.recordings.payloads import Sample
     from msggen.recordings.samples import Topic
+    from msggen.recordings.topics import Topics
 
     Times = NDArray[np.int64]
     Numbers = tuple[int, int]
@@ -99,6 +100,11 @@ class Reader:
             for channel in source.channels.values()
         ]
         return topics_of(channels, self._times, firmware_of(self.facts.information).release)
+
+    @cached_property
+    def by_name(self) -> Topics:
+        """The topics by name and instance."""
+        return by_name(self.topics)
 
     @cached_property
     def facts(self) -> Facts:

@@ -15,7 +15,7 @@ from msggen.recordings.samples import Topic
 from msggen.recordings.source import RecordingError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     import numpy as np
     from numpy.typing import NDArray
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
     Channels = Sequence[tuple[int, Channel]]
     """Channels with the numbers of their files."""
+    Topics = Mapping[tuple[str, int], Topic]
+    """Topics by name and instance, in order."""
 
 Key = str | tuple[str, int]
 """A topic by any of its names, or with the number of its instance."""
@@ -103,7 +105,15 @@ def _fields_of(channel: Channel) -> object:
 # names
 
 
-def find(topics: Sequence[Topic], key: Key | Topic, instance: int | None = None) -> Topic:
+def by_name(topics: Sequence[Topic]) -> Topics:
+    """Return topics by name and instance. Of several with one name, the first counts."""
+    found: dict[tuple[str, int], Topic] = {}
+    for topic in topics:
+        found.setdefault((topic.name, topic.instance), topic)
+    return found
+
+
+def find(topics: Topics, key: Key | Topic, instance: int | None = None) -> Topic:
     """Return the topic with a name, in any spelling. Raises RecordingError if there is none, or several.
 
     `sensor_gps[1]` is the instance 1 of `sensor_gps`, and so is `sensor_gps_1` if no topic has this name. A topic of
@@ -111,15 +121,15 @@ def find(topics: Sequence[Topic], key: Key | Topic, instance: int | None = None)
     """
     number = None if instance is None else _number(instance)
     if isinstance(key, Topic):
-        found = [topic for topic in topics if (topic.name, topic.instance) == (key.name, key.instance)]
-        if not found:
+        own = topics.get((key.name, key.instance))
+        if own is None:
             raise RecordingError(f"there is no topic '{key.label}' here: it is of another recording")
-        return _checked(found[0], key.label, key.instance, number)
+        return _checked(own, key.label, key.instance, number)
     if isinstance(key, str):
         return _by_name(topics, key, number)
     if is_numbered(key):
-        name, own = key[0], int(key[1])
-        return _checked(_by_name(topics, name, own), f"{name}[{own}]", own, number)
+        name, which = key[0], int(key[1])
+        return _checked(_by_name(topics, name, which), f"{name}[{which}]", which, number)
     raise TypeError(f"expected the name of a topic, or a name and the number of an instance, got {key!r}")
 
 
@@ -149,18 +159,18 @@ def _checked(topic: Topic, name: str, own: int, instance: int | None) -> Topic:
     return topic
 
 
-def _by_name(topics: Sequence[Topic], name: str, instance: int | None) -> Topic:
-    exact = [topic for topic in topics if topic.name == name and topic.instance == (instance or 0)]
-    if exact:
-        return exact[0]
-    found = [topic for topic in topics if name in _names_of(topic)]
+def _by_name(topics: Topics, name: str, instance: int | None) -> Topic:
+    exact = topics.get((name, instance or 0))
+    if exact is not None:
+        return exact
+    found = [topic for topic in topics.values() if name in _names_of(topic)]
     if not found:
         other = _numbered(topics, name, instance) or _of_bridge(topics, name, instance)
         if other is not None:
             return other
     chosen = of_instance(found, instance or 0)
     if not chosen and instance:
-        chosen = [topic for topic in topics if f"{name}_{instance}" in _names_of(topic)]
+        chosen = [topic for topic in topics.values() if f"{name}_{instance}" in _names_of(topic)]
     if any(name in (topic.ros_type, topic.ros_type.rpartition("/")[2]) for topic in chosen):
         chosen = named_after_message(chosen)
     plain = {topic.name for topic in chosen}
@@ -173,11 +183,11 @@ def _by_name(topics: Sequence[Topic], name: str, instance: int | None) -> Topic:
     if found:
         instances = ", ".join(str(topic.instance) for topic in found)
         raise RecordingError(f"'{name}' has no instance {instance or 0}, it has: {instances}")
-    near = sorted({each for topic in topics for each in _names_of(topic)})
+    near = sorted({each for topic in topics.values() for each in _names_of(topic)})
     raise RecordingError(f"no topic is called '{name}'{suggestion(name, near)}")
 
 
-def _numbered(topics: Sequence[Topic], name: str, instance: int | None) -> Topic | None:
+def _numbered(topics: Topics, name: str, instance: int | None) -> Topic | None:
     """Return the topic of a name with the number of an instance, None for another name. Raises RecordingError."""
     numbered = split_instance(name)
     if numbered is None:
@@ -192,10 +202,10 @@ def _numbered(topics: Sequence[Topic], name: str, instance: int | None) -> Topic
     return _checked(found, name, own, instance)
 
 
-def _of_bridge(topics: Sequence[Topic], name: str, instance: int | None) -> Topic | None:
+def _of_bridge(topics: Topics, name: str, instance: int | None) -> Topic | None:
     """Return the uORB topic of a ULog that has a name in ROS 2, None if there is none."""
     bridged = _BRIDGE.fullmatch(stem_of(name))
-    uorb = [topic for topic in topics if "/" not in topic.name]
+    uorb = {key: topic for key, topic in topics.items() if "/" not in topic.name}
     if bridged is None or not uorb:
         return None
     try:

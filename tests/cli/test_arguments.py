@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import argparse
 import random
+import re
+import sys
 from pathlib import Path
 
 import pytest
 
-from msggen.cli import main, parser_for
+from msggen.cli import FAILED, main, parser_for
+from msggen.cli.options import local_path
 from msggen.live import LinkError
 from support.catalogs import write_definitions
-from support.commands import COMMANDS
+from support.commands import COMMANDS, run
+from support.scratch import inside
 
 FILES = {
     "dir/msg/Lamp.msg": "uint64 timestamp\n",
@@ -214,3 +218,39 @@ def test_the_help_lists_the_exit_codes(name: str, capsys: pytest.CaptureFixture[
     assert "2 usage, input or I/O error, 130 interrupted by Ctrl-C." in shown
     fails = "1 findings that fail the run" in shown and "Handled findings and warnings do not fail the run." in shown
     assert fails == (name in {"check", "breaking"})
+
+
+PATH = re.compile("DIR|FILE|PATH|PKG|^B$")
+"""The metavars of paths."""
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_argument_that_is_a_path_refuses_urls(name: str) -> None:
+    for action in COMMANDS[name]._actions:
+        is_ignored = "ignored" in str(action.help) or action.dest == "field"
+        if PATH.search(str(action.metavar or "")) and not is_ignored:
+            assert action.type is local_path, f"{name} {action.dest}"
+
+
+@pytest.mark.parametrize(
+    ("text", "hint"),
+    [
+        ("s3://bucket/fleet", "copy files of s3:// with another program, or mount it"),
+        ("GS://bucket", "copy files of gs:// with another program, or mount it"),
+        ("px4_msgs=git+ssh://host/x", "copy files of git+ssh:// with another program, or mount it"),
+        pytest.param("file:///a%20b/c", "name /a b/c", marks=pytest.mark.skipif(sys.platform == "win32", reason="/")),
+    ],
+)
+def test_a_url_is_an_error_and_nothing_is_written(text: str, hint: str, tmp_path: Path) -> None:
+    words = (["log", "convert", ".", "-o", text], ["build", "-o", text], ["build", "--msg-dir", text, "-o", "x"])
+    with inside(tmp_path):
+        for each in (*words, ["log", "info", text], ["docs", "-o", text], ["sync", text], ["record", "-o", text]):
+            outcome = run(each)
+            assert outcome.code == FAILED
+            assert outcome.stderr.startswith(f"{text}: S131 a URL, expected a path: {hint}\n")
+        assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("text", ["C://x", "c:\\x", "./s3://x", "a/b://c", "://x", "s3:/x", "main@https", "1.2://x"])
+def test_other_paths_are_no_urls(text: str) -> None:
+    assert local_path(text) == text

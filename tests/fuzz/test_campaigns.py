@@ -109,6 +109,7 @@ PLANTED: dict[str, tuple[str, Any]] = {
     "datagrams": ("msggen.live.xrce.wire.WireError", KeyError),
     "recordings": ("msggen.recordings.writer.McapWriter.flush", lambda _: None),
     "conversions": ("msggen.recordings.convert._whole", at_once),
+    "fleets": ("msggen.recordings.fleet.ledger.link_in", lambda *_: ""),
 }
 """An error for each campaign: the function or the number that is replaced, and by what."""
 

@@ -18,10 +18,10 @@ from typing import Any
 import pyarrow.parquet as pq
 import pytest
 
-from msggen import recordings
+from msggen import InputError, recordings
 from msggen.recordings.fleet import KEYS, Outcome, Progress, Summary, Task, convert_one, update
 from msggen.recordings.fleet.layout import date_of
-from msggen.recordings.fleet.ledger import Ledger
+from msggen.recordings.fleet.ledger import FleetError, Ledger
 from support.fleet_recordings import parquet_in, rows_in, write_flight, write_folder
 from support.log_files import Written, write_log
 from support.recordings import START
@@ -185,14 +185,145 @@ def test_copies_that_have_one_record_keep_all_their_paths(logs: Path, tmp_path: 
     assert update(str(logs), str(fleet)).unchanged == 5
 
 
-def test_records_cannot_name_other_files(logs: Path, tmp_path: Path) -> None:
+OTHERS = ["../logs/a/flight.mcap", "/etc/hosts", "_logs.parquet", "..\\x.parquet", "C:x.parquet", "a/../b/x.parquet"]
+
+
+@pytest.mark.parametrize("name", [*OTHERS, *(f"t/log={{log}}/{each}" for each in OTHERS), "t/log=other/t.parquet", ""])
+def test_records_cannot_name_other_files(name: str, logs: Path, tmp_path: Path) -> None:
     fleet = tmp_path / "fleet"
     update(str(logs), str(fleet))
     ledger = Ledger(str(fleet))
     record = next(iter(ledger.records()))
-    for names in (["../logs/a/flight.mcap"], [str(logs / "a" / "flight.mcap")]):
+    ledger.write(record._replace(files=[f"t/log={record.log}/t.parquet"]))
+    assert ledger.record(record.log) is not None
+    for names in ([name.format(log=record.log)], [str(logs / "a" / "flight.mcap")]):
         ledger.write(record._replace(files=names))
         assert ledger.record(record.log) is None
+
+
+WRONG: dict[str, Any] = {
+    "log": ["", None],
+    "paths": [{}, [], {"/a": 1}, {"/a": [1]}, {"/a": [1, "2"]}, {"/a\0": [1, 2]}, {"/a": [1, 1 << 80]}],
+    "values": [{}, {"vehicle": "a"}, {"vehicle": 1, "date": "b"}, {"vehicle": "a", "date": "b", "c": "d"}, "ab"],
+    "date_from": ["elsewhere", None, []],
+    "files": ["abc", [1], {}, None],
+    "rows": ["1", 1.5, True, 1 << 80],
+    "problems": ["abc", [1]],
+    "firmware": [None, 1],
+    "start": ["now", 1 << 80],
+    "duration": ["1", None, 10**400],
+    "further": [1],
+}
+
+
+@pytest.mark.parametrize(("name", "value"), [(name, value) for name, values in WRONG.items() for value in values])
+def test_records_with_other_contents_are_not_used(name: str, value: object, logs: Path, tmp_path: Path) -> None:
+    fleet = tmp_path / "fleet"
+    update(str(logs), str(fleet))
+    path = min((fleet / "_msggen" / "logs").iterdir())
+    before = json.loads(path.read_text())
+    path.write_text(json.dumps({**before, name: value}))
+    assert len(update(str(logs), str(fleet)).converted) == 1
+    assert json.loads(path.read_text()) == before
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, "[]", "{}", "null", "\xff", ""])
+def test_files_of_the_fleet_that_make_no_sense_are_written_again(text: str, logs: Path, tmp_path: Path) -> None:
+    fleet = tmp_path / "fleet"
+    update(str(logs), str(fleet))
+    files = [path for path in (fleet / "_msggen").rglob("*") if path.is_file()]
+    for path in files:
+        path.write_text(text, encoding="latin-1")
+    if text == "{}":
+        with pytest.raises(FleetError, match="this fleet is by 'None'"):
+            update(str(logs), str(fleet))
+    else:
+        assert len(update(str(logs), str(fleet)).converted) == 3
+
+
+@pytest.fixture
+def outside(tmp_path: Path) -> Path:
+    """Return a folder with a file at each place where a fleet could find one of its own."""
+    folder = tmp_path / "outside"
+    folder.mkdir()
+    return folder
+
+
+needs_links = pytest.mark.skipif(sys.platform == "win32", reason="links need rights")
+
+
+@needs_links
+def test_nothing_below_a_link_is_removed(logs: Path, tmp_path: Path, outside: Path, px4_types: Any) -> None:
+    fleet = tmp_path / "fleet"
+    update(str(logs), str(fleet))
+    ledger = Ledger(str(fleet))
+    record = next(each for each in ledger.records() if str(logs / "a" / "flight.mcap") in each.paths)
+    mine = outside / f"log={record.log}" / "mine.parquet"
+    mine.parent.mkdir()
+    mine.write_bytes(b"mine")
+    (fleet / "link").symlink_to(outside)
+    ledger.write(record._replace(files=[*record.files, f"link/log={record.log}/mine.parquet"]))
+    (logs / "a" / "flight.mcap").unlink()
+    write_flight(logs / "a" / "flight.mcap", px4_types, 9)
+    assert update(str(logs), str(fleet)).removed == 1
+    assert mine.read_bytes() == b"mine"
+    assert not any((fleet / name).exists() for name in record.files)
+
+
+@needs_links
+@pytest.mark.parametrize("level", range(6))
+def test_nothing_is_written_through_a_link(level: int, logs: Path, tmp_path: Path, outside: Path) -> None:
+    fleet = tmp_path / "fleet"
+    update(str(logs), str(fleet))
+    name = min(parquet_in(fleet))
+    place = fleet.joinpath(*name.split("/")[: level + 1])
+    shutil.rmtree(place)
+    place.symlink_to(outside)
+    summary = update(str(logs), str(fleet))
+    assert not list(outside.iterdir())
+    (failed,) = {each.error for each in summary.failed}
+    text = "replace it with a folder, or name its target as the output"
+    assert failed == f"{place}: S115 symbolic link to {outside}: {text}"
+
+
+@needs_links
+@pytest.mark.parametrize("name", ["_msggen", "_msggen/logs"])
+def test_records_are_not_written_through_a_link(name: str, logs: Path, tmp_path: Path, outside: Path) -> None:
+    fleet = tmp_path / "fleet"
+    (fleet / name).parent.mkdir(parents=True)
+    (fleet / name).symlink_to(outside)
+    with pytest.raises(InputError, match="S115 symbolic link to"):
+        update(str(logs), str(fleet))
+    assert not list(outside.iterdir())
+
+
+@needs_links
+@pytest.mark.parametrize("name", ["_logs.parquet", "_msggen/report.json", "_msggen/layout.json", "_msggen/run.txt"])
+def test_files_of_the_fleet_that_are_links_are_replaced(name: str, logs: Path, tmp_path: Path, outside: Path) -> None:
+    fleet = tmp_path / "fleet"
+    update(str(logs), str(fleet))
+    mine = outside / "mine"
+    mine.write_text("mine")
+    (fleet / name).unlink(missing_ok=True)
+    (fleet / name).symlink_to(mine)
+    assert update(str(logs), str(fleet)).unchanged == 3
+    assert mine.read_text() == "mine"
+    assert not (fleet / name).is_symlink()
+
+
+@needs_links
+def test_a_pipe_among_the_records_is_left_alone(logs: Path, tmp_path: Path) -> None:
+    fleet = tmp_path / "fleet"
+    update(str(logs), str(fleet))
+    os.mkfifo(fleet / "_msggen" / "logs" / "pipe.json")
+    assert update(str(logs), str(fleet)).unchanged == 3
+
+
+@needs_links
+def test_the_fleet_itself_may_be_a_link(logs: Path, tmp_path: Path, outside: Path) -> None:
+    (tmp_path / "fleet").symlink_to(outside)
+    assert len(update(str(logs), str(tmp_path / "fleet")).converted) == 3
+    assert update(str(logs), str(outside)).unchanged == 3
 
 
 def test_a_changed_recording_replaces_its_files(logs: Path, tmp_path: Path, px4_types: Any) -> None:

@@ -10,9 +10,10 @@ from typing import Any
 
 import pytest
 
-from msggen.recordings.fleet import update
+from msggen.recordings.fleet import finding, update
 from msggen.recordings.fleet.finding import Found, digest_of, find_recordings, state_of
 from support.fleet_recordings import write_flight, write_folder
+from support.scratch import deep_folder
 from support.ulog import write_ulog
 
 
@@ -103,3 +104,35 @@ def test_a_bag_of_a_recorder_that_was_killed_is_one_recording(tmp_path: Path, px
     ]
     summary = update(str(tmp_path / "logs"), str(tmp_path / "fleet"))
     assert sorted(record.rows for record in summary.records) == [100, 100, 200]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="paths are not as long")
+def test_recordings_in_deep_folders_are_found(tmp_path: Path) -> None:
+    depth = sys.getrecursionlimit()
+    recording = Path(str(tmp_path) + f"{os.sep}a" * depth, "x.ulg")
+    with deep_folder(tmp_path, depth):
+        recording.write_bytes(b"")
+        assert list(find_recordings(str(tmp_path))) == [Found(str(recording))]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="the disk allows no such path")
+def test_a_folder_whose_path_is_too_long_is_reported(tmp_path: Path) -> None:
+    (tmp_path / "x.ulg").write_bytes(b"")
+    with deep_folder(tmp_path, 40, "a" * 200):
+        too_long, last = find_recordings(str(tmp_path))
+    assert len(too_long.path) >= os.pathconf(tmp_path, "PC_PATH_MAX")
+    assert too_long.error == f"cannot be read: {os.strerror(errno.ENAMETOOLONG)}"
+    assert last == Found(str(tmp_path / "x.ulg"))
+
+
+def test_a_folder_that_contains_itself_is_searched_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As junctions of Windows and mounts do. A test cannot make these without rights."""
+    names = ["x.ulg", "y/loop/x.ulg", "y/z.ulg"]
+    for name in names:
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(b"")
+    identity = finding._identity
+    top = str(tmp_path)
+    monkeypatch.setattr(finding, "_identity", lambda path: identity(top if path.endswith("loop") else path))
+    assert [os.path.relpath(each.path, top) for each in find_recordings(top)] == ["x.ulg", os.path.join("y", "z.ulg")]

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections import defaultdict
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -19,9 +21,11 @@ from msggen import recordings
 from msggen.recordings.decode.schemas import type_hash_of
 from msggen.recordings.files import open_sources
 from msggen.recordings.files.compression import CompressionError, decompress_file, decompress_frame
+from msggen.recordings.paths import is_bag
 from msggen.recordings.source import RecordingError
 from support.databases import Sample, Stored, expected_of, samples_of, write_database
 from support.recordings import START
+from support.ulog import write_ulog
 
 DEFINITION = "uint64 timestamp\nfloat32[3] xyz\nbool valid\n"
 TOPICS = tuple(Stored(number, f"/fmu/out/{name}", "demo/msg/Demo", DEFINITION) for number, name in enumerate("abc", 1))
@@ -240,6 +244,103 @@ def test_missing_files_are_reported(tmp_path: Path) -> None:
     assert problem.text == "bag_1.db3, which metadata.yaml names, is missing"
     assert problem.samples == 100
     assert read(tmp_path / "bag")[0] == expected_of(TOPICS, rows[:100] + rows[200:])
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["../x_0.db3", "sub/../../x_0.db3", "{}/x_0.db3", "..\\x_0.db3", "C:x_0.db3", "C:\\x_0.db3", "\\\\host\\x_0.db3"],
+)
+def test_files_outside_of_the_folder_are_not_read(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also those of other systems: on Linux, a backslash is a letter of a name."""
+    rows = write_split(tmp_path / "bag")
+    write_database(tmp_path / "x_0.db3", TOPICS, rows_of(7))
+    (tmp_path / "bag" / "sub").mkdir()
+    name = name.format(tmp_path)
+    for each in ("..\\x_0.db3", "C:x_0.db3", "C:\\x_0.db3"):
+        with suppress(OSError):  # Windows has no such names
+            write_database(tmp_path / "bag" / each, TOPICS, rows_of(7))
+    change_metadata(tmp_path / "bag", lambda each: each["relative_file_paths"].append(name))
+    monkeypatch.setattr("msggen.recordings.files.bag._is_file_of_bag", lambda each: each.startswith("bag_"))
+    found, problems = read(tmp_path / "bag")
+    assert found == expected_of(TOPICS, rows)
+    assert problems == [f"{name}, which metadata.yaml names, is not in the folder of the recording, and is not read"]
+
+
+def test_a_path_of_another_computer_names_the_file_in_the_folder(tmp_path: Path) -> None:
+    rows = write_split(tmp_path / "bag")
+    paths = ["/home/me/bag/bag_0.db3", "C:\\bags\\bag\\bag_1.db3", "../bag/bag_2.db3"]
+    change_metadata(tmp_path / "bag", lambda each: each.update(relative_file_paths=paths))
+    assert read(tmp_path / "bag") == (expected_of(TOPICS, rows), [])
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="links need rights")
+def test_links_to_files_are_followed_and_links_to_folders_are_not(tmp_path: Path) -> None:
+    rows = write_split(tmp_path / "bag")
+    (tmp_path / "bag" / "bag_0.db3").rename(tmp_path / "stored.db3")
+    (tmp_path / "bag" / "bag_0.db3").symlink_to(tmp_path / "stored.db3")
+    (tmp_path / "link").symlink_to(tmp_path / "bag")
+    assert read(tmp_path / "link") == (expected_of(TOPICS, rows), [])
+    (tmp_path / "bag" / "away").symlink_to(tmp_path)
+    change_metadata(tmp_path / "bag", lambda each: each["relative_file_paths"].append("away/stored.db3"))
+    problem = "away/stored.db3, which metadata.yaml names, is not in the folder of the recording, and is not read"
+    assert read(tmp_path / "bag") == (expected_of(TOPICS, rows), [problem])
+
+
+def test_a_ulog_that_is_named_as_a_file_of_rosbag2_is_left_out(tmp_path: Path) -> None:
+    rows = write_split(tmp_path / "bag")
+    (tmp_path / "bag" / "metadata.yaml").unlink()
+    path = tmp_path / "bag" / "bag_3.db3"
+    write_ulog(path)
+    found, problems = read(tmp_path / "bag")
+    assert found == expected_of(TOPICS, rows)
+    assert problems[-1] == f"a file is left out: {path} is a ULog, which is a recording of its own"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there are no pipes in folders")
+def test_pipes_are_not_waited_for(tmp_path: Path) -> None:
+    rows = write_split(tmp_path / "bag")
+    os.mkfifo(tmp_path / "bag" / "bag_3.db3")
+    (tmp_path / "bag" / "bag_4.db3").mkdir()
+    found, problems = read(tmp_path / "bag")
+    assert found == expected_of(TOPICS, rows)
+    assert problems == [f"bag_{number}.db3 is left out: this is not a file" for number in (3, 4)]
+    (tmp_path / "bag" / "metadata.yaml").unlink()
+    os.mkfifo(tmp_path / "bag" / "metadata.yaml")
+    found, problems = read(tmp_path / "bag")
+    assert found == expected_of(TOPICS, rows)
+    assert problems[-1] == "metadata.yaml cannot be read: not a regular file"
+    with pytest.raises(RecordingError, match="is not a recording: this is a pipe or a device"):
+        open_sources(str(tmp_path / "bag" / "bag_3.db3"))
+    (tmp_path / "folder").mkdir()
+    os.mkfifo(tmp_path / "folder" / "metadata.yaml")
+    assert not is_bag(str(tmp_path / "folder"))
+
+
+LONG = f"&a [{', '.join(['x' * 1000] * 1000)}]"
+"""A value whose text has a megabyte."""
+MERGES = "".join(f"a{n}: &a{n} {{<<: [*a{n - 1}, *a{n - 1}]}}\n" for n in range(1, 40))
+ALIASES = "".join(f"a{n}: &a{n} [*a{n - 1}, *a{n - 1}]\n" for n in range(1, 40))
+VERSION = f"a: {LONG}, version: [*a, *a, *a, *a, *a, *a, *a, *a, *a]"
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("[" * 1_000_000, "nested deeper than 32"),
+        ("a0: &a0 {x: 1}\n" + MERGES, "for too much"),
+        ("a0: &a0 [x]\n" + ALIASES, "for too much"),
+        (f"rosbag2_bagfile_information: {{{VERSION}, relative_file_paths: [bag_0.db3]}}", "version list: 1 to 9 are"),
+    ],
+    ids=["deep", "merges", "aliases", "a long version"],
+)
+def test_a_small_metadata_takes_little_time_and_memory(text: str, problem: str, tmp_path: Path) -> None:
+    rows = write_split(tmp_path / "bag")
+    (tmp_path / "bag" / "metadata.yaml").write_text(text)
+    with pytest.importorskip("fuzz.runner").limited():
+        found, problems = read(tmp_path / "bag")
+    assert found == expected_of(TOPICS, rows)
+    assert problem in problems[0]
+    assert len(problems[0]) < 200
 
 
 def test_damaged_files_are_left_out(tmp_path: Path) -> None:

@@ -10,11 +10,14 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from matplotlib import rc_context
+from matplotlib.text import Text
 
 from msggen import recordings
 from msggen.recordings import plot
@@ -394,3 +397,49 @@ def test_bands_closer_than_a_pixel_are_one() -> None:
     false, true = plot.Series("x", times, values, Annotation(), 100.0).bands
     assert [np.round(span, 2).tolist() for span in true.spans] == [[0, 50], [60, 100]]
     assert [np.round(span, 2).tolist() for span in false.spans] == [[0, 100]]
+
+
+HOSTILE = (
+    "$\\frac{$",
+    "$x$",
+    "_hidden",
+    "a\nb\x1b[31m\x00",
+    "\\input{/etc/passwd}",
+    "</text><script>",
+    "\udcff",
+    "x" * 10_000,
+)
+"""Names and units of strangers."""
+
+
+def drawn(name: str, log: recordings.Log, monkeypatch: pytest.MonkeyPatch, changes: int) -> Any:
+    """Draw a picture with a name in every place."""
+    times, about = np.arange(40) / 4, Annotation(name, "", {number: f"{name}{number}" for number in range(3)})
+    plain = about._replace(members={})
+    modes = plot.Series(name, times, np.arange(40) // (40 // changes) % 3, about, 10.0)
+    monkeypatch.setattr(plot, "read_modes", lambda *_, **__: modes)
+    monkeypatch.setattr(type(log), "path", f"folder/{name}.mcap")
+    lines = [plot.Series(f"{name}{end}", times, np.arange(40) * 1e9, plain, 10.0) for end in "ab"]
+    lines.append(plot.Series(name, times, np.full(40, NAN), plain._replace(unit=""), 10.0))
+    return plot.draw_series(log, [*lines, plot.Series(name, times, np.arange(40) % 3, about, 10.0)])
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("changes", [4, 40])
+@pytest.mark.parametrize("name", HOSTILE)
+def test_names_of_strangers_are_drawn_as_they_are(
+    name: str, changes: int, log: recordings.Log, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with rc_context({"text.parse_math": True, "axes.formatter.use_mathtext": True, "axes.formatter.limits": [-2, 2]}):
+        figure = drawn(name, log, monkeypatch, changes)
+        texts = [text for text in figure.findobj(Text) if text.get_text()]
+        assert not any(text.get_parse_math() or text.get_usetex() for text in texts)
+        found = "".join(ET.fromstring(plot.render(figure, "svg")).itertext())  # noqa: S314 - our own
+        assert plot.render(figure, "png")
+        assert plot.render(figure, "pdf")
+    shown = plot._shown(name)
+    assert shown.isprintable()
+    for text in (f"{shown}a", f"{shown} (never a finite number)", f"[{shown}]", f"{plot._shown(name + '1')}"):
+        if len(name) < 100:
+            assert text in found
+    assert found.count(shown[:18]) > 8

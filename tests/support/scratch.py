@@ -46,3 +46,21 @@ def remove(folder: Path) -> None:
         if not os.lstat(place).st_mode & stat.S_IWUSR:
             os.chmod(place, stat.S_IRWXU)
     shutil.rmtree(folder)
+
+
+@contextmanager
+def deep_folder(folder: Path, depth: int, name: str = "a") -> Iterator[None]:
+    """Make folders of one name in each other below `folder`, and remove them at the end."""
+    with inside(folder):
+        for _ in range(depth):
+            os.mkdir(name)
+            os.chdir(name)
+    try:
+        yield
+    finally:
+        with inside(folder):
+            for _ in range(depth):
+                os.chdir(name)
+            for _ in range(depth):
+                os.chdir("..")
+                shutil.rmtree(name)

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
-from msggen.cli.options import FAILED_CODES, add_shared, non_empty
+from msggen.cli.options import FAILED_CODES, add_shared, local_path, non_empty
 from msggen.cli.values import convert_values, seconds
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ _WRITTEN = (".mcap", ".parquet", ".arrow", ".csv", ".db3", ".ulg")
 
 def add_file(parser: argparse.ArgumentParser) -> None:
     """Add the recording to read."""
-    parser.add_argument("file", metavar="FILE", type=non_empty, help=f"recording: {KINDS}")
+    parser.add_argument("file", metavar="FILE", type=local_path, help=f"recording: {KINDS}")
 
 
 def add_topics(parser: argparse.ArgumentParser) -> None:
@@ -67,7 +67,7 @@ def add_fields(parser: argparse.ArgumentParser, text: str) -> None:
 
 def add_output(parser: argparse.ArgumentParser, text: str, metavar: str = "FILE") -> None:
     """Add the options of an action that writes."""
-    parser.add_argument("-o", "--output", metavar=metavar, type=non_empty, help=text)
+    parser.add_argument("-o", "--output", metavar=metavar, type=local_path, help=text)
     add_shared(parser, "--json", "-q, --quiet")
 
 

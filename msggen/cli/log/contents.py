@@ -36,6 +36,7 @@ def contents_of(path: str) -> Contents | None:
 
     names = sorted(os.listdir(path)) if os.path.isdir(path) else []
     files = [os.path.join(path, name) for name in names if name.endswith(".mcap")] if names else [path]
+    files = list(filter(os.path.isfile, files))
     chunks = attachments = metadata = 0
     kinds: set[str] = set()
     for each in files:

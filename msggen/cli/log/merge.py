@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from msggen.cli.log.arguments import CODES, KINDS, add_output
 from msggen.cli.log.opening import code_of, opened, written
 from msggen.cli.log.targets import check_mcap
-from msggen.cli.options import Commands, add_command, non_empty
+from msggen.cli.options import Commands, add_command, local_path
 
 if TYPE_CHECKING:
     from msggen.recordings import Log
@@ -30,7 +30,7 @@ def add_to(actions: Commands) -> None:
         "in UTC if the ULog has the time of a GPS receiver.",
         epilog=CODES,
     )
-    parser.add_argument("files", metavar="FILE", nargs="+", type=non_empty, help=f"recordings, each {KINDS}")
+    parser.add_argument("files", metavar="FILE", nargs="+", type=local_path, help=f"recordings, each {KINDS}")
     add_output(parser, "file to write, an MCAP file (default: merged.mcap)")
 
 

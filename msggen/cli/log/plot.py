@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 from msggen.cli.log.arguments import CODES, add_file, add_times, asked_time, convert_times
 from msggen.cli.log.opening import opened, print_notes, print_problems
 from msggen.cli.log.progress import busy_bar
-from msggen.cli.options import Commands, add_command, add_shared, non_empty, refuse
+from msggen.cli.options import Commands, add_command, add_shared, local_path, non_empty, refuse
 from msggen.cli.packages import missing_extra
 from msggen.cli.printing import number_of_bytes
 from msggen.cli.record import check_parent
-from msggen.diagnostics import few, input_error
+from msggen.diagnostics import few, input_error, printable
 from msggen.exit_codes import DONE, FINDINGS
 from msggen.recordings.paths import stem_of
 
@@ -49,7 +49,7 @@ def add_to(actions: Commands) -> None:
         "second instance",
     )
     parser.add_argument(
-        "-o", "--output", metavar="FILE", type=non_empty, help="file to write: .png, .svg or .pdf (default: a window)"
+        "-o", "--output", metavar="FILE", type=local_path, help="file to write: .png, .svg or .pdf (default: a window)"
     )
     add_times(parser)
     add_shared(parser, "-q, --quiet")
@@ -119,7 +119,7 @@ def _write(options: argparse.Namespace, log: Log, series: Sequence[Series], endi
 def _show(options: argparse.Namespace, log: Log, series: Sequence[Series]) -> None:
     from matplotlib import pyplot as plt
 
-    _drawn(options, log, series, plt.figure(os.path.basename(options.file)))
+    _drawn(options, log, series, plt.figure(printable(os.path.basename(options.file))))
     plt.show()
 
 

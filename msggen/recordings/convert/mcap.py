@@ -32,7 +32,7 @@ from msggen.recordings.files.mcap_channels import IS_LENT
 from msggen.recordings.files.mcap_records import ATTACHMENT, METADATA, RECORD
 from msggen.recordings.gather import at, groups
 from msggen.recordings.qos import QOS, QOS_VERSION, numbered
-from msggen.recordings.source import RawSchema
+from msggen.recordings.source import RawSchema, RecordingError
 from msggen.recordings.writer import CHUNK
 
 if TYPE_CHECKING:
@@ -60,6 +60,7 @@ _ENTRY = np.dtype([("log", "<u8"), ("start", "<u8")])
 """An entry of a message index."""
 _FRONT = 9
 """The opcode and the length of a record, in bytes."""
+_MOST_CHANNELS = 1 << 16
 _FASTEST = 1
 """The level of compression: for recordings, higher ones take several times as long for a few percent."""
 
@@ -111,7 +112,9 @@ class McapWriter:
         return list(self._schemas.values())
 
     def add_channel(self, target: Target) -> int:
-        """Add a channel, and return its number."""
+        """Add a channel, and return its number. Raises RecordingError if the format has no number for it."""
+        if len(self._channels) == _MOST_CHANNELS:
+            raise RecordingError(f"an MCAP file has at most {_MOST_CHANNELS} channels, and these topics need more")
         metadata = dict(target.metadata)
         if target.encoding == "cdr" or target.qos:
             metadata["offered_qos_profiles"] = numbered(target.qos) or (QOS if "/fmu/out/" in target.topic else "")

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import re
+from collections import defaultdict
+from functools import partial
+from itertools import count
 from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.live.messages.names import is_named_after, stem_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Mapping
 
     from msggen.recordings.samples import Topic
 
@@ -35,8 +38,9 @@ def file_names(topics: Iterable[Topic]) -> dict[tuple[str, int], str]:
     """
     found: dict[tuple[str, int], str] = {}
     taken = set(FACT_TABLES)
+    numbers: Mapping[str, Iterator[int]] = defaultdict(partial(count, 2))
     for topic in topics:
-        name = next(each for each in _candidates(topic) if each.casefold() not in taken)
+        name = next(each for each in _candidates(topic, numbers) if each.casefold() not in taken)
         taken.add(name.casefold())
         found[topic.name, topic.instance] = name
     return found
@@ -76,15 +80,14 @@ def _unique(name: str) -> str:
     return f"{clean}-{hashlib.sha256(name.encode(errors='surrogateescape')).hexdigest()[:_DIGITS]}"
 
 
-def _candidates(topic: Topic) -> Iterator[str]:
+def _candidates(topic: Topic, numbers: Mapping[str, Iterator[int]]) -> Iterator[str]:
+    """Yield names for a topic. `numbers` are those that no topic has yet behind a name."""
     whole = topic.channels[0][1].topic
     end = f"_{topic.instance}" if topic.instance else ""
     for name in (stem_of(whole).rpartition("/")[2], whole.strip("/").replace("/", "_")):
         yield _clean(name, end)
-    number = 2
-    while True:
+    for number in numbers[_clean(name, end).casefold()]:
         yield _clean(name, f"{end}-{number}")
-        number += 1
 
 
 def _clean(name: str, end: str) -> str:

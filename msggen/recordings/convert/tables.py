@@ -110,7 +110,8 @@ class _Tables:
         self._sizes: dict[tuple[str, int], int] = defaultdict(int)
         self._total = 0
         self._writers: dict[tuple[str, int], Any] = {}
-        self._open = ExitStack()
+        self._ends: dict[tuple[str, int], ExitStack] = defaultdict(ExitStack)
+        """What ends each file."""
         self.rows = 0
 
     @property
@@ -131,13 +132,16 @@ class _Tables:
             self._write(max(self._sizes, key=self._sizes.__getitem__))
 
     def flush(self) -> None:
-        """Write what waits."""
+        """Write what waits, and end each file: there can be more topics than files that may be open."""
         for key in list(self._waiting):
             self._write(key)
+            self._ends[key].close()
 
     def close(self) -> None:
         """End the files."""
-        self._open.close()
+        with ExitStack() as ends:
+            for end in self._ends.values():
+                ends.push(end)
 
     def _write(self, key: tuple[str, int]) -> None:
         waiting = self._waiting.pop(key)
@@ -151,8 +155,8 @@ class _Tables:
             table = _flat(table)
         if key not in self._writers:
             # pyarrow itself only opens files whose names are UTF-8
-            file = self._open.enter_context(open(self._paths[key], "wb"))  # noqa: SIM115 - the stack closes it
-            self._writers[key] = self._open.enter_context(_writer(file, self._format, table.schema))
+            file = self._ends[key].enter_context(open(self._paths[key], "wb"))  # noqa: SIM115 - the stack closes it
+            self._writers[key] = self._ends[key].enter_context(_writer(file, self._format, table.schema))
         self._writers[key].write_table(table)
         self.rows += len(table)
 

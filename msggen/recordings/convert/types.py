@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-from itertools import chain, count
+from collections import defaultdict
+from functools import lru_cache, partial
+from itertools import count
 from typing import TYPE_CHECKING
 
 from msggen.identity import type_hash
@@ -21,6 +22,10 @@ class TypeNames:
     def __init__(self) -> None:
         self._hashes: dict[str, str] = {}
         self._names: dict[tuple[str, str, str], str] = {}
+        self._numbered: dict[tuple[str, str], str] = {}
+        """The names with a number behind them, by the name without it and the definition's hash."""
+        self._numbers: dict[str, Iterator[int]] = defaultdict(partial(count, 2))
+        """The numbers that no type has yet behind a name."""
         self.notes: list[str] = []
         """The types that have other names than in their recordings, and those of which readers know only one."""
 
@@ -33,7 +38,7 @@ class TypeNames:
 
     def _new_name(self, topic: Topic) -> str:
         own, nested = _hashes_of(topic.ros_type, topic.definition)
-        name = next(each for each in _names_for(topic) if self._hashes.setdefault(key_of(each), own) == own)
+        name = next(each for each in self._names_for(topic, own) if self._hashes.setdefault(key_of(each), own) == own)
         if name != topic.ros_type:
             text = f"{topic.label} has the type {name}: {topic.ros_type} has another definition in this file"
             self.notes.append(text)
@@ -45,14 +50,18 @@ class TypeNames:
                 )
         return name
 
-
-def _names_for(topic: Topic) -> Iterator[str]:
-    """Yield names for the type of a topic, its own one first. In a ULog, the topic's name makes the second one."""
-    own = topic.ros_type
-    if topic.channels[0][1].encoding == "ulog":
+    def _names_for(self, topic: Topic, hash_: str) -> Iterator[str]:
+        """Yield names for the type of a topic, its own one first. In a ULog, the topic's name makes the second one."""
+        own = topic.ros_type
+        if topic.channels[0][1].encoding == "ulog":
+            yield own
+            own = f"px4_msgs/msg/{''.join(part[:1].upper() + part[1:] for part in topic.uorb.split('_'))}"
         yield own
-        own = f"px4_msgs/msg/{''.join(part[:1].upper() + part[1:] for part in topic.uorb.split('_'))}"
-    yield from chain((own,), (f"{own}{number}" for number in count(2)))
+        if (own, hash_) in self._numbered:
+            yield self._numbered[own, hash_]
+        for number in self._numbers[own]:
+            self._numbered[own, hash_] = f"{own}{number}"
+            yield self._numbered[own, hash_]
 
 
 @lru_cache(1024)

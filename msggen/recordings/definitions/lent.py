@@ -11,6 +11,7 @@ import re
 from collections import defaultdict
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import lru_cache
+from itertools import islice
 from types import ModuleType
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -31,6 +32,8 @@ _LOOKED_AT = 1 << 18
 """How many samples are read at most, to find one of each topic."""
 _SAMPLES = 64
 """How many samples of a topic are compared with a definition."""
+_TRIED = 16
+"""How many definitions of a topic in other files of a recording are tried."""
 _BRIDGE = re.compile("/fmu/(?:in|out)/.*")
 """The name of a topic of PX4 without the namespace of the vehicle."""
 _IS_HASH = re.compile("RIHS01_[0-9a-f]{64}")
@@ -202,7 +205,7 @@ def _of_recording(sources: Sequence[Source]) -> Lender:
                 found[channel.topic, channel.ros_type][channel.definition] = None
 
     def find(name: str, ros_type: str) -> list[str]:
-        return list(found.get((name, ros_type), ()))
+        return list(islice(found.get((name, ros_type), ()), _TRIED))
 
     return Lender("the recording", find)
 

@@ -44,7 +44,11 @@ def open_sources(path: str) -> list[Source]:
     """Return the files of a recording, by their contents. Raises RecordingError, and OSError."""
     from msggen.recordings.files.bag import open_compressed, open_folder
 
-    return open_folder(path, _open_file) if os.path.isdir(path) else [open_compressed(path, _open_file)]
+    if os.path.isdir(path):
+        return open_folder(path, _open_file)
+    if os.path.exists(path) and not os.path.isfile(path):
+        raise RecordingError(f"{path} is not a recording: this is a pipe or a device")
+    return [open_compressed(path, _open_file)]
 
 
 def _open_file(path: str) -> Source:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ntpath
 import os
 import re
 import tempfile
@@ -9,7 +10,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from msggen.diagnostics import few
+from msggen.diagnostics import InputError, few
+from msggen.disk.output import link_in
+from msggen.disk.reading import read_bytes
 from msggen.recordings.files.compression import LARGEST, CompressionError, decompress_file, decompress_frame
 from msggen.recordings.paths import METADATA, is_bag
 from msggen.recordings.source import (
@@ -37,7 +40,6 @@ _NEWEST = 9
 """The newest version of metadata.yaml that is known."""
 _WITH_FOLDER = 4
 """Before this version, the paths of files begin with the name of the folder."""
-_LARGEST_METADATA = 16 << 20
 _BATCH = 16 << 20
 """The bytes of samples that are decompressed at a time, unless one sample is larger."""
 
@@ -60,15 +62,18 @@ def open_folder(path: str, open_file: Callable[[str], Source]) -> list[Source]:
 
     What is wrong with the folder is among the problems of the first file. Raises RecordingError, and OSError.
     """
-    names = [name for name in os.listdir(path) if _is_file_of_bag(name)]
-    problems: list[Problem] = []
+    found = sorted(filter(_is_file_of_bag, os.listdir(path)))
+    names = [name for name in found if os.path.isfile(os.path.join(path, name))]
+    others = sorted({*found} - {*names})
+    problems = [Problem(f"{name} is left out: this is not a file") for name in others]
     if not is_bag(path):
         _check_one(path, [*names, *(name for name in os.listdir(path) if name.endswith(".ulg"))])
     metadata = _metadata_of(path, problems)
     named, missing, further = _chosen(path, metadata, sorted(names, key=_in_order))
     for name in missing:
         count = metadata.counts.get(os.path.basename(name), 0) if metadata else 0
-        problems.append(Problem(f"{name}, which {METADATA} names, is missing", samples=count))
+        wrong = "is missing" if _is_below(path, name) else "is not in the folder of the recording, and is not read"
+        problems.append(Problem(f"{name}, which {METADATA} names, {wrong}", samples=count))
     if not named and not further:
         if not os.path.lexists(os.path.join(path, METADATA)):
             raise RecordingError(f"{path} is not a recording: a folder without {METADATA}, *.mcap and *.db3")
@@ -96,10 +101,16 @@ def _opened(
     """Open files, and add those that cannot be read to `problems`."""
     for path in paths:
         try:
-            yield open_compressed(path, open_file, is_by_sample=metadata is not None and metadata.is_by_sample)
+            source = open_compressed(path, open_file, is_by_sample=metadata is not None and metadata.is_by_sample)
         except RecordingError as error:
             count = metadata.counts.get(os.path.basename(path), 0) if metadata else 0
             problems.append(Problem(f"a file is left out: {error}", samples=count))
+            continue
+        if source.kind == "ulog":  # its times are of another clock
+            source.close()
+            problems.append(Problem(f"a file is left out: {path} is a ULog, which is a recording of its own"))
+        else:
+            yield source
 
 
 def _is_complete(metadata: Metadata, sources: Sequence[Source]) -> bool:
@@ -278,18 +289,15 @@ def _metadata_of(folder: str, problems: list[Problem]) -> Metadata | None:
     """Read a metadata.yaml, None if there is none that can be read. Raises RecordingError for a foreign format."""
     path = os.path.join(folder, METADATA)
     try:
-        with open(path, "rb") as file:
-            text = file.read(_LARGEST_METADATA + 1)
+        found = _read_metadata(read_bytes(path))
     except FileNotFoundError:
         problems.append(Problem(f"{METADATA} is missing: the files are read in the order of their names"))
         return None
-    if len(text) > _LARGEST_METADATA:
-        problems.append(Problem(f"{METADATA} is larger than {_LARGEST_METADATA} bytes and is not read"))
-        return None
-    try:
-        found = _read_metadata(text)
     except RecordingError:
         raise
+    except OSError as error:
+        problems.append(Problem(f"{METADATA} cannot be read: {error.strerror}"))
+        return None
     except ValueError as error:
         problems.append(Problem(f"{METADATA} cannot be read: {error}"))
         return None
@@ -299,19 +307,20 @@ def _metadata_of(folder: str, problems: list[Problem]) -> Metadata | None:
 
 def _read_metadata(text: bytes) -> Metadata:
     """Return what a metadata.yaml says. Raises ValueError, and RecordingError for a storage that is not known."""
-    import yaml
+    from msggen.parse.yaml_nodes import read_yaml, value_of
 
     try:
-        document = yaml.load(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))  # noqa: S506 - it is safe
-    except (yaml.YAMLError, RecursionError, UnicodeDecodeError, ValueError) as error:
-        raise ValueError(" ".join(str(error).split())) from None
+        root = read_yaml(text, METADATA)
+    except InputError as error:
+        raise ValueError(error.diagnostics[0].message) from None
+    document = None if root is None else value_of(root)
     content: Any = document.get("rosbag2_bagfile_information") if isinstance(document, dict) else None
     if not isinstance(content, dict):
         raise ValueError("it has no 'rosbag2_bagfile_information'")  # noqa: TRY004 - of the content
-    storage = content.get("storage_identifier", "")
+    storage = _word(content.get("storage_identifier", ""))
     if storage not in _STORAGES:
         raise RecordingError(f"{METADATA}: the storage {storage!r} is not known, expected mcap or sqlite3")
-    mode, format_ = (str(content.get(f"compression_{each}") or "").lower() for each in ("mode", "format"))
+    mode, format_ = (_word(content.get(f"compression_{each}") or "").lower() for each in ("mode", "format"))
     if mode not in ("", "none") and format_ not in ("", "zstd"):
         raise RecordingError(f"{METADATA}: the compression {format_!r} is not known, expected zstd")
     paths = content.get("relative_file_paths")
@@ -323,12 +332,17 @@ def _read_metadata(text: bytes) -> Metadata:
         paths = [path.partition("/")[2] if "/" in path and not os.path.isabs(path) else path for path in paths]
     count = content.get("message_count")
     return Metadata(
-        paths,
+        list(dict.fromkeys(paths)),
         dict(_counts_in(content.get("files"))),
         count if type(count) is int else None,
         mode == "message",
-        () if is_known else (f"{METADATA} has version {version}: 1 to {_NEWEST} are known",),
+        () if is_known else (f"{METADATA} has version {_word(version)}: 1 to {_NEWEST} are known",),
     )
+
+
+def _word(value: object) -> str:
+    """Return a scalar as text. The text of others could be much longer than what they were read of."""
+    return str(value) if isinstance(value, (str, int, float)) else type(value).__name__
 
 
 def _counts_in(files: object) -> Iterator[tuple[str, int]]:
@@ -394,10 +408,21 @@ def _place_of(folder: str, name: str) -> str | None:
     """Return the path of a file that metadata.yaml names, with or without compression, None if there is none."""
     plain = name.removesuffix(_COMPRESSED)
     for each in (name, plain, plain + _COMPRESSED):
-        for path in (os.path.join(folder, each), os.path.join(folder, os.path.basename(each))):
-            if os.path.isfile(path):
+        for below in (each, ntpath.basename(each)):  # which knows the separators of all systems
+            path = os.path.join(folder, below)
+            if _is_below(folder, below) and os.path.isfile(path):
                 return path
     return None
+
+
+def _is_below(folder: str, name: str) -> bool:
+    """Whether a path leads to a place below a folder, on all systems. A file there can be a link: archives have some.
+
+    Links to folders are not followed, as in a search for recordings.
+    """
+    *parents, _ = parts = re.split(r"[/\\]", name)
+    is_relative = not name.startswith(("/", "\\")) and not ntpath.splitdrive(name)[0] and os.pardir not in parts
+    return is_relative and not (parents and link_in(folder, "/".join(parents)))
 
 
 def _is_file_of_bag(name: str) -> bool:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import struct
-from collections import Counter
+from collections import Counter, defaultdict
 from contextlib import closing
+from functools import cached_property
 from itertools import chain
 from typing import TYPE_CHECKING
 from zlib import crc32
@@ -142,14 +143,32 @@ class McapFile:
         self._mapped.check()
         found: dict[int, list[NDArray[np.int64]]] = {number: list(self._times.get(number, ())) for number in channels}
         file = self._file
-        for region in self._regions:
-            if isinstance(region, Chunk):
-                for number in found.keys() & region.indexes.keys():
-                    entries = entries_of(file, number, region.indexes[number])
-                    if entries is not None:
-                        found[number].append(times_of(entries.view("<u8")[::2]))
-                drop_pages(file)
+        for chunk in self._chunks_with(channels):
+            for number in found.keys() & chunk.indexes.keys():
+                entries = entries_of(file, number, chunk.indexes[number])
+                if entries is not None:
+                    found[number].append(times_of(entries.view("<u8")[::2]))
+            drop_pages(file)
         return {number: np.concatenate(each or [np.zeros(0, np.int64)]) for number, each in found.items()}
+
+    def _chunks_with(self, channels: Collection[int]) -> Iterable[Chunk]:
+        """Return the chunks that may have messages of channels. Topics ask for one channel after the other."""
+        if len(channels) == 1:
+            (number,) = channels
+            return self._chunks_by_channel.get(number, ())
+        return self._chunks
+
+    @cached_property
+    def _chunks(self) -> Sequence[Chunk]:
+        return [region for region in self._regions if isinstance(region, Chunk)]
+
+    @cached_property
+    def _chunks_by_channel(self) -> Mapping[int, Sequence[Chunk]]:
+        found: dict[int, list[Chunk]] = defaultdict(list)
+        for chunk in self._chunks:
+            for number in chunk.indexes:
+                found[number].append(chunk)
+        return found
 
     def _scan(self, *, is_damaged: bool) -> None:
         """Search the file, which has no index of all its messages. If `is_damaged`, so may be the message indexes."""

@@ -34,11 +34,13 @@ class Described:
         """The contents of the metadata records that are read, by name."""
         self._schemas: dict[int, RawSchema] = {}
         self._problems = problems
+        self._reported = set(problems)
 
     def report(self, text: str, offset: int | None = None, size: int = 0, samples: int = 0, topic: str = "") -> None:
         """Add a problem of the file, once."""
         problem = Problem(text, offset, size, samples, topic)
-        if problem not in self._problems:
+        if problem not in self._reported:
+            self._reported.add(problem)
             self._problems.append(problem)
 
     def compare_counts(self, stated: Mapping[int, int], found: Mapping[int, int]) -> None:

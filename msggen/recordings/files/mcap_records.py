@@ -49,6 +49,10 @@ CRC = 4
 """The size of the CRC at the end of an attachment."""
 _CHUNK_HEAD = struct.Struct("<QQQI")
 _CHUNK_BEGINS = re.compile(rb"\x06.{36}(?:\x00{4}|\x03\x00{3}lz4|\x04\x00{3}zstd)", re.DOTALL)
+_CHUNK_FRONT = 45
+"""The most bytes that this takes."""
+_STEP = 1 << 9
+"""The bytes that are searched first for a chunk or a message."""
 _MESSAGE_BEGINS = re.compile(rb"(?=\x05.{3}\x00{5})", re.DOTALL)
 """Where a message of less than 16 MiB may begin."""
 LARGEST_NUMBER = (1 << 62) - 1
@@ -258,9 +262,18 @@ def message_from(data: memoryview, low: int, high: int, stop: int, channels: Col
 def chunk_or_message_from(data: memoryview, low: int, channels: Collection[int]) -> int:
     """Return the first offset from `low` on at which a chunk or a message seems to begin, the end if there is none."""
     size = len(data)
-    message = message_from(data, low, size, size, channels)
-    for found in _CHUNK_BEGINS.finditer(data, low, size if message < 0 else message):
-        _, length = RECORD.unpack_from(data, found.start())
-        if chunk_at(data, found.start() + FRONT, length) is not None:
-            return found.start()
-    return size if message < 0 else message
+    begin, step = low, _STEP
+    while begin < size:  # there may be many of one and none of the other, for which all of the file would be searched
+        end = min(begin + step, size)
+        message = message_from(data, begin, end, size, channels)
+        limit = end if message < 0 else message
+        for found in _CHUNK_BEGINS.finditer(data, begin, min(limit + _CHUNK_FRONT, size)):
+            if found.start() >= limit:
+                break
+            _, length = RECORD.unpack_from(data, found.start())
+            if chunk_at(data, found.start() + FRONT, length) is not None:
+                return found.start()
+        if message >= 0:
+            return message
+        begin, step = end, 2 * step
+    return size

@@ -27,27 +27,56 @@ class State(NamedTuple):
     changed: int
 
 
+class _Folder(NamedTuple):
+    """A folder that is being searched."""
+
+    identity: tuple[int, int]
+    """Its device and its number there."""
+    is_one: bool
+    """Whether it is one recording itself."""
+    entries: Iterator[os.DirEntry[str]]
+    """Those that were not looked at yet, by name."""
+
+
 def find_recordings(folder: str, *, without: str = "") -> Iterator[Found]:
     """Yield all recordings below a folder, sorted: files, and folders of rosbag2. Raises OSError for the folder itself.
 
     The folder can be a recording itself. ULogs in a folder of rosbag2, and recordings below it, are recordings of their
-    own. Symbolic links to folders are not followed, and the folder `without` is left out.
+    own. Symbolic links to folders are not followed, nor folders that contain themselves, as by a junction of Windows.
+    The folder `without` is left out.
     """
-    left_out = os.path.realpath(without) if without else ""
-    is_one = is_bag(folder)
-    with os.scandir(folder) as found:
-        entries = sorted(found, key=lambda entry: entry.name)
-    if is_one:
+    left_out = _identity(without) if os.path.isdir(without) else None
+    way = [_opened(folder)]  # no recursion: the system allows longer paths than Python nested calls
+    if way[0].is_one:
         yield Found(folder)
-    for entry in entries:
+    while way:
+        entry = next(way[-1].entries, None)
+        if entry is None:
+            way.pop()
+            continue
         try:
             if entry.is_dir(follow_symlinks=False):
-                if os.path.realpath(entry.path) != left_out:
-                    yield from find_recordings(entry.path, without=without)
-            elif is_named_as_recording(entry.name) and (not is_one or is_named_as_ulog(entry.name)):
+                identity = _identity(entry.path)
+                if identity != left_out and all(identity != each.identity for each in way):
+                    way.append(_opened(entry.path))
+                    if way[-1].is_one:
+                        yield Found(entry.path)
+            elif is_named_as_recording(entry.name) and (not way[-1].is_one or is_named_as_ulog(entry.name)):
                 yield from _found(entry)
         except OSError as error:
             yield Found(entry.path, f"cannot be read: {error.strerror}")
+
+
+def _opened(folder: str) -> _Folder:
+    """Begin to search a folder. Raises OSError."""
+    is_one = is_bag(folder)
+    with os.scandir(folder) as found:
+        return _Folder(_identity(folder), is_one, iter(sorted(found, key=lambda entry: entry.name)))
+
+
+def _identity(folder: str) -> tuple[int, int]:
+    stat = os.stat(folder)
+    return stat.st_dev, stat.st_ino
 
 
 def _found(entry: os.DirEntry[str]) -> Iterator[Found]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from datetime import date, datetime, timezone
 from typing import TYPE_CHECKING, NamedTuple
@@ -21,6 +22,8 @@ VERSION = 3
 KEYS = ("vehicle", "date")
 """What folders can be named after."""
 UNKNOWN = "unknown"
+ORIGINS = ("gps", "name", "clock", UNKNOWN)
+"""Where the day of a recording can come from."""
 NONE = "none"
 """The namespace of topics without one. All files of a data set must have the same keys."""
 DIGITS = 8
@@ -35,7 +38,7 @@ _YEAR_2001, _YEAR_2100 = 978_307_200 * 10**9, 4_102_444_800 * 10**9
 
 
 class Dated(NamedTuple):
-    """The day of a recording, in UTC, and where it comes from: `gps`, `name`, `clock` or `unknown`."""
+    """The day of a recording, in UTC, and where it comes from, one of ORIGINS."""
 
     day: str
     origin: str
@@ -49,12 +52,14 @@ def places_of(topics: Iterable[Topic], values: Mapping[str, str], log: str) -> d
     recording, it has several files in one folder.
     """
     found: dict[tuple[str, int], str] = {}
+    counts: Counter[str] = Counter()
     for topic in topics:
         place = place_of(topic)
         folder = _folder_of(place, values, log)
         stem = f"{place.name}_{place.instance}" if place.instance else place.name
-        number = 1 + sum(os.path.dirname(path) == folder for path in found.values())
-        found[topic.name, topic.instance] = f"{folder}/{stem}" + (f"-{number}.parquet" if number > 1 else ".parquet")
+        counts[folder] += 1
+        end = f"-{counts[folder]}.parquet" if counts[folder] > 1 else ".parquet"
+        found[topic.name, topic.instance] = f"{folder}/{stem}{end}"
     return found
 
 

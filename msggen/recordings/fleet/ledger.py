@@ -9,13 +9,16 @@ from __future__ import annotations
 import json
 import os
 import platform
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from typing import Any, NamedTuple
 
-from msggen.disk.staging import locked, write_if_changed
+from msggen.disk.output import check_links, link_in
+from msggen.disk.reading import read_bytes
+from msggen.disk.staging import locked, make_folder, write_if_changed
 from msggen.recordings.fleet.finding import State
-from msggen.recordings.fleet.layout import DIGITS, VERSION
+from msggen.recordings.fleet.layout import DIGITS, KEYS, ORIGINS, VERSION
 from msggen.recordings.source import RecordingError
 
 
@@ -31,7 +34,9 @@ _LOGS = "logs"
 _RUN = "run.txt"
 """The file that names the process that changes the fleet."""
 _LONGEST = 200
-"""The most characters that are read of it."""
+"""The most characters that are shown of it."""
+_PLACE = re.compile(r"(?:[A-Za-z0-9-][\w.=-]*/)+[A-Za-z0-9-][\w.-]*\.parquet", re.ASCII)
+"""A file of a recording, as `places_of` names it. No part of it leads out of the fleet, on any system."""
 
 
 class Record(NamedTuple):
@@ -79,17 +84,20 @@ class Ledger:
     def open(self, by: Sequence[str]) -> None:
         """Create the folders. Raises FleetError for a fleet with other keys or another layout, and OSError.
 
-        A folder with other files raises FleetError too: the files of a fleet would be among them.
+        A folder with other files raises FleetError too: the files of a fleet would be among them. Raises InputError if
+        a folder of the records is a symbolic link.
         """
         if not os.path.lexists(self.state) and os.path.isdir(self.fleet) and os.listdir(self.fleet):
             raise FleetError("the folder of the fleet has other files: choose a new folder")
-        os.makedirs(os.path.join(self.state, _LOGS), exist_ok=True)
+        check_links(self.fleet, [f"{STATE}/{_LOGS}"])
+        make_folder(os.path.join(self.state, _LOGS))
         path = os.path.join(self.state, LAYOUT)
         known = _read(path)
         if known is None:
             write_if_changed(path, json.dumps({"by": list(by), "version": VERSION}) + "\n")
         elif known.get("by") != list(by):
-            had = ",".join(map(str, known.get("by", ())))
+            had = known.get("by")
+            had = ",".join(map(str, had)) if isinstance(had, list) else had
             raise FleetError(f"this fleet is by '{had}', not by '{','.join(by)}': choose another folder")
         elif known.get("version") != VERSION:
             raise FleetError("another version of msggen wrote this fleet, with other folders: choose a new folder")
@@ -117,15 +125,13 @@ class Ledger:
     def record(self, log: str) -> Record | None:
         """Return the record of a recording by its name, None if there is none that can be read."""
         found = _read(self._path(log))
-        if found is None:
+        if found is None or found.keys() != _IS_SOUND.keys() or found["log"] != log:
             return None
-        try:
-            paths = {path: State(*state) for path, state in found.pop("paths").items()}
-            record = Record(paths=paths, **found)
-            is_sound = record.log == log and all(map(_stays_inside, record.files))
-        except (TypeError, KeyError, AttributeError):
+        if not all(is_sound(found[name]) for name, is_sound in _IS_SOUND.items()):
             return None
-        return record if is_sound else None
+        if not all(f"/log={log}/" in name for name in found["files"]):  # others are of another recording, or of nobody
+            return None
+        return Record(**{**found, "paths": {path: State(*state) for path, state in found["paths"].items()}})
 
     def find(self, digest: str) -> Record | None:
         """Return the record of a recording with these contents, None if there is none."""
@@ -157,12 +163,13 @@ class Ledger:
         os.unlink(self._path(record.log))
 
     def remove_files(self, files: Iterable[str]) -> None:
-        """Remove files of the fleet, and the folders that are then empty. Raises OSError."""
+        """Remove files of the fleet, and the folders that are then empty, but nothing below a link. Raises OSError."""
         for name in files:
-            path = os.path.join(self.fleet, name)
-            with suppress(FileNotFoundError):
+            path, folder = os.path.join(self.fleet, name), os.path.dirname(name)
+            if link_in(self.fleet, folder):
+                continue
+            if os.path.lexists(path) and not os.path.isdir(path):  # a folder is not of a record
                 os.unlink(path)
-            folder = os.path.dirname(name)
             with suppress(OSError):  # the first one that is not empty ends it
                 while folder:
                     os.rmdir(os.path.join(self.fleet, folder))
@@ -212,9 +219,61 @@ class Ledger:
         return os.path.join(self.state, _LOGS, f"{log}.json")
 
 
-def _stays_inside(name: str) -> bool:
-    """Whether a file of a record is in the folder of the fleet, so that it may be removed."""
-    return not os.path.isabs(name) and ".." not in name.split("/")
+# what a record may have: anybody can have written it
+
+
+def _is_text(value: object) -> bool:
+    return isinstance(value, str) and "\0" not in value
+
+
+def _are_texts(value: object) -> bool:
+    return isinstance(value, list) and all(map(_is_text, value))
+
+
+def _are_places(value: object) -> bool:
+    return isinstance(value, list) and all(isinstance(each, str) and _PLACE.fullmatch(each) for each in value)
+
+
+def _are_states(value: object) -> bool:
+    """Whether these are states by path."""
+    return (
+        isinstance(value, dict)
+        and bool(value)
+        and all(map(_is_text, value))
+        and all(isinstance(each, list) and len(each) == len(State._fields) for each in value.values())
+        and all(_is_number(number) for each in value.values() for number in each)
+    )
+
+
+def _are_keys(value: object) -> bool:
+    return isinstance(value, dict) and value.keys() == {*KEYS} and all(map(_is_text, value.values()))
+
+
+def _is_number(value: object) -> bool:
+    return type(value) is int and -_LIMIT <= value < _LIMIT
+
+
+def _is_number_or_none(value: object) -> bool:
+    return value is None or _is_number(value)
+
+
+_LIMIT = 1 << 63
+_IS_SOUND: Mapping[str, Callable[[Any], bool]] = {
+    "log": _is_text,
+    "digest": _is_text,
+    "paths": _are_states,
+    "values": _are_keys,
+    "date_from": ORIGINS.__contains__,
+    "files": _are_places,
+    "rows": _is_number,
+    "size": _is_number,
+    "problems": _are_texts,
+    "notes": _are_texts,
+    "firmware": _is_text,
+    "start": _is_number_or_none,
+    "utc_offset": _is_number_or_none,
+    "duration": lambda value: isinstance(value, float) or _is_number(value),
+}
 
 
 def _state(path: str) -> State | None:
@@ -222,15 +281,14 @@ def _state(path: str) -> State | None:
 
     try:
         return state_of(path)
-    except OSError:
+    except (OSError, ValueError):  # half a surrogate is in no path
         return None
 
 
 def _line_in(path: str) -> str:
     """Return the first line of a file, "" if it cannot be read."""
     try:
-        with open(path, encoding="utf-8", errors="replace") as file:
-            return file.readline(_LONGEST).strip()
+        return read_bytes(path, follow=False).decode(errors="replace").partition("\n")[0][:_LONGEST].strip()
     except OSError:
         return ""
 
@@ -238,8 +296,7 @@ def _line_in(path: str) -> str:
 def _read(path: str) -> Any:
     """Return the object in a JSON file, None if there is none that can be read."""
     try:
-        with open(path, encoding="utf-8") as file:
-            found = json.load(file)
-    except (OSError, ValueError):
+        found = json.loads(read_bytes(path, follow=False))
+    except (OSError, ValueError, RecursionError):
         return None
     return found if isinstance(found, dict) else None

@@ -10,6 +10,7 @@ import os
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
+from msggen.diagnostics import InputError
 from msggen.recordings.fleet.finding import State, digest_of, state_of
 from msggen.recordings.fleet.ledger import Ledger, Record
 
@@ -50,6 +51,8 @@ def convert_one(task: Task) -> Outcome:
     """
     try:
         return _convert(task)
+    except InputError as error:  # of the fleet
+        return Outcome(task.path, error=str(error))
     except OSError as error:
         is_of_recording = error.strerror is not None and error.filename == task.path
         return Outcome(
@@ -76,7 +79,8 @@ def _convert(task: Task) -> Outcome:
 def _write(task: Task, ledger: Ledger, name: str, digest: str, state: State) -> Record:
     """Write the files of a recording. Return its record."""
     from msggen.disk.files import flush
-    from msggen.disk.staging import staging_folder
+    from msggen.disk.output import check_links
+    from msggen.disk.staging import make_folder, staging_folder
     from msggen.recordings.convert import convert
     from msggen.recordings.convert.names import FACT_TABLES, file_names
     from msggen.recordings.files import open_log
@@ -112,9 +116,10 @@ def _write(task: Task, ledger: Ledger, name: str, digest: str, state: State) -> 
             utc_offset=offset,
             duration=log.duration,
         )
+        check_links(task.fleet, [os.path.dirname(place) for place in places.values()])
         for path, place in places.items():
             target = os.path.join(task.fleet, place)
-            os.makedirs(os.path.dirname(target), exist_ok=True)
+            make_folder(os.path.dirname(target))
             os.replace(path, target)
         flush(_with_folders(task.fleet, places.values()))  # before the record: it says that the files are there
     return record

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from contextlib import suppress
 from io import BytesIO
 from typing import TYPE_CHECKING, Any
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 
 TABLE = "_logs.parquet"
 """The table, beside the folders of the topics. Engines that read a whole folder skip names with an underscore."""
+_SURROGATE = re.compile("[\ud800-\udfff]")
 
 
 def write_table(ledger: Ledger) -> None:
@@ -36,16 +38,21 @@ def write_table(ledger: Ledger) -> None:
 
 def _row(record: Record) -> dict[str, Any]:
     return {
-        "log": record.log,
-        "path": os.fsencode(original_of(record)).decode(errors="replace"),
-        **record.values,
-        "firmware": record.firmware or None,
+        "log": _whole(record.log),
+        "path": _whole(original_of(record)),
+        **{key: _whole(value) for key, value in record.values.items()},
+        "firmware": _whole(record.firmware) or None,
         "start": record.start,
         "utc_offset": record.utc_offset,
         "duration": record.duration,
         "samples": record.rows,
-        "problems": record.problems,
+        "problems": list(map(_whole, record.problems)),
     }
+
+
+def _whole(text: str) -> str:
+    """Return a text with U+FFFD for each byte that is not UTF-8, as names of files can have."""
+    return _SURROGATE.sub("\ufffd", text)
 
 
 def _schema() -> Any:
