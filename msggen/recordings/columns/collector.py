@@ -20,17 +20,18 @@ class Collector:
     def __init__(self, topic: Topic, dtype: np.dtype[Any], count: int) -> None:
         self._topic, self._dtype = topic, dtype
         self._size = 0 if dtype.hasobject else dtype.itemsize
-        count = min(count, _MOST // max(dtype.itemsize, 16))
-        self._rows: Any = large_empty(count * self._size) if self._size else np.empty(count, dtype)
-        self._log_times: Any = np.empty(count, np.int64)
-        self._publish_times: Any = np.empty(count, np.int64)
+        self._least = min(count or _FEW, _MOST // max(dtype.itemsize, 16))
+        """The rows for which memory is taken with the first ones: perhaps no sample fits the definition."""
+        self._rows: Any = np.empty(0, np.uint8 if self._size else dtype)
+        self._log_times: Any = np.empty(0, np.int64)
+        self._publish_times: Any = np.empty(0, np.int64)
         self._count = 0
 
     def add(self, rows: Any, log_times: Any, publish_times: Any) -> None:
         """Add rows of `Decoder.rows` behind the others, with their times."""
         begin, end = self._count, self._count + len(rows)
         if end > len(self._log_times):
-            self._grow(max(end, 2 * len(self._log_times), _FEW))
+            self._grow(max(end, 2 * len(self._log_times), self._least))
         size = self._size
         if size:
             self._rows[begin * size : end * size] = rows.view(np.uint8)
@@ -58,6 +59,6 @@ class Collector:
         for name, size in (("_rows", self._size or 1), ("_log_times", 1), ("_publish_times", 1)):
             old = getattr(self, name)
             if old is not None:
-                new = np.empty(count * size, old.dtype)
+                new: Any = large_empty(count * size) if old.dtype == np.uint8 else np.empty(count * size, old.dtype)
                 new[: self._count * size] = old[: self._count * size]
                 setattr(self, name, new)

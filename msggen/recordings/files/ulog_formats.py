@@ -34,6 +34,8 @@ _VALUE, _BOOL, _FILL = b"\1", b"\2", b"\0"
 _LARGEST = (1 << 16) - 1 - 2
 """The size of the largest sample: a message has 65,535 bytes, two of them for its number."""
 _DEEPEST = 32
+_LARGEST_SUM = 2 << 20
+"""The most bytes of the samples and the definitions of all topics of a log. Those of PX4 have some 100 kB."""
 
 # Topics that are not named after their message, by message: the `# TOPICS` lines of PX4's definitions
 _OTHER_TOPICS = {
@@ -120,6 +122,8 @@ class Formats:
         self._texts: dict[str, str] = {}
         self._fields: dict[str, list[_Field]] = {}
         self._blocks: dict[str, _Block] = {}
+        self._sum = 0
+        """The bytes of the samples and the definitions of all topics so far."""
 
     def __contains__(self, name: str) -> bool:
         """Whether there is a format."""
@@ -134,10 +138,12 @@ class Formats:
         """Return the layout of the samples of a topic. Padding at their end can be missing. Raises FormatError."""
         block = self._block(name, ())
         size = block.end
+        self._count(len(block.marks))
         marks = np.frombuffer(block.marks[:size], np.uint8)
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], marks > 0, [0]])))
         return Layout(
             dtype=block.dtype(size),
-            positions=np.flatnonzero(marks),
+            runs=tuple(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)),
             bools=tuple(bools_at(np.flatnonzero(marks == _BOOL[0]).tolist(), size)),
             size=size,
             surplus=len(block.marks) - size,
@@ -154,6 +160,7 @@ class Formats:
         Names are in lower case. It is "" if ROS 2 does not allow one. The fields are in the order of the samples.
         """
         nested = [name]
+        seen = {name}
         parts: list[str] = []
         for each in nested:
             fields = self._visible(each)
@@ -163,8 +170,16 @@ class Formats:
             text = "".join(map(self._declaration, fields))
             parts.append(f"{SEPARATOR}\nMSG: px4_msgs/{self._message(each)}\n{text}" if parts else text)
             others = dict.fromkeys(field.type for field in fields if field.type not in _NUMBERS)
-            nested += [other for other in others if other not in nested]
+            nested += [other for other in others if other not in seen]
+            seen.update(others)
+        self._count(sum(map(len, parts)))
         return "".join(parts)
+
+    def _count(self, size: int) -> None:
+        """Raise FormatError if the formats of the topics are too large together: short texts can have long ones."""
+        self._sum += size
+        if self._sum > _LARGEST_SUM:
+            raise FormatError(f"the formats of the topics have more than {_LARGEST_SUM} bytes together")
 
     def _declaration(self, field: _Field) -> str:
         type_ = _NUMBERS[field.type][1] if field.type in _NUMBERS else self._message(field.type)
