@@ -27,10 +27,13 @@ _NUMBERS = {
     "char": ("u1", "char"),
 }
 """The code in numpy and the name in ROS 2 of each type (https://docs.px4.io/main/en/dev_log/ulog_file_format.html)."""
-_FIELD = re.compile(r"([^\s\[\]]+)(?:\[(\d{1,5})\])? ([^\s\[\].]+)")
+_FIELD = re.compile(r"([^\s\[\]:\x00-\x1f]+)(?:\[(\d{1,5})\])? ([^\s\[\].:]+)")
+FORMAT = re.compile(rb"[^:]+:(?:[^\s\[\]:;\x00-\x1f]+(?:\[\d{1,5}\])? [^\s\[\].:;]+;?)+")
+"""The text of a whole format: two messages are none."""
 _ROS_NAME = re.compile(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)*")
 _PADDING = "_padding"
 _VALUE, _BOOL, _FILL = b"\1", b"\2", b"\0"
+_RUN = re.compile(rb"[^\0]+")
 _LARGEST = (1 << 16) - 1 - 2
 """The size of the largest sample: a message has 65,535 bytes, two of them for its number."""
 _DEEPEST = 32
@@ -130,7 +133,10 @@ class Formats:
         return name in self._texts
 
     def add(self, text: str) -> None:
-        """Take the text of a format, such as `esc_status:uint64_t timestamp;esc_report[8] esc;`."""
+        """Take the text of a format, such as `esc_status:uint64_t timestamp;esc_report[8] esc;`.
+
+        A text that cannot be read matters only to the topics that need it.
+        """
         name, _, fields = text.partition(":")
         self._texts[name] = fields.strip(";")
 
@@ -140,10 +146,9 @@ class Formats:
         size = block.end
         self._count(len(block.marks))
         marks = np.frombuffer(block.marks[:size], np.uint8)
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], marks > 0, [0]])))
         return Layout(
             dtype=block.dtype(size),
-            runs=tuple(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)),
+            runs=tuple(run.span() for run in _RUN.finditer(block.marks, 0, size)),
             bools=tuple(bools_at(np.flatnonzero(marks == _BOOL[0]).tolist(), size)),
             size=size,
             surplus=len(block.marks) - size,
@@ -270,7 +275,7 @@ def parse_fields(text: str) -> list[_Field]:
             continue
         found = _FIELD.fullmatch(each.strip())
         if found is None:
-            raise FormatError(f"'{each[:80]}' is not a field")
+            raise FormatError(f"{each[:80]!r} is not a field")
         fields.append(
             _Field(found[1], None if found[2] is None else int(found[2]), found[3], found[3].startswith(_PADDING))
         )
