@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Sequence
 from pathlib import Path
+from random import Random
 
+import lz4.frame
 import numpy as np
 import pytest
+import zstandard
+from mcap.writer import CompressionType, IndexType
 from mcap.writer import Writer as McapWriter
 
 from fuzz.runner import limited
@@ -16,9 +21,11 @@ from msggen.recordings.convert.selection import Selection
 from msggen.recordings.decode.decoder import Decoder
 from msggen.recordings.decode.layouts import layout_of
 from msggen.recordings.decode.schemas import SchemaError, read_schema
-from msggen.recordings.files import open_log
+from msggen.recordings.files import compression, open_log
 from msggen.recordings.source import Channel, RecordingError
 from support.commands import run
+from support.databases import Stored, write_database
+from support.recordings import START
 from support.ulog import UlogWriter
 
 SEPARATOR = "=" * 80
@@ -151,3 +158,109 @@ def test_the_formats_of_a_ulog_have_a_limit_together(tmp_path: Path) -> None:
         writer.subscribe(number, f"topic_{number}")
     with limited(), open_log(writer.write(tmp_path / "a.ulg")) as log:
         assert len(log.topics) == (2 << 20) // 60050
+
+
+def record(opcode: int, content: bytes) -> bytes:
+    """Return a record of MCAP."""
+    return struct.pack("<BQ", opcode, len(content)) + content
+
+
+def chunks_of(path: Path, data: bytes, size: int, kind: str, count: int) -> Path:
+    """Write a file with chunks that have a size without their compression, behind a whole one with one message."""
+    message = struct.pack("<HIQQ", 1, 0, 5, 5) + b"\0\1\0\0\7"
+    with path.open("wb") as file:
+        writer = McapWriter(file, index_types=IndexType.NONE, use_summary_offsets=False, use_statistics=False)
+        writer.start()
+        schema = writer.register_schema("mine/msg/M", "ros2msg", b"uint8 x\n")
+        writer.add_message(writer.register_channel("/t", "cdr", schema), 5, message[-5:], 5)
+        writer.finish()
+    whole = path.read_bytes()
+    text = struct.pack("<I", len(kind)) + kind.encode()
+    chunk = struct.pack("<QQQI", 5, 5, size, 0) + text + struct.pack("<Q", len(data)) + data
+    end = whole.index(record(15, b"")[:1] + struct.pack("<Q", 4))
+    path.write_bytes(whole[:end] + record(6, chunk) * count + whole[end:])
+    return path
+
+
+@pytest.mark.parametrize("kind", ["zstd", "lz4"])
+@pytest.mark.parametrize(("count", "declared"), [(1, 1 << 34), (40, 1 << 30)])
+def test_a_file_has_a_limit_without_its_compression(
+    kind: str, count: int, declared: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(compression, "_LEAST_LIMIT", 8 << 20)
+    pack = zstandard.compress if kind == "zstd" else lz4.frame.compress
+    data = pack(bytes(20 << 20))
+    path = chunks_of(tmp_path / "a.mcap", data, declared, kind, count)
+    limit = max(8 << 20, 100 * path.stat().st_size)
+    with limited(), open_log(path) as log:
+        assert log["/t"]["x"].tolist() == [7]
+        texts = [problem.text for problem in log.problems]
+    text = f"the file has more than {limit} bytes without its compression; MSGGEN_MAX_CONTENT sets another limit"
+    assert any(each.startswith(text) for each in texts)
+    monkeypatch.setenv("MSGGEN_MAX_CONTENT", str(1 << 60))
+    with open_log(chunks_of(path, pack(bytes(9 << 20)), 9 << 20, kind, 2)) as log:
+        assert not any("without its compression" in problem.text for problem in log.problems)
+
+
+def test_a_damaged_size_of_a_chunk_takes_no_room_of_the_others(tmp_path: Path) -> None:
+    chance = Random(1)  # noqa: S311 - no secret
+    samples = [chance.randbytes(1000) for _ in range(3000)]
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as file:
+        writer = McapWriter(file, chunk_size=100_000)
+        writer.start()
+        schema = writer.register_schema("mine/msg/M", "ros2msg", b"uint8[1000] x\n")
+        channel = writer.register_channel("/t", "cdr", schema)
+        for number, sample in enumerate(samples):
+            writer.add_message(channel, number, b"\0\1\0\0" + sample, number)
+        writer.finish()
+    data = bytearray(path.read_bytes())
+    place = data.index(struct.pack("<I", 4) + b"zstd") - 12
+    data[place + 6] = 1  # the size is 2 ** 48 now
+    path.write_bytes(data)
+    with limited(), open_log(path) as log:
+        assert [bytes(row) for row in log["/t"]["x"]] == samples
+
+
+def test_samples_with_compression_have_a_limit_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compression, "_LEAST_LIMIT", 1 << 20)
+    payload = zstandard.compress(b"\0\1\0\0" + bytes(400_000))
+    topics = [Stored(1, "/t", "mine/msg/M", "uint8[400000] x\n")]
+    path = write_database(tmp_path / "a.db3", topics, [(1, START + number, payload) for number in range(50)])
+    limit = max(1 << 20, 100 * path.stat().st_size)
+    with open_log(path) as log:
+        assert len(log["/t"]) == limit // 400_004
+        (problem,) = log.problems
+        assert (problem.topic, problem.samples) == ("/t", 50 - limit // 400_004)
+
+
+def test_messages_that_overlap_are_not_read_by_their_index(tmp_path: Path) -> None:
+    """Messages within the payloads of others would have many times the bytes of the file."""
+    size, count = 60_000, 300
+    content = bytearray(size * 2)
+    for number in range(count):
+        struct.pack_into("<BQHIQQ", content, number * 31, 5, size + 22 + 4, 1, 0, number, number)
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as file:
+        writer = McapWriter(file, compression=CompressionType.NONE)
+        writer.start()
+        schema = writer.register_schema("mine/msg/M", "ros2msg", f"uint8[{size}] x\n".encode())
+        channel = writer.register_channel("/t", "cdr", schema)
+        for number in range(count):
+            writer.add_message(channel, number, b"\0\1\0\0" + bytes(200), number)
+        writer.finish()
+    data = path.read_bytes()
+    first = data.index(record(5, bytes(226))[:9])
+    stop = data.index(record(7, b"")[:1] + struct.pack("<Q", 6 + 16 * count))
+    content = content[: stop - first]
+    at = stop + 15
+    entries = b"".join(struct.pack("<QQ", number, number * 31 + first - records_at(data)) for number in range(count))
+    path.write_bytes(data[:first] + content + data[stop:at] + entries + data[at + len(entries) :])
+    with limited(), open_log(path) as log:
+        assert len(log["/t"]) <= 2
+        assert log.problems
+
+
+def records_at(data: bytes) -> int:
+    """Return the offset of the records of the first chunk, which is not compressed."""
+    return data.index(b"\6", 8 + 9) + 9 + 28 + 4 + 8

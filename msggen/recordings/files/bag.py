@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from msggen.diagnostics import few
-from msggen.recordings.files.compression import LARGEST, CompressionError, decompress_file, decompress_frame
+from msggen.recordings.files.compression import LARGEST, CompressionError, decompress_file, decompress_frame, limit_of
 from msggen.recordings.paths import METADATA, is_bag
 from msggen.recordings.source import (
     FOREVER,
@@ -25,7 +25,7 @@ from msggen.recordings.source import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -166,6 +166,7 @@ class PackedFile:
         self._folder = folder
         self._is_by_sample = is_by_sample
         """Whether samples are compressed, as far as it is known yet."""
+        self._limit = limit_of(os.path.getsize(path))
         self._lost: set[tuple[int, int]] = set()
         """The channels and the log times of samples that cannot be decompressed, which are counted once."""
 
@@ -192,11 +193,12 @@ class PackedFile:
 
     def parts(self, channels: Collection[int], start: int = 0, stop: int = FOREVER) -> Iterator[Part]:
         """See Source.parts."""
+        room = self._limit
         for part in self._source.parts(channels, start, stop):
             is_cdr = self.channels[part.channel].encoding == "cdr"  # others may be frames of their own
             self._is_by_sample = self._is_by_sample or (is_cdr and _begins_with_frame(part))
             if self._is_by_sample and is_cdr:
-                yield from self._unpacked(part)
+                room = yield from self._unpacked(part, room)
             else:
                 yield part
 
@@ -218,8 +220,11 @@ class PackedFile:
         if self._folder is not None:
             self._folder.cleanup()
 
-    def _unpacked(self, part: Part) -> Iterator[Part]:
-        """Yield the samples of a part without compression. Those without a frame of zstd stay as they are."""
+    def _unpacked(self, part: Part, room: int) -> Generator[Part, None, int]:
+        """Yield the samples of a part without compression, and return how much of `room` in bytes they leave.
+
+        Those without a frame of zstd stay as they are.
+        """
         data = part.buffer.data
         kept: list[int] = []
         samples: list[bytes] = []
@@ -228,7 +233,8 @@ class PackedFile:
             sample = bytes(data[start : start + length])
             if sample.startswith(ZSTD):
                 try:
-                    sample = decompress_frame(sample, LARGEST)
+                    sample = decompress_frame(sample, min(room, LARGEST))
+                    room -= len(sample)
                 except CompressionError as error:
                     self._leave_out(part.channel, int(part.log_times[index]), str(error))
                     continue
@@ -240,6 +246,7 @@ class PackedFile:
                 kept, samples, size = [], [], 0
         if kept:
             yield _part_of(part, kept, samples)
+        return room
 
     def _leave_out(self, number: int, time: int, text: str) -> None:
         """Count a sample that cannot be decompressed."""
