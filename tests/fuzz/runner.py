@@ -32,6 +32,7 @@ NAMES = (
     "datagrams",
     "recordings",
     "conversions",
+    "structures",
 )
 """The campaigns, each a module of this package."""
 

@@ -47,9 +47,24 @@ class SchemaError(ValueError):
     """A definition that cannot be read, is too large, or nests one that is missing or itself."""
 
 
-@lru_cache(1024)
 def read_schema(ros_type: str, definition: str) -> Schema:
     """Return the definition of `ros_type`, such as `px4_msgs/msg/VehicleStatus`. Raises SchemaError."""
+    found = _read(ros_type, definition)
+    if isinstance(found, str):
+        raise SchemaError(found)
+    return found
+
+
+@lru_cache(1024)
+def _read(ros_type: str, definition: str) -> Schema | str:
+    """Return a definition, or why it cannot be read: many channels can have the same one."""
+    try:
+        return _parsed(ros_type, definition)
+    except SchemaError as error:
+        return str(error)
+
+
+def _parsed(ros_type: str, definition: str) -> Schema:
     messages: dict[str, Message] = {}
     for key, text in definitions_in(ros_type, definition).items():
         package, _, name = key.partition("/")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import tempfile
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeGuard
 
 import numpy as np
 
@@ -38,6 +38,8 @@ _NEWEST = 9
 _WITH_FOLDER = 4
 """Before this version, the paths of files begin with the name of the folder."""
 _LARGEST_METADATA = 16 << 20
+_LISTS = ("relative_file_paths", "files")
+_LARGEST_COUNT = 1 << 63
 _BATCH = 16 << 20
 """The bytes of samples that are decompressed at a time, unless one sample is larger."""
 
@@ -309,12 +311,14 @@ def _read_metadata(text: bytes) -> Metadata:
     import yaml
 
     try:
-        document = yaml.load(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))  # noqa: S506 - it is safe
+        document = yaml.load(text, Loader=_loader())  # noqa: S506 - it is safe
     except (yaml.YAMLError, RecursionError, UnicodeDecodeError, ValueError) as error:
         raise ValueError(" ".join(str(error).split())) from None
     content: Any = document.get("rosbag2_bagfile_information") if isinstance(document, dict) else None
     if not isinstance(content, dict):
         raise ValueError("it has no 'rosbag2_bagfile_information'")  # noqa: TRY004 - of the content
+    # a value can be a collection whose text has more bytes than any memory
+    content = {name: value for name, value in content.items() if isinstance(value, (str, int)) or name in _LISTS}
     storage = content.get("storage_identifier", "")
     if storage not in _STORAGES:
         raise RecordingError(f"{METADATA}: the storage {storage!r} is not known, expected mcap or sqlite3")
@@ -332,17 +336,33 @@ def _read_metadata(text: bytes) -> Metadata:
     return Metadata(
         paths,
         dict(_counts_in(content.get("files"))),
-        count if type(count) is int else None,
+        count if _is_count(count) else None,
         mode == "message",
         () if is_known else (f"{METADATA} has version {version}: 1 to {_NEWEST} are known",),
     )
 
 
+def _loader() -> Any:
+    """Return a loader of YAML that does not expand merge keys: merges of merges have no limit."""
+    import yaml
+
+    class Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
+        def flatten_mapping(self, node: object) -> None:
+            """Leave the keys `<<` as they are."""
+
+    return Loader
+
+
 def _counts_in(files: object) -> Iterator[tuple[str, int]]:
     for each in files if isinstance(files, list) else ():
         path, count = (each.get("path"), each.get("message_count")) if isinstance(each, dict) else (None, None)
-        if isinstance(path, str) and type(count) is int:
+        if isinstance(path, str) and _is_count(count):
             yield os.path.basename(path), count
+
+
+def _is_count(value: object) -> TypeGuard[int]:
+    """Whether a value is a number of messages."""
+    return type(value) is int and 0 <= value < _LARGEST_COUNT
 
 
 def _differing(metadata: Metadata, sources: Sequence[Source], *, is_whole: bool) -> Iterator[Problem]:

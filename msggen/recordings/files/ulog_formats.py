@@ -237,11 +237,12 @@ class Formats:
         place = end = 0
         for field in self._fields_of(name):
             type_, mark = self._element(field, (*outer, name))
-            mark *= 1 if field.length is None else field.length
-            if not mark:
+            length = 1 if field.length is None else field.length
+            if not mark or not length:
                 raise FormatError(f"{name}.{field.name} has no bytes")
-            if place + len(mark) > _LARGEST:
+            if place + len(mark) * length > _LARGEST:
                 raise FormatError(f"format '{name}' is larger than a message")
+            mark *= length
             if not field.is_padding:
                 if field.name in names:
                     raise FormatError(f"{name}.{field.name} is there twice")
