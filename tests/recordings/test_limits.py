@@ -263,3 +263,38 @@ def test_messages_that_overlap_are_not_read_by_their_index(tmp_path: Path) -> No
     with limited(), open_log(path) as log:
         assert len(log["/t"]) <= 2
         assert log.problems
+
+
+@pytest.mark.parametrize("key", ["version", "storage_identifier", "compression_format", "message_count", "<<"])
+def test_aliases_of_yaml_are_not_expanded(key: str, tmp_path: Path) -> None:
+    bomb = "a0: &a0 {k0: x}\n"
+    bomb += "".join(f"a{n}: &a{n} {{k{n}: x, <<: [{', '.join([f'*a{n - 1}'] * 9)}]}}\n" for n in range(1, 12))
+    lists = bomb.replace("<<", "list")
+    front = bomb if key == "<<" else lists
+    (tmp_path / "metadata.yaml").write_text(
+        f"{front}rosbag2_bagfile_information:\n  relative_file_paths: [a.mcap]\n  {key}: *a11\n", encoding="utf-8"
+    )
+    write_mcap(tmp_path / "a.mcap", ["uint8 x\n"], b"\0\1\0\0\7")
+    with limited(), open_log(tmp_path) as log:
+        assert log["/t0"]["x"].tolist() == [7]
+        assert "metadata.yaml" in log.problems[0].text
+
+
+def test_an_array_of_a_nested_format_is_not_made_before_its_size_is_checked(tmp_path: Path) -> None:
+    writer = UlogWriter()
+    writer.format("inner", "uint8_t[65000] x")
+    writer.format("outer", "uint64_t timestamp;inner[65535] x")
+    writer.subscribe(0, "outer")
+    writer.sample(0, bytes(8))
+    with limited(), open_log(writer.write(tmp_path / "a.ulg")) as log:
+        assert [problem.text for problem in log.problems] == [
+            "outer is not read: format 'outer' is larger than a message"
+        ]
+
+
+def test_a_definition_that_cannot_be_read_is_read_once() -> None:
+    text = "".join(f"uint8 x{number}\n" for number in range(20_000)) + "wrong\n"
+    with limited():
+        for _ in range(200):
+            with pytest.raises(SchemaError, match="line 20001"):
+                read_schema("mine/msg/M", text)
