@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from msggen.nesting import MAX_TOTAL
 from msggen.recordings.decode.decoder import Decoder
 from msggen.recordings.decode.left_out import LeftOut
-from msggen.recordings.decode.schemas import SchemaError
+from msggen.recordings.decode.schemas import SchemaError, nested_values
 from msggen.recordings.definitions.lent import Lender, Lent, lend
 from msggen.recordings.origin import firmware_of
 from msggen.recordings.payloads import in_order, merged
@@ -83,6 +84,7 @@ class Reader:
         self._lender = lender
         self._decoders: dict[Numbers, Decoder | SchemaError] = {}
         self._files = [OpenFile(source, path) for source in sources]
+        self._left_out_definitions: list[Problem] = []
         self._is_closed = False
 
     def close(self) -> None:
@@ -99,7 +101,7 @@ class Reader:
             for number, source in enumerate(self.sources)
             for channel in source.channels.values()
         ]
-        return topics_of(channels, self._times, firmware_of(self.facts.information).release)
+        return topics_of(self._within_limits(channels), self._times, firmware_of(self.facts.information).release)
 
     @cached_property
     def by_name(self) -> Topics:
@@ -121,6 +123,7 @@ class Reader:
         """The problems found so far."""
         return [
             *(self._placed(source, problem) for source in self.sources for problem in source.problems),
+            *self._left_out_definitions,
             *self.left_out.problems,
             *self._not_decoded(),
         ]
@@ -227,6 +230,20 @@ class Reader:
         if definition is None:
             return channel
         return channel._replace(definition=definition, is_lent=key not in self.lent.recorded)
+
+    def _within_limits(self, channels: Iterable[tuple[int, Channel]]) -> Iterator[tuple[int, Channel]]:
+        """Yield channels, without the definitions that have too many values together, which are reported."""
+        values = 0
+        is_kept: dict[tuple[str, str], bool] = {}
+        for number, channel in channels:
+            key = channel.ros_type, channel.definition
+            if key not in is_kept:
+                values += 0 if channel.layout is not None else nested_values(*key)
+                is_kept[key] = values <= MAX_TOTAL
+                if not is_kept[key]:
+                    text = f"a definition is left out: all have more than {MAX_TOTAL} values together"
+                    self._left_out_definitions.append(Problem(text, topic=channel.topic))
+            yield number, channel if is_kept[key] else channel._replace(definition="")
 
     def _tried(self, number: int, channel: Channel) -> Decoder | SchemaError:
         """Return the decoder of a channel, or the reason why there is none."""

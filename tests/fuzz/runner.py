@@ -33,6 +33,7 @@ NAMES = (
     "recordings",
     "conversions",
     "fleets",
+    "structures",
 )
 """The campaigns, each a module of this package."""
 

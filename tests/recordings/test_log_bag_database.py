@@ -16,6 +16,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
+from fuzz.runner import limited
+from msggen import recordings
+from msggen.recordings.files import sqlite
 from msggen.recordings.files.db3 import Db3File
 from msggen.recordings.files.sqlite_pages import Pages
 from msggen.recordings.source import RecordingError
@@ -222,6 +225,40 @@ def test_tables_without_rowids_are_reported(tmp_path: Path) -> None:
     source = Db3File(str(tmp_path / "x.db3"))
     assert samples_of(source) == {}
     assert "sqlite3 cannot read further" in source.problems[0].text
+
+
+@pytest.mark.parametrize("column", ["data", "topic_id", "other"])
+@pytest.mark.parametrize("has_limits", [True, False])
+def test_computed_columns_are_not_read(
+    column: str,
+    has_limits: bool,  # noqa: FBT001 - a parameter
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Each row of a small file would have any size."""
+    columns = ["topic_id INTEGER", "timestamp INTEGER", "data BLOB", "other BLOB"]
+    columns = [f"{each} AS (zeroblob(900000000)) VIRTUAL" if column in each else each for each in columns]
+    stored = ", ".join(each.split()[0] for each in columns if "VIRTUAL" not in each)
+    path = tmp_path / "x.db3"
+    base = open_database(path, TOPICS, messages=f"CREATE TABLE messages({', '.join(columns)})")
+    base.execute(f"INSERT INTO messages ({stored}) VALUES (1, 2, 3)")  # noqa: S608 - known columns
+    base.close()
+    if not has_limits:  # as in Python 3.10
+        monkeypatch.setattr(sqlite, "hasattr", lambda *_: False, raising=False)
+    with limited(), recordings.open(path) as log:
+        assert log.load() == {} or not any(map(len, log.load().values()))
+        problem = f"sqlite3 cannot read further: the column '{column}' of messages is computed"
+        assert problem in [each.text for each in log.problems]
+
+
+def test_a_statement_without_end_is_interrupted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = write_database(tmp_path / "x.db3", TOPICS, rows_of(20, 1))
+    with sqlite.Statements(str(path))._opened() as base, limited(), pytest.raises(sqlite3.OperationalError):
+        base.execute("WITH RECURSIVE r(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM r) SELECT max(x) FROM r").fetchall()
+    monkeypatch.setattr(sqlite, "_STEPS_PER_BYTE", 0)
+    monkeypatch.setattr(sqlite, "_LEAST_STEPS", 0)
+    source = Db3File(str(path), by_statements=True)
+    assert source.problems == []  # few rows take few steps
 
 
 def test_messages_of_unknown_topics_are_counted(tmp_path: Path) -> None:

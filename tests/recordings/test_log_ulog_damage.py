@@ -134,6 +134,40 @@ def test_any_file_is_read_or_refused(whole: bytes, tmp_path: Path) -> None:
             assert not any("\n" in problem.text for problem in log.problems)
 
 
+def test_a_changed_byte_of_a_format_matters_only_to_the_topics_that_need_it(whole: bytes, tmp_path: Path) -> None:
+    """Of the bytes of a format, those of its size are changed too."""
+    chance = Random(7)  # noqa: S311 - no secret
+    with opened(whole, tmp_path / "a.ulg") as log:
+        expected = {key: samples.array for key, samples in log.load().items()}
+    total = sum(map(len, expected.values()))
+    shares = []
+    for message in (each for each in messages_in(whole) if each.kind == ord("F")):
+        name = message.content.partition(b":")[0].decode()
+        own = {"esc_report": "esc_status"}.get(name, name)
+        for place in [
+            message.start,
+            message.start + 1,
+            *(chance.randrange(message.start, message.stop) for _ in "12345678"),
+        ]:
+            data = bytearray(whole)
+            data[place] ^= chance.randrange(1, 256)
+            with opened(bytes(data), tmp_path / "a.ulg") as log:
+                found = {key: samples.array for key, samples in log.load().items()}
+                for key, rows in expected.items():
+                    if (key if isinstance(key, str) else key[0]) != own:
+                        assert found[key].tobytes() == rows.tobytes(), (place, key)
+                shares.append(sum(map(len, found.values())) / total)
+                assert shares[-1] == 1 or log.problems
+    assert sum(shares) / len(shares) > 0.85  # each of the four topics has a quarter of the samples
+
+
+def test_formats_and_subscriptions_between_samples_are_known_before_them(whole: bytes, tmp_path: Path) -> None:
+    """The definitions of a log with a damage before them are in one stretch with the samples."""
+    place = next(message.start for message in messages_in(whole) if message.kind == ord("F"))
+    with opened(whole[:place] + b"\xff" * 70_000 + SYNC + whole[place:], tmp_path / "a.ulg") as log:
+        assert len(kept_times(log)) == COUNT
+
+
 def test_zeros_and_garbage_without_end(whole: bytes, tmp_path: Path) -> None:
     chance = Random(6)  # noqa: S311 - no secret
     for garbage in (bytes(1 << 20), chance.randbytes(1 << 20), b"D" * (1 << 20), SYNC[:3] * (1 << 18)):

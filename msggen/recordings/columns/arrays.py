@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from msggen.diagnostics import suggestion
-from msggen.recordings.source import UnknownFieldError
+from msggen.nesting import MAX_TOTAL
+from msggen.recordings.source import RecordingError, UnknownFieldError
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
@@ -24,9 +25,12 @@ def columns_of(rows: NDArray[Any], fields: Collection[str] | None = None) -> dic
     """Return copies of the columns by name, such as `gyro_rad[0]` and `esc[7].esc_rpm`.
 
     `fields` chooses, in its order: `esc` is all of it, `esc[7]` one element, `esc[7].esc_rpm` one column. Raises
-    RecordingError for an unknown field. A column is of numbers, or of objects where the values have no fixed size.
+    RecordingError for an unknown field, or for more than MAX_TOTAL columns. A column is of numbers,
+    or of objects where the values have no fixed size.
     """
     count = len(rows)
+    if count_of(rows.dtype) > MAX_TOTAL:
+        raise RecordingError(f"{count_of(rows.dtype)} columns, up to {MAX_TOTAL} can be made: use the array of rows")
     wanted = None if fields is None else set(fields)
     found: dict[str, NDArray[Any]] = {}
     paths: dict[str, NDArray[Any]] = {}
@@ -50,6 +54,14 @@ def columns_of(rows: NDArray[Any], fields: Collection[str] | None = None) -> dic
             if path in paths:
                 paths[path][..., start : start + _ROWS] = field.T
     return found
+
+
+def count_of(dtype: np.dtype[Any]) -> int:
+    """Return how many columns a dtype has."""
+    if dtype.subdtype is not None:
+        base, shape = dtype.subdtype
+        return count_of(base) * int(np.prod(shape))
+    return sum(count_of(field) for field, *_ in dtype.fields.values()) if dtype.fields is not None else 1
 
 
 def names_of(dtype: np.dtype[Any]) -> list[str]:

@@ -20,17 +20,18 @@ class Collector:
     def __init__(self, topic: Topic, dtype: np.dtype[Any], count: int) -> None:
         self._topic, self._dtype = topic, dtype
         self._size = 0 if dtype.hasobject else dtype.itemsize
-        count = min(count, _MOST // max(dtype.itemsize, 16))
-        self._rows: Any = large_empty(count * self._size) if self._size else np.empty(count, dtype)
-        self._log_times: Any = np.empty(count, np.int64)
-        self._publish_times: Any = np.empty(count, np.int64)
-        self._count = 0
+        self._least = min(count or _FEW, _MOST // max(dtype.itemsize, 16))
+        """The rows for which memory is taken with the first ones: perhaps no sample fits the definition."""
+        self._rows: Any = None
+        self._log_times: Any = None
+        self._publish_times: Any = None
+        self._room = self._count = 0
 
     def add(self, rows: Any, log_times: Any, publish_times: Any) -> None:
         """Add rows of `Decoder.rows` behind the others, with their times."""
         begin, end = self._count, self._count + len(rows)
-        if end > len(self._log_times):
-            self._grow(max(end, 2 * len(self._log_times), _FEW))
+        if end > self._room:
+            self._grow(max(end, 2 * self._room, self._least), has_published=publish_times is not None)
         size = self._size
         if size:
             self._rows[begin * size : end * size] = rows.view(np.uint8)
@@ -45,6 +46,8 @@ class Collector:
 
     def samples(self) -> Samples:
         """Return all samples in the order of their log times. Call once."""
+        if not self._room:
+            self._grow(0, has_published=True)
         end, times, published = self._count, self._log_times, self._publish_times
         rows = self._rows[: end * self._size].view(f"V{self._size}") if self._size else self._rows[:end]
         times, published = times[:end], None if published is None else published[:end]
@@ -54,10 +57,17 @@ class Collector:
             published = None if published is None else published[order]
         return Samples(self._topic.without_log, rows.view(self._dtype), times, published)
 
-    def _grow(self, count: int) -> None:
-        for name, size in (("_rows", self._size or 1), ("_log_times", 1), ("_publish_times", 1)):
-            old = getattr(self, name)
-            if old is not None:
-                new = np.empty(count * size, old.dtype)
-                new[: self._count * size] = old[: self._count * size]
-                setattr(self, name, new)
+    def _grow(self, count: int, *, has_published: bool) -> None:
+        old, old_times, old_published, end = self._rows, self._log_times, self._publish_times, self._count
+        self._rows = large_empty(count * self._size) if self._size else np.empty(count, self._dtype)
+        self._log_times = np.empty(count, np.int64)
+        self._publish_times = np.empty(count, np.int64) if has_published else None
+        if end:
+            size = end * (self._size or 1)
+            self._rows[:size] = old[:size]
+            self._log_times[:end] = old_times[:end]
+            if old_published is None:
+                self._publish_times = None
+            elif has_published:
+                self._publish_times[:end] = old_published[:end]
+        self._room = count

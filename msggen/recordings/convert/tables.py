@@ -9,7 +9,8 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any
 
 from msggen.diagnostics import suggestion
-from msggen.recordings.columns.arrays import has_field, names_of
+from msggen.nesting import MAX_TOTAL
+from msggen.recordings.columns.arrays import count_of, has_field, names_of
 from msggen.recordings.columns.arrow import table_of
 from msggen.recordings.columns.collector import Collector
 from msggen.recordings.columns.text import json_value
@@ -17,7 +18,7 @@ from msggen.recordings.convert import Converted
 from msggen.recordings.convert.fact_tables import fact_tables
 from msggen.recordings.convert.names import file_names
 from msggen.recordings.convert.selection import Selection, Share
-from msggen.recordings.source import UnknownFieldError
+from msggen.recordings.source import Problem, UnknownFieldError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
@@ -38,7 +39,7 @@ def write_tables(
 ) -> Converted:
     """Write a new folder with a file for each topic that has samples. See `convert`."""
     os.mkdir(folder)
-    chosen = log.chosen(selection.topics)
+    chosen, wide = _within_limits(log, log.chosen(selection.topics))
     columns = _columns(log, chosen, selection.fields)
     paths = {key: os.path.join(folder, f"{name}.{format_}") for key, name in file_names(chosen).items()}
     # in a ULog without a time of day, log times are no times in UTC
@@ -57,7 +58,23 @@ def write_tables(
     files = sorted([*tables.files, *facts])
     share.end()
     notes = log.notes if any(topic.is_lent for topic in wanted) else ()
-    return Converted(files, tables.rows, log.problems, notes)
+    return Converted(files, tables.rows, [*log.problems, *wide], notes)
+
+
+def _within_limits(log: Log, topics: Sequence[Topic]) -> tuple[list[Topic], list[Problem]]:
+    """Return topics that have up to MAX_TOTAL together, and what is left out."""
+    kept: list[Topic] = []
+    wide: list[Problem] = []
+    total = 0
+    for topic in topics:
+        count = count_of(log.dtype(topic))
+        if total + count <= MAX_TOTAL:
+            kept.append(topic)
+            total += count
+        else:
+            text = f"{topic.label} is left out: {count} columns, tables have up to {MAX_TOTAL} together"
+            wide.append(Problem(text, samples=topic.count, topic=topic.name, instance=topic.instance))
+    return kept, wide
 
 
 def _written_facts(log: Log, folder: str, format_: str, selection: Selection) -> Iterator[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -46,7 +47,6 @@ class Decoder:
         if self.layout is None and self._schema is not None and self._schema.is_static:
             self.layout = layout_of(channel.ros_type, channel.definition)
         self.dtype: np.dtype[Any] = self._dtype()
-        self._value_positions = self._positions_in_sample()
         self._sample = np.dtype(f"V{self.layout.size if self.layout else 0}")
         self._row = np.dtype(f"V{self.dtype.itemsize}")
 
@@ -126,7 +126,8 @@ class Decoder:
         octets = _octets(rows)
         if layout.in_place:
             octets[:, :2] = np.frombuffer(USUAL, np.uint8)
-        octets[:, layout.positions] = samples[:, wire.positions]
+        if len(rows):
+            octets[:, layout.positions] = samples[:, wire.positions]
         self._normalize_bools(rows, layout)
         return Decoded(rows, kept)
 
@@ -143,15 +144,18 @@ class Decoder:
         rows = samples
         if not layout.in_place:
             rows = np.zeros(len(samples), self._row)
-            _octets(rows)[:, layout.positions] = _octets(samples)[:, self._value_positions]
+            if len(rows):
+                places, sources = self._positions
+                _octets(rows)[:, places] = _octets(samples)[:, sources]
         self._normalize_bools(rows, layout)
         return rows
 
-    def _positions_in_sample(self) -> NDArray[np.intp] | None:
-        """Return the positions of the bytes of values in a sample, None if rows are samples."""
-        if self._schema is None or self.layout is None or self.layout.in_place:
-            return None
-        return wire_of(self._schema, USUAL).positions
+    @cached_property
+    def _positions(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Return the positions of the bytes of values in a row, and in the sample, if these are not the same."""
+        assert self._schema is not None  # noqa: S101 - only rows of CDR are not samples
+        assert self.layout is not None  # noqa: S101
+        return self.layout.positions, wire_of(self._schema, USUAL).positions
 
     def _normalize_bools(self, rows: Rows, layout: Layout) -> None:
         """Write 1 for a bool that is neither 0 nor 1, which numpy does not convert."""

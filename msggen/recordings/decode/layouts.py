@@ -6,7 +6,9 @@ padding, where numpy can describe that; its fields have offsets. Otherwise it ho
 
 from __future__ import annotations
 
-from functools import lru_cache
+from bisect import bisect_left
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from itertools import groupby
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -18,7 +20,7 @@ from msggen.primitives import PRIMITIVES
 from msggen.recordings.decode.schemas import Schema, read_schema
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -38,15 +40,24 @@ ENCODINGS = {
 """The byte order and the version of each encapsulation that is decoded (docs/wire.md, section 5)."""
 
 
-class Wire(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Wire:
     """The samples of a message in one encapsulation."""
 
     size: int
     """The size of a sample in bytes, with its header."""
-    positions: NDArray[np.intp] | None
-    """Where the bytes of the values are in a sample, in the order of `Layout.positions`. None if it is the row."""
-    delimiters: tuple[tuple[int, int], ...] = ()
+    delimiters: tuple[tuple[int, int], ...]
     """The offset and the value of each delimiter header of XCDR2."""
+    runs: tuple[tuple[int, int, int], ...]
+    """Where the values are in a sample, in the order of `Layout.runs`: offset, end, and the size of each value."""
+    is_swapped: bool
+
+    @cached_property
+    def positions(self) -> NDArray[np.intp]:
+        """Where the bytes of the values are in a sample, in the order of `Layout.positions`."""
+        if not self.is_swapped:
+            return _joined([np.arange(start, stop) for start, stop, _ in self.runs])
+        return _joined([np.arange(start, stop).reshape(-1, size)[:, ::-1].ravel() for start, stop, size in self.runs])
 
 
 class Bools(NamedTuple):
@@ -56,8 +67,11 @@ class Bools(NamedTuple):
     size: int
     mask: int
     """The bits that are 0 in bools, which are 0 or 1."""
-    places: tuple[int, ...]
-    """The offsets of the bools in the row."""
+
+    @property
+    def places(self) -> list[int]:
+        """The offsets of the bools in the row."""
+        return [self.offset + number for number in range(self.size) if self.mask >> 8 * number & 0xFF]
 
 
 class Layout(NamedTuple):
@@ -65,8 +79,8 @@ class Layout(NamedTuple):
 
     dtype: np.dtype[Any]
     """The dtype of the rows."""
-    positions: NDArray[np.intp]
-    """Where the bytes of the values are in a row."""
+    runs: tuple[tuple[int, int], ...]
+    """Where values are in a row, without padding between them: the offsets at which they begin and end."""
     bools: tuple[Bools, ...]
     """The bools in a row."""
     size: int
@@ -75,6 +89,15 @@ class Layout(NamedTuple):
     """How many bytes a sample can have behind its values."""
     in_place: bool
     """Whether a row is the usual sample, byte for byte."""
+
+    @property
+    def positions(self) -> NDArray[np.intp]:
+        """Where the bytes of the values are in a row: eight bytes for each, so only rows are a reason to make it."""
+        return _joined([np.arange(start, stop) for start, stop in self.runs])
+
+
+def _joined(positions: Sequence[NDArray[np.intp]]) -> NDArray[np.intp]:
+    return np.concatenate([np.zeros(0, np.intp), *positions])
 
 
 class _NoDtypeError(Exception):
@@ -105,12 +128,14 @@ def wire_of(schema: Schema, encapsulation: bytes) -> Wire:
     """Return the offsets of a message with a fixed size in an encapsulation, a key of ENCODINGS."""
     order, encoding = ENCODINGS[encapsulation]
     laid_out = lay_out(schema.catalog, schema.message, encoding)
-    leaves = [leaf._replace(offset=leaf.offset + HEADER) for leaf in laid_out.leaves]
-    positions = _positions(leaves, is_swapped=order == ">")
     delimiters = tuple(
         (HEADER + item.offset, item.size) for item in laid_out.items if isinstance(item, DelimiterHeader)
     )
-    return Wire(HEADER + laid_out.size, positions, delimiters)
+    runs = tuple(
+        (HEADER + leaf.offset, HEADER + leaf.offset + leaf.size * leaf.element_count, leaf.size)
+        for leaf in laid_out.leaves
+    )
+    return Wire(HEADER + laid_out.size, delimiters, runs, is_swapped=order == ">")
 
 
 def _layout(leaves: Sequence[Leaf], size: int, surplus: int, dtype: np.dtype[Any], *, in_place: bool) -> Layout:
@@ -121,7 +146,7 @@ def _layout(leaves: Sequence[Leaf], size: int, surplus: int, dtype: np.dtype[Any
         for place in range(leaf.offset, leaf.offset + leaf.element_count)
     ]
     bools = tuple(bools_at(sorted(places), dtype.itemsize))
-    return Layout(dtype, _positions(leaves, is_swapped=False), bools, size, surplus, in_place)
+    return Layout(dtype, tuple(_runs(leaves)), bools, size, surplus, in_place)
 
 
 def bools_at(places: Sequence[int], size: int) -> Iterator[Bools]:
@@ -129,12 +154,12 @@ def bools_at(places: Sequence[int], size: int) -> Iterator[Bools]:
     index = 0
     while index < len(places):
         first = places[index]
-        own = tuple(place for place in places[index:] if place < first + _WORD)
+        own = places[index : bisect_left(places, first + _WORD, index)]
         width = next(width for width in (1, 2, 4, _WORD) if width > own[-1] - first)
         offset = min(first, size - width)
         if offset < 0:  # a row that is shorter than the number
             own, width, offset = own[:1], 1, first
-        yield Bools(offset, width, sum(0xFE << 8 * (place - offset) for place in own), own)
+        yield Bools(offset, width, sum(0xFE << 8 * (place - offset) for place in own))
         index += len(own)
 
 
@@ -145,13 +170,16 @@ def _packed(leaves: Sequence[Leaf]) -> Iterator[Leaf]:
         offset += leaf.size * leaf.element_count
 
 
-def _positions(leaves: Sequence[Leaf], *, is_swapped: bool) -> NDArray[np.intp]:
-    found: list[int] = []
+def _runs(leaves: Iterable[Leaf]) -> Iterator[tuple[int, int]]:
+    """Yield where values begin and end that have no padding between them."""
+    start = stop = 0
     for leaf in leaves:
-        for start in range(leaf.offset, leaf.offset + leaf.size * leaf.element_count, leaf.size):
-            places = range(start, start + leaf.size)
-            found += reversed(places) if is_swapped else places
-    return np.array(found, np.intp)
+        if leaf.offset != stop:
+            if stop > start:
+                yield start, stop
+            start = leaf.offset
+        stop = leaf.offset + leaf.size * leaf.element_count
+    yield start, stop
 
 
 def _dtype(leaves: Sequence[Leaf], depth: int, low: int, high: int) -> np.dtype[Any]:

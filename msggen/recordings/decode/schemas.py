@@ -5,13 +5,19 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from itertools import chain
+from typing import TYPE_CHECKING
 
 from msggen.diagnostics import Level
 from msggen.identity import message_hash, type_hash
 from msggen.layout import is_static
 from msggen.model import Catalog, Conventions, Message
+from msggen.nesting import Extent, cycles, too_large
 from msggen.parse.definition import parse_message
 from msggen.primitives import OCTETS
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
 
 _HEAD = re.compile(r"^=+[ \t\r]*\nMSG:[ \t]*(\S+)[ \t\r]*$", re.MULTILINE)
 """The head of the definition of a nested message."""
@@ -28,6 +34,8 @@ class Schema:
 
     catalog: Catalog
     message: Message
+    value_count: int
+    """How many values a sample has at least, those of each element of an array of messages among them."""
 
     @cached_property
     def is_static(self) -> bool:
@@ -36,12 +44,27 @@ class Schema:
 
 
 class SchemaError(ValueError):
-    """A definition that cannot be read, or that nests one that is missing or itself."""
+    """A definition that cannot be read, is too large, or nests one that is missing or itself."""
+
+
+def read_schema(ros_type: str, definition: str) -> Schema:
+    """Return the definition of `ros_type`, such as `px4_msgs/msg/VehicleStatus`. Raises SchemaError."""
+    found = _read(ros_type, definition)
+    if isinstance(found, str):
+        raise SchemaError(found)
+    return found
 
 
 @lru_cache(1024)
-def read_schema(ros_type: str, definition: str) -> Schema:
-    """Return the definition of `ros_type`, such as `px4_msgs/msg/VehicleStatus`. Raises SchemaError."""
+def _read(ros_type: str, definition: str) -> Schema | str:
+    """Return a definition, or why it cannot be read: many channels can have the same one."""
+    try:
+        return _parsed(ros_type, definition)
+    except SchemaError as error:
+        return str(error)
+
+
+def _parsed(ros_type: str, definition: str) -> Schema:
     messages: dict[str, Message] = {}
     for key, text in definitions_in(ros_type, definition).items():
         package, _, name = key.partition("/")
@@ -52,8 +75,17 @@ def read_schema(ros_type: str, definition: str) -> Schema:
         messages[key] = message
     catalog = Catalog(messages, (), (), _NO_CONVENTIONS)
     message = messages[key_of(ros_type)]
-    _check_nesting(catalog, message, ())
-    return Schema(catalog, message)
+    return Schema(catalog, message, _extent(messages, message).values)
+
+
+def nested_values(ros_type: str, definition: str) -> int:
+    """Return how many values a definition has that can have more than its text shows, otherwise 0."""
+    if "MSG:" not in definition and "bool[" not in definition:
+        return 0
+    try:
+        return read_schema(ros_type, definition).value_count
+    except SchemaError:
+        return 0
 
 
 def definitions_in(ros_type: str, definition: str) -> dict[str, str]:
@@ -127,14 +159,19 @@ def key_of(name: str) -> str:
     return f"{parts[0]}/{parts[-1]}"
 
 
-def _check_nesting(catalog: Catalog, message: Message, outer: tuple[Message, ...]) -> None:
-    for field in message.fields:
-        if field.type.is_primitive:
-            continue
-        try:
-            inner = catalog.nested(message, field.type)
-        except KeyError:
-            raise SchemaError(f"{message.name}.{field.name}: there is no definition of {field.type.base}") from None
-        if inner in (*outer, message):
-            raise SchemaError(f"{message.name}.{field.name}: {inner.name} nests itself")
-        _check_nesting(catalog, inner, (*outer, message))
+def _extent(messages: Mapping[str, Message], message: Message) -> Extent:
+    """Return the extent of a definition. Raises SchemaError beyond the limits that definitions of a firmware have."""
+    reached = {message.key: message}
+    waiting = [message]
+    while waiting:
+        outer = waiting.pop()
+        for field in outer.fields:
+            if not field.type.is_primitive and (key := outer.key_of(field.type)) not in reached:
+                if key not in messages:
+                    raise SchemaError(f"{outer.name}.{field.name}: there is no definition of {field.type.base}")
+                reached[key] = messages[key]
+                waiting.append(messages[key])
+    extents: dict[str, Extent] = {}
+    for error in chain(cycles(reached), too_large(message, reached, extents)):
+        raise SchemaError(error.message)
+    return extents[message.key]

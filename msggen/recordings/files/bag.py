@@ -6,14 +6,14 @@ import ntpath
 import os
 import re
 import tempfile
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeGuard
 
 import numpy as np
 
 from msggen.diagnostics import InputError, few
 from msggen.disk.output import link_in
 from msggen.disk.reading import read_bytes
-from msggen.recordings.files.compression import LARGEST, CompressionError, decompress_file, decompress_frame
+from msggen.recordings.files.compression import LARGEST, CompressionError, decompress_file, decompress_frame, limit_of
 from msggen.recordings.paths import METADATA, is_bag
 from msggen.recordings.source import (
     FOREVER,
@@ -28,7 +28,7 @@ from msggen.recordings.source import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -40,6 +40,7 @@ _NEWEST = 9
 """The newest version of metadata.yaml that is known."""
 _WITH_FOLDER = 4
 """Before this version, the paths of files begin with the name of the folder."""
+_LARGEST_COUNT = 1 << 63
 _BATCH = 16 << 20
 """The bytes of samples that are decompressed at a time, unless one sample is larger."""
 
@@ -177,6 +178,7 @@ class PackedFile:
         self._folder = folder
         self._is_by_sample = is_by_sample
         """Whether samples are compressed, as far as it is known yet."""
+        self._limit = limit_of(os.path.getsize(path))
         self._lost: set[tuple[int, int]] = set()
         """The channels and the log times of samples that cannot be decompressed, which are counted once."""
 
@@ -203,11 +205,12 @@ class PackedFile:
 
     def parts(self, channels: Collection[int], start: int = 0, stop: int = FOREVER) -> Iterator[Part]:
         """See Source.parts."""
+        room = self._limit
         for part in self._source.parts(channels, start, stop):
             is_cdr = self.channels[part.channel].encoding == "cdr"  # others may be frames of their own
             self._is_by_sample = self._is_by_sample or (is_cdr and _begins_with_frame(part))
             if self._is_by_sample and is_cdr:
-                yield from self._unpacked(part)
+                room = yield from self._unpacked(part, room)
             else:
                 yield part
 
@@ -229,8 +232,11 @@ class PackedFile:
         if self._folder is not None:
             self._folder.cleanup()
 
-    def _unpacked(self, part: Part) -> Iterator[Part]:
-        """Yield the samples of a part without compression. Those without a frame of zstd stay as they are."""
+    def _unpacked(self, part: Part, room: int) -> Generator[Part, None, int]:
+        """Yield the samples of a part without compression, and return how much of `room` in bytes they leave.
+
+        Those without a frame of zstd stay as they are.
+        """
         data = part.buffer.data
         kept: list[int] = []
         samples: list[bytes] = []
@@ -239,7 +245,8 @@ class PackedFile:
             sample = bytes(data[start : start + length])
             if sample.startswith(ZSTD):
                 try:
-                    sample = decompress_frame(sample, LARGEST)
+                    sample = decompress_frame(sample, min(room, LARGEST))
+                    room -= len(sample)
                 except CompressionError as error:
                     self._leave_out(part.channel, int(part.log_times[index]), str(error))
                     continue
@@ -251,6 +258,7 @@ class PackedFile:
                 kept, samples, size = [], [], 0
         if kept:
             yield _part_of(part, kept, samples)
+        return room
 
     def _leave_out(self, number: int, time: int, text: str) -> None:
         """Count a sample that cannot be decompressed."""
@@ -334,7 +342,7 @@ def _read_metadata(text: bytes) -> Metadata:
     return Metadata(
         list(dict.fromkeys(paths)),
         dict(_counts_in(content.get("files"))),
-        count if type(count) is int else None,
+        count if _is_count(count) else None,
         mode == "message",
         () if is_known else (f"{METADATA} has version {_word(version)}: 1 to {_NEWEST} are known",),
     )
@@ -348,8 +356,13 @@ def _word(value: object) -> str:
 def _counts_in(files: object) -> Iterator[tuple[str, int]]:
     for each in files if isinstance(files, list) else ():
         path, count = (each.get("path"), each.get("message_count")) if isinstance(each, dict) else (None, None)
-        if isinstance(path, str) and type(count) is int:
+        if isinstance(path, str) and _is_count(count):
             yield os.path.basename(path), count
+
+
+def _is_count(value: object) -> TypeGuard[int]:
+    """Whether a value is a number of messages."""
+    return type(value) is int and 0 <= value < _LARGEST_COUNT
 
 
 def _differing(metadata: Metadata, sources: Sequence[Source], *, is_whole: bool) -> Iterator[Problem]:

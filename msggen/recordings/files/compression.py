@@ -9,6 +9,12 @@ from typing import Any
 
 LARGEST = 1 << 30
 """The largest block that is decompressed, in bytes. rosbag2 writes chunks of 768 KiB, Foxglove's tools of 4 MiB."""
+MAX_CONTENT = "MSGGEN_MAX_CONTENT"
+"""The environment variable with the most bytes that a file may have without its compression."""
+_MOST = 100
+"""How many times its size a file may have without its compression. The topics of PX4 are compressed 2 to 50 times."""
+_LEAST_LIMIT = 1 << 27
+"""The bytes that every file may have. Black pictures of a simulator are compressed thousands of times."""
 _STEP = 1 << 16
 
 
@@ -18,6 +24,12 @@ class CompressionError(ValueError):
 
 Data = Any
 """Bytes: a memoryview, or an array of numpy."""
+
+
+def limit_of(size: int) -> int:
+    """Return how many bytes a file of a size may have without its compression."""
+    told = os.environ.get(MAX_CONTENT, "")
+    return int(told) if told.isdecimal() else max(_MOST * size, _LEAST_LIMIT)
 
 
 def decompress_into(kind: str, data: Data, target: memoryview) -> None:
@@ -35,9 +47,8 @@ def decompress_into(kind: str, data: Data, target: memoryview) -> None:
         raise CompressionError(f"expected {len(target)} bytes, got {count}")
 
 
-def prefix_of(kind: str, data: Data, size: int) -> bytes:
-    """Return the first bytes of a damaged block, as many as can be decompressed, up to `size`."""
-    limit = min(size, LARGEST)
+def prefix_of(kind: str, data: Data, limit: int) -> bytes | bytearray:
+    """Return the first bytes of a damaged block, as many as can be decompressed, up to `limit`."""
     if not kind:
         return bytes(memoryview(data)[:limit])
     found = bytearray()
@@ -50,7 +61,8 @@ def prefix_of(kind: str, data: Data, size: int) -> bytes:
             found += decompress(bytes(data[start : start + _PIECE]))
             if len(found) >= limit:
                 break
-    return bytes(found[:limit])
+    del found[limit:]
+    return found
 
 
 def _errors() -> tuple[type[Exception], ...]:
@@ -105,9 +117,6 @@ def _lz4(data: Data, size: int) -> memoryview:
 # files and samples of rosbag2
 
 
-_MOST = 1000
-"""How many times the size of a compressed file its content may have. The topics of PX4 are compressed 2 to 50 times."""
-_LEAST_LIMIT = 1 << 28
 _FRAME_HEADER = 18
 
 
@@ -118,7 +127,7 @@ def decompress_file(path: str, target: str) -> str:
     """
     import zstandard
 
-    limit = max(_MOST * os.path.getsize(path), _LEAST_LIMIT)
+    limit = limit_of(os.path.getsize(path))
     written = 0
     with open(path, "rb") as source, open(target, "wb") as file:
         try:
@@ -138,7 +147,7 @@ def decompress_file(path: str, target: str) -> str:
                 break
             written += len(data)
             if written > limit:
-                raise CompressionError(f"the content is larger than {_MOST} times the file")
+                raise CompressionError(f"the content has more than {limit} bytes; {MAX_CONTENT} sets another limit")
             file.write(data)
     if not problem and written < promised:  # the reader ends without an error
         problem = f"expected {promised} bytes, got {written}"

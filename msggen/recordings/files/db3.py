@@ -78,6 +78,7 @@ class Db3File:
     def __init__(self, path: str, *, by_statements: bool = False) -> None:
         self.path = path
         self.problems: list[Problem] = []
+        self._reported: set[Problem] = set()
         self._copy: tempfile.TemporaryDirectory[str] | None = None
         self._times: Mapping[int, NDArray[np.int64]] | None = None
         self._span: tuple[int, int] | None = None
@@ -355,7 +356,8 @@ class Db3File:
 
     def _report(self, text: str, offset: int | None = None, samples: int = 0) -> None:
         problem = Problem(text, offset, samples=samples)
-        if problem not in self.problems:
+        if problem not in self._reported:
+            self._reported.add(problem)
             self.problems.append(problem)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from msggen.recordings.files.mapped import MappedFile
 from msggen.recordings.files.mcap_channels import Described
-from msggen.recordings.files.mcap_chunks import Loaded, Loader, ahead, records_of
+from msggen.recordings.files.mcap_chunks import Loaded, Loader, ahead, limited, records_of
 from msggen.recordings.files.mcap_messages import Index, between, indexed, searched
 from msggen.recordings.files.mcap_records import (
     ATTACHMENT,
@@ -67,7 +67,7 @@ class McapFile:
         if summary.chunks is None:
             self._scan(is_damaged=summary.is_damaged)
         else:
-            self._regions = summary.chunks
+            self._regions = limited(summary.chunks, self._file, self._described)
             self._described.set_counts(summary.counts)
             present = [chunk for chunk in summary.chunks if chunk.indexes]
             if present:

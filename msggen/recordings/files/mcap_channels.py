@@ -33,6 +33,8 @@ class Described:
         self.metadata: dict[str, list[dict[str, str]]] = {}
         """The contents of the metadata records that are read, by name."""
         self._schemas: dict[int, RawSchema] = {}
+        self._definitions: dict[int, str] = {}
+        """The schemas in ros2msg as text, which all channels share."""
         self._problems = problems
         self._reported = set(problems)
 
@@ -107,7 +109,9 @@ class Described:
         name, place = text_at(record, 2)
         encoding, place = text_at(record, place)
         data, place = bytes_at(record, place)
-        self._schemas[number] = RawSchema(name, encoding, data)
+        is_ros = encoding == "ros2msg"
+        self._schemas[number] = RawSchema(name, encoding, b"" if is_ros else data)
+        self._definitions[number] = definition_in(name, data.decode(errors="replace")) if is_ros else ""
 
     def _channel_of(self, record: bytes, length: int) -> Channel:
         number, schema = struct.unpack_from("<HH", record)
@@ -125,7 +129,7 @@ class Described:
             number=number,
             topic=topic,
             ros_type=ros_type_of(raw.name),
-            definition=definition_in(raw.name, raw.data.decode(errors="replace")) if is_ros else "",
+            definition=self._definitions.get(schema, ""),
             encoding=encoding,
             type_hash=type_hash_in(type_hash),
             qos=qos,

@@ -8,14 +8,21 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
 
-from msggen.recordings.files.compression import LARGEST, CompressionError, decompress_into, prefix_of
+from msggen.recordings.files.compression import (
+    LARGEST,
+    MAX_CONTENT,
+    CompressionError,
+    decompress_into,
+    limit_of,
+    prefix_of,
+)
+from msggen.recordings.files.mcap_records import Chunk, Loose
 from msggen.recordings.resident import drop_pages, large_empty
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Sequence
 
     from msggen.recordings.files.mcap_channels import Described
-    from msggen.recordings.files.mcap_records import Chunk
     from msggen.recordings.gather import Octets
 
 _FEW = 3
@@ -50,7 +57,7 @@ class Loader:
         if not any(chunk.kind for chunk in chunks):
             return Loaded(file, [chunk.records for chunk in chunks])
         stops = list(accumulate(chunk.size for chunk in chunks))
-        if stops[-1] > LARGEST:
+        if stops[-1] > LARGEST or any(chunk.size > chunk.limit for chunk in chunks):
             return None
         self._buffer, self._spare = self._spare, self._buffer
         if self._buffer.size < stops[-1]:
@@ -85,6 +92,30 @@ def ahead(load: Callable[[Item], Result], items: Sequence[Item]) -> Generator[tu
             yield item, loaded
 
 
+def limited(regions: Sequence[Chunk | Loose], file: Octets, described: Described) -> list[Chunk | Loose]:
+    """Return the regions of a file, of whose compressed chunks so many bytes are read as a file of its size may have.
+
+    Those that are compressed the most are the first of which less is read: their sizes may be damaged.
+    """
+    room = limit_of(file.size)
+    found = list(regions)
+    packed = [
+        (region.size / max(region.stored, 1), index, region)
+        for index, region in enumerate(found)
+        if isinstance(region, Chunk) and region.kind
+    ]
+    if sum(chunk.size for _, _, chunk in packed) <= room:
+        return found
+    text = f"the file has more than {room} bytes without its compression; {MAX_CONTENT} sets another limit"
+    left_out = 0
+    for _, index, chunk in sorted(packed, key=lambda each: each[:2]):
+        found[index] = chunk._replace(limit=min(room, LARGEST))
+        left_out += not room
+        room -= min(chunk.size, room)
+    described.report(f"{text}, and {left_out} of its chunks are not read" if left_out else text)
+    return [region for region in found if isinstance(region, Loose) or region.limit]
+
+
 def records_of(file: Octets, chunk: Chunk, described: Described) -> Octets:
     """Return the records of a chunk. Of a damaged one, those that can be read, and it is reported."""
     drop_pages(file)
@@ -93,7 +124,7 @@ def records_of(file: Octets, chunk: Chunk, described: Described) -> Octets:
         return data
     text = "is cut off"
     if data.size == chunk.stored:
-        if chunk.size <= LARGEST:
+        if chunk.size <= chunk.limit:
             found = np.empty(chunk.size, np.uint8)
             try:
                 decompress_into(chunk.kind, data, found.data)
@@ -102,8 +133,8 @@ def records_of(file: Octets, chunk: Chunk, described: Described) -> Octets:
             else:
                 return found
         else:
-            text = f"has {chunk.size} bytes, more than {LARGEST}"
-    prefix = np.frombuffer(prefix_of(chunk.kind, data, chunk.size), np.uint8)
+            text = f"has {chunk.size} bytes, more than {chunk.limit}"
+    prefix = np.frombuffer(prefix_of(chunk.kind, data, min(chunk.size, chunk.limit)), np.uint8)
     text = f"a chunk {text}; {prefix.size} of its {chunk.size} bytes can be read"
     described.report(text, chunk.start, chunk.length)
     return prefix

@@ -70,6 +70,8 @@ def indexed(buffer: Octets, indexes: Sequence[Index]) -> list[Part] | None:
     ends = np.maximum.reduceat(starts + payloads, firsts)
     if int(np.minimum.reduce(payloads)) < 0 or (ends > bases + sizes).any():
         return None
+    if int(payloads.sum()) + HEAD * len(payloads) > sum(dict(zip(all_bases, all_sizes, strict=True)).values()):
+        return None  # messages overlap
     log_times, publish_times = times_of(heads["log"]), times_of(heads["publish"])
     found = []
     begin = 0

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from msggen.recordings.files.mcap_chunks import records_of
+from msggen.recordings.files.mcap_chunks import limited, records_of
 from msggen.recordings.files.mcap_messages import finder_in, records_in, searched
 from msggen.recordings.files.mcap_records import (
     ATTACHMENT,
@@ -65,7 +65,7 @@ def scan(file: Octets, described: Described, summarized: Mapping[int, Channel], 
     if is_damaged:
         described.report("the summary at the end is damaged or does not fit the file, which is searched instead")
     found = _Scan(file, described, uses_indexes=not is_damaged)
-    regions = found.regions()
+    regions = limited(found.regions(), file, described)
     for region in regions:
         if isinstance(region, Chunk) and not (region.indexes and region.indexes.keys() <= described.channels.keys()):
             _take_channels(file, region, described)

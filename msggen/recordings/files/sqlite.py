@@ -7,7 +7,7 @@ import re
 import shutil
 import sqlite3
 import tempfile
-from contextlib import closing, contextmanager, suppress
+from contextlib import closing, contextmanager
 from typing import TYPE_CHECKING, Any, NamedTuple
 from urllib.parse import quote
 
@@ -24,6 +24,12 @@ _BATCH = 8 << 20
 """The bytes of rows that are read at a time."""
 _ROWS = 1 << 16
 """The rows that are read at a time."""
+_LEAST_LENGTH = 1 << 20
+"""The bytes that a value or a statement of the schema can always have. Larger ones have up to the size of the file."""
+_STEPS = 10_000
+"""The steps of sqlite3's machine between two looks at their number."""
+_LEAST_STEPS, _STEPS_PER_BYTE = 1_000_000, 50
+"""The most steps of a statement: so many, and further ones for each byte of the file. A row takes some ten."""
 _COLUMN = re.compile(r"""\s*["'`\[]?(\w+)["'`\]]?""")
 _TABLE = re.compile(r"[^(]*\((?P<columns>[^()]*)\)\s*$")
 _LEAST_LOG = {"-wal": 32, "-journal": 28}
@@ -49,6 +55,7 @@ class Statements:
     """A database that is read by statements, and not changed: no lock, no file beside it."""
 
     def __init__(self, path: str) -> None:
+        self._size = os.path.getsize(path)
         self._address = f"file:{quote(os.path.abspath(path))}?immutable=1&mode=ro"
 
     @contextmanager
@@ -56,9 +63,22 @@ class Statements:
         """Open the database for a statement: a connection has a descriptor, of which a process may have few."""
         with closing(sqlite3.connect(self._address, uri=True, check_same_thread=False)) as base:
             base.text_factory = bytes
-            with suppress(*ERRORS):
-                base.execute("PRAGMA trusted_schema = OFF")
+            self._limit(base)
             yield base
+
+    def _limit(self, base: sqlite3.Connection) -> None:
+        """Limit what a statement takes: a schema of strangers can compute values, and queries without end.
+
+        Raises ERRORS.
+        """
+        base.execute("PRAGMA trusted_schema = OFF").fetchall()
+        if hasattr(base, "setlimit"):  # Python 3.11
+            base.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, max(self._size, _LEAST_LENGTH))
+        steps = iter(range(_LEAST_STEPS // _STEPS + self._size * _STEPS_PER_BYTE // _STEPS))
+        base.set_progress_handler(lambda: next(steps, None) is None, _STEPS)
+        computed = [name for _, name, *_, hidden in base.execute("PRAGMA table_xinfo(messages)") if hidden]
+        if computed:
+            raise sqlite3.DatabaseError(f"the column {computed[0].decode(errors='replace')!r} of messages is computed")
 
     def _rows_of(self, query: str, values: Sequence[int] = ()) -> list[Any]:
         with self._opened() as base:
@@ -93,13 +113,16 @@ class Statements:
             "WHERE rowid BETWEEN ? AND ? ORDER BY rowid"
         )
         rows: list[tuple[int, int, bytes, int]] = []
-        size = bad = 0
+        size = bad = total = 0
         with self._opened() as base:
             for row in base.execute(query, (low, high)):
                 topic, stamp, data, published = row
                 if type(topic) is int and type(stamp) is int and type(data) is bytes and type(published) is int:
                     rows.append(row)
                     size += len(data)
+                    total += len(data)
+                    if total > self._size:
+                        raise sqlite3.DatabaseError("the messages have more bytes than the file")
                     if size >= _BATCH or len(rows) >= _ROWS:
                         yield _batch(rows, has_published=bool(sent))
                         rows, size = [], 0

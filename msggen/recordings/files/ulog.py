@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from msggen.recordings.files.mapped import MappedFile
-from msggen.recordings.files.ulog_formats import parse_fields
+from msggen.recordings.files.ulog_formats import FORMAT, parse_fields
 from msggen.recordings.files.ulog_messages import (
     DATA,
     FRONT,
     HEAD,
+    NUMBERS,
     PAYLOAD,
     SMALLEST,
     Messages,
@@ -48,7 +49,7 @@ MAGIC = b"ULog\x01\x12\x35"
 _HEADER = 16
 _FLAGS = struct.Struct("<8s8s3Q")
 _SUBSCRIPTION = struct.Struct("<BH")
-_ADD, _REMOVE, _SYNC = b"ARS"
+_FORMAT, _ADD, _REMOVE, _SYNC = b"FARS"
 _FIRST = frozenset(b"BFIMPQALC")
 """The kinds of messages before the first sample."""
 _TEXTS = frozenset(b"LC")
@@ -60,6 +61,8 @@ _DAY = 86400 * 10**9
 _FAR = 30 * _DAY
 """How far in ns the time of a sample can be from those of most others."""
 _SHOWN = 5
+_LONGEST_NAME = 80
+"""How much of a name is reported."""
 _MOST_UNKNOWN = 1000
 """How many messages of unknown kinds are reported one by one."""
 
@@ -248,17 +251,41 @@ class UlogFile:
         return found
 
     def _read_front(self, messages: Messages, start: int, stop: int) -> int:
-        """Take the messages before the first sample one by one, and return where that is, or something wrong."""
-        while size := messages.size_at(start, stop):
-            kind = self._map[start + 2]
-            if kind not in _FIRST or (kind in _TEXTS and messages.hidden(start, start + size)):
+        """Take the messages before the first sample one by one, and return where that is. Damage is skipped."""
+        last = start
+        while start < stop:
+            size = messages.size_at(start, stop)
+            if size and self._takes_front(messages, start, size):
+                start, last = start + size, start
+                continue
+            if self._data_start is not None or messages.is_sound(start, stop):
                 break
-            try:
-                self._take_or_raise(start, 0)
-            except (ValueError, struct.error):
+            following = messages.resume(start + 1, stop)
+            if not following < min(start + NUMBERS, stop) or self._map[following + 2] not in _FIRST:
                 break
-            start += size
+            for place in {last, start}:  # the size of the last message may be wrong
+                self._take_format(place, following)
+            self._report("the definitions are damaged", start, following - start)
+            start = last = following
         return start
+
+    def _takes_front(self, messages: Messages, start: int, size: int) -> bool:
+        """Take a message if it is one before the first sample that can be read, or that a message follows."""
+        kind = self._map[start + 2]
+        if kind not in _FIRST or (kind in _TEXTS and messages.hidden(start, start + size)):
+            return False
+        try:
+            self._take_or_raise(start, 0)
+        except (ValueError, struct.error):
+            return False
+        end = start + size
+        is_format = kind != _FORMAT or FORMAT.fullmatch(self._map, start + FRONT, end)
+        return bool(is_format) or messages.is_sound(end, self._file.size)
+
+    def _take_format(self, start: int, stop: int) -> None:
+        """Take a format that ends elsewhere than its size says, if it is one."""
+        if self._map[start + 2] == _FORMAT and FORMAT.fullmatch(self._map, start + FRONT, stop):
+            self._take_definition("F", self._map[start + FRONT : stop], start)
 
     # messages
 
@@ -271,11 +298,11 @@ class UlogFile:
         samples, others, kinds = starts[is_sample], starts[~is_sample], kinds[~is_sample]
         if self._data_start is None and len(samples):
             self._data_start = int(samples[0])
-        for place in others[(kinds == _ADD) | (kinds == _REMOVE)].tolist():
-            self._take_message(place)
+        for place in [*others[kinds == _FORMAT], *others[(kinds == _ADD) | (kinds == _REMOVE)]]:
+            self._take_message(int(place))
         timed = self._samples(samples, heads[is_sample])
         is_sync = (kinds == _SYNC) & (sizes_of(heads[~is_sample]) == SMALLEST["S"])
-        others = others[(kinds != _ADD) & (kinds != _REMOVE) & ~is_sync]
+        others = others[(kinds != _FORMAT) & (kinds != _ADD) & (kinds != _REMOVE) & ~is_sync]
         if len(others):
             places, times = _merged(timed.values())
             latest = np.maximum.accumulate(np.append(self._last_time, times))
@@ -312,10 +339,14 @@ class UlogFile:
     def _take_definition(self, kind: str, data: bytes, place: int) -> None:
         """Take a format or a subscription, or its end. Raises ValueError, also for samples that seem to be one."""
         if kind == "F":
-            text = data.decode()
-            if self._data_start is not None and not parse_fields(text.partition(":")[2]):
+            is_sample = self._data_start is not None  # the kind of a sample may be damaged
+            # among the definitions, a damaged name of a field does not matter to the other fields
+            text = data.decode(errors="strict" if is_sample else "replace")
+            if is_sample and not parse_fields(text.partition(":")[2]):
                 raise ValueError(text)
             self._topics.formats.add(text)
+            if "\ufffd" in text:
+                self._report(f"the format of {text.partition(':')[0][:_LONGEST_NAME]!r} is damaged", place)
         elif kind == "A":
             instance, number = _SUBSCRIPTION.unpack_from(data)
             name = data[_SUBSCRIPTION.size :].decode()

@@ -27,13 +27,18 @@ _NUMBERS = {
     "char": ("u1", "char"),
 }
 """The code in numpy and the name in ROS 2 of each type (https://docs.px4.io/main/en/dev_log/ulog_file_format.html)."""
-_FIELD = re.compile(r"([^\s\[\]]+)(?:\[(\d{1,5})\])? ([^\s\[\].]+)")
+_FIELD = re.compile(r"([^\s\[\]:\x00-\x1f]+)(?:\[(\d{1,5})\])? ([^\s\[\].:]+)")
+FORMAT = re.compile(rb"[^:]+:(?:[^\s\[\]:;\x00-\x1f]+(?:\[\d{1,5}\])? [^\s\[\].:;]+;?)+")
+"""The text of a whole format: two messages are none."""
 _ROS_NAME = re.compile(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)*")
 _PADDING = "_padding"
 _VALUE, _BOOL, _FILL = b"\1", b"\2", b"\0"
+_RUN = re.compile(rb"[^\0]+")
 _LARGEST = (1 << 16) - 1 - 2
 """The size of the largest sample: a message has 65,535 bytes, two of them for its number."""
 _DEEPEST = 32
+_LARGEST_SUM = 2 << 20
+"""The most bytes of the samples and the definitions of all topics of a log. Those of PX4 have some 100 kB."""
 
 # Topics that are not named after their message, by message: the `# TOPICS` lines of PX4's definitions
 _OTHER_TOPICS = {
@@ -120,13 +125,18 @@ class Formats:
         self._texts: dict[str, str] = {}
         self._fields: dict[str, list[_Field]] = {}
         self._blocks: dict[str, _Block] = {}
+        self._sum = 0
+        """The bytes of the samples and the definitions of all topics so far."""
 
     def __contains__(self, name: str) -> bool:
         """Whether there is a format."""
         return name in self._texts
 
     def add(self, text: str) -> None:
-        """Take the text of a format, such as `esc_status:uint64_t timestamp;esc_report[8] esc;`."""
+        """Take the text of a format, such as `esc_status:uint64_t timestamp;esc_report[8] esc;`.
+
+        A text that cannot be read matters only to the topics that need it.
+        """
         name, _, fields = text.partition(":")
         self._texts[name] = fields.strip(";")
 
@@ -134,10 +144,11 @@ class Formats:
         """Return the layout of the samples of a topic. Padding at their end can be missing. Raises FormatError."""
         block = self._block(name, ())
         size = block.end
+        self._count(len(block.marks))
         marks = np.frombuffer(block.marks[:size], np.uint8)
         return Layout(
             dtype=block.dtype(size),
-            positions=np.flatnonzero(marks),
+            runs=tuple(run.span() for run in _RUN.finditer(block.marks, 0, size)),
             bools=tuple(bools_at(np.flatnonzero(marks == _BOOL[0]).tolist(), size)),
             size=size,
             surplus=len(block.marks) - size,
@@ -154,6 +165,7 @@ class Formats:
         Names are in lower case. It is "" if ROS 2 does not allow one. The fields are in the order of the samples.
         """
         nested = [name]
+        seen = {name}
         parts: list[str] = []
         for each in nested:
             fields = self._visible(each)
@@ -163,8 +175,16 @@ class Formats:
             text = "".join(map(self._declaration, fields))
             parts.append(f"{SEPARATOR}\nMSG: px4_msgs/{self._message(each)}\n{text}" if parts else text)
             others = dict.fromkeys(field.type for field in fields if field.type not in _NUMBERS)
-            nested += [other for other in others if other not in nested]
+            nested += [other for other in others if other not in seen]
+            seen.update(others)
+        self._count(sum(map(len, parts)))
         return "".join(parts)
+
+    def _count(self, size: int) -> None:
+        """Raise FormatError if the formats of the topics are too large together: short texts can have long ones."""
+        self._sum += size
+        if self._sum > _LARGEST_SUM:
+            raise FormatError(f"the formats of the topics have more than {_LARGEST_SUM} bytes together")
 
     def _declaration(self, field: _Field) -> str:
         type_ = _NUMBERS[field.type][1] if field.type in _NUMBERS else self._message(field.type)
@@ -217,11 +237,12 @@ class Formats:
         place = end = 0
         for field in self._fields_of(name):
             type_, mark = self._element(field, (*outer, name))
-            mark *= 1 if field.length is None else field.length
-            if not mark:
+            length = 1 if field.length is None else field.length
+            if not mark or not length:
                 raise FormatError(f"{name}.{field.name} has no bytes")
-            if place + len(mark) > _LARGEST:
+            if place + len(mark) * length > _LARGEST:
                 raise FormatError(f"format '{name}' is larger than a message")
+            mark *= length
             if not field.is_padding:
                 if field.name in names:
                     raise FormatError(f"{name}.{field.name} is there twice")
@@ -255,7 +276,7 @@ def parse_fields(text: str) -> list[_Field]:
             continue
         found = _FIELD.fullmatch(each.strip())
         if found is None:
-            raise FormatError(f"'{each[:80]}' is not a field")
+            raise FormatError(f"{each[:80]!r} is not a field")
         fields.append(
             _Field(found[1], None if found[2] is None else int(found[2]), found[3], found[3].startswith(_PADDING))
         )

@@ -138,7 +138,7 @@ class Messages:
             yield self._with_hidden(starts[:count], heads[:count])
             if not is_whole:
                 return end, following
-        return end, end if end == stop or self.size_at(end, stop) else self._resume(end + 1, stop)
+        return end, end if end == stop or self.size_at(end, stop) else self.resume(end + 1, stop)
 
     def _first_wrong(self, heads: NDArray[np.uint64]) -> int | None:
         """Return the index of the first head that no message has."""
@@ -174,7 +174,7 @@ class Messages:
         count = len(starts)
         while count and not self._is_sure(int(starts[count - 1])):
             count -= 1
-        while count < len(starts) and self._is_sound(int(starts[count]), stop):
+        while count < len(starts) and self.is_sound(int(starts[count]), stop):
             count += 1
         return count
 
@@ -186,7 +186,7 @@ class Messages:
         if count < len(starts):
             end = int(starts[count])
         last = int(starts[count - 1]) if count else end
-        following = self._resume(last + 1, stop)
+        following = self.resume(last + 1, stop)
         return (count - 1, last, following) if count and following < end else (count, end, following)
 
     def _with_hidden(self, starts: Places, heads: NDArray[np.uint64]) -> tuple[Places, NDArray[np.uint64]]:
@@ -236,7 +236,7 @@ class Messages:
         (number,) = struct.unpack_from("<H", self._map, place + FRONT)
         return bool(self._topics.smallest[number] <= size <= self._topics.largest[number])
 
-    def _is_sound(self, place: int, stop: int) -> bool:
+    def is_sound(self, place: int, stop: int) -> bool:
         """Whether the content of the message at an offset makes sense."""
         size = self.size_at(place, stop)
         if not size:
@@ -257,7 +257,7 @@ class Messages:
             "R": len(data) == SMALLEST["R"],
         }.get(kind, kind in "FIMPQLC" or self._is_sure(place))
 
-    def _resume(self, low: int, stop: int) -> int:
+    def resume(self, low: int, stop: int) -> int:
         """Return the offset of the next message that is sure to be one, `stop` if there is none."""
         reach = _REACH
         while low < stop:
@@ -267,7 +267,7 @@ class Messages:
             for text in _IS_TEXTUAL.finditer(self._map, low, min(nearest + _TEXTUAL, stop)):
                 if text.start() >= nearest:
                     break
-                if self._is_sound(text.start(), stop):
+                if self.is_sound(text.start(), stop):
                     return text.start()
             if nearest < high:
                 return nearest
