@@ -89,7 +89,7 @@ def octets_of(value: Any) -> memoryview | None:
         view = memoryview(value)
     except (BufferError, TypeError, ValueError):
         return None
-    return view if hasattr(value, "__len__") and view.format in _OCTET_FORMATS and view.ndim == 1 else None
+    return view if hasattr(type(value), "__len__") and view.format in _OCTET_FORMATS and view.ndim == 1 else None
 
 
 def is_number(value: object) -> bool:
