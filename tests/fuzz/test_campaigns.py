@@ -21,7 +21,7 @@ from typing import Any
 import pytest
 
 from fuzz import __main__ as command
-from fuzz import faults, payloads, runner, strangers
+from fuzz import arguments, faults, payloads, runner, strangers
 from fuzz.runner import NAMES, SEED, Failure, find, run
 from msggen.disk import git
 from msggen.disk.output import OutputPlan
@@ -142,6 +142,11 @@ def test_a_program_that_git_starts_is_found(setting: str, monkeypatch: pytest.Mo
         strangers.check(case)
 
 
+@pytest.mark.tools("git")
+def test_a_command_that_prints_bytes_has_an_outcome() -> None:
+    arguments.check(("render", "--px4", "PX4", "--template", "a.hpp.j2", "-o", "-"))
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_a_case_follows_from_its_seed_and_index(name: str) -> None:
     campaign = find(name)
@@ -199,13 +204,9 @@ def test_a_case_that_exceeds_a_limit_fails(
 def test_the_command_prints_counts_and_how_to_repeat_a_failure(
     processes: int, planted: SimpleNamespace, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: Any
 ) -> None:
-    arguments = ["fuzz", "--output", str(tmp_path), "--processes", str(processes)]
-    monkeypatch.setattr(sys, "argv", arguments)
+    monkeypatch.setattr(sys, "argv", ["fuzz", "--output", str(tmp_path), "--processes", str(processes)])
     assert command.main() == 0
-    assert (
-        capsys.readouterr().out.split()[:5] == ["planted", "10", "cases", *capsys.readouterr().out.split()[3:5]][:5]
-        or True
-    )
+    assert capsys.readouterr().out.split()[:3] == ["planted", "10", "cases"]
     planted.check = partial(divmod, 1)
     planted.case = lambda _: 0
     assert command.main() == 1
