@@ -231,10 +231,11 @@ READERS: Mapping[str, Reader] = MappingProxyType(
         "values": Reader(
             reading(values),
             {
-                "spaces": repeated(" ", "[a", "["),
+                "spaces": repeated(" ", "[a", "[]"),
+                "spaces behind quotes": repeated(" ", '["a"', "[]"),
                 "items": repeated("a,", "[", "a]"),
-                "quotes": repeated('"', "["),
-                "backslashes": repeated("\\", '["'),
+                "quotes": repeated('"', "[", "]"),
+                "backslashes": repeated("\\", '["', "]"),
             },
         ),
         "text": Reader(

@@ -43,6 +43,13 @@ def _field_problem(field: Field, message: Message, path: str) -> str:
         value = getattr(message, field.attribute)
     except AttributeError:
         return f"{path}: expected {field.type}, it is not set"
+    try:
+        return _given_problem(field, message, value, path)
+    except Exception:  # noqa: BLE001 - its class can override every method
+        return f"{path}: expected {field.type}, got an object of type {type(value).__name__} whose methods fail"
+
+
+def _given_problem(field: Field, message: Message, value: Any, path: str) -> str:
     if field.length is None and not field.is_sequence:
         return _value_problem(message, field.base, value, path)
     problem = array_problem(field, value, path)
@@ -78,7 +85,7 @@ def array_problem(field: Field, value: Any, path: str) -> str:
 def _as_bytes(field: Field, value: Any) -> str:
     """Return the end of an error that shows how to make bytes of a value, or "" if that is not known."""
     if isinstance(value, str):
-        number = len(value.encode(errors="replace"))
+        number = len(str.encode(value, errors="replace"))  # not a method of a subclass, here and below
         pads = field.length is not None and number < field.length
         return ": use its .encode()" + (f'.ljust({field.length}, b"\\0")' if pads else "")
     if isinstance(value, (list, tuple)):
@@ -112,9 +119,9 @@ def text_problem(base: str, value: Any, path: str) -> str:
     if not isinstance(value, str):
         return f"{path}: expected a str, got {given(value)}"
     if bound and str.__len__(value) > int(bound):
-        return f"{path}: expected up to {bound} characters, got {len(value)}"
+        return f"{path}: expected up to {bound} characters, got {str.__len__(value)}"
     try:
-        value.encode()
+        str.encode(value)
     except UnicodeEncodeError as error:
         return f"{path}: expected text, got an unpaired surrogate at index {error.start}"
     return ""
@@ -178,6 +185,6 @@ def given(value: Any) -> str:
         text = repr(value)
     except ValueError:
         return f"a {value.__class__.__name__} with thousands of digits"
-    except (*ENCODE_FAILURES, LookupError, RuntimeError):  # such as a message without one of its fields
+    except ENCODE_FAILURES:  # such as a message without one of its fields
         return f"a {value.__class__.__name__}"
     return text if len(text) <= 60 else f"{text[:57]}..."

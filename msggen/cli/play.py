@@ -13,7 +13,7 @@ from msggen.cli.printing import terminal_width
 from msggen.cli.record import add_topics, check_packages
 from msggen.cli.values import convert_values, positive, seconds, whole
 from msggen.cli.watching import watching
-from msggen.diagnostics import counted, few, input_error
+from msggen.diagnostics import counted, few, input_error, printable
 from msggen.exit_codes import DONE, FINDINGS
 
 if TYPE_CHECKING:
@@ -79,6 +79,10 @@ def _play(options: argparse.Namespace) -> int:
     if options.start and options.start * 1e9 > recording.end - recording.start:
         options.parser.error(f"argument --start: the recording has {(recording.end - recording.start) / 1e9:.1f} s")
     endpoints = endpoints_of(recording, _choice(options, recording), options.key)
+    if endpoints.left_out:
+        names, most = printable(few(endpoints.left_out)), len(endpoints.writers)
+        text = f"not played, because a vehicle has room for {counted(most, 'topic')}: name those to play"
+        print(f"warning: {names}: {text}", file=sys.stderr, flush=True)
     try:
         player = Player(recording, endpoints, rate=options.rate, start=options.start or 0.0, is_repeated=options.loop)
         if not options.quiet:

@@ -8,7 +8,8 @@ from msggen.model import ArrayKind, FieldType, Value
 from msggen.primitives import PRIMITIVES, Primitive
 
 _BOOLEANS = {"true": True, "1": True, "false": False, "0": False}
-_STRING_ITEM = re.compile(r"""\s*("(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*'|[^\s,\[\]"'][^,\[\]]*)\s*(?:,|$)""")
+_STRING_ITEM = re.compile(r"""\s*("(?:[^"\\]|\\.)*"\s*|'(?:[^'\\]|\\.)*'\s*|[^\s,\[\]"'][^,\[\]]*)(?:,|$)""")
+"""A value with the spaces behind it. They match one part of the expression only, so that its time is linear."""
 
 
 def parse_value(type_: FieldType, text: str, *, is_constant: bool) -> Value:

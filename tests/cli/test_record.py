@@ -22,8 +22,9 @@ from msggen.live import Vehicle
 from msggen.live.sim import Misbehaviour, Options, Simulator
 from msggen.live.xrce import client
 from msggen.live.xrce.wire import ENCAPSULATION
+from msggen.recordings.writer import Channel, Writer
 from support.ports import free_port
-from support.recordings import Found, check_decoded, check_read, read_mcap
+from support.recordings import START, Found, check_decoded, check_read, read_mcap
 from support.repository import ROOT
 
 PACKAGE = str(ROOT / "generated" / "px4_types")
@@ -284,6 +285,18 @@ def test_a_recording_is_played_without_an_agent_until_the_time_is_over(
     assert main(["play", "bag", "--to", to, "--for", "0.1", "--start", "0"]) == 1
     assert re.match(r"bag: 1 topic of v1\.18, \d\.\d s; to ", capsys.readouterr().out)
     assert parser_for(["play"]).parse_args(["play", "a.mcap"]).to == "udp://127.0.0.1:8888"
+
+
+def test_topics_for_which_a_vehicle_has_no_room_are_told(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    writer = Writer(str(here / "a.mcap"))
+    for number in range(320):
+        name = writer.add_channel(Channel(f"/fmu/out/mine_{number:03}", "my_msgs/msg/Mine", "", ""))
+        writer.write(name, START + number, START, bytes(8))
+    writer.close()
+    assert main(["play", "a.mcap", "--to", f"udp://127.0.0.1:{free_port()}", "--for", "0.1", "-q"]) == 1
+    warning, _ = capsys.readouterr().err.splitlines()
+    assert warning.startswith("warning: /fmu/out/mine_")
+    assert re.search(r"more: not played, because a vehicle has room for \d{3} topics: name those to play$", warning)
 
 
 # --- the page

@@ -11,6 +11,7 @@ import shutil
 import sys
 import tarfile
 import tempfile
+import time
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
@@ -21,13 +22,15 @@ from typing import Any
 import pytest
 
 from fuzz import __main__ as command
-from fuzz import faults, payloads, runner, strangers
+from fuzz import arguments, faults, payloads, recordings, runner, strangers
 from fuzz.runner import NAMES, SEED, Failure, find, run
 from msggen.disk import git
 from msggen.disk.output import OutputPlan
 from msggen.disk.record import Record, digest, read_record, write_record
 from msggen.firmware.tree import Snapshot
+from msggen.recordings import writer
 from support import disk_tasks
+from support.recordings import START
 from support.repository import ROOT
 from support.scratch import scratch_root
 
@@ -144,6 +147,25 @@ def test_a_program_that_git_starts_is_found(setting: str, monkeypatch: pytest.Mo
         strangers.check(case)
 
 
+@pytest.mark.tools("git")
+def test_a_command_that_prints_bytes_has_an_outcome() -> None:
+    arguments.check(("render", "--px4", "PX4", "--template", "a.hpp.j2", "-o", "-"))
+
+
+def test_a_recorder_that_is_killed_before_its_first_write_leaves_an_empty_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    def record(folder: Path, case: recordings.Case, told: int) -> None:
+        made = writer.Writer(str(folder / "flight_0.mcap"))
+        channel = made.add_channel(writer.Channel("/fmu/out/mine", "px4_msgs/msg/Mine", "uint64 timestamp\n", ""))
+        made.write(channel, START, START, recordings._payload(0, case.size))
+        made.close()
+        (folder / "flight_1.mcap").touch()
+        os.write(told, (1).to_bytes(8, "little"))
+        time.sleep(60)
+
+    monkeypatch.setattr(recordings, "_record", record)
+    recordings.check(recordings.Case(0.0, "none", 0.0, 1, 60, 20_000))
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_a_case_follows_from_its_seed_and_index(name: str) -> None:
     campaign = find(name)
@@ -201,13 +223,9 @@ def test_a_case_that_exceeds_a_limit_fails(
 def test_the_command_prints_counts_and_how_to_repeat_a_failure(
     processes: int, planted: SimpleNamespace, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: Any
 ) -> None:
-    arguments = ["fuzz", "--output", str(tmp_path), "--processes", str(processes)]
-    monkeypatch.setattr(sys, "argv", arguments)
+    monkeypatch.setattr(sys, "argv", ["fuzz", "--output", str(tmp_path), "--processes", str(processes)])
     assert command.main() == 0
-    assert (
-        capsys.readouterr().out.split()[:5] == ["planted", "10", "cases", *capsys.readouterr().out.split()[3:5]][:5]
-        or True
-    )
+    assert capsys.readouterr().out.split()[:3] == ["planted", "10", "cases"]
     planted.check = partial(divmod, 1)
     planted.case = lambda _: 0
     assert command.main() == 1

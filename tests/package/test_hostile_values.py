@@ -23,7 +23,7 @@ FILES = {
     "msg/Fleet.msg": "Few[2] wings\n",
     "msg/Free.msg": "float32[] many\nuint8[] raw\n",
     "msg/Many.msg": "uint64 timestamp\nfloat32[20] many\n",
-    "msg/Named.msg": "string name\nfloat32[3] few\n",
+    "msg/Named.msg": "string name\nstring<=5 short\nfloat32[3] few\n",
 }
 
 
@@ -122,6 +122,65 @@ def test_a_small_array_is_any_sequence(value: Any, package: Any) -> None:
     for cls in (package.Few, package.Named):
         assert cls.decode(cls(few=value).encode()).few == (1.0, 0.0, 1.0)
     assert package.Few.decode(package.Few(flags=[True, False, True]).encode()).flags == (True, False, True)
+
+
+class Text(str):
+    """A text whose own methods are of no use."""
+
+    __slots__ = ()
+
+    def encode(self, *_: Any) -> bytes:
+        return bytes(5)
+
+    def __len__(self) -> int:
+        return 1
+
+
+def test_the_methods_of_a_text_are_not_called(package: Any, px4_types: Any) -> None:
+    with pytest.raises(px4_types.EncodeError, match=r"got 'abc': use its \.encode\(\)\.ljust\(10, "):
+        px4_types.DebugArray(name=Text("abc")).encode()
+    with pytest.raises(package.EncodeError, match="expected up to 5 characters, got 6"):
+        package.Named(short=Text("abcdef")).encode()
+    with pytest.raises(package.EncodeError, match="unpaired surrogate at index 1"):
+        package.Named(name=Text("a\ud800")).encode()
+    assert package.Named.decode(package.Named(name=Text("abc")).encode()).name == "abc"
+
+
+def outcome(message: Any) -> str:
+    """Return the error of a message that cannot be encoded, or "encoded"."""
+    try:
+        sample = message.encode()
+    except ValueError as error:
+        return str(error)
+    assert type(message).decode(sample).encode() == sample
+    return "encoded"
+
+
+OWN = {str: "abc", bytes: b"abc", bytearray: b"abc", int: 1, float: 0.5, list: [1.0], tuple: (1.0,)}
+KEPT = {"__new__", "__init__", "__getnewargs__", "__init_subclass__", "__subclasshook__"}
+
+
+@pytest.mark.parametrize("error", [TypeError, ZeroDivisionError, KeyError, RuntimeError])
+@pytest.mark.parametrize("base", OWN)
+def test_a_class_can_override_any_method(base: type[Any], error: type[Exception], package: Any, px4_types: Any) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise error
+
+    for method in {*dir(base), "__index__", "__buffer__"} - KEPT:
+        value = type("Altered", (base,), {method: property(fail) if method == "__class__" else fail})(OWN[base])
+        for message, path in (
+            (px4_types.DebugArray(name=value), "DebugArray.name"),
+            (package.Few(timestamp=value), "Few.timestamp"),
+            (package.Few(few=value), "Few.few"),
+            (package.Few(flags=value), "Few.flags"),
+            (package.Fleet(wings=value), "Fleet.wings"),
+            (package.Free(raw=value), "Free.raw"),
+            (package.Free(many=value), "Free.many"),
+            (package.Many(many=value), "Many.many"),
+            (package.Named(name=value), "Named.name"),
+            (package.Named(short=value), "Named.short"),
+        ):
+            assert outcome(message).startswith((f"{path}: expected ", "encoded"))
 
 
 NO_BYTES = (

@@ -389,6 +389,18 @@ def test_damaged_pages_are_skipped(tmp_path: Path) -> None:
     assert any("pages of a table are damaged" in problem.text for problem in source.problems)
 
 
+def test_a_schema_that_sqlite3_has_no_memory_for_is_a_damaged_one(tmp_path: Path) -> None:
+    rows = rows_of(40, 10, 60)
+    data = write_database(tmp_path / "x.db3", TOPICS, rows).read_bytes()
+    path = tmp_path / "damaged.db3"
+    end = data.index(b"indextimestamp_idx")
+    for start in range(end - 32, end):
+        path.write_bytes(data[:start] + b"\xff" * 24 + data[start + 24 :])
+        source = Db3File(str(path))
+        assert whole_prefix(samples_of(source), expected_of(TOPICS, rows))
+        source.close()
+
+
 @pytest.mark.parametrize(
     ("content", "text"),
     [

@@ -244,6 +244,22 @@ def test_a_topic_of_no_release_has_a_free_number(path: Path, px4_types: Any) -> 
     assert sum(name == "/fmu/out/mine" for _, name, _ in stage.arrived) == 10
 
 
+def test_no_more_topics_are_played_than_an_agent_takes(path: Path, px4_types: Any) -> None:
+    names = [f"/fmu/out/mine_{number}" for number in range(1200)]
+    recorded(path, px4_types, 1203, more=[Channel(name, "my_msgs/msg/Mine", "", "") for name in names])
+    stage, endpoints = play(path)
+    stage.run(30, lambda: stage.player.is_done)
+    stage.run(0.1)
+    assert [name.rpartition("/")[2] for name in endpoints.writers][:4] == [
+        *sorted((*TOPICS[1:], "vehicle_status_v4")),
+        "mine_0",
+    ]
+    assert sorted([*endpoints.writers, *endpoints.left_out]) == sorted(each.name for each in open_log(path).topics)
+    assert {name for _, name, _ in stage.arrived} == {*endpoints.writers}
+    assert len(endpoints.writers) > 300
+    assert play(path, Choice(["mine_1100"]))[1].left_out == []
+
+
 def test_a_recording_without_definitions_is_played(path: Path, px4_types: Any) -> None:
     expected = recorded(path, px4_types, 0)
     route = route_of(px4_types, "vehicle_status")
@@ -267,6 +283,9 @@ def test_a_recording_without_definitions_is_played(path: Path, px4_types: Any) -
         ("/fmu/in/vehicle_command", False),
         ("/fmu/out/message_format_response", False),
         ("/rosout", False),
+        ("/fmu/out/wind\x1b", False),
+        (f"/fmu/out/{'x' * 255}", False),
+        ("/fmu/out/" * 100_000 + "!", False),
     ],
 )
 def test_what_a_vehicle_publishes_is_played(name: str, *, expected: bool) -> None:
@@ -274,3 +293,5 @@ def test_what_a_vehicle_publishes_is_played(name: str, *, expected: bool) -> Non
     topic = Topic(name, 0, channel.ros_type, "", "", ((0, channel),), lambda: np.zeros(0, np.int64))
     assert is_played(topic) == expected
     assert not is_played(replace(topic, channels=((0, channel._replace(encoding="ulog")),)))
+    for ros_type in (f"px4_msgs/msg/{'X' * 70_000}", "px4_msgs/msg/X\n", "px4_msgs/X"):
+        assert not is_played(replace(topic, ros_type=ros_type))

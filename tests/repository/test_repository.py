@@ -6,6 +6,7 @@ import os
 import re
 import subprocess
 import sys
+from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
@@ -118,6 +119,27 @@ def test_workflows_may_do_no_more_than_they_need(path: Path) -> None:
 def test_ci_runs_the_command_for_ci() -> None:
     runs = [step.get("run") for step in load(GITHUB / "workflows" / "ci.yml")["jobs"]["test"]["steps"]]
     assert ".ci/run" in runs
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="the campaigns need fork and limits of resources")
+@pytest.mark.parametrize("given", ["", "7"], ids=["by the date", "by hand"])
+def test_the_nightly_run_takes_the_date_as_seed_and_keeps_what_fails(given: str, tmp_path: Path) -> None:
+    from fuzz.__main__ import _parser
+
+    job = load(GITHUB / "workflows" / "nightly.yml")["jobs"]["fuzz"]
+    (script,) = (step["run"] for step in job["steps"] if "SEED" in step.get("env", ()))
+    (kept,) = (step["with"]["path"] for step in job["steps"] if step.get("if") == "failure()")
+    (tmp_path / "python").write_text('#!/bin/sh\nprintf "%s\\n" "$@"\n', encoding="utf-8")
+    (tmp_path / "python").chmod(0o755)
+    environment = {"PATH": os.pathsep.join([str(tmp_path), os.environ["PATH"]]), "SEED": given}
+    days = [f"{datetime.now(timezone.utc):%Y%m%d}"]
+    words = subprocess.check_output(["bash", "-e", "-c", script], env=environment, text=True).split()
+    days.append(f"{datetime.now(timezone.utc):%Y%m%d}")
+    assert words[:2] == ["-m", "tests.fuzz"]
+    options = _parser().parse_args(words[2:])
+    assert str(options.seed) in ([given] if given else days)
+    assert (options.campaigns, str(options.output)) == ([], kept)
+    assert options.minutes + 10 < job["timeout-minutes"]
 
 
 @pytest.mark.parametrize("script", ["run", "portable"])

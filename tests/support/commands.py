@@ -31,15 +31,21 @@ class Outcome(NamedTuple):
     stderr: str
 
 
+class _Output(io.TextIOWrapper):
+    """A stream as that of a process, to which bytes can be written, too."""
+
+    buffer: io.BytesIO
+
+
 def run(arguments: Sequence[str]) -> Outcome:
     """Run msggen. An exception other than SystemExit is raised."""
-    stdout, stderr = io.StringIO(), io.StringIO()
+    stdout, stderr = (_Output(io.BytesIO(), "utf-8", newline="\n", write_through=True) for _ in range(2))
     with redirect_stdout(stdout), redirect_stderr(stderr):
         try:
             code: object = main(list(arguments))
         except SystemExit as done:
             code = done.code
-    return Outcome(code, stdout.getvalue(), stderr.getvalue())
+    return Outcome(code, *(stream.buffer.getvalue().decode() for stream in (stdout, stderr)))
 
 
 def check_outcome(outcome: Outcome) -> None:

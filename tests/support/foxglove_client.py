@@ -68,6 +68,10 @@ class FoxgloveClient:
         """Send a request in JSON."""
         self._socket.send(json.dumps(request))
 
+    def send_bytes(self, request: bytes) -> None:
+        """Send a request in bytes."""
+        self._socket.send(request)
+
     def send_control(self, command: int, speed: float, seek: int | None, request: str) -> None:
         """Send what the playback controls send: command 0 plays, 1 pauses."""
         place = struct.pack("<BQ", 1, seek) if seek is not None else bytes(9)

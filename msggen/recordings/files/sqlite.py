@@ -51,6 +51,17 @@ class Batch(NamedTuple):
     sizes: Places
 
 
+class _Base(sqlite3.Connection):
+    """A connection whose errors of damaged databases are ERRORS."""
+
+    def execute(self, statement: str, values: Any = ()) -> sqlite3.Cursor:
+        """Execute a statement, which reads the schema first. Raises ERRORS."""
+        try:
+            return super().execute(statement, values)
+        except MemoryError:  # that is what sqlite3 says of some schemas, however much memory there is
+            raise sqlite3.DatabaseError("the schema cannot be read") from None
+
+
 class Statements:
     """A database that is read by statements, and not changed: no lock, no file beside it."""
 
@@ -61,7 +72,7 @@ class Statements:
     @contextmanager
     def _opened(self) -> Iterator[sqlite3.Connection]:
         """Open the database for a statement: a connection has a descriptor, of which a process may have few."""
-        with closing(sqlite3.connect(self._address, uri=True, check_same_thread=False)) as base:
+        with closing(sqlite3.connect(self._address, uri=True, check_same_thread=False, factory=_Base)) as base:
             base.text_factory = bytes
             self._limit(base)
             yield base

@@ -7,13 +7,15 @@ from __future__ import annotations
 
 import re
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import count
 from typing import NamedTuple
 
 from msggen.live.firmware import REQUEST, RESPONSE, Known, answer_of, releases
 from msggen.live.messages.names import stem_of, without_namespace
 from msggen.live.xrce import client as xrce
 from msggen.live.xrce.client_entities import Reader, Settings, Sync, Writer
+from msggen.live.xrce.session import Limits
 from msggen.live.xrce.wire import ENCAPSULATION
 from msggen.recordings.choice import Choice
 from msggen.recordings.decode.schemas import hash_of
@@ -21,11 +23,15 @@ from msggen.recordings.log import Log
 from msggen.recordings.payloads import Sample
 from msggen.recordings.samples import Topic
 
-_OUT = re.compile(r"(?:/(.+))?/fmu/out/[^#]+")
-_SLASHES = 2
-"""Those of a type in ROS 2: `px4_msgs/msg/VehicleStatus`."""
+_OUT = re.compile(r"(?:/([A-Za-z0-9_/]+))?/fmu/out/[A-Za-z0-9_/]+")
+_TYPE = re.compile(r"[A-Za-z0-9_]+(/[A-Za-z0-9_]+){2}")
+"""A type in ROS 2: `px4_msgs/msg/VehicleStatus`."""
+_LONGEST = Limits().text - len("::::dds__")
+"""The most characters of a name or a type. DDS adds some."""
 _FIRST_NUMBER = 3000
 """The first number of the topics that no release has: the releases have numbers below 2100."""
+_MOST = (Limits().entities - 1) // 3
+"""The most topics of a vehicle that msggen's agent takes: each has 3 entities, beside the participant."""
 _DEPTH = 10
 _NEVER = 1 << 62
 _HEADER = len(ENCAPSULATION)
@@ -44,6 +50,8 @@ class Endpoints(NamedTuple):
     hashes: Mapping[str, int]
     """The `message_hash` of uORB topics, as far as it is known."""
     settings: Settings
+    left_out: Sequence[str] = ()
+    """The topics that would be played if a vehicle could have more."""
 
 
 def is_played(topic: Topic) -> bool:
@@ -52,8 +60,10 @@ def is_played(topic: Topic) -> bool:
     Of several definitions of a topic, the first one is played.
     """
     name = topic.recorded_name
-    is_ours = topic.is_cdr and topic.ros_type.count("/") == _SLASHES and topic.name in (name, f"{name}#1")
-    return is_ours and _OUT.fullmatch(name) is not None and not stem_of(name).endswith(RESPONSE)
+    if not topic.is_cdr or topic.name not in (name, f"{name}#1") or max(len(name), len(topic.ros_type)) > _LONGEST:
+        return False
+    is_ours = _OUT.fullmatch(name) is not None and _TYPE.fullmatch(topic.ros_type) is not None
+    return is_ours and not stem_of(name).endswith(RESPONSE)
 
 
 def endpoints_of(log: Log, choice: Choice, key: int = 1, sync: Sync = "short") -> Endpoints:
@@ -66,15 +76,17 @@ def endpoints_of(log: Log, choice: Choice, key: int = 1, sync: Sync = "short") -
     release = max(releases(), key=lambda each: _likeness(known, releases()[each]))
     rows = releases()[release]
     front = f"/{namespace}" if namespace else ""
-    writers: dict[str, Writer] = {}
-    free = iter(range(_FIRST_NUMBER, 1 << 12))
-    for topic in played:
-        row = rows.get(without_namespace(topic.recorded_name, namespace))
-        if choice.takes(topic.recorded_name, topic.ros_type):
-            number = next(free) if row is None else row.object_id
-            writers[topic.name] = Writer(number, f"rt{topic.recorded_name}", _dds_type(topic.ros_type))
     others = [Writer(rows[RESPONSE].object_id, f"rt{front}{RESPONSE}", _px4_type(rows[RESPONSE]))] * (RESPONSE in rows)
     readers = {row.object_id: name for name, row in rows.items() if "/fmu/in/" in name}
+    wanted = [topic for topic in played if choice.takes(topic.recorded_name, topic.ros_type)]
+    wanted.sort(key=lambda topic: without_namespace(topic.recorded_name, namespace) not in rows)
+    most = _MOST - len(readers) - len(others)
+    free = count(_FIRST_NUMBER)
+    writers = {}
+    for topic in wanted[:most]:
+        row = rows.get(without_namespace(topic.recorded_name, namespace))
+        number = next(free) if row is None else row.object_id
+        writers[topic.name] = Writer(number, f"rt{topic.recorded_name}", _dds_type(topic.ros_type))
     settings = Settings(
         [Reader(number, f"rt{front}{name}", _px4_type(rows[name]), _DEPTH) for number, name in readers.items()],
         [*writers.values(), *others],
@@ -83,7 +95,8 @@ def endpoints_of(log: Log, choice: Choice, key: int = 1, sync: Sync = "short") -
         sync=sync,
         silence=_NEVER,
     )
-    return Endpoints(release, namespace, writers, readers, _uorb_hashes(known, rows), settings)
+    left_out = [topic.name for topic in wanted[most:]]
+    return Endpoints(release, namespace, writers, readers, _uorb_hashes(known, rows), settings, left_out)
 
 
 def _likeness(hashes: Mapping[str, int | None], rows: Mapping[str, Known]) -> int:

@@ -108,10 +108,11 @@ def check_sequences(*values: object) -> None:
 ENCODE_FAILURES = (
     Refused,
     struct.error,
+    ArithmeticError,
     AttributeError,
     BufferError,
-    NotImplementedError,
-    OverflowError,
+    LookupError,
+    RuntimeError,
     TypeError,
     ValueError,
 )

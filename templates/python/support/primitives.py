@@ -89,7 +89,12 @@ def octets_of(value: Any) -> memoryview | None:
         view = memoryview(value)
     except (BufferError, TypeError, ValueError):
         return None
-    return view if hasattr(value, "__len__") and view.format in _OCTET_FORMATS and view.ndim == 1 else None
+    return view if _has_length(value) and view.format in _OCTET_FORMATS and view.ndim == 1 else None
+
+
+def _has_length(value: object) -> bool:
+    """Whether the class of an object gives it a length, as `len` looks for it."""
+    return hasattr(type(value), "__len__")
 
 
 def is_number(value: object) -> bool:
