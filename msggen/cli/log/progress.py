@@ -10,6 +10,7 @@ from threading import Timer
 from typing import TYPE_CHECKING, Any, Protocol
 
 from msggen.diagnostics import printable
+from msggen.foreign import guard_output, unguarded
 
 if TYPE_CHECKING:
     import argparse
@@ -80,9 +81,10 @@ class _Bar:
 
         words = TextColumn("{task.description}", markup=False)
         columns = (BarColumn(), TaskProgressColumn(), TimeRemainingColumn(), words)
-        progress = Progress(*columns, console=Console(stderr=True), transient=True)
+        progress = Progress(*columns, console=Console(file=unguarded(sys.stderr)), transient=True)
         self._task = progress.add_task(printable(text), total=total)
         progress.start()
+        guard_output()  # what is printed beside a bar passes through it
         self._progress = progress
 
     def show(self, share: float, text: str = "") -> None:
