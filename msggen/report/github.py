@@ -53,8 +53,8 @@ def _command(command: str, location: Location, title: str, message: str, more: S
 
 
 def _data(text: str) -> str:
-    """Escape `%`, which starts an escape sequence; `text` has no line ends."""
-    return text.replace("%", "%25")
+    """Escape `%`, which starts an escape sequence, and commands of other servers; `text` has no line ends."""
+    return without_commands(text, is_at_start=False).replace("%", "%25")
 
 
 def _property(text: str) -> str:
