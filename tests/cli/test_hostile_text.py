@@ -7,7 +7,7 @@ import io
 import os
 import shutil
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import Any
@@ -50,14 +50,13 @@ CASES: dict[str, list[list[str]]] = {
         [NAME],
         [f"--{NAME}"],
     ],
-    "bump": [["Rpm", "--px4", f"{FILE}.px4", "--diff"], [NAME, "--px4", f"{FILE}.px4"]],
+    "bump": [["Wind", "--px4", f"{FILE}.px4", "--diff"], [NAME, "--px4", f"{FILE}.px4"]],
     "call": [["vehicle_command", "{}", "--wait", "1", "--timeout", "0.1"], [NAME, NAME]],
     "check": [
-        *_each("--px4", f"{FILE}.px4", "--against", f"{FILE}.old", of=_FORMATS),
-        *_each("--px4", f"{FILE}.wrong", "--against", f"{FILE}.old", of=_FORMATS),
         *_each(f"{FILE}.px4", f"{FILE}.old", of=_FORMATS),
+        *_each(f"{FILE}.wrong", f"{FILE}.old", of=_FORMATS),
     ],
-    "command": [["--list", NAME], ["takeoff", f"{NAME}=1"], ["takeoff", "--timeout", "0.1"]],
+    "command": [["--list", NAME], ["NAV_TAKEOFF", f"{NAME}=1"], ["NAV_TAKEOFF", "--timeout", "0.1"]],
     "completion": [[NAME], ["bash"]],
     "docs": [
         ["--px4", f"{FILE}.px4", "-o", f"{FILE}.site"],
@@ -67,8 +66,8 @@ CASES: dict[str, list[list[str]]] = {
     "explain": [[NAME]],
     "lint": [*_each("--px4", f"{FILE}.px4", of=_FORMATS), ["--px4", f"{FILE}.px4", "--select", NAME]],
     "log convert": [
-        *_each("-o", f"{FILE}.csv_", "--format", "csv", of=_LOGS),
-        *_each("-o", f"{FILE}.csv_json", "--format", "csv", "--json", of=_LOGS[1:]),
+        *[[*log, "-o", f"{FILE}.{number}", "--format", "csv"] for number, log in enumerate(_LOGS)],
+        *[[*log, "-o", f"{FILE}.{number}", "--json"] for number, log in enumerate(_LOGS[1:3], 10)],
         *_each("-o", f"{FILE}.fleet", "--json", of=[["."]]),
         [f"{FILE}.mcap", NAME, "-o", "x.mcap"],
         [f"{FILE}.mcap", "-o", f"{FILE}/x/y.mcap"],
@@ -89,7 +88,11 @@ CASES: dict[str, list[list[str]]] = {
     ],
     "log repair": _each("-o", f"{FILE}.repaired.mcap", of=_LOGS),
     "log show": [
-        *[[f"{FILE}.mcap", name, *more] for name in PIECES for more in ([], ["--json"], ["--field", NAME])],
+        *[
+            [f"{FILE}.mcap", name, *more]
+            for name in (f"{PIECES[0]} ", f"{PIECES[4]} ", "/fmu/out/rpm", PIECES[3])
+            for more in ([], ["--json"], ["--field", NAME])
+        ],
         *[
             [f"{FILE}.ulg", *words]
             for words in (["--texts"], ["--texts", "--json"], ["--params"], ["--params", "--json"])
@@ -102,14 +105,14 @@ CASES: dict[str, list[list[str]]] = {
         [f"{FILE}.ulg"],
         [f"{FILE}.play.mcap", NAME],
     ],
-    "px4-generate": [["--px4", f"{FILE}.px4", "-o", "out"], [NAME]],
+    "px4-generate": [["--headers", "-f", f"{FILE}.px4/msg/Rpm.msg", "-i", FILE, "-e", FILE, "-o", FILE], [NAME]],
     "record": [["--for", "0.3", "-o", f"{FILE}.rec.mcap"], ["--for", "0.3", "--json", "-o", f"{FILE}.j.mcap"], [NAME]],
     "relay": [[NAME]],
     "releases": [[], [NAME]],
     "render": [
-        ["--px4", f"{FILE}.px4", "-t", f"{FILE}.j2", "-o", f"{FILE}.rendered"],
-        ["--px4", f"{FILE}.px4", "-t", f"{FILE}.j2", "-o", f"{FILE}.rendered", "--diff"],
-        ["--px4", f"{FILE}.px4", "-t", FILE, "-o", "x"],
+        ["--px4", f"{FILE}.px4", "--template", f"{FILE}.j2", "-o", f"{FILE}.rendered"],
+        ["--px4", f"{FILE}.px4", "--template", f"{FILE}.j2", "-o", f"{FILE}.rendered", "--diff"],
+        ["--px4", f"{FILE}.px4", "--template", FILE, "-o", "x"],
     ],
     "rules": [[], ["--output-format", "json"]],
     "sim": [["--namespace", NAME], ["--types", NAME], ["--wrong-hash", NAME], [NAME]],
@@ -206,7 +209,7 @@ def kind(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str
 
 
 @pytest.fixture
-def here(files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+def here(files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     folder = tmp_path / "here"
     shutil.copytree(files, folder, symlinks=True)
     monkeypatch.chdir(folder)
@@ -229,9 +232,10 @@ def test_every_command_has_a_case() -> None:
     assert CASES.keys() == COMMANDS.keys()
 
 
+@pytest.mark.usefixtures("here")
 @pytest.mark.parametrize("command", CASES)
 def test_no_command_prints_foreign_text_as_it_is(
-    command: str, kind: str, here: Path, px4_types: Any, monkeypatch: pytest.MonkeyPatch
+    command: str, kind: str, px4_types: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for module in ("msggen.live.sharing", "msggen.doctor.observe"):
         monkeypatch.setattr(f"{module}.open_link", lambda *_, **__: HostileLink(px4_types))

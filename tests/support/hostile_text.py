@@ -73,7 +73,7 @@ class HostileLink(FakeLink):
         self._ended.set()
         super().close()
 
-    def publish(self, remote: object, route: Route, payload: bytes) -> None:  # type: ignore[override]
+    def publish(self, remote: object, route: Route, payload: bytes) -> None:
         del remote, route, payload
         raise LinkError(NAME)
 
