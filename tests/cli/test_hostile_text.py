@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 import os
 import shutil
 import struct
+import sys
 from collections.abc import Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
@@ -16,6 +18,7 @@ import pytest
 
 from msggen.cli import main
 from msggen.cli.log import progress
+from msggen.foreign import Styled, csv_text, escaped, guarded_output, safe_json
 from support.commands import COMMANDS
 from support.hostile_text import BYTES, NAME, ONE_LINE, PIECES, SURROGATES, HostileLink, check_json, check_shown
 from support.log_files import Written, write_log
@@ -265,3 +268,59 @@ def test_csv_has_no_control_characters_and_quotes_formulas_if_asked(quotes: bool
             is_left = any(cell[:1] in ("=", "@", "+") for cell in cells)
             assert not (quotes and is_left)
         assert any(f"{''.join(chr(39) * quotes)}=::error::one" in text for text in texts)
+
+
+# The functions
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("/fmu/out/rpm é Ω 風 ש 🚁", "/fmu/out/rpm é Ω 風 ש 🚁"),
+        ("a\x1b[31mb\x9b\x7f", r"a\x1b[31mb\x9b\x7f"),
+        ("a\nb\tc\rd", r"a\nb\tc\rd"),
+        ("\u202ea\u2028b\udcff", r"\u202ea\u2028b\udcff"),
+        ("::error::a", r"\x3a:error::a"),
+        (" \t::error::a ::b", r" \t::error::a ::b"),
+        ("  ::a", r"  \x3a:a"),
+        ("a ##[b] ##vso[c] ## [d] # [e]", r"a \x23#[b] \x23#vso[c] ## [d] # [e]"),
+        (Styled("a\n ::b\r\n\tc\x1b[1md\x1b]0;e\x07"), "a\n \\x3a:b\r\n\tc\x1b[1md\\x1b]0;e\\x07"),
+        (Styled("\x1b[1m::a\r\x1b[K::b"), "\x1b[1m\\x3a:a\r\x1b[K::b"),
+    ],
+)
+def test_a_guarded_stream_escapes_what_is_foreign(text: str, shown: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with guarded_output():
+        print(text)
+        print(text, file=sys.stderr)
+    assert capsys.readouterr() == (f"{shown}\n", f"{shown}\n")
+
+
+def test_only_the_start_of_a_line_is_guarded_against_commands(capsys: pytest.CaptureFixture[str]) -> None:
+    with guarded_output():
+        print("a", "::b", Styled("::c\n"), "::d")
+        print(end="")
+        print(" ", "::e")
+    assert capsys.readouterr().out == "a ::b ::c\n \\x3a:d\n  \\x3a:e\n"
+
+
+def test_the_guard_ends_with_the_command(capsys: pytest.CaptureFixture[str]) -> None:
+    before = sys.stdout, sys.stderr
+    assert main(["releases"]) == 0
+    assert (sys.stdout, sys.stderr) == before
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize("text", [NAME, SURROGATES, "\\ud800", "\\\ud800🚁\udfff", "##[a]\x7f", '"\\##[', "é"])
+def test_json_has_the_text_without_what_others_obey(text: str) -> None:
+    made = safe_json(json.dumps({text: text}))
+    assert made.isprintable()
+    assert "##[" not in made
+    known = text.encode(errors="backslashreplace").decode()
+    assert json.loads(made) == {known: known}
+
+
+@pytest.mark.parametrize("text", ["=1+1", "+1", "-1", "@x", " =1", "\t=1", "＝1"])  # noqa: RUF001 - a wide =
+def test_a_formula_is_quoted_if_asked(text: str) -> None:
+    assert csv_text(text, quotes_formulas=True) == f"'{escaped(text)}"
+    assert csv_text(text) == escaped(text)
+    assert csv_text(f"a{text}", quotes_formulas=True) == escaped(f"a{text}")
