@@ -5,6 +5,7 @@ from enum import Enum
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
+from msggen.foreign import escaped
 from msggen.location import Location
 
 _SHORTEST = 4
@@ -215,14 +216,12 @@ def input_error(path: str, code: str, message: str, line: int = 1, column: int =
 
 
 def printable(text: str) -> str:
-    """Return `text` in one line: unprintable characters are escaped, including all that XML forbids.
+    """Return `text` in one line, `escaped`, which leaves nothing that XML forbids.
 
     A text that is too long for a line is cut in the middle, with `…` for what is left out.
     """
-    if not text.isprintable():
-        shown = text if len(text) <= _WIDTH else text[:_WIDTH] + text[-_WIDTH:]  # escapes make a text only longer
-        text = "".join(each if each.isprintable() else repr(each)[1:-1] for each in shown)
-    return shortened(text)
+    shown = text if len(text) <= _WIDTH else text[:_WIDTH] + text[-_WIDTH:]  # escapes make a text only longer
+    return shortened(text if text.isprintable() else escaped(shown))
 
 
 def shortened(text: str, width: int = _WIDTH, end: int = _END) -> str:

@@ -21,6 +21,7 @@ from msggen.cli.options import FAILED_CODES, writes
 from msggen.cli.printing import colour, discard_output, print_document, print_errors, print_notices, terminal_width
 from msggen.diagnostics import Diagnostic, InputError, printable, suggestion
 from msggen.exit_codes import DONE, FAILED, FINDINGS, INTERRUPTED
+from msggen.foreign import Styled, escaped, guarded_output
 from msggen.location import Location
 
 __all__ = ["DONE", "FAILED", "FINDINGS", "main", "parser_for"]
@@ -73,7 +74,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
             setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115 - until the process ends
         elif isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # the terminal may not be able to show every name
-    words = sys.argv[1:] if arguments is None else list(arguments)
+    with guarded_output():
+        return _main(sys.argv[1:] if arguments is None else list(arguments))
+
+
+def _main(words: Sequence[str]) -> int:
+    """Run msggen with the arguments `words`, and return the exit code."""
     options = argparse.Namespace(writes=True)
     try:
         options = _parse(words)
@@ -263,11 +269,14 @@ class _Parser(argparse.ArgumentParser):
         if hint:
             self.error(f"unknown argument '{printable(wrong)}': {printable(hint)}")
 
+    def _print_message(self, message: str, file: Any = None) -> None:
+        super()._print_message(Styled(message), file)
+
     def error(self, message: str) -> NoReturn:
         for option, hint in (self.get_default("hints") or {}).items():
             message += f": {hint}" if message.startswith("the following arguments") and option in message else ""
         print_document([Diagnostic(Location(self.prog, 0), "usage", message)], self._output_format)
-        self.exit(FAILED, f"{self.prog}: error: {message}\nfor all arguments: {self.prog} --help\n")
+        self.exit(FAILED, f"{self.prog}: error: {escaped(message)}\nfor all arguments: {self.prog} --help\n")
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.choices is not None and value not in action.choices:

@@ -64,7 +64,7 @@ def _build(options: argparse.Namespace) -> int:
     started = time.perf_counter()
     build, sources = _prepare(options, read_settings("."))
     if options.list_outputs:
-        print("\n".join(os.path.join(build.folder, name) for name in build.outputs()))
+        print(*(os.path.join(build.folder, name) for name in build.outputs()), sep="\n")
         return DONE
     write = writes(options)
     if options.depfile and write:
@@ -77,7 +77,7 @@ def _build(options: argparse.Namespace) -> int:
     if outcome.plan:
         print_plan(outcome.plan, diff=options.diff)
     if not options.quiet:
-        print("\n".join(lines))
+        print(*lines, sep="\n")
     return FINDINGS if outcome.plan and outcome.plan.is_stale and not write else DONE
 
 

@@ -51,7 +51,7 @@ def _bump(options: argparse.Namespace) -> int:
         for change in plan.changes:
             print_diff(os.path.normpath(os.path.join(firmware, change.name)), change.before, change.after)
     if not options.quiet:
-        print("\n".join(_report(plan, write=write)))
+        print(*_report(plan, write=write), sep="\n")
     return FINDINGS if plan.changes and not write else DONE
 
 

@@ -43,7 +43,7 @@ def _call(options: argparse.Namespace) -> int:
     with connection(options, is_new=True) as found:
         request = values.message(service_of(options, found.package).Request)
         settle(found, type(request))
-        print(found.package.show(found.vehicle.call(request, options.timeout)))
+        print(*found.package.show(found.vehicle.call(request, options.timeout)).split("\n"), sep="\n")
     return DONE
 
 

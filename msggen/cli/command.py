@@ -14,6 +14,7 @@ from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, 
 from msggen.cli.values import convert_values, positive
 from msggen.diagnostics import suggestion
 from msggen.exit_codes import DONE, FINDINGS
+from msggen.report.json import dump
 
 if TYPE_CHECKING:
     from msggen.live.messages.packages import Message
@@ -77,7 +78,7 @@ def _command(options: argparse.Namespace) -> int:
     if options.list or options.command is None:
         expected = expected_package(options)
         rows = _all(expected) if options.command is None else _one(_found(options, expected)[0])
-        print("\n".join(rows))
+        print(*rows, sep="\n")
         return DONE
     given = given_package(options)
     if given is not None:
@@ -103,11 +104,9 @@ def _send(options: argparse.Namespace, found: Connection) -> int:
     name = _found(options, found.package)[0].name
     outcome = _outcome(options, found, name, message)
     if options.json:
-        import json
-
         numbers = {each: getattr(outcome.answer, each, None) for each in _NUMBERS}
         about = {"command": name, "target_system": message.target_system, "result": outcome.result}
-        print(json.dumps(about | numbers, indent=2))
+        print(dump(about | numbers))
     elif outcome.answer is None:
         print(f"{name}: {outcome.text}", file=sys.stderr)
     else:

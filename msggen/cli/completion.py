@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import argparse
 import os
+import sys
 from collections.abc import Callable, Iterable, Mapping
 
 from msggen.cli.options import Commands, add_command
 from msggen.exit_codes import DONE
+from msggen.foreign import unguarded
 
 _SHELLS = ("bash", "zsh", "fish")
 
@@ -28,7 +30,7 @@ def add_to(commands: Commands) -> None:
 def _completion(options: argparse.Namespace) -> int:
     from argcomplete.shell_integration import shellcode
 
-    print(shellcode(["msggen"], shell=options.shell))
+    print(shellcode(["msggen"], shell=options.shell), file=unguarded(sys.stdout))
     return DONE
 
 

@@ -80,7 +80,7 @@ def _docs(options: argparse.Namespace) -> int:
     if plan:
         print_plan(plan, diff=options.diff)
     if not options.quiet:
-        print("\n".join(_report(outcome, build.folder, time.perf_counter() - started, write=write)))
+        print(*_report(outcome, build.folder, time.perf_counter() - started, write=write), sep="\n")
     return FINDINGS if plan and plan.is_stale and not write else DONE
 
 

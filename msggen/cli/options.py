@@ -105,6 +105,10 @@ SHARED: Mapping[str, Mapping[str, Any]] = {
     "--list-outputs": {"action": "store_true", "help": "write nothing; list the output files"},
     "--for": {"metavar": "SECONDS", "type": non_empty, "help": "end after this time"},
     "-q, --quiet": {"action": "store_true", "help": "print only errors and warnings"},
+    "--quote-formulas": {
+        "action": "store_true",
+        "help": "put ' before text in CSV that a spreadsheet would evaluate: text that begins with =, +, - or @",
+    },
     "--json": {"action": "store_true", "help": "print JSON instead of text"},
 }
 """Options with the same meaning in every command that has them."""

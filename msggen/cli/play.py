@@ -15,6 +15,7 @@ from msggen.cli.values import convert_values, positive, seconds, whole
 from msggen.cli.watching import watching
 from msggen.diagnostics import counted, few, input_error, printable
 from msggen.exit_codes import DONE, FINDINGS
+from msggen.foreign import Styled
 
 if TYPE_CHECKING:
     from msggen.live.sim.runner import Runner
@@ -174,7 +175,7 @@ def _run(runner: Runner, player: Player, options: argparse.Namespace) -> None:
                 text = f"no program answers at {options.to}: waiting for one, such as `msggen topic list`"
                 print(text, file=sys.stderr, flush=True)
             if is_terminal:
-                print("\r\033[K", end="")
+                print(Styled("\r\033[K"), end="")
             while player.changes:
                 change = player.changes.popleft()
                 if not options.quiet:
@@ -187,4 +188,4 @@ def _run(runner: Runner, player: Player, options: argparse.Namespace) -> None:
         raise input_error(options.to, "L102", str(error), 0) from None
     finally:
         if is_terminal:
-            print("\r\033[K", end="")
+            print(Styled("\r\033[K"), end="")

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, TextIO
 
 from msggen.diagnostics import Diagnostic, Level, counted
 from msggen.disk.reading import read_bytes
+from msggen.foreign import Styled, escaped, unguarded
 
 if TYPE_CHECKING:
     from msggen.disk.output import OutputPlan
@@ -24,7 +25,9 @@ def print_report(report: Report, options: argparse.Namespace) -> None:
     from msggen.report import render
 
     print_notices(report.notices)
-    print(render(report, options.output_format, width=width(), colour=colour(sys.stdout)))
+    _print_report(
+        render(report, options.output_format, width=width(), colour=colour(sys.stdout)), options.output_format
+    )
 
 
 def print_document(errors: Sequence[Diagnostic], output_format: str) -> None:
@@ -35,9 +38,15 @@ def print_document(errors: Sequence[Diagnostic], output_format: str) -> None:
     if not text:
         return
     try:
-        print(text, flush=True)
+        _print_report(text, output_format)
+        sys.stdout.flush()
     except OSError:
         discard_output()
+
+
+def _print_report(text: str, output_format: str) -> None:
+    """Print a report, with its commands if it is in the format that consists of commands of GitHub Actions."""
+    print(Styled(text), file=unguarded(sys.stdout) if output_format == "github" else sys.stdout)
 
 
 def discard_output() -> None:
@@ -51,10 +60,12 @@ def print_diff(path: str, before: bytes | None, after: bytes | None) -> None:
     from io import StringIO
 
     old, new = (StringIO((data or b"").decode(errors="replace"), newline="\n").readlines() for data in (before, after))
-    source, target = ("/dev/null" if data is None else path for data in (before, after))
+    source, target = ("/dev/null" if data is None else escaped(path) for data in (before, after))
     for line in unified_diff(old, new, source, target):
-        whole = line if line.endswith("\n") else f"{line}\n\\ no newline at end of file\n"
-        sys.stdout.write(whole)
+        whole, mark, _ = line.partition("\n")
+        text = whole.removesuffix("\r")
+        end = whole[len(text) :] + (mark or "\n\\ no newline at end of file\n")
+        print(Styled("\t".join(map(escaped, text.split("\t"))) + end), end="")
 
 
 def print_change(path: str, text: str | None) -> None:
@@ -93,7 +104,7 @@ def _print_diagnostic(found: Diagnostic, word: str, sgr: int) -> None:
     """Print a line to stderr, with `word` before its message, and its code in the colour `sgr`."""
     place, code, message = found
     if colour(sys.stderr):
-        print(f"\033[1m{place}\033[0m: \033[{sgr}m{code}\033[0m {word}{message}", file=sys.stderr)
+        print(Styled(f"\033[1m{place}\033[0m: \033[{sgr}m{code}\033[0m {word}{message}"), file=sys.stderr)
     else:
         print(f"{place}: {code} {word}{message}", file=sys.stderr)
 

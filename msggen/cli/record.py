@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import signal
 import sys
@@ -21,6 +20,8 @@ from msggen.cli.values import convert_values, positive
 from msggen.cli.watching import check_link, watching
 from msggen.diagnostics import counted, few, input_error
 from msggen.exit_codes import DONE
+from msggen.foreign import Styled
+from msggen.report.json import dump
 
 if TYPE_CHECKING:
     from msggen.live import Vehicle
@@ -291,13 +292,13 @@ class _Session:
     def _print(self, text: str) -> None:
         """Print a text in place of the last state. The recording goes on if it cannot be printed."""
         try:
-            print("\r\033[K" if self._is_terminal else "", text, sep="", end="", flush=True)
+            print(Styled("\r\033[K") if self._is_terminal else "", text, sep="", end="", flush=True)
         except OSError:
             discard_output()
 
     def _summarise(self, counts: Counts, seconds: float) -> None:
         if self._options.json:
-            print(json.dumps(_summary(counts, self._losses.count, seconds), indent=2))
+            print(dump(_summary(counts, self._losses.count, seconds)))
             return
         text = _shown(counts, self._losses.count)
         files = f", {len(counts.files)} files" if len(counts.files) > 1 else ""

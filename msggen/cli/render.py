@@ -106,7 +106,7 @@ def _render(options: argparse.Namespace) -> int:
         return DONE
     names = output_names(items, options.each, options.template, options.name)
     if options.list_outputs:
-        print("\n".join(os.path.join(options.output, name) for name in names))
+        print(*(os.path.join(options.output, name) for name in names), sep="\n")
         return DONE
     files = dict(zip(names, texts_of(template, items), strict=True))
     print_notices(of_ids if shows_ids(template) else (), quiet=options.quiet)
@@ -128,7 +128,7 @@ def _update(options: argparse.Namespace, files: Mapping[str, str], inputs: Seque
         for name in stale:
             print_change(os.path.join(options.output, name), files[name])
     if not options.quiet:
-        print("\n".join(_report(options, stale, len(files), label)))
+        print(*_report(options, stale, len(files), label), sep="\n")
     return FINDINGS if stale and not write else DONE
 
 

@@ -9,6 +9,7 @@ from msggen.cli.options import Commands, add_command, add_output_format, non_emp
 from msggen.cli.printing import colour, width
 from msggen.diagnostics import CODES, input_error, suggestion
 from msggen.exit_codes import DONE
+from msggen.foreign import Styled
 
 
 def add_to(commands: Commands) -> None:
@@ -41,7 +42,7 @@ def _rules(options: argparse.Namespace) -> int:
     from msggen.report.rules import list_rules, write_json
     from msggen.rules import RULES
 
-    print((write_json if options.output_format == "json" else list_rules)(RULES))
+    print(Styled((write_json if options.output_format == "json" else list_rules)(RULES)))
     return DONE
 
 
@@ -55,13 +56,13 @@ def _explain(options: argparse.Namespace) -> int:
     name, mark = options.rule.upper(), options.rule.lower()
     rules = named(name)
     if name in CODES:
-        print(explain_code(name, width=width()))
+        print(Styled(explain_code(name, width=width())))
     elif name in Category.__members__:
-        print(explain_category(Category[name], rules, width=width()))
+        print(Styled(explain_category(Category[name], rules, width=width())))
     elif rules:
-        print(explain_rule(rules[0], example_of(rules[0]), width=width(), colour=colour(sys.stdout)))
+        print(Styled(explain_rule(rules[0], example_of(rules[0]), width=width(), colour=colour(sys.stdout))))
     elif mark in MARKS:
-        print(explain_mark(mark, width=width()))
+        print(Styled(explain_mark(mark, width=width())))
     elif nearest := nearest_code(name):
         raise input_error("explain", "C104", f"unknown code '{options.rule}', did you mean '{nearest}'?", 0)
     else:

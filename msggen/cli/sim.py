@@ -18,6 +18,7 @@ from msggen.cli.watching import watching
 from msggen.diagnostics import counted, input_error, suggestion
 from msggen.exit_codes import DONE
 from msggen.firmware.sources import find_sources
+from msggen.foreign import Styled
 from msggen.generate.cache import package_from
 
 if TYPE_CHECKING:
@@ -170,7 +171,7 @@ def _sim(options: argparse.Namespace) -> int:
         seconds = (simulator.now - simulator.boot) / 1e6
         simulator.close()
     if not options.quiet:
-        print("\n".join(_summary(simulator, seconds)))
+        print(*_summary(simulator, seconds), sep="\n")
     return DONE
 
 
@@ -217,7 +218,7 @@ class _Output:
     def clear(self) -> None:
         """Remove the line with the state."""
         if self._is_terminal:
-            print("\r\033[K", end="")
+            print(Styled("\r\033[K"), end="")
 
     def _state(self) -> str:
         vehicles, before = self._simulator.vehicles, self._counted

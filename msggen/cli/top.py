@@ -15,6 +15,7 @@ from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
 from msggen.cli.values import convert_values, positive
 from msggen.cli.watching import add_window, watching
 from msggen.exit_codes import DONE
+from msggen.report.json import dump
 
 if TYPE_CHECKING:
     from msggen.live.meter import Meter
@@ -119,15 +120,13 @@ def _print_once(source: _Source, seconds: float, *, is_json: bool) -> None:
     time.sleep(seconds)
     table = source.table()
     if is_json:
-        import json
-
         from msggen.top.rows import as_document
 
-        print(json.dumps(as_document(table), indent=2))
+        print(dump(as_document(table)))
         return
     from msggen.top.drawing import plain
 
-    print("\n".join(plain(table)))
+    print(*plain(table), sep="\n")
 
 
 def _run(source: _Source) -> None:

@@ -18,6 +18,7 @@ from msggen.cli.watching import rounds, watching
 from msggen.diagnostics import counted, input_error
 from msggen.exit_codes import DONE
 from msggen.firmware.embedded import EMBEDDED
+from msggen.foreign import escaped
 from msggen.generate.cache import package_of
 
 if TYPE_CHECKING:
@@ -133,7 +134,7 @@ def _server(
     host, port = options.host or _HOST, _PORT if options.port is None else options.port
     span = (recording.start, recording.end) if recording else None
     try:
-        server = Server(name, host, port, span, controls)
+        server = Server(escaped(name), host, port, span, controls)
     except OSError as error:
         text = f"cannot serve there: {error}; another --port, or 0 for a free one"
         raise input_error(f"{host}:{port}", "L102", text, 0) from None

@@ -128,11 +128,16 @@ def _check_name(body: _Body, name: str, *, is_of_px4: bool) -> None:
 
 
 class _Element(NamedTuple):
-    """A line with a field or a constant, and the comments that belong to it."""
+    """A line with a field or a constant, and the comments that belong to it, each with its line."""
 
     line: int
     code: str
-    comment: list[str]
+    remarks: list[tuple[int, str]]
+
+    @property
+    def comment(self) -> list[str]:
+        """The comments without their lines."""
+        return [remark for _, remark in self.remarks]
 
 
 class _Body:
@@ -180,13 +185,13 @@ class _Body:
         it. Any other block with a blank line after it is a heading, and belongs to no element.
         """
         elements: list[_Element] = []
-        above: list[str] = []
+        above: list[tuple[int, str]] = []
         for number, line in enumerate(lines, first_line):
             code, remark = _split_comment(line)
             if remark is not None and self.of_uorb and "TOPIC" in line and _LOOKS_LIKE_TOPICS.match(line):
                 self._read_topics(line, number)
             elif code.strip():
-                trailing = [] if remark is None else [remark]
+                trailing = [] if remark is None else [(number, remark)]
                 if not elements and not self.comment:
                     self.comment, above = _text(above), []
                 elements.append(_Element(number, code, above + trailing))
@@ -196,9 +201,9 @@ class _Body:
                     self.comment = _text(above)
                 above = []
             elif code and elements and not above:
-                elements[-1].comment.append(remark)
+                elements[-1].remarks.append((number, remark))
             else:
-                above.append(remark)
+                above.append((number, remark))
         if not elements and not self.comment:
             self.comment = _text(above)
         return elements
@@ -306,12 +311,10 @@ class _Body:
             self.error("M107", *places[name], f"unknown tag '@{name}'{hint}")
 
     def _places_of_tags(self, element: _Element) -> dict[str, tuple[int, int]]:
-        """Return the line and the column of each tag in the comments above, on or below the line of an element."""
-        here, reach = element.line - self._first_line, len(element.comment)
-        first = max(0, here - reach)
+        """Return the line and the column of each tag in the comments of an element."""
         places: dict[str, tuple[int, int]] = {}
-        for number, line in enumerate(self._lines[first : here + reach + 1], first + self._first_line):
-            for tag in _TAG_NAME.finditer(line):
+        for number, _ in element.remarks:
+            for tag in _TAG_NAME.finditer(self._lines[number - self._first_line]):
                 places.setdefault(tag[1], (number, tag.start() + 1))
         return places
 
@@ -370,5 +373,5 @@ def _split_comment(line: str) -> tuple[str, str | None]:
     return code, remark.lstrip("#").strip()
 
 
-def _text(comment: list[str]) -> str:
-    return "\n".join(comment).strip()
+def _text(remarks: list[tuple[int, str]]) -> str:
+    return "\n".join(remark for _, remark in remarks).strip()

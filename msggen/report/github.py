@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 from msggen.diagnostics import Diagnostic, printable
 from msggen.finding import Finding, Report
+from msggen.foreign import without_commands
 from msggen.location import Location
 from msggen.report.line import conclusion, is_misread, level, remedies, statement
 
@@ -20,7 +21,7 @@ def write_github(report: Report) -> str:
     """Return a command for each finding and each notice, then the summary as a plain line."""
     findings = sorted(report.findings, key=lambda finding: not is_misread(finding))
     notices = [_of_diagnostic(found, _COMMANDS[found.level.value]) for found in report.notices]
-    return "\n".join([*map(_of_finding, findings), *notices, *conclusion(report)])
+    return "\n".join([*map(_of_finding, findings), *notices, *map(without_commands, conclusion(report))])
 
 
 def write_errors(errors: Sequence[Diagnostic]) -> str:
@@ -52,8 +53,8 @@ def _command(command: str, location: Location, title: str, message: str, more: S
 
 
 def _data(text: str) -> str:
-    """Escape `%`, which starts an escape sequence; `text` has no line ends."""
-    return text.replace("%", "%25")
+    """Escape `%`, which starts an escape sequence, and commands of other servers; `text` has no line ends."""
+    return without_commands(text, is_at_start=False).replace("%", "%25")
 
 
 def _property(text: str) -> str:

@@ -9,6 +9,7 @@ from typing import Any
 
 from msggen.diagnostics import Diagnostic, printable
 from msggen.finding import Excerpt, Finding, Report
+from msggen.foreign import Styled, safe_json
 from msggen.location import Location
 
 
@@ -34,26 +35,21 @@ def _error(error: Diagnostic) -> dict[str, Any]:
     return {"code": error.code, "message": error.message, "location": _location(error.location)}
 
 
-def dump(document: Any, indent: int | None = 2) -> str:
-    """Return `document` as JSON in ASCII, without lone surrogates, with null for numbers that are not finite.
+def dump(document: Any, indent: int | None = 2) -> Styled:
+    """Return `document` as JSON that is safe to print, with null for numbers that are not finite.
 
     What JSON does not have, such as bytes, is text.
     """
-    return json.dumps(_encodable(document), indent=indent, default=str, allow_nan=False)
+    return Styled(safe_json(json.dumps(_finite(document), indent=indent, default=str, allow_nan=False)))
 
 
-def _encodable(value: Any) -> Any:
-    """Return `value` with lone surrogates escaped and without NaN, because many JSON parsers reject them.
-
-    Python decodes bytes of paths that are not UTF-8 to lone surrogates.
-    """
-    if isinstance(value, str):
-        return value.encode(errors="backslashreplace").decode()
+def _finite(value: Any) -> Any:
+    """Return `value` without NaN and infinite numbers, because many JSON parsers reject them."""
     if isinstance(value, dict):
-        return {key: _encodable(item) for key, item in value.items()}
+        return {key: _finite(item) for key, item in value.items()}
     if isinstance(value, float) and not isfinite(value):
         return None
-    return [_encodable(item) for item in value] if isinstance(value, (list, tuple)) else value
+    return [_finite(item) for item in value] if isinstance(value, (list, tuple)) else value
 
 
 def _finding(finding: Finding) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from msggen.disk.reading import read_bytes
 from msggen.disk.record import read_record
 from msggen.firmware.digest import digest_files, digest_inputs
 from msggen.firmware.sources import Sources, read_files
+from msggen.foreign import escaped
 
 
 class Outcome(NamedTuple):
@@ -127,12 +128,12 @@ def title_of(sources: Sources) -> str:
     if sources.embedded or not sources.root:
         return f"PX4 {sources.embedded}"
     folder, name = os.path.split(os.path.abspath(sources.root.path))
-    return os.path.basename(folder) or name if name == "msg" else name
+    return escaped((os.path.basename(folder) or name) if name == "msg" else name)
 
 
 def title_of_previous(sources: Sources) -> str:
     """Return a name of previous definitions: as `title_of`, or the revision."""
-    return title_of(sources) if sources.embedded else os.path.basename(os.path.normpath(sources.label))
+    return title_of(sources) if sources.embedded else escaped(os.path.basename(os.path.normpath(sources.label)))
 
 
 _FOLDERS = ("compare", "disk", "firmware", "parse", "render", "site", "text")

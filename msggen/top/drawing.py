@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from rich.text import Text
 
+from msggen.foreign import escaped
 from msggen.top.rows import Row, Table
 from msggen.top.view import View
 
@@ -58,14 +59,14 @@ _STYLES = {"silent": "dim", "late": "red", "": ""}
 
 def screen(table: Table, view: View, values: Sequence[str], width: int, height: int) -> list[Text]:
     """Return the lines of a screen, at most `height`. `values` are those of the open topic."""
-    lines = [_title(table, view), Text(table.trouble, "bold red") if table.trouble else Text(table.summary)]
-    lines += [Text(table.notice, "yellow")] if table.notice else []
+    lines = [_title(table, view), _text(table.trouble, "bold red") if table.trouble else Text(table.summary)]
+    lines += [_text(table.notice, "yellow")] if table.notice else []
     shown = view.shown(table.rows)
     if view.is_open and shown:
         lines += [*_table(shown[view.selected(shown)], view, width), Text()]
         room = height - len(lines) - 1
         start = min(view.scroll, max(0, len(values) - room))
-        lines += [Text(line) for line in values[start : start + max(0, room)]]
+        lines += [_text(line) for line in values[start : start + max(0, room)]]
     else:
         lines += _rows(shown, view, width, height - len(lines) - 2)
     keys = _keys(view)
@@ -90,13 +91,17 @@ def page_of(height: int) -> int:
 def plain(table: Table) -> list[str]:
     """Return the table for a pipe: a line for each topic, below the headings."""
     columns = _NUMBERS
-    width = max((len(row.topic) for row in table.rows), default=0)
+    width = max((len(escaped(row.topic)) for row in table.rows), default=0)
     lines = [_heading(columns, width, View()), *(_line(row, columns, width) for row in table.rows)]
     return [line.plain.rstrip() for line in lines]
 
 
+def _text(foreign: str, style: str = "") -> Text:
+    return Text(escaped(foreign), style)
+
+
 def _title(table: Table, view: View) -> Text:
-    title = Text.assemble(("msggen top", "bold"), f"  {table.label}")
+    title = Text.assemble(("msggen top", "bold"), f"  {escaped(table.label)}")
     if view.is_paused:
         title.append("  paused", "bold yellow")
     return title
@@ -158,6 +163,7 @@ def _style(is_sorted: bool) -> str:  # noqa: FBT001 - the only argument
 
 def _line(row: Row, columns: Sequence[_Column], names: int) -> Text:
     """Return the line of a topic. Of a name that is too long, the end is shown, which tells it from others."""
-    name = row.topic if len(row.topic) <= names else f"…{row.topic[1 - names :]}"
+    topic = escaped(row.topic)
+    name = topic if len(topic) <= names else f"…{topic[1 - names :]}"
     numbers = "".join(f" {column.text(row):>{column.width}}" for column in columns)
     return Text(f"{name:{names}}{numbers}", style=_STYLES[row.state])

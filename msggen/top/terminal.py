@@ -11,6 +11,8 @@ import termios
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
+from msggen.foreign import Styled
+
 if TYPE_CHECKING:
     from typing_extensions import Self
 
@@ -126,7 +128,7 @@ class Terminal:
         self._write("".join(changed))
 
     def _write(self, text: str) -> None:
-        print(text, end="", flush=True)
+        print(Styled(text), end="", flush=True)
 
 
 def keys_in(text: str) -> Iterator[str]:

@@ -527,6 +527,9 @@ def test_other_constants_are_nothing_special(name: str) -> None:
         ("# One.\n# [@range 0, 1] [@unti m]\n# Three.\nuint8 a", "3:17"),
         ("uint8 a  # One.\n    # [@unti m]", "3:7"),
         ("uint8 A = 1  # [@unti m]", "2:16"),
+        ("uint8 a\n\n  # [@unti m] x", "4:5"),
+        ("uint8 a  # One.\n\n  # Two.\n\n\n  # [@unti m] x\n\nuint8 b", "7:5"),
+        ("# [@unti m] x\n# TOPICS foo\nuint8 a", "2:3"),
     ],
 )
 def test_a_tag_that_is_not_known_is_a_warning_in_its_place(text: str, place: str) -> None:

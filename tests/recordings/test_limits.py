@@ -111,7 +111,7 @@ def test_a_topic_with_too_many_columns_is_left_out_of_tables(tmp_path: Path) -> 
     wide = f"uint8[{MAX_TOTAL}] x\n"
     path = write_mcap(tmp_path / "a.mcap", [wide, "uint8 x\n"], b"\0\1\0\0" + bytes(MAX_TOTAL))
     with open_log(write_mcap(path, ["uint8 x\n", wide], b"\0\1\0\0\5")) as log:
-        made = tables.write_tables(log, str(tmp_path / "made"), "parquet", ALL, lambda _: None)
+        made = tables.write_tables(log, str(tmp_path / "made"), tables.Format("parquet"), ALL, lambda _: None)
     assert (len(made.files), made.rows) == (1, 1)
     (problem,) = made.problems
     assert (problem.topic, problem.samples) == ("/t1", 1)

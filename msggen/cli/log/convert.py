@@ -18,7 +18,7 @@ from msggen.cli.log.arguments import (
 from msggen.cli.log.fleet import add_fleet, convert_fleet, is_fleet, refuse_fleet
 from msggen.cli.log.opening import code_of, opened, written
 from msggen.cli.log.targets import default_target, format_of
-from msggen.cli.options import Commands, add_command
+from msggen.cli.options import Commands, add_command, add_shared, refuse
 from msggen.recordings.convert import FORMATS, TABLES
 
 
@@ -44,6 +44,7 @@ def add_to(actions: Commands) -> None:
         help=f"{', '.join(FORMATS)} (default: mcap if the output ends so, otherwise parquet)",
     )
     add_fields(parser, "column of tables to write")
+    add_shared(parser, "--quote-formulas")
     add_output(
         parser,
         "file or folder to write (default: the name of the recording, or fleet for a folder of recordings, here)",
@@ -58,6 +59,8 @@ def _convert(options: argparse.Namespace) -> int:
         return convert_fleet(options)
     refuse_fleet(options)
     format_ = format_of(options)
+    if options.quote_formulas and format_ != "csv":
+        refuse(options, f"argument --quote-formulas: only with --format csv, not {format_}")
     target = options.output or default_target(options.file, format_)
     with opened(options, options.file) as log:
         from msggen.recordings.convert import convert
@@ -74,5 +77,6 @@ def _convert(options: argparse.Namespace) -> int:
             start=options.start,
             stop=options.stop,
             fields=options.field,
+            quotes_formulas=options.quote_formulas,
         )
         return code_of(written(options, target, lambda progress: write(progress=progress)))

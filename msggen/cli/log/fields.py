@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from msggen.cli.topic.tables import print_table
-from msggen.diagnostics import few, printable
+from msggen.diagnostics import few
 
 if TYPE_CHECKING:
     from msggen.model import Message
@@ -29,7 +29,7 @@ def print_fields(topic: Topic) -> None:
         for each in _fields_of(topic)
     ]
     print("fields")
-    print_table(("  name", "type", "unit", "frame", "values"), [tuple(map(printable, row)) for row in rows], right=0)
+    print_table(("  name", "type", "unit", "frame", "values"), rows, right=0)
 
 
 def field_objects(topic: Topic) -> list[dict[str, Any]]:

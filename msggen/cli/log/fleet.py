@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import sys
 import time
@@ -21,6 +20,7 @@ from msggen.cli.values import convert_values, whole
 from msggen.diagnostics import counted, few, input_error, printable
 from msggen.exit_codes import DONE, FINDINGS
 from msggen.recordings.paths import is_bag
+from msggen.report.json import dump
 
 if TYPE_CHECKING:
     from msggen.recordings.fleet import Outcome, Progress, Summary
@@ -37,6 +37,7 @@ _SINGLE: Mapping[str, str] = {
     "stop": "--stop",
     "format": "--format",
     "field": "--field",
+    "quote_formulas": "--quote-formulas",
 }
 """The options for single recordings only."""
 
@@ -79,18 +80,18 @@ def convert_fleet(options: argparse.Namespace) -> int:
     """Convert the recordings below a folder that the fleet does not have yet. Return the exit code."""
     convert_values(options, {"jobs": whole(1, _MOST_JOBS)})
     for name, spelling in _SINGLE.items():
-        if getattr(options, name) not in (None, []):
+        if getattr(options, name) not in (None, [], False):
             refuse(options, f"argument {spelling}: a folder of recordings becomes Parquet as a whole: leave it out")
     check_folder(options)
     fleet = options.output or _FLEET
     began = time.monotonic()
     summary = _updated(options, fleet)
     if options.json:
-        print(json.dumps(summary.document(), indent=2))
+        print(dump(summary.document()))
     else:
         _print_names(summary, fleet, quiet=options.quiet)
         if not options.quiet:
-            print("\n".join(_lines(summary, fleet, time.monotonic() - began)))
+            print(*_lines(summary, fleet, time.monotonic() - began), sep="\n")
     return DONE if summary.is_whole else FINDINGS
 
 

@@ -214,7 +214,7 @@ def _print_topics(log: Log) -> None:
 
 
 def _row(log: Log, topic: Topic) -> tuple[str, ...]:
-    names = printable(topic.label), printable(topic.ros_type.rpartition("/")[2])
+    names = topic.label, topic.ros_type.rpartition("/")[2]
     gaps = topic.gaps
     longest = max((after - before for before, after in gaps), default=0) / 1e9
     size = _sample_size(topic)

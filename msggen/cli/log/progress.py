@@ -10,6 +10,7 @@ from threading import Timer
 from typing import TYPE_CHECKING, Any, Protocol
 
 from msggen.diagnostics import printable
+from msggen.foreign import guard_output, unguarded, without_commands
 
 if TYPE_CHECKING:
     import argparse
@@ -80,9 +81,10 @@ class _Bar:
 
         words = TextColumn("{task.description}", markup=False)
         columns = (BarColumn(), TaskProgressColumn(), TimeRemainingColumn(), words)
-        progress = Progress(*columns, console=Console(stderr=True), transient=True)
-        self._task = progress.add_task(printable(text), total=total)
+        progress = Progress(*columns, console=Console(file=unguarded(sys.stderr)), transient=True)
+        self._task = progress.add_task(_shown(text), total=total)
         progress.start()
+        guard_output()  # what is printed beside a bar passes through it
         self._progress = progress
 
     def show(self, share: float, text: str = "") -> None:
@@ -91,9 +93,14 @@ class _Bar:
             if time.monotonic() - self._begin < _PATIENCE:
                 return
             self.start()
-        self._progress.update(self._task, completed=share, description=printable(text))
+        self._progress.update(self._task, completed=share, description=_shown(text))
 
     def close(self) -> None:
         """Remove the bar."""
         if self._progress is not None:
             self._progress.stop()
+
+
+def _shown(text: str) -> str:
+    """Return a text as a bar shows it, which writes to the terminal itself."""
+    return without_commands(printable(text), is_at_start=False)

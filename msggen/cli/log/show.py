@@ -17,6 +17,7 @@ from msggen.cli.options import Commands, add_command, add_shared, non_empty, ref
 from msggen.cli.values import convert_values, whole
 from msggen.diagnostics import printable, suggestion
 from msggen.exit_codes import DONE, FINDINGS
+from msggen.foreign import Styled, safe_json
 from msggen.report.json import dump
 
 if TYPE_CHECKING:
@@ -162,10 +163,10 @@ def _samples(options: argparse.Namespace, log: Log, topic: Topic) -> Iterator[st
         if options.json:
             name = "time_" if "time" in (samples.array.dtype.names or ()) else "time"
             for time, values in zip(seconds, printer.objects(samples), strict=True):
-                yield json.dumps({name: time, **values}, allow_nan=False)
+                yield safe_json(json.dumps({name: time, **values}, allow_nan=False))
         else:
             for time, text in zip(seconds, printer.texts(samples), strict=True):
-                yield f"# {time:.6f} s\n{text}\n---"
+                yield Styled(f"# {time:.6f} s\n{text}\n---")
         left -= len(samples)
         if not left:
             return

@@ -16,6 +16,7 @@ from msggen.cli.values import convert_values, positive
 from msggen.cli.watching import add_limits, convert_limits, rounds, watching
 from msggen.diagnostics import counted
 from msggen.exit_codes import DONE, FINDINGS
+from msggen.foreign import Styled
 
 if TYPE_CHECKING:
     from msggen.live import Subscription, Vehicle
@@ -62,12 +63,15 @@ def add_to(actions: Commands) -> None:
     group = parser.add_mutually_exclusive_group()
     add_shared(group, "--json")
     group.add_argument("--csv", action="store_true", help="print rows under a line with the names: timestamp,q[0],q[1]")
+    add_shared(parser, "--quote-formulas")
     add_link(parser)
 
 
 def _echo(options: argparse.Namespace) -> int:
     convert_limits(options)
     convert_values(options, {"every": positive})
+    if options.quote_formulas and not options.csv:
+        refuse(options, "argument --quote-formulas: only with --csv")
     if options.once:
         if options.count:
             refuse(options, "argument --once: not allowed with argument -n/--count")
@@ -166,7 +170,7 @@ class _Printer:
 
     def __init__(self, options: argparse.Namespace, condition: Condition | None) -> None:
         self._options, self._condition = options, condition
-        self._end = "" if options.json or options.csv else "\n---"
+        self._has_lines = not (options.json or options.csv)
         self._made: dict[type, tuple[Callable[[Any], bool] | None, Callable[[Any], str]]] = {}
         self._seen = self._printed = self._last = 0
         self._every = round((options.every or 0) * 1e9)
@@ -178,12 +182,15 @@ class _Printer:
 
     def prepare(self, message: type[Any]) -> tuple[Callable[[Any], bool] | None, Callable[[Any], str]]:
         """Return what to do with messages of a class. A wrong condition or path ends the process."""
+        from functools import partial
+
         from msggen.live.messages.expression import ConditionError
         from msggen.live.messages.formats import csv_writer, json_writer, text_writer
         from msggen.live.messages.places import PlaceError
 
         options = self._options
-        writer = json_writer if options.json else csv_writer if options.csv else text_writer
+        rows = partial(csv_writer, quotes_formulas=options.quote_formulas)
+        writer = json_writer if options.json else rows if options.csv else text_writer
         try:
             write = writer(message, options.field)
         except PlaceError as error:
@@ -205,7 +212,7 @@ class _Printer:
         if condition is None or condition(message):
             if self._options.csv and not self._printed:
                 self._print_header(cls)
-            print(write(message) + self._end)
+            print(Styled(f"{write(message)}\n---") if self._has_lines else write(message))
             self._printed += 1
             self._last = arrival
 

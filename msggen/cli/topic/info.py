@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Iterator
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
@@ -13,6 +12,7 @@ from msggen.cli.options import Commands, add_command, add_shared
 from msggen.cli.topic.naming import add_topic, topic_of
 from msggen.cli.topic.tables import print_table
 from msggen.exit_codes import DONE
+from msggen.report.json import dump
 
 if TYPE_CHECKING:
     from msggen.live.messages.lookup import Named
@@ -41,7 +41,7 @@ def _info(options: argparse.Namespace) -> int:
         topic = topic_of(options, options.topic, found, "out")
         hashed = _vehicle_hash(found, topic)
         if options.json:
-            print(json.dumps(_object(topic, hashed), indent=2))
+            print(dump(_object(topic, hashed)))
         else:
             _print(topic, hashed, found.label)
     return DONE
@@ -71,7 +71,7 @@ def _print(topic: Named, hashed: int | None, label: str) -> None:
     print_table(("  name", "type", "unit", "frame", "enum"), rows, right=0)
     for name, members in _enums(message).items():
         print(f"enum {name}")
-        print("\n".join(f"  {value:>5} {member}" for member, value in members.items()))
+        print(*(f"  {value:>5} {member}" for member, value in members.items()), sep="\n")
 
 
 def _rows(topic: Named, hashed: int | None, label: str) -> Iterator[tuple[str, str]]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import sys
 import time
@@ -16,6 +15,7 @@ from msggen.cli.topic.tables import finite, print_table
 from msggen.cli.values import convert_values, positive
 from msggen.cli.watching import add_window
 from msggen.exit_codes import DONE
+from msggen.report.json import dump
 
 if TYPE_CHECKING:
     from msggen.live.messages.lookup import Named
@@ -80,7 +80,7 @@ def _list(options: argparse.Namespace) -> int:
         ]
         now = time.time_ns()
         if options.json:
-            print(json.dumps([_object(topic, flows.get(topic.name), now, options) for topic in topics], indent=2))
+            print(dump([_object(topic, flows.get(topic.name), now, options) for topic in topics]))
         elif options.verbose:
             heads = ("topic", "way", "type" if options.show_types else "message", "rate", "size", "bandwidth", "age")
             rows = [_row(topic, flows.get(topic.name), now, options) for topic in topics]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
@@ -17,6 +16,8 @@ from msggen.cli.topic.tables import finite, print_table
 from msggen.cli.values import convert_values, positive
 from msggen.cli.watching import add_limits, add_window, convert_limits, rounds, watching
 from msggen.exit_codes import DONE
+from msggen.foreign import Styled
+from msggen.report.json import dump
 
 if TYPE_CHECKING:
     from msggen.live.link import Route
@@ -224,9 +225,9 @@ def _report(options: argparse.Namespace, measure: _Measure, names: Sequence[str]
     silent = [name for name in names if name not in heard]
     if options.json:
         for each in [*rows, *({"topic": name, "window": 0} for name in silent)]:
-            print(json.dumps(each))
+            print(dump(each, indent=None))
     elif len(names) == 1:
-        print("\n".join([measure.lines(row) for row in rows]) or "no new messages")
+        print(Styled("\n".join([measure.lines(row) for row in rows]) or "no new messages"))
     elif not rows and not silent:
         print("no new messages")
     else:

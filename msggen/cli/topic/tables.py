@@ -5,11 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from msggen.diagnostics import printable
+
 
 def print_table(heads: Sequence[str], rows: Sequence[Sequence[str]], right: int) -> None:
-    """Print rows under their heads, without empty columns. The last `right` columns are aligned at the right."""
+    """Print rows under their heads, without empty columns. The last `right` columns are aligned at the right.
+
+    Cells are made `printable`, so that the columns stay aligned.
+    """
     if not rows:
         return
+    rows = [tuple(map(printable, row)) for row in rows]
     kept = [index for index, column in enumerate(zip(*rows, strict=True)) if any(column)]
     right = sum(index >= len(heads) - right for index in kept)
     heads, *rows = [[row[index] for index in kept] for row in (heads, *rows)]

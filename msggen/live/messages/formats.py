@@ -10,6 +10,7 @@ from itertools import chain
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
+from msggen.foreign import csv_text, escaped, safe_json
 from msggen.live.messages.places import Enum, Place, place_of, places_of, text_of
 
 if TYPE_CHECKING:
@@ -66,7 +67,7 @@ def _about(place: Place) -> str:
     """Return the unit and the frame of a value as a comment."""
     field = place.field
     found = " ".join(filter(None, ("" if field.unit == "-" else field.unit, field.frame)))
-    return f"  # {found}" if found else ""
+    return f"  # {escaped(found)}" if found else ""
 
 
 def _value_writer(place: Place, indent: str) -> Callable[[Any], str]:
@@ -103,7 +104,7 @@ def _scalar_writer(place: Place) -> Callable[[Any], str]:
 def quoted_text(value: bytes | str) -> str:
     """Return text in quotes. All but printable characters are escaped, because a terminal would obey some."""
     text = text_of(value)
-    return json.dumps(text, ensure_ascii=not text.isprintable())
+    return json.dumps(text, ensure_ascii=False) if text.isprintable() else safe_json(json.dumps(text))
 
 
 def _member_writer(enum: Enum) -> Callable[[int], str]:
@@ -170,7 +171,7 @@ def json_writer(message: type[Message], paths: Sequence[str] = ()) -> Writer:
     Enums are numbers, text in `char[N]` is a string, and numbers that are not finite are null. Raises PlaceError.
     """
     convert = _object_maker(chosen(message, paths))
-    return lambda message: json.dumps(convert(message), allow_nan=False)
+    return lambda message: safe_json(json.dumps(convert(message), allow_nan=False))
 
 
 def _object_maker(places: Sequence[Place]) -> Callable[[Any], dict[str, Any]]:
@@ -218,18 +219,19 @@ def csv_header(message: type[Message], paths: Sequence[str] = ()) -> str:
     return ",".join(column for place in chosen(message, paths) for column in _columns(place, place.path))
 
 
-def csv_writer(message: type[Message], paths: Sequence[str] = ()) -> Writer:
+def csv_writer(message: type[Message], paths: Sequence[str] = (), *, quotes_formulas: bool = False) -> Writer:
     """Return a writer of rows with a column for each value. Arrays and nested messages have several.
 
-    Enums are numbers. Raises PlaceError.
+    Enums are numbers. Text is `escaped`; with `quotes_formulas`, `'` precedes text that a spreadsheet would evaluate.
+    Raises PlaceError.
     """
-    row = _row(chosen(message, paths))
+    row = _row(chosen(message, paths), quotes_formulas=quotes_formulas)
     return lambda message: ",".join(row(message))
 
 
-def _row(places: Sequence[Place]) -> Callable[[Any], list[str]]:
+def _row(places: Sequence[Place], *, quotes_formulas: bool) -> Callable[[Any], list[str]]:
     """Return a function that gives the cells of a message."""
-    values_of, cells = _values_of(places), [_cells(place) for place in places]
+    values_of, cells = _values_of(places), [_cells(place, quotes_formulas=quotes_formulas) for place in places]
     return lambda message: list(
         chain.from_iterable([each(value) for each, value in zip(cells, values_of(message), strict=True)])
     )
@@ -245,26 +247,32 @@ def _columns(place: Place, path: str) -> Iterator[str]:
                 yield from _columns(inner, f"{each}.{inner.path}")
 
 
-def _cells(place: Place) -> Callable[[Any], Sequence[str]]:
+def _cells(place: Place, *, quotes_formulas: bool) -> Callable[[Any], Sequence[str]]:
     """Return a function that gives the cells of a value."""
     nested = place.nested
     if nested is not None:
-        row = _row(list(places_of(nested)))
+        row = _row(list(places_of(nested)), quotes_formulas=quotes_formulas)
         return (lambda values: [cell for value in values for cell in row(value)]) if place.is_array else row
-    one = _cell(place)
+    one = _cell(place, quotes_formulas=quotes_formulas)
     if place.is_array:
         return lambda values: [one(value) for value in values]
     return lambda value: (one(value),)
 
 
-def _cell(place: Place) -> Callable[[Any], str]:
+def _cell(place: Place, *, quotes_formulas: bool) -> Callable[[Any], str]:
+    if place.is_text and quotes_formulas:
+        return lambda value: _in_quotes(csv_text(text_of(value), quotes_formulas=True))
     if place.is_text:
-        return lambda value: _quoted(text_of(value))
+        return lambda value: _quoted(csv_text(text_of(value)))
     if place.base == "bool":
         return lambda value: "true" if value else "false"
     return shortest if place.base == "float32" else str
 
 
 def _quoted(text: str) -> str:
-    is_special = any(character in text for character in ',"\r\n') or text != text.strip()
-    return '"' + text.replace('"', '""') + '"' if is_special else text
+    is_special = "," in text or '"' in text or text != text.strip()
+    return _in_quotes(text) if is_special else text
+
+
+def _in_quotes(text: str) -> str:
+    return '"' + text.replace('"', '""') + '"'

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from msggen.foreign import escaped
 from msggen.live.messages.formats import quoted_text, shortest, yaml_number
 from msggen.recordings.columns.annotations import UNKNOWN, Annotation, annotation_of, annotations_of, without_indices
 from msggen.recordings.decode.schemas import SchemaError, read_schema
@@ -146,7 +147,7 @@ def member_name(annotation: Annotation, value: int) -> str:
 
 def _about(annotation: Annotation) -> str:
     found = " ".join(filter(None, ("" if annotation.unit == "-" else annotation.unit, annotation.frame)))
-    return f"  # {found}" if found else ""
+    return f"  # {escaped(found)}" if found else ""
 
 
 def json_value(value: Any) -> Any:

@@ -49,12 +49,16 @@ def convert(  # noqa: PLR0913 - named options
     start: float | None = None,
     stop: float | None = None,
     fields: Collection[str] | None = None,
+    quotes_formulas: bool = False,
     progress: Callable[[float], None] = lambda _: None,
 ) -> Converted:
     """Write a recording in another format, one of FORMATS, to `target`: a file for `mcap`, otherwise a folder.
 
     `topics`, `start` and `stop` choose as for `Log.load`, and `fields` the columns of tables: of each topic those that
     it has. `progress` is called with the share that is done, from 0 to 1. The recording is read piece by piece.
+
+    Characters of text that are not printable are escapes in `csv`. With `quotes_formulas`, `'` precedes text there that
+    a spreadsheet would evaluate.
 
     The target is written under another name beside it, which is removed at the end or by the next run, and then
     renamed: there is never a part of it, and without samples nothing. Raises RecordingError, FileExistsError if there
@@ -67,9 +71,10 @@ def convert(  # noqa: PLR0913 - named options
     selection = Selection(chosen, start, stop, None if fields is None else listed(fields))
     if format not in TABLES:
         return join([log], target, selection, format, progress)
-    from msggen.recordings.convert.tables import write_tables
+    from msggen.recordings.convert.tables import Format, write_tables
 
-    return _whole(target, lambda made: write_tables(log, made, format, selection, progress))
+    kind = Format(format, quotes_formulas=quotes_formulas)
+    return _whole(target, lambda made: write_tables(log, made, kind, selection, progress))
 
 
 def join(

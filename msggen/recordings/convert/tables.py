@@ -6,9 +6,11 @@ import json
 import os
 from collections import defaultdict
 from contextlib import ExitStack
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from msggen.diagnostics import suggestion
+from msggen.foreign import csv_text, safe_json
 from msggen.nesting import MAX_TOTAL
 from msggen.recordings.columns.arrays import count_of, has_field, names_of
 from msggen.recordings.columns.arrow import table_of
@@ -34,14 +36,27 @@ _OBJECTS = 4
 """How many times the bytes of its column in Arrow an object of Python has."""
 
 
+class Format(NamedTuple):
+    """A format of tables."""
+
+    name: str
+    """`parquet`, `arrow` or `csv`, which is the suffix of files too."""
+    quotes_formulas: bool = False
+    """Whether `'` precedes text in CSV that a spreadsheet would evaluate."""
+
+    def table(self, table: Any) -> Any:
+        """Return a table as the format has it."""
+        return _flat(table, quotes_formulas=self.quotes_formulas) if self.name == "csv" else table
+
+
 def write_tables(
-    log: Log, folder: str, format_: str, selection: Selection, progress: Callable[[float], None]
+    log: Log, folder: str, format_: Format, selection: Selection, progress: Callable[[float], None]
 ) -> Converted:
     """Write a new folder with a file for each topic that has samples. See `convert`."""
     os.mkdir(folder)
     chosen, wide = _within_limits(log, log.chosen(selection.topics))
     columns = _columns(log, chosen, selection.fields)
-    paths = {key: os.path.join(folder, f"{name}.{format_}") for key, name in file_names(chosen).items()}
+    paths = {key: os.path.join(folder, f"{name}.{format_.name}") for key, name in file_names(chosen).items()}
     # in a ULog without a time of day, log times are no times in UTC
     utc_offset = log.utc_offset if log.has_facts else 0
     tables = _Tables(paths, format_, columns, utc_offset)
@@ -77,14 +92,14 @@ def _within_limits(log: Log, topics: Sequence[Topic]) -> tuple[list[Topic], list
     return kept, wide
 
 
-def _written_facts(log: Log, folder: str, format_: str, selection: Selection) -> Iterator[str]:
+def _written_facts(log: Log, folder: str, format_: Format, selection: Selection) -> Iterator[str]:
     """Write what a ULog has beside its topics, unless topics or fields were chosen. Yield the paths."""
     if selection.topics is not None or selection.fields is not None:
         return
     for name, table in fact_tables(log, *selection.limits(log.start)):
-        path = os.path.join(folder, f"{name}.{format_}")
-        with open(path, "xb") as file, _writer(file, format_, table.schema) as writer:
-            writer.write_table(table)
+        path, shown = os.path.join(folder, f"{name}.{format_.name}"), format_.table(table)
+        with open(path, "xb") as file, _writer(file, format_.name, shown.schema) as writer:
+            writer.write_table(shown)
         yield path
 
 
@@ -118,7 +133,7 @@ class _Tables:
     def __init__(
         self,
         paths: Mapping[tuple[str, int], str],
-        format_: str,
+        format_: Format,
         columns: Mapping[tuple[str, int], tuple[str, ...] | None],
         utc_offset: int | None,
     ) -> None:
@@ -167,13 +182,12 @@ class _Tables:
         collector = Collector(first.topic, first.array.dtype, sum(map(len, waiting)))
         for samples in waiting:
             collector.add(samples.array, samples.log_times, samples.publish_times)
-        table = table_of(collector.samples().choose(self._columns[key]), with_times=True, utc_offset=self._utc_offset)
-        if self._format == "csv":
-            table = _flat(table)
+        chosen = collector.samples().choose(self._columns[key])
+        table = self._format.table(table_of(chosen, with_times=True, utc_offset=self._utc_offset))
         if key not in self._writers:
             # pyarrow itself only opens files whose names are UTF-8
             file = self._ends[key].enter_context(open(self._paths[key], "wb"))  # noqa: SIM115 - the stack closes it
-            self._writers[key] = self._ends[key].enter_context(_writer(file, self._format, table.schema))
+            self._writers[key] = self._ends[key].enter_context(_writer(file, self._format.name, table.schema))
         self._writers[key].write_table(table)
         self.rows += len(table)
 
@@ -202,15 +216,25 @@ def _is_time(field: Any) -> bool:
     return bool(pa.types.is_timestamp(field.type) or (field.name == _TIME and field.type == pa.uint64()))
 
 
-def _flat(table: Any) -> Any:
-    """Return a table for CSV, which has no lists and structs: they are JSON, with null for NaN."""
+def _flat(table: Any, *, quotes_formulas: bool) -> Any:
+    """Return a table for CSV, which has no lists and structs: they are JSON, with null for NaN. Text is escaped."""
     import pyarrow as pa
+    from pyarrow import compute
 
     for index, field in enumerate(table.schema):
+        column = table.column(index)
         if pa.types.is_nested(field.type):
-            texts = [
-                None if value is None else json.dumps(json_value(value), allow_nan=False)
-                for value in table.column(index).to_pylist()
-            ]
-            table = table.set_column(index, pa.field(field.name, pa.string()), pa.array(texts, pa.string()))
+            change: Callable[[Any], str] = _json_of
+        elif pa.types.is_string(field.type) and (
+            quotes_formulas or compute.all(compute.utf8_is_printable(column)).as_py() is False
+        ):
+            change = partial(csv_text, quotes_formulas=quotes_formulas)
+        else:
+            continue
+        texts = [None if value is None else change(value) for value in column.to_pylist()]
+        table = table.set_column(index, pa.field(field.name, pa.string()), pa.array(texts, pa.string()))
     return table
+
+
+def _json_of(value: Any) -> str:
+    return safe_json(json.dumps(json_value(value), allow_nan=False))

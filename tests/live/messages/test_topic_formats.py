@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 import yaml
 
+from msggen.foreign import escaped
 from msggen.live.messages.formats import csv_header, csv_writer, json_writer, member_name, shortest, text_writer
 from msggen.live.messages.places import PlaceError, place_of
 
@@ -100,7 +101,7 @@ def test_csv_has_a_column_for_each_value(name: str, seed: int, px4_types: Any) -
         place = place_of(cls, head)
         value = place.get(message)
         if place.is_text:
-            assert cell == value.partition(b"\0")[0].decode(errors="replace")
+            assert cell == escaped(value.partition(b"\0")[0].decode(errors="replace"))
         elif isinstance(value, bool):
             assert cell == str(value).lower()
         else:
