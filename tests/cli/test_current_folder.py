@@ -1,187 +1,157 @@
-"""Tests of the source that a command takes from the current folder, and of folders that are not a whole source."""
+"""Tests that no code of the current folder is executed: a stranger may have written what lies in it."""
 
 from __future__ import annotations
 
-import os
-import shutil
+import ast
+import re
 import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from msggen.cli import DONE, FAILED, main
-from msggen.diagnostics import printable
-from support.catalogs import write_definitions
+from msggen.interpreter import command_of
+from support.fleet_recordings import parquet_in, write_flight
+from support.ports import free_port
 from support.repository import ROOT
+from support.shadows import FURTHER, STANDARD, environment, marked, remove_shadow, write_program, write_shadows
 
-STAMP = "uint64 timestamp\n"
-PACKAGE = "<package><name>{}</name></package>"
-TREE = {"msg/Lamp.msg": STAMP, "msg/versioned/Bulb.msg": STAMP, "src/modules/uxrce_dds_client/dds_topics.yaml": ""}
-ROS_PACKAGE = {"msg/Lamp.msg": STAMP, "package.xml": PACKAGE.format("px4_msgs")}
-OLD_TREE = {
-    "src/modules/micrortps_bridge/README": "",
-    "msg/tools/urtps_bridge_topics.yaml": "",
-    "msg/CMakeLists.txt": "set(msg_files vehicle_status.msg)\n",
-    **{f"msg/old_{number}.msg": "uint8 x\n# TOPICS  a  b\n" for number in range(100)},
-}
+WORKERS = ("msggen.recordings.fleet.worker", "msggen.live.links.isolated_child")
 
 
-@pytest.mark.parametrize(
-    ("files", "label"),
-    [
-        (TREE, "the PX4-Autopilot tree in the current folder"),
-        (ROS_PACKAGE, "the package px4_msgs in the current folder"),
-        ({**ROS_PACKAGE, "package.xml": PACKAGE.format("acme_msgs")}, "the package acme_msgs in the current folder"),
-        ({**TREE, "package.xml": PACKAGE.format("px4")}, "the PX4-Autopilot tree in the current folder"),
-        ({"msg/Lamp.msg": STAMP, "dds_topics.yaml": ""}, "the embedded PX4 v1.18"),  # as a clone of msggen
-        ({"Lamp.msg": STAMP}, "the embedded PX4 v1.18"),
-        ({"package.xml": PACKAGE.format("other")}, "the embedded PX4 v1.18"),
-    ],
-)
-def test_build_and_render_take_a_tree_or_a_package_and_name_it(
-    files: dict[str, str], label: str, working_folder: Path, capsys: pytest.CaptureFixture[str]
+def needed_by_m() -> list[str]:
+    """Return what `python -m msggen` imports from the current folder before msggen can do anything about it."""
+    done = done_in(ROOT, [sys.executable, "-I", "-c", "import runpy, sys; print(*sys.modules)"])
+    return ["msggen", *done.stdout.split()]
+
+
+@pytest.fixture
+def marks(tmp_path: Path) -> Path:
+    return tmp_path / "marks"
+
+
+@pytest.fixture
+def hostile(tmp_path: Path, marks: Path) -> Path:
+    """A folder with modules of all names that Python or msggen may import."""
+    write_shadows(tmp_path / "hostile", marks, [*STANDARD, *(name for name in FURTHER if name not in STANDARD)])
+    return tmp_path / "hostile"
+
+
+def done_in(folder: Path, command: Sequence[str], **further: str) -> subprocess.CompletedProcess[str]:
+    """Run a command to its end in a folder."""
+    return subprocess.run(
+        command, cwd=folder, env=environment(**further), stdin=subprocess.DEVNULL, capture_output=True, text=True,
+        check=False, timeout=120,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("way", ["", ".", "relative", "here", "link"])
+@pytest.mark.parametrize("module", WORKERS)
+def test_a_process_imports_nothing_from_the_current_folder(
+    module: str, way: str, hostile: Path, marks: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    write_definitions(working_folder, {**files, "name.txt.j2": "{{ message.name }}\n"})
-    assert main(["build"]) == DONE
-    first, second = capsys.readouterr().out.splitlines()
-    assert first.startswith(f"px4_types from {label}: ")
-    assert second.startswith("generated/px4_types: ")
-    assert main(["render", "--template", "name.txt.j2", "-o", "made"]) == DONE
-    assert capsys.readouterr().out.startswith(f"name.txt.j2 from {label}: ")
-    made = (working_folder / "generated" / "px4_types" / "msg" / "_lamp.py").exists()
-    assert made == (not label.startswith("the embedded"))
+    tmp_path = hostile.parent
+    (tmp_path / "link").symlink_to(hostile)
+    (tmp_path / "relative").symlink_to(hostile)
+    monkeypatch.chdir(tmp_path)
+    entry = {"here": str(hostile), "link": str(tmp_path / "link")}.get(way, way)
+    monkeypatch.setattr(sys, "path", [entry, *sys.path])
+    if way != "relative":
+        monkeypatch.chdir(hostile)
+    done_in(hostile, command_of(module))
+    assert marked(marks) == []
 
 
-def test_a_clone_of_msggen_builds_the_embedded_set(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_process_imports_from_where_its_parent_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "further.py").write_text(
+        "def main():\n    import sys, msggen\n    print(sys.flags.isolated, sys.path)\n"
+    )
+    monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
     monkeypatch.chdir(ROOT)
-    assert main(["build", "-o", str(tmp_path)]) == DONE
-    assert " from the embedded PX4 v1.18: " in capsys.readouterr().out
+    done = done_in(ROOT, command_of("further"))
+    assert done.stdout.startswith(f"1 ['{tmp_path}', "), done.stderr
+    assert ast.literal_eval(done.stdout[2:])[-1] == str(ROOT), "the current folder has msggen, and comes last"
 
 
-@pytest.mark.parametrize("how", ["option", "setting", "folder"])
-def test_options_and_settings_take_precedence(
-    how: str, working_folder: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.slow  # processes that import much
+@pytest.mark.parametrize("way", ["program", "module"])
+@pytest.mark.parametrize("jobs", [[], ["--jobs", "2"]], ids=["", "jobs"])
+def test_the_processes_of_a_fleet_execute_no_code_of_the_recordings(
+    way: str, jobs: list[str], hostile: Path, marks: Path, px4_types: Any
 ) -> None:
-    write_definitions(working_folder, {**TREE, "other/Motor.msg": STAMP})
-    if how == "setting":
-        (working_folder / "pyproject.toml").write_text('[tool.msggen]\npx4 = "other"\n')
-    options = {"option": ["--px4", "other"], "setting": [], "folder": ["--msg-dir", "other"]}[how]
-    assert main(["build", *options]) == DONE
-    assert capsys.readouterr().out.startswith("px4_types from other: 1 message,")
+    (hostile.parent / "bin").mkdir()
+    start = write_program(hostile.parent / "bin")
+    if way == "module":
+        start = [sys.executable, "-m", "msggen"]
+        for name in needed_by_m():
+            remove_shadow(hostile, name)
+    write_flight(hostile / "flight.mcap", px4_types, 1)
+    done = done_in(hostile, [*start, "log", "convert", ".", "-o", "../fleet", *jobs], PYTHONPATH=str(ROOT))
+    assert (done.returncode, marked(marks)) == (0, []), done.stderr
+    assert len(parquet_in(hostile.parent / "fleet")) == 2
 
 
-def test_check_and_sync_compare_with_the_tree_but_not_with_a_package(
-    working_folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    write_definitions(working_folder / "PX4-Autopilot", TREE)
-    monkeypatch.chdir("PX4-Autopilot")
-    assert main(["sync", "--create", "../px4_msgs"]) == DONE
-    told = "created from the PX4-Autopilot tree in the current folder: 2 definitions\n"
-    assert capsys.readouterr().out.endswith(told)
-    assert main(["check", "../px4_msgs"]) == DONE
-    told = "../px4_msgs matches the PX4-Autopilot tree in the current folder: 2 messages, 0 services\n"
-    assert capsys.readouterr().out == told
-    assert main(["sync", "../px4_msgs"]) == DONE
-    monkeypatch.chdir("../px4_msgs")
-    assert main(["check", "."]) == 2
-    assert "another source than the embedded PX4 v1.18" in capsys.readouterr().err
+PARENT = """
+import sys
+sys.path.insert(0, {root!r})
+from msggen.live import LinkError, Vehicle
+from msggen.live.links import isolated, opening
+sys.path.insert(0, "")  # as in a notebook, and with python -c
+try:
+    with Vehicle({url!r}, isolated=True) as vehicle:
+        print("open")
+except LinkError as error:
+    print(error)
+"""
 
 
-@pytest.mark.parametrize(
-    "command", [["build", "-q"], ["render", "-q", "--template", "t.j2", "-o", "o"], ["sync", "-q", "--create", "p"]]
-)
-@pytest.mark.parametrize("below", ["src", "src/modules/uxrce_dds_client"])
-def test_below_a_tree_the_embedded_release_is_read_with_a_warning(
-    command: list[str],
-    below: str,
-    working_folder: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    write_definitions(working_folder / "px4", TREE)
-    write_definitions(working_folder / "px4" / below, {"t.j2": "{{ message.name }}"})
-    monkeypatch.chdir(f"px4/{below}")
-    tree = os.path.relpath(working_folder / "px4")
-    told = f"in a PX4-Autopilot tree, but the embedded release is read: did you mean --px4 {tree}?"
-    for _ in range(2):  # an up-to-date build prints it too
-        assert main(command) == DONE
-        assert capsys.readouterr().err == f".: S127 warning: {told}\n"
-        if command[0] == "sync":
-            break
-    for named, folder in (("v1.18", "a"), (tree, "b")):
-        target = [*command, "-o", folder] if command[0] == "build" else [*command[:-1], folder]
-        assert main([*target, "--px4", named]) == DONE
-        assert "S127" not in capsys.readouterr().err
+@pytest.mark.slow
+def test_the_process_of_a_link_executes_no_code_of_the_current_folder(hostile: Path, marks: Path) -> None:
+    program = PARENT.format(root=str(ROOT), url=f"udp://127.0.0.1:{free_port()}")
+    done = done_in(hostile, [sys.executable, "-I", "-c", program])
+    assert (done.stdout, marked(marks)) == ("open\n", []), done.stderr
 
 
-@pytest.mark.parametrize("part", ["msg", "srv", "msg/versioned"])
-def test_a_part_of_a_tree_is_refused_with_the_tree(
-    part: str, working_folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    write_definitions(working_folder / "px4", {**TREE, "srv/Ask.srv": "---\n"})
-    refused = "S102 only a part of a firmware tree, did you mean '{}'?\n1 error, nothing written\n"
-    assert main(["build", "--px4", f"px4/{part}"]) == FAILED
-    assert capsys.readouterr().err == f"px4/{part}: {refused.format('px4')}"
-    monkeypatch.chdir(f"px4/{part}")
-    assert main(["build"]) == FAILED
-    assert capsys.readouterr().err == f".: {refused.format('../..' if '/' in part else '..')}"
-    assert not Path("generated").exists()
+# Every place that starts a process
+
+STARTS = {"multiprocessing", "subprocess", "pty", "webbrowser", "runpy"}
+"""Modules that start processes or programs."""
+
+STARTING = {
+    "disk/git.py": "the program git",
+    "live/links/isolated.py": "the command of `command_of`",
+    "recordings/fleet/pools.py": "the command of `command_of`",
+}
+"""The modules of msggen that may start processes, and what they start."""
 
 
-@pytest.mark.tools("git")
-@pytest.mark.parametrize("kind", ["folder", "current", "revision", "archive"])
-def test_a_tree_before_v1_14_is_refused_in_a_line(
-    kind: str, working_folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    write_definitions(working_folder / "px4", OLD_TREE)
-    named = {
-        "folder": ["--px4", "px4"],
-        "current": [],
-        "revision": ["--px4", "px4@HEAD"],
-        "archive": ["--px4", "px4.tar"],
-    }
-    if kind == "current":
-        monkeypatch.chdir("px4")
-    elif kind == "revision":
-        author = ["-c", "user.name=tester", "-c", "user.email=tester@localhost"]
-        for command in (["init", "-q"], ["add", "-A"], [*author, "commit", "-q", "-m", "old"]):
-            subprocess.run(["git", *command], cwd="px4", check=True)
-    elif kind == "archive":
-        shutil.make_archive("px4", "tar", ".", "px4")
-    assert main(["build", *named[kind]]) == FAILED
-    first, last = capsys.readouterr().err.splitlines()
-    assert first.endswith(": S105 a PX4-Autopilot tree before v1.14, the first release that msggen reads")
-    assert last == "1 error, nothing written"
+@cache
+def names_by_module() -> dict[str, set[str]]:
+    """Return what each module of msggen imports, and the attributes that it uses, such as `sys.executable`."""
+    folder = ROOT / "msggen"
+    return {path.relative_to(folder).as_posix(): set(names_in(path)) for path in folder.rglob("*.py")}
 
 
-@pytest.mark.parametrize(
-    "command", [["build"], ["render", "--template", "t.j2", "-o", "o"], ["breaking", "--against", "a"]]
-)
-def test_a_tree_without_its_option_is_told_the_option(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as stopped:
-        main([*command, "PX4-Autopilot"])
-    assert stopped.value.code == FAILED
-    told = capsys.readouterr().err.splitlines()[0]
-    assert told.endswith("unknown argument 'PX4-Autopilot': name the firmware with --px4 PX4-Autopilot")
+def names_in(path: Path) -> Iterator[str]:
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+        elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+            yield f"{node.value.id}.{node.attr}"
 
 
-@pytest.mark.parametrize(
-    ("words", "hint"),
-    [
-        (["PX4-Autopilot", "ws/px4_msgs"], ": name the firmware with --px4 PX4-Autopilot"),
-        (["ws/px4_msgs", "PX4-Autopilot"], ": name the firmware with --px4 PX4-Autopilot"),
-        (["ws/px4_msgs", "v1.17"], ": name the firmware with --px4 v1.17"),
-        (["ws/px4_msgs", "other"], ": expected one PKG per run"),
-        (["ws/px4_msgs", "\0"], ": expected one PKG per run"),
-    ],
-)
-def test_sync_with_two_folders_is_told_which_one_is_the_firmware(
-    words: list[str], hint: str, working_folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    write_definitions(working_folder, {f"PX4-Autopilot/{name}": text for name, text in TREE.items()})
-    with pytest.raises(SystemExit) as stopped:
-        main(["sync", *words])
-    assert stopped.value.code == FAILED
-    assert capsys.readouterr().err.splitlines()[0].endswith(f"unknown argument '{printable(words[1])}'{hint}")
+def modules_with(pattern: str) -> set[str]:
+    """Return the modules of msggen that use a name."""
+    return {module for module, names in names_by_module().items() if any(re.match(pattern, name) for name in names)}
+
+
+def test_one_module_makes_the_command_of_a_process_of_python() -> None:
+    assert modules_with(r"sys\.executable") == {"interpreter.py"}
+    assert modules_with(rf"({'|'.join(STARTS)})\b") == STARTING.keys()
+    assert not modules_with(r"concurrent\.futures\.(process|ProcessPoolExecutor)\b")
+    assert not modules_with(r"os\.(system|popen|fork|posix_spawn|startfile|exec[lv]|spawn)")

@@ -1,0 +1,60 @@
+"""A folder that tries to have its own code run: modules with the names of others, which leave marks when imported."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import os
+import shutil
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+
+from support.repository import ROOT
+
+STANDARD = sorted(sys.stdlib_module_names - set(sys.builtin_module_names))
+"""The modules of the standard library that are files."""
+
+FURTHER = sorted(
+    {"sitecustomize", "usercustomize", "msggen", "px4_types", "px4_msgs", "rclpy"}
+    | {name for name in importlib.metadata.packages_distributions() if name.isidentifier()}
+)
+"""Modules that msggen or Python would import, of packages that are installed or not."""
+
+
+def code_that_marks(marks: Path, name: str) -> str:
+    """Return code that writes a name to the file `marks`. It needs no module."""
+    return f"with open({str(marks)!r}, 'a', encoding='utf-8') as marks:\n    marks.write({name!r} + '\\n')\n"
+
+
+def write_shadows(folder: Path, marks: Path, names: Iterable[str]) -> None:
+    """Write modules and packages with these names into a folder. Each leaves its name in `marks` when imported."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for number, name in enumerate(names):
+        path = folder / f"{name}.py" if number % 2 else folder / name / "__init__.py"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(code_that_marks(marks, name), encoding="utf-8")
+
+
+def remove_shadow(folder: Path, name: str) -> None:
+    """Remove a module that `write_shadows` has written."""
+    (folder / f"{name}.py").unlink(missing_ok=True)
+    shutil.rmtree(folder / name, ignore_errors=True)
+
+
+def marked(marks: Path) -> list[str]:
+    """Return the names that are in `marks`."""
+    return marks.read_text(encoding="utf-8").splitlines() if marks.exists() else []
+
+
+def write_program(folder: Path) -> list[str]:
+    """Write a script as pip writes the program `msggen` into a folder. Return the command that runs it."""
+    path = folder / "msggen-program"
+    start = f"import sys\n\nsys.path.insert(1, {str(ROOT)!r})\nfrom msggen.__main__ import main\n\n"
+    path.write_text(f"{start}sys.exit(main())\n", encoding="utf-8")
+    return [sys.executable, str(path)]
+
+
+def environment(**further: str) -> dict[str, str]:
+    """Return the environment of a command of msggen, in which only further variables concern Python."""
+    kept = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "_ARGCOMPLETE"))}
+    return {**kept, "PYTHONDONTWRITEBYTECODE": "1", **further}
