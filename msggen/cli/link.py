@@ -20,7 +20,7 @@ from msggen.cli.values import convert_values, positive, whole
 from msggen.diagnostics import few, input_error
 from msggen.firmware.embedded import EMBEDDED
 from msggen.firmware.sources import find_sources
-from msggen.generate.cache import cache_folder, package_from, package_of
+from msggen.generate.cache import package_from, package_of, private_folder
 from msggen.location import Location
 from msggen.settings import read_settings
 
@@ -237,8 +237,8 @@ def _remembered(link: str) -> Memory:
 
 def _remember(link: str, memory: Memory) -> None:
     """Write what is known of a vehicle. A cache that cannot be written remembers nothing."""
-    path = _memory(link)
     with suppress(OSError, UnicodeEncodeError):
+        path = _memory(link)
         os.makedirs(os.path.dirname(path), mode=0o700, exist_ok=True)
         with tempfile.NamedTemporaryFile("w", dir=os.path.dirname(path), delete=False, encoding="ascii") as file:
             file.write("\n".join(memory))
@@ -246,4 +246,4 @@ def _remember(link: str, memory: Memory) -> None:
 
 
 def _memory(link: str) -> str:
-    return os.path.join(cache_folder(), "links", blake2b(link.encode(), digest_size=8).hexdigest())
+    return os.path.join(private_folder(), "links", blake2b(link.encode(), digest_size=8).hexdigest())

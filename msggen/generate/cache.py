@@ -6,12 +6,15 @@ import importlib.util
 import os
 import sys
 import tempfile
+from contextlib import suppress
+from functools import cache
 from importlib.machinery import ModuleSpec
 from shutil import rmtree
 from types import ModuleType
 
 from msggen import __version__
 from msggen.diagnostics import input_error
+from msggen.disk.ownership import has_others, problem_of
 from msggen.firmware.embedded import unknown_release
 from msggen.firmware.sources import Sources, find_sources, with_archived
 from msggen.generate.build import Build
@@ -69,14 +72,56 @@ def cache_folder() -> str:
     return os.path.join(root, "msggen")
 
 
+def private_folder() -> str:
+    """Return the folder for msggen's files that can be made again, and make it.
+
+    If others can change what lies in the user's cache, it is a temporary one, which is removed at the end of the
+    process: what lies there is executed. Raises OSError if it cannot be made.
+    """
+    folder = cache_folder()
+    _make(folder)
+    problem = problem_of(folder)
+    return _temporary(f"{folder}: not used as a cache: {problem}") if problem else folder
+
+
+@cache
+def _temporary(reason: str) -> str:
+    """Return a new temporary folder, and warn with the reason for it."""
+    import atexit
+    from logging import getLogger
+
+    getLogger(__name__).warning(reason)
+    folder = tempfile.mkdtemp(prefix="msggen-")
+    atexit.register(rmtree, folder, ignore_errors=True)
+    problem = problem_of(folder)
+    if problem:
+        raise OSError(f"no folder for packages, neither a cache nor a temporary one: {problem}")
+    return folder
+
+
+def _make(folder: str) -> None:
+    """Make a folder, and those above it that do not exist, for this user alone."""
+    if not os.path.isdir(folder):
+        _make(os.path.dirname(folder))
+        with suppress(FileExistsError):
+            os.mkdir(folder, 0o700)
+
+
 def _built(sources: Sources, name: str) -> str:
-    """Return the folder of a package, which is built there if it does not exist.
+    """Return the folder of a package, which is built if it does not exist, or may not be of this user."""
+    folder = _built_in(private_folder(), sources, name)
+    place = os.path.dirname(folder)
+    if not has_others(place):
+        return folder
+    return _built_in(_temporary(f"{place}: not used: it belongs to another user, or something in it"), sources, name)
+
+
+def _built_in(root: str, sources: Sources, name: str) -> str:
+    """Return the folder of a package in a cache, which is built there if it does not exist.
 
     The digest of all that a package depends on is in the path. So a package never changes, and several versions of
     msggen have their own. It is built beside its place and moved there: other processes see all of it or nothing.
     """
-    root = cache_folder()
-    os.makedirs(root, mode=0o700, exist_ok=True)
     made = tempfile.mkdtemp(prefix="new-", dir=root)
     try:
         build = Build(sources, made, name)

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import os
+import stat
 import subprocess
 import sys
-from collections.abc import Iterator
+import tempfile
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
 import pytest
 
@@ -51,6 +56,121 @@ def test_an_unknown_release_names_the_right_one(home: Path) -> None:
     with pytest.raises(InputError, match=r"v1\.18"):
         cache.package_of("v1.13")
     assert not home.exists()
+
+
+@pytest.fixture
+def user() -> Iterator[int]:
+    """A user who is neither root nor the one who runs the tests, and whom files can be given."""
+    if not hasattr(os, "geteuid"):
+        pytest.skip("Windows tells no owners")
+    temporary: Any = cache._temporary
+    temporary.cache_clear()
+    yield 12_345
+    temporary.cache_clear()
+
+
+def given_to(user: int, monkeypatch: pytest.MonkeyPatch, *paths: Path) -> None:
+    """Make files belong to a user, for Python at least: only root can give files away."""
+    given = {path.absolute() for path in paths}
+
+    def with_owner(look: Callable[..., os.stat_result]) -> Callable[..., Any]:
+        def found(path: Any, *further: Any, **options: Any) -> Any:
+            status = look(path, *further, **options)
+            if isinstance(path, int) or Path(os.fspath(path)).absolute() not in given:
+                return status
+            return os.stat_result((*status[:4], user, *status[5:]))
+
+        return found
+
+    for name in ("stat", "lstat"):
+        monkeypatch.setattr(os, name, with_owner(getattr(os, name)))
+
+
+def folder_of(package: ModuleType) -> Path:
+    """Return the folder of the cache that a package is in."""
+    return Path(str(package.__file__)).parents[2]
+
+
+def planted(home: Path) -> Path:
+    """Put code where a package is kept, which writes a file when it is executed. Return the folder of the package."""
+    expected = cache.package_of("v1.17")
+    del sys.modules["px4_v1_17"]
+    module = Path(str(expected.__file__))
+    module.write_text(f"open({str(home.parent / 'executed')!r}, 'w')\n")
+    return module.parent.parent
+
+
+@pytest.mark.usefixtures("user")
+@pytest.mark.parametrize(("place", "mode"), [("cache", 0o777), ("above", 0o775), ("both", 0o757)])
+def test_a_cache_that_others_can_write_is_not_used(
+    place: str, mode: int, home: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    planted(home)
+    for folder in {"cache": [home], "above": [home.parent], "both": [home, home.parent]}[place]:
+        folder.chmod(mode)
+    package = cache.package_of("v1.17")
+    assert package.SensorCombined.__msg__.name == "SensorCombined"
+    assert not (home.parent / "executed").exists()
+    assert folder_of(package).name.startswith("msggen-")
+    assert stat.S_IMODE(folder_of(package).stat().st_mode) == 0o700
+    (told,) = caplog.messages
+    shown = home.parent if place == "above" else home
+    assert told == f"{home}: not used as a cache: others can write to '{shown}': run `chmod go-w {shown}`"
+    assert folder_of(cache.package_of("v1.18")) == folder_of(package), "one folder, and one warning"
+    assert len(caplog.messages) == 1
+
+
+def test_a_cache_below_a_folder_like_tmp_is_used(home: Path, user: int, caplog: pytest.LogCaptureFixture) -> None:
+    assert user
+    home.parent.chmod(0o1777)
+    assert folder_of(cache.package_of("v1.17")) == home
+    assert caplog.messages == []
+
+
+def test_a_cache_of_another_user_is_not_used(
+    home: Path, user: int, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    planted(home)
+    given_to(user, monkeypatch, home.parent)
+    assert folder_of(cache.package_of("v1.17")) != home
+    assert not (home.parent / "executed").exists()
+    assert caplog.messages == [f"{home}: not used as a cache: '{home.parent}' belongs to another user"]
+
+
+@pytest.mark.parametrize("part", ["", "px4_v1_17", "px4_v1_17/cdr.py", "px4_v1_17/msg/_wind.py"])
+def test_a_package_of_another_user_is_not_used(
+    part: str, home: Path, user: int, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    place = planted(home)
+    given_to(user, monkeypatch, place / part)
+    assert folder_of(cache.package_of("v1.17")) != home
+    assert not (home.parent / "executed").exists()
+    assert caplog.messages == [f"{place}: not used: it belongs to another user, or something in it"]
+
+
+def test_a_temporary_folder_that_others_can_write_is_no_way_out(
+    home: Path, user: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    assert user
+    home.mkdir(mode=0o700)
+    home.chmod(0o777)
+    (tmp_path / "temporary").mkdir()
+    (tmp_path / "temporary").chmod(0o777)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
+    with pytest.raises(OSError, match="neither a cache nor a temporary one: others can write to "):
+        cache.package_of("v1.17")
+
+
+def test_a_cache_is_made_for_its_user_alone(home: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "a" / "b"))
+    before = os.umask(0)
+    try:
+        cache.package_of("v1.17")
+    finally:
+        os.umask(before)
+    assert not home.exists()
+    for folder in (tmp_path / "a", tmp_path / "a" / "b", tmp_path / "a" / "b" / "msggen"):
+        assert stat.S_IMODE(folder.stat().st_mode) == 0o700
 
 
 def test_a_build_that_fails_leaves_nothing(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
