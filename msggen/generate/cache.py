@@ -79,6 +79,8 @@ def private_folder() -> str:
     process: what lies there is executed. Raises OSError if it cannot be made.
     """
     folder = cache_folder()
+    if not os.path.isabs(folder):
+        return _temporary(f"{folder}: not used as a cache: no HOME is set")  # it would be in the current folder
     _make(folder)
     problem = problem_of(folder)
     return _temporary(f"{folder}: not used as a cache: {problem}") if problem else folder

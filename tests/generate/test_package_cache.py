@@ -161,6 +161,18 @@ def test_a_temporary_folder_that_others_can_write_is_no_way_out(
         cache.package_of("v1.17")
 
 
+@pytest.mark.usefixtures("user")
+def test_the_current_folder_is_no_cache(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, tmp_path: Path
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("XDG_CACHE_HOME")
+    monkeypatch.setattr(os.path, "expanduser", lambda path: path)  # as for a user without an entry and without HOME
+    assert cache.private_folder().startswith(tempfile.gettempdir())
+    assert caplog.messages == ["~/.cache/msggen: not used as a cache: no HOME is set"]
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_cache_is_made_for_its_user_alone(home: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "a" / "b"))
     before = os.umask(0)
