@@ -11,9 +11,12 @@ _BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
 def is_own(path: str) -> bool:
     """Whether a file, and a symbolic link to it, belong to this user, to root, or to the user of sudo.
 
-    Windows does not tell owners, so there every file is. Raises OSError if there is no such file.
+    Windows does not tell owners, so there every file is. A file that cannot be found is nobody's.
     """
-    return not hasattr(os, "geteuid") or {os.lstat(path).st_uid, os.stat(path).st_uid} <= _trusted()
+    try:
+        return not hasattr(os, "geteuid") or {os.lstat(path).st_uid, os.stat(path).st_uid} <= _trusted()
+    except OSError:
+        return False
 
 
 def problem_of(folder: str) -> str:

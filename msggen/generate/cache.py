@@ -44,7 +44,7 @@ def package_of(release: str) -> ModuleType:
         return found
     sources = find_sources(release)
     folder = _built(with_archived(sources) if release >= _ARCHIVED_SINCE else sources, name)
-    return _imported(name, folder)
+    return import_folder(name, folder)
 
 
 def package_from(sources: Sources) -> ModuleType:
@@ -53,10 +53,7 @@ def package_from(sources: Sources) -> ModuleType:
     It takes the place of an earlier one. Raises InputError for errors in the sources, and OSError if the cache cannot
     be written.
     """
-    folder = _built(sources, _ANY)
-    for name in [name for name in sys.modules if name.partition(".")[0] == _ANY]:
-        del sys.modules[name]
-    return _imported(_ANY, folder)
+    return import_folder(_ANY, _built(sources, _ANY))
 
 
 def cache_folder() -> str:
@@ -142,13 +139,18 @@ def _built_in(root: str, sources: Sources, name: str) -> str:
         rmtree(made, ignore_errors=True)
 
 
-def _imported(name: str, folder: str) -> ModuleType:
-    """Return the package in a folder, imported under its name without a change of `sys.path`."""
+def import_folder(name: str, folder: str) -> ModuleType:
+    """Return the package in a folder, imported under a name without a change of `sys.path`.
+
+    It takes the place of an earlier one.
+    """
     path = os.path.join(folder, "__init__.py")
     spec: ModuleSpec | None = importlib.util.spec_from_file_location(name, path, submodule_search_locations=[folder])
     if spec is None or spec.loader is None:
         raise ImportError(f"'{path}' cannot be imported")
     module = importlib.util.module_from_spec(spec)
+    for earlier in [each for each in sys.modules if each.partition(".")[0] == name]:
+        del sys.modules[earlier]
     sys.modules[name] = module
     try:
         spec.loader.exec_module(module)

@@ -7,7 +7,7 @@ import stat
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -17,6 +17,7 @@ import pytest
 from msggen import __version__
 from msggen.diagnostics import InputError
 from msggen.generate import cache
+from support.owners import give, needs_owners
 from support.repository import ROOT
 
 
@@ -59,31 +60,12 @@ def test_an_unknown_release_names_the_right_one(home: Path) -> None:
 
 
 @pytest.fixture
-def user() -> Iterator[int]:
-    """A user who is neither root nor the one who runs the tests, and whom files can be given."""
-    if not hasattr(os, "geteuid"):
-        pytest.skip("Windows tells no owners")
+def fresh() -> Iterator[None]:
+    """No temporary folder of an earlier test."""
     temporary: Any = cache._temporary
     temporary.cache_clear()
-    yield 12_345
+    yield
     temporary.cache_clear()
-
-
-def given_to(user: int, monkeypatch: pytest.MonkeyPatch, *paths: Path) -> None:
-    """Make files belong to a user, for Python at least: only root can give files away."""
-    given = {path.absolute() for path in paths}
-
-    def with_owner(look: Callable[..., os.stat_result]) -> Callable[..., Any]:
-        def found(path: Any, *further: Any, **options: Any) -> Any:
-            status = look(path, *further, **options)
-            if isinstance(path, int) or Path(os.fspath(path)).absolute() not in given:
-                return status
-            return os.stat_result((*status[:4], user, *status[5:]))
-
-        return found
-
-    for name in ("stat", "lstat"):
-        monkeypatch.setattr(os, name, with_owner(getattr(os, name)))
 
 
 def folder_of(package: ModuleType) -> Path:
@@ -100,7 +82,8 @@ def planted(home: Path) -> Path:
     return module.parent.parent
 
 
-@pytest.mark.usefixtures("user")
+@needs_owners
+@pytest.mark.usefixtures("fresh")
 @pytest.mark.parametrize(("place", "mode"), [("cache", 0o777), ("above", 0o775), ("both", 0o757)])
 def test_a_cache_that_others_can_write_is_not_used(
     place: str, mode: int, home: Path, caplog: pytest.LogCaptureFixture
@@ -120,38 +103,44 @@ def test_a_cache_that_others_can_write_is_not_used(
     assert len(caplog.messages) == 1
 
 
-def test_a_cache_below_a_folder_like_tmp_is_used(home: Path, user: int, caplog: pytest.LogCaptureFixture) -> None:
-    assert user
+@needs_owners
+@pytest.mark.usefixtures("fresh")
+def test_a_cache_below_a_folder_like_tmp_is_used(home: Path, caplog: pytest.LogCaptureFixture) -> None:
     home.parent.chmod(0o1777)
     assert folder_of(cache.package_of("v1.17")) == home
     assert caplog.messages == []
 
 
+@needs_owners
+@pytest.mark.usefixtures("fresh")
 def test_a_cache_of_another_user_is_not_used(
-    home: Path, user: int, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    home: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     planted(home)
-    given_to(user, monkeypatch, home.parent)
+    give(monkeypatch, home.parent)
     assert folder_of(cache.package_of("v1.17")) != home
     assert not (home.parent / "executed").exists()
     assert caplog.messages == [f"{home}: not used as a cache: '{home.parent}' belongs to another user"]
 
 
+@needs_owners
+@pytest.mark.usefixtures("fresh")
 @pytest.mark.parametrize("part", ["", "px4_v1_17", "px4_v1_17/cdr.py", "px4_v1_17/msg/_wind.py"])
 def test_a_package_of_another_user_is_not_used(
-    part: str, home: Path, user: int, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    part: str, home: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     place = planted(home)
-    given_to(user, monkeypatch, place / part)
+    give(monkeypatch, place / part)
     assert folder_of(cache.package_of("v1.17")) != home
     assert not (home.parent / "executed").exists()
     assert caplog.messages == [f"{place}: not used: it belongs to another user, or something in it"]
 
 
+@needs_owners
+@pytest.mark.usefixtures("fresh")
 def test_a_temporary_folder_that_others_can_write_is_no_way_out(
-    home: Path, user: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    home: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    assert user
     home.mkdir(mode=0o700)
     home.chmod(0o777)
     (tmp_path / "temporary").mkdir()
@@ -161,7 +150,8 @@ def test_a_temporary_folder_that_others_can_write_is_no_way_out(
         cache.package_of("v1.17")
 
 
-@pytest.mark.usefixtures("user")
+@needs_owners
+@pytest.mark.usefixtures("fresh")
 def test_the_current_folder_is_no_cache(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, tmp_path: Path
 ) -> None:
