@@ -193,7 +193,12 @@ def expected_package(options: argparse.Namespace) -> ModuleType:
 
     Raises InputError. A wrong value ends the process.
     """
-    return given_package(options) or package_of(_remembered(link_of(options)).release)
+    return given_package(options) or package_of(remembered_release(options))
+
+
+def remembered_release(options: argparse.Namespace) -> str:
+    """Return the release of the last vehicle on the link, or the newest one. Raises InputError as `link_of`."""
+    return _remembered(link_of(options)).release
 
 
 def given_package(options: argparse.Namespace) -> ModuleType | None:

@@ -38,13 +38,8 @@ def package_of(release: str) -> ModuleType:
     problem = unknown_release(release)
     if problem:
         raise input_error(release, "S105", problem, 0)
-    name = f"px4_{release.replace('.', '_')}"
-    found = sys.modules.get(name)
-    if found is not None:
-        return found
-    sources = find_sources(release)
-    folder = _built(with_archived(sources) if release >= _ARCHIVED_SINCE else sources, name)
-    return import_folder(name, folder)
+    name = _name_of(release)
+    return sys.modules.get(name) or import_folder(name, folder_of(release))
 
 
 def package_from(sources: Sources) -> ModuleType:
@@ -53,7 +48,18 @@ def package_from(sources: Sources) -> ModuleType:
     It takes the place of an earlier one. Raises InputError for errors in the sources, and OSError if the cache cannot
     be written.
     """
-    return import_folder(_ANY, _built(sources, _ANY))
+    return import_folder(_ANY, folder_from(sources))
+
+
+def folder_of(release: str) -> str:
+    """Return the folder of the package of an embedded release, without an import. Raises OSError as `package_of`."""
+    sources = find_sources(release)
+    return _built(with_archived(sources) if release >= _ARCHIVED_SINCE else sources, _name_of(release))
+
+
+def folder_from(sources: Sources) -> str:
+    """Return the folder of the package of any sources, without an import. Raises as `package_from`."""
+    return _built(sources, _ANY)
 
 
 def cache_folder() -> str:
@@ -104,6 +110,10 @@ def _make(folder: str) -> None:
         _make(os.path.dirname(folder))
         with suppress(FileExistsError):
             os.mkdir(folder, 0o700)
+
+
+def _name_of(release: str) -> str:
+    return f"px4_{release.replace('.', '_')}"
 
 
 def _built(sources: Sources, name: str) -> str:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import ast
+import json
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
@@ -14,10 +16,21 @@ from typing import Any
 import pytest
 
 from msggen.interpreter import command_of
+from support.commands import COMMANDS, run
 from support.fleet_recordings import parquet_in, write_flight
 from support.ports import free_port
 from support.repository import ROOT
-from support.shadows import FURTHER, STANDARD, environment, marked, remove_shadow, write_program, write_shadows
+from support.shadows import (
+    FURTHER,
+    STANDARD,
+    code_that_marks,
+    completed,
+    environment,
+    marked,
+    remove_shadow,
+    write_program,
+    write_shadows,
+)
 
 WORKERS = ("msggen.recordings.fleet.worker", "msggen.live.links.isolated_child")
 
@@ -113,6 +126,107 @@ def test_the_process_of_a_link_executes_no_code_of_the_current_folder(hostile: P
     program = PARENT.format(root=str(ROOT), url=f"udp://127.0.0.1:{free_port()}")
     done = done_in(hostile, [sys.executable, "-I", "-c", program])
     assert (done.stdout, marked(marks)) == ("open\n", []), done.stderr
+
+
+# TAB
+
+
+@pytest.fixture
+def project(hostile: Path, marks: Path) -> Path:
+    """A folder of a stranger with a generated package, and settings that name it. Its code leaves marks."""
+    package = hostile / "my_types"
+    shutil.copytree(ROOT / "generated" / "px4_types", package, ignore=shutil.ignore_patterns("__pycache__"))
+    for module in package.rglob("*.py"):
+        module.write_text(code_that_marks(marks, f"my_types: {module.relative_to(package)}"))
+    names = json.loads((package / "names.json").read_text())
+    names["endpoints"].append({**names["endpoints"][0], "uorb_topic": "topic_of_mine"})
+    (package / "names.json").write_text(json.dumps(names))
+    (hostile / "pyproject.toml").write_text('[tool.msggen]\ntypes = "./my_types"\n')
+    return hostile
+
+
+LINES = {
+    "msggen topic echo topic_of": ["topic_of_mine"],
+    "msggen topic echo --types ./my_types topic_of": ["topic_of_mine"],
+    "msggen topic echo --types my_types/ topic_of": ["topic_of_mine"],
+    "msggen topic echo --types my_types topic_of": [],
+    "msggen topic echo vehicle_status --field armi": ["arming_state"],
+    "msggen command NAV_TAKEO": ["NAV_TAKEOFF"],
+    "msggen call vehicle_command '{requ": ["{request:"],
+    "msggen sim --types ./my_t": ["./my_types/"],
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("line", LINES)
+def test_tab_completes_names_of_a_package_and_executes_nothing(line: str, project: Path, marks: Path) -> None:
+    command = write_program(project.parent)
+    found = completed(command, line, project, project.parent / "answer")
+    assert ([name for name in found if name and not name.startswith("--")], marked(marks)) == (LINES[line], [])
+
+
+@pytest.mark.slow
+def test_tab_imports_no_package_without_names(project: Path, marks: Path) -> None:
+    (project / "my_types" / "names.json").unlink()
+    command = write_program(project.parent)
+    found = completed(command, "msggen topic echo vehicle_st", project, project.parent / "answer")
+    assert ([name for name in found if name and not name.startswith("--")], marked(marks)) == ([], [])
+
+
+# Commands that import the package of the settings
+
+IMPORTING = {
+    *("call", "command", "doctor", "record", "relay", "top", "view"),
+    *("topic bw", "topic delay", "topic echo", "topic find", "topic hz", "topic info", "topic list", "topic pub"),
+}
+"""The commands that import the package that `types` in the settings names. SECURITY.md lists them."""
+
+WORDS = {
+    "breaking": ["--against", "v1.17"],
+    "bump": ["VehicleStatus", "--against", "HEAD"],
+    "call": ["{}", "--wait", "0.01"],
+    "check": ["."],
+    "command": ["--list"],
+    "completion": ["bash"],
+    "explain": ["M101"],
+    "log convert": ["a.ulg"],
+    "log cut": ["a.ulg"],
+    "log info": ["a.ulg"],
+    "log merge": ["a.ulg", "b.ulg", "-o", "c.mcap"],
+    "log plot": ["a.ulg", "b.c"],
+    "log repair": ["a.ulg"],
+    "log show": ["a.ulg", "b"],
+    "play": ["a.ulg"],
+    "px4-generate": ["-y", "dds_topics.yaml", "-t", "a.em", "-o", "a.h"],
+    "render": ["--template", "a.j2", "-o", "out"],
+    "sim": ["--for", "0.01", "--count", "1"],
+    "sync": ["px4_msgs"],
+    "topic pub": ["vehicle_command", "{}"],
+    "topic find": ["VehicleStatus"],
+    "topic info": ["vehicle_status"],
+    "topic echo": ["vehicle_status"],
+    "record": ["-o", "flight.mcap"],
+}
+"""Arguments with which a command gets beyond its arguments."""
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_only_commands_for_a_vehicle_import_the_package_of_the_settings(
+    command: str, project: Path, marks: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(project)
+    url = f"udp://127.0.0.1:{free_port()}"
+    (project / "pyproject.toml").write_text(f'[tool.msggen]\ntypes = "./my_types"\nlink = "{url}"\n')
+    monkeypatch.setattr("msggen.cli.relay._check_ros", lambda **_: None)
+    try:
+        outcome = run([*command.split(), *WORDS.get(command, [])])
+    finally:
+        for name in [name for name in sys.modules if name.partition(".")[0] == "my_types"]:
+            del sys.modules[name]
+    assert "Traceback" not in outcome.stderr
+    assert "following arguments are required" not in outcome.stderr
+    assert bool(marked(marks)) is (command in IMPORTING), outcome
+    assert set(marked(marks)) <= {"my_types: __init__.py", "my_types: topics.py"}
 
 
 # Every place that starts a process

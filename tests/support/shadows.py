@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.metadata
 import os
 import shutil
+import subprocess
 import sys
 from collections.abc import Iterable
 from pathlib import Path
@@ -58,3 +59,21 @@ def environment(**further: str) -> dict[str, str]:
     """Return the environment of a command of msggen, in which only further variables concern Python."""
     kept = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "_ARGCOMPLETE"))}
     return {**kept, "PYTHONDONTWRITEBYTECODE": "1", **further}
+
+
+def completed(command: list[str], line: str, folder: Path, answer: Path, **further: str) -> list[str]:
+    """Return what TAB proposes at the end of a command line that begins with `msggen`."""
+    asked = {
+        "_ARGCOMPLETE": "1",
+        "_ARGCOMPLETE_STDOUT_FILENAME": str(answer),
+        "_ARGCOMPLETE_IFS": "\n",
+        "_ARGCOMPLETE_SUPPRESS_SPACE": "1",
+        "COMP_LINE": line,
+        "COMP_POINT": str(len(line)),
+        "COMP_TYPE": "",
+    }
+    done = subprocess.run(
+        command, cwd=folder, env=environment(**asked, **further), capture_output=True, check=False, timeout=60
+    )
+    assert (done.stdout, done.stderr) == (b"", b"")
+    return answer.read_text(encoding="utf-8").split("\n")
