@@ -94,7 +94,8 @@ def names_of(options: argparse.Namespace) -> Names:
     from msggen.generate.cache import folder_from, folder_of
     from msggen.settings import read_settings
 
-    types = options.types or read_settings(os.curdir).types
+    options.settings = read_settings(os.curdir)  # without the note of `settings_of`, which nobody asked for
+    types = options.types or options.settings.types
     if options.px4:
         folder = folder_from(find_sources(options.px4))
     elif types:

@@ -27,18 +27,13 @@ from support.shadows import (
     completed,
     environment,
     marked,
+    needed_by_m,
     remove_shadow,
     write_program,
     write_shadows,
 )
 
 WORKERS = ("msggen.recordings.fleet.worker", "msggen.live.links.isolated_child")
-
-
-def needed_by_m() -> list[str]:
-    """Return what `python -m msggen` imports from the current folder before msggen can do anything about it."""
-    done = done_in(ROOT, [sys.executable, "-I", "-c", "import runpy, sys; print(*sys.modules)"])
-    return ["msggen", *done.stdout.split()]
 
 
 @pytest.fixture
@@ -49,7 +44,7 @@ def marks(tmp_path: Path) -> Path:
 @pytest.fixture
 def hostile(tmp_path: Path, marks: Path) -> Path:
     """A folder with modules of all names that Python or msggen may import."""
-    write_shadows(tmp_path / "hostile", marks, [*STANDARD, *(name for name in FURTHER if name not in STANDARD)])
+    write_shadows(tmp_path / "hostile", marks, [*STANDARD, *FURTHER])
     return tmp_path / "hostile"
 
 

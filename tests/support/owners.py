@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +17,10 @@ needs_owners = pytest.mark.skipif(not hasattr(os, "geteuid"), reason="Windows te
 
 def give(monkeypatch: pytest.MonkeyPatch, *paths: Path, user: int = OTHER) -> None:
     """Make files belong to a user; of a symbolic link, the link alone."""
-    given = {os.path.abspath(path) for path in paths}
+    every = {os.path.abspath(path) for path in paths}
+    files = {path for path in every if not os.path.islink(path)}
 
-    def with_owner(look: Callable[..., os.stat_result]) -> Callable[..., Any]:
+    def with_owner(look: Callable[..., os.stat_result], given: Collection[str]) -> Callable[..., Any]:
         def found(path: Any, *further: Any, **options: Any) -> Any:
             status = look(path, *further, **options)
             if isinstance(path, int) or os.path.abspath(os.fsdecode(path)) not in given:
@@ -28,6 +29,5 @@ def give(monkeypatch: pytest.MonkeyPatch, *paths: Path, user: int = OTHER) -> No
 
         return found
 
-    names = ("lstat",) if any(path.is_symlink() for path in paths) else ("stat", "lstat")
-    for name in names:
-        monkeypatch.setattr(os, name, with_owner(getattr(os, name)))
+    monkeypatch.setattr(os, "stat", with_owner(os.stat, files))
+    monkeypatch.setattr(os, "lstat", with_owner(os.lstat, every))

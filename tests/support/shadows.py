@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 import os
 import shutil
 import subprocess
 import sys
 from collections.abc import Iterable
+from functools import cache
 from pathlib import Path
 
 from support.repository import ROOT
@@ -15,9 +15,10 @@ from support.repository import ROOT
 STANDARD = sorted(sys.stdlib_module_names - set(sys.builtin_module_names))
 """The modules of the standard library that are files."""
 
-FURTHER = sorted(
-    {"sitecustomize", "usercustomize", "msggen", "px4_types", "px4_msgs", "rclpy"}
-    | {name for name in importlib.metadata.packages_distributions() if name.isidentifier()}
+FURTHER = (
+    *("argcomplete", "cyclonedds", "distributed", "em", "foxglove", "genmsg", "google", "jinja2", "lz4", "markupsafe"),
+    *("matplotlib", "mcap", "msggen", "numpy", "pandas", "polars", "px4_msgs", "px4_types", "pyarrow", "pygments"),
+    *("rclpy", "rich", "serial", "sitecustomize", "tomli", "typing_extensions", "usercustomize", "yaml", "zstandard"),
 )
 """Modules that msggen or Python would import, of packages that are installed or not."""
 
@@ -31,7 +32,7 @@ def write_shadows(folder: Path, marks: Path, names: Iterable[str]) -> None:
     """Write modules and packages with these names into a folder. Each leaves its name in `marks` when imported."""
     folder.mkdir(parents=True, exist_ok=True)
     for number, name in enumerate(names):
-        path = folder / f"{name}.py" if number % 2 else folder / name / "__init__.py"
+        path = folder / (f"{name}.py" if number % 2 else f"{name}/__init__.py")
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(code_that_marks(marks, name), encoding="utf-8")
 
@@ -59,6 +60,13 @@ def environment(**further: str) -> dict[str, str]:
     """Return the environment of a command of msggen, in which only further variables concern Python."""
     kept = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "_ARGCOMPLETE"))}
     return {**kept, "PYTHONDONTWRITEBYTECODE": "1", **further}
+
+
+@cache
+def needed_by_m() -> tuple[str, ...]:
+    """Return what `python -m msggen` imports from the current folder before msggen can do anything about it."""
+    command = [sys.executable, "-I", "-c", "import runpy, sys; print(*sys.modules)"]
+    return ("msggen", *subprocess.run(command, capture_output=True, text=True, check=True).stdout.split())
 
 
 def completed(command: list[str], line: str, folder: Path, answer: Path, **further: str) -> list[str]:
