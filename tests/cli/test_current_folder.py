@@ -32,6 +32,7 @@ from support.shadows import (
     write_program,
     write_shadows,
 )
+from support.ulog import write_ulog
 
 WORKERS = ("msggen.recordings.fleet.worker", "msggen.live.links.isolated_child")
 
@@ -121,6 +122,20 @@ def test_the_process_of_a_link_executes_no_code_of_the_current_folder(hostile: P
     program = PARENT.format(root=str(ROOT), url=f"udp://127.0.0.1:{free_port()}")
     done = done_in(hostile, [sys.executable, "-I", "-c", program])
     assert (done.stdout, marked(marks)) == ("open\n", []), done.stderr
+
+
+# matplotlib
+
+
+@pytest.mark.slow
+def test_the_style_of_the_current_folder_is_not_used(tmp_path: Path) -> None:
+    """It can have text typeset by LaTeX, with commands of its own."""
+    write_ulog(tmp_path / "flight.ulg")
+    (tmp_path / "matplotlibrc").write_text("text.usetex: True\ntext.latex.preamble: \\input{secret}\nfont.size: 1e9\n")
+    words = ["log", "plot", "flight.ulg", "sensor_gps.fix_type", "-o", "a.svg"]
+    done = done_in(tmp_path, [*write_program(tmp_path), *words])
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "fix_type" in (tmp_path / "a.svg").read_text(encoding="utf-8")
 
 
 # TAB
