@@ -34,7 +34,7 @@ from support.shadows import (
 )
 from support.ulog import write_ulog
 
-WORKERS = ("msggen.recordings.fleet.worker", "msggen.live.links.isolated_child")
+WORKERS = ("msggen.worker", "msggen.live.links.isolated_child")
 
 
 @pytest.fixture

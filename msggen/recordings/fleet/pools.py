@@ -88,7 +88,7 @@ class _Worker:
         self._kill()
 
     def _start(self) -> subprocess.Popen[bytes]:
-        command = command_of("msggen.recordings.fleet.worker")
+        command = command_of("msggen.worker")
         process = self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)  # noqa: S603
         if self._is_ended:
             self._kill()

@@ -1,4 +1,7 @@
-"""The process of a pool: calls a function with each task that its parent sends, until that has ended."""
+"""The process of a pool: calls a function with each task that its parent sends, until that has ended.
+
+It imports little, because a Ctrl-C before it is ignored would leave a trace.
+"""
 
 from __future__ import annotations
 
