@@ -118,6 +118,7 @@ CODES: Mapping[str, Level] = MappingProxyType(
         "C103": Level.ERROR,
         "C104": Level.ERROR,
         "C105": Level.WARNING,
+        "C106": Level.NOTE,
         "T101": Level.ERROR,
         "T102": Level.ERROR,
         "T103": Level.ERROR,

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, NamedTuple, NoReturn
 
-from msggen.diagnostics import input_error, suggestion
+from msggen.diagnostics import Diagnostic, input_error, suggestion
+from msggen.disk.ownership import is_own
 from msggen.disk.reading import read_text
 from msggen.firmware.embedded import names_release
 from msggen.firmware.file import BoardOption
@@ -17,9 +18,10 @@ from msggen.location import Location
 
 class Settings(NamedTuple):
     """The settings. A setting that is not set is None or empty. `origin` is the path of the file with the settings.
+    `notices` are about files whose settings are not read.
 
     `package` is the Python package for `build`, `ros_package` the ROS package for `sync`. `link` is the address of a
-    link to a vehicle, `types` the name or the folder of the generated package with the vehicle's messages.
+    link to a vehicle, `types` the generated package with its messages, by name or, if it is a path, by folder.
     """
 
     px4: str | None = None
@@ -38,6 +40,7 @@ class Settings(NamedTuple):
     ignore: tuple[str, ...] = ()
     per_message_ignores: Mapping[str, tuple[str, ...]] = MappingProxyType({})
     origin: str = ""
+    notices: tuple[Diagnostic, ...] = ()
 
     def place(self, key: str, *inside: str) -> Location:
         """Return the location of a setting, or the option `--key` if no file has settings.
@@ -66,21 +69,32 @@ _PATHS = ("px4", "msg_dir", "topics", "output")
 def read_settings(folder: str) -> Settings:
     """Return the settings from the nearest pyproject.toml, in `folder` or above, that has a table for msggen.
 
-    Paths are relative to the folder of the file. Raises InputError for unknown settings and for values of the wrong
-    type.
+    Paths are relative to the folder of the file. The file of another user is not used, because settings name code that
+    is executed, and anyone can put a file into /tmp; `notices` has a note about it. Raises InputError for unknown
+    settings and for values of the wrong type.
     """
     here = os.path.abspath(folder)
+    notices: tuple[Diagnostic, ...] = ()
     while True:
         path = os.path.join(here, "pyproject.toml")
+        shown = os.path.relpath(path, folder)
         text = _text(path)
-        mentioned = "msggen" in text and re.search(_MENTIONED, text)
-        found = _parse(text, os.path.relpath(path, folder)) if mentioned else None
-        if found is not None:
-            return found
+        if "msggen" in text and re.search(_MENTIONED, text):
+            if _is_trusted(path):
+                found = _parse(text, shown)
+                if found is not None:
+                    return found._replace(notices=notices)
+            else:
+                notices += (_note(here, shown),)
         parent = os.path.dirname(here)
         if parent == here:
-            return Settings()
+            return Settings(notices=notices)
         here = parent
+
+
+def names_folder(types: str) -> bool:
+    """Whether `types` is the path of a folder, as `./NAME` is, and not the name of an installed package."""
+    return types.startswith(".") or any(each in types for each in (os.sep, os.altsep) if each)
 
 
 def _text(path: str) -> str:
@@ -90,7 +104,23 @@ def _text(path: str) -> str:
     except (FileNotFoundError, IsADirectoryError, NotADirectoryError, PermissionError):
         return ""
     except OSError as error:
+        if not _is_trusted(path):
+            return ""
         _fail(os.path.relpath(path), "C101", f"cannot be read: {error.strerror or error}", 0)
+
+
+def _is_trusted(path: str) -> bool:
+    """Whether a file is of this user, or in a folder that the user has declared to be safe for git."""
+    if is_own(path):
+        return True
+    from msggen.disk.git import is_safe
+
+    return is_safe(os.path.dirname(path))
+
+
+def _note(folder: str, path: str) -> Diagnostic:
+    cure = f"if you trust it, run `git config --global --add safe.directory {folder}`"
+    return Diagnostic(Location(path, 0), "C106", f"not used, because it is the file of another user: {cure}")
 
 
 def _parse(text: str, path: str) -> Settings | None:
@@ -123,7 +153,7 @@ def _parse(text: str, path: str) -> Settings | None:
 
 
 def _field(key: str, text: str, path: str) -> str:
-    known = {name.replace("_", "-"): name for name in Settings._fields if name != "origin"}
+    known = {name.replace("_", "-"): name for name in Settings._fields if name not in ("origin", "notices")}
     if key not in known:
         _fail(path, "C102", f"unknown setting '{key}'{suggestion(key, known)}", *_place(text, key))
     return known[key]
@@ -156,7 +186,7 @@ def _is_path(field: str, value: str, joined: str) -> bool:
     if field == "px4":
         return os.path.exists(joined) or not names_release(value)
     if field == "types":
-        return os.path.isdir(joined)
+        return names_folder(value)
     return field in _PATHS or (field == "board" and BoardOption(value).is_path)
 
 

@@ -17,7 +17,7 @@ from msggen.cli.options import (
 )
 from msggen.cli.printing import print_report
 from msggen.cli.selection import add_selection, selected_rules, unmatched
-from msggen.cli.sources import board_of, firmware_path, shell_options, sources_of
+from msggen.cli.sources import board_of, firmware_path, settings_of, shell_options, sources_of
 from msggen.diagnostics import Diagnostic, few
 from msggen.exit_codes import DONE, FINDINGS
 from msggen.firmware.embedded import EMBEDDED, PREFIX
@@ -25,7 +25,7 @@ from msggen.firmware.file import File
 from msggen.firmware.sources import Sources, find_sources, join_package, open_tree, split_package, with_board
 from msggen.firmware.tree import Folder
 from msggen.location import Location
-from msggen.settings import Settings, read_settings
+from msggen.settings import Settings
 
 if TYPE_CHECKING:
     from msggen.finding import Report
@@ -56,7 +56,7 @@ def _breaking(options: argparse.Namespace) -> int:
     from msggen.compare.rules import with_remedies
     from msggen.firmware.history import VERSIONED
 
-    settings = read_settings(".")
+    settings = settings_of(options)
     named = options.px4
     options.px4 = firmware_path(options, settings)
     rules, ignored = selected_rules("breaking", options, settings)

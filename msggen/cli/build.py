@@ -18,14 +18,14 @@ from msggen.cli.options import (
     writes,
 )
 from msggen.cli.printing import print_notices, print_plan
-from msggen.cli.sources import sources_of
+from msggen.cli.sources import settings_of, sources_of
 from msggen.diagnostics import counted, input_error
 from msggen.disk.depfile import check_depfile, write_depfile
 from msggen.exit_codes import DONE, FINDINGS
 from msggen.firmware.sources import Sources, with_archived
 from msggen.generate.build import Build, Outcome
 from msggen.location import Location
-from msggen.settings import Settings, read_settings
+from msggen.settings import Settings
 
 _FEW = 10
 """The largest number of stale files that are listed without `--verbose`."""
@@ -62,7 +62,7 @@ def add_to(commands: Commands) -> None:
 
 def _build(options: argparse.Namespace) -> int:
     started = time.perf_counter()
-    build, sources = _prepare(options, read_settings("."))
+    build, sources = _prepare(options, settings_of(options))
     if options.list_outputs:
         print(*(os.path.join(build.folder, name) for name in build.outputs()), sep="\n")
         return DONE

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 
 from msggen.cli.options import WRITING_CODES, Commands, add_command, add_shared, local_path, writes
 from msggen.cli.printing import print_diff, print_notices
-from msggen.cli.sources import check_setting, firmware_path
+from msggen.cli.sources import check_setting, firmware_path, settings_of
 from msggen.exit_codes import DONE, FINDINGS
-from msggen.settings import read_settings
 
 if TYPE_CHECKING:
     from msggen.bump.edits import Edits
@@ -41,7 +40,7 @@ def _bump(options: argparse.Namespace) -> int:
     from msggen.bump.edits import plan_bump
     from msggen.bump.write import bump
 
-    settings = read_settings(".")
+    settings = settings_of(options)
     check_setting(options, settings)
     firmware = firmware_path(options, settings)
     write = writes(options)

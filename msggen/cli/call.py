@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import argparse
 import re
+from collections.abc import Mapping
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from msggen.cli.link import add_link, connection, expected_package
 from msggen.cli.message import add_timeout, add_values, read_values, settle
 from msggen.cli.options import FAILED_CODES, Commands, add_command, non_empty, refuse
 from msggen.cli.values import convert_values, positive
 from msggen.exit_codes import DONE
+
+if TYPE_CHECKING:
+    from msggen.cli.names import Field, Names
 
 
 def add_to(commands: Commands) -> None:
@@ -62,6 +66,14 @@ def service_of(options: argparse.Namespace, package: ModuleType) -> Any:
         names = " and ".join(f"'{_snake(each.__name__)}'" for each in known.values())
         refuse(options, f"argument SERVICE: no service '{options.service or ''}': there is {names}")
     return known[name]
+
+
+def request_like(options: argparse.Namespace, names: Names) -> Mapping[str, Field]:
+    """Return the fields of the request of the service that the user names, or of the only one. Raises KeyError."""
+    known = {_plain(name): names.messages[key] for name, key in names.services.items()}
+    if options.service is None and len(known) == 1:
+        return next(iter(known.values()))
+    return known[_plain((options.service or "").rpartition("/")[2])]
 
 
 def _plain(name: str) -> str:

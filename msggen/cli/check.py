@@ -26,6 +26,7 @@ from msggen.cli.sources import (
     is_recording,
     is_strict,
     recorded,
+    settings_of,
     shell_options,
 )
 from msggen.diagnostics import Diagnostic, input_error
@@ -37,7 +38,7 @@ from msggen.firmware.sources import Sources, find_sources, with_board
 from msggen.firmware.tree import Folder
 from msggen.firmware.tree_layout import find_manifest
 from msggen.location import Location
-from msggen.settings import Settings, read_settings
+from msggen.settings import Settings
 
 if TYPE_CHECKING:
     from msggen.finding import Report
@@ -78,7 +79,7 @@ def _check(options: argparse.Namespace) -> int:
     _refuse_sides(options)
     if options.live:
         return _check_live(options)
-    settings = read_settings(".") if options.other is None else Settings()
+    settings = settings_of(options) if options.other is None else Settings()
     if options.other is None:
         reference, judged = options.px4 or settings.px4 or "", options.side
         previous = (
@@ -127,7 +128,7 @@ def _check_live(options: argparse.Namespace) -> int:
     from msggen.cli.doctor import check_live
 
     if options.side is None:
-        return check_live(options, firmware_of(options, read_settings(".")))
+        return check_live(options, firmware_of(options, settings_of(options)))
     return check_live(
         options, None if _is_generated(options.side) else find_sources(options.side, tuple(options.msg_dir or ()))
     )
@@ -139,7 +140,7 @@ def _of_recording(options: argparse.Namespace, recording: str, path: str) -> Sou
         other = recorded(options, path)
     else:
         other = generated(options, path, recording) if _is_generated(path) else find_sources(path)
-    return recorded(options, recording, other)._replace(strict=is_strict(options, read_settings(".")))
+    return recorded(options, recording, other)._replace(strict=is_strict(options, settings_of(options)))
 
 
 def _is_generated(path: str) -> bool:
@@ -209,7 +210,7 @@ def _first_of_two(options: argparse.Namespace) -> Sources:
     else:
         sources = find_sources(options.side, tuple(options.msg_dir or ()), options.topics, options.release)
     sources = with_board(sources, board_of(options, Settings()))
-    sources = sources._replace(strict=is_strict(options, read_settings(".")))
+    sources = sources._replace(strict=is_strict(options, settings_of(options)))
     files = (*sources.messages, *sources.services)
     if options.px4 or any(file.tree is not sources.root and not file.package for file in files):
         options.parser.error("with two sides, --px4 is not allowed and --msg-dir may only name other packages")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from msggen.cli.link import Connection, add_link, connection, expected_package, given_package
 from msggen.cli.message import add_timeout, settle
+from msggen.cli.names import names_of
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, non_empty, refuse
 from msggen.cli.values import convert_values, positive
 from msggen.diagnostics import suggestion
@@ -268,19 +269,18 @@ def _kind(parameter: Any) -> str:
 def _complete_command(_: str, options: argparse.Namespace) -> Iterator[str]:
     """Yield the names of commands."""
     yield from SHORT
-    yield from _commands(expected_package(options))
+    yield from names_of(options).commands
 
 
 def _complete_parameter(prefix: str, options: argparse.Namespace) -> Iterator[str]:
     """Yield the parameters of the command with `=`, and the members of the enum of one."""
     name, *first = _plain(options.command or "")
-    command = _commands(expected_package(options)).get(name)
-    for each in command.params if command else ():
+    for each in names_of(options).commands.get(name, ()):
         if any(word.startswith(f"param{each.number}=") for word in first):
             continue  # the short name has its value
         yield f"{each.name}="
-        if each.enum is not None and prefix.startswith(f"{each.name}="):
-            yield from [f"{each.name}={name}" for name in each.enum.__members__]
+        if prefix.startswith(f"{each.name}="):
+            yield from [f"{each.name}={member}" for member in each.members]
 
 
 COMPLETERS: Mapping[str, Callable[[str, argparse.Namespace], Iterator[str]]] = {

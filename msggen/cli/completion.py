@@ -69,12 +69,11 @@ def _commands(parser: argparse.ArgumentParser) -> Iterable[argparse.ArgumentPars
 def _live(names: Callable[[str, argparse.Namespace], Iterable[str]]) -> Callable[..., list[str]]:
     """Return a completer of names that types have. Without the types, or a topic, there are none."""
     from msggen.diagnostics import InputError
-    from msggen.live import TopicError
 
     def completer(prefix: str, parsed_args: argparse.Namespace, **_: object) -> list[str]:
         try:
             found = dict.fromkeys(names(prefix, parsed_args))
-        except (ImportError, InputError, OSError, SystemExit, TopicError, ValueError):  # also of a recording
+        except (ImportError, InputError, KeyError, OSError, SystemExit, ValueError):  # also of a recording
             return []
         return [name for name in found if name.lower().startswith(prefix.lower())]
 

@@ -18,12 +18,11 @@ from msggen.cli.options import (
     writes,
 )
 from msggen.cli.printing import print_notices, print_plan
-from msggen.cli.sources import source_here, sources_of
+from msggen.cli.sources import settings_of, source_here, sources_of
 from msggen.diagnostics import counted, input_error
 from msggen.exit_codes import DONE, FINDINGS
 from msggen.firmware.embedded import EMBEDDED, PREFIX
 from msggen.firmware.sources import Sources, find_sources
-from msggen.settings import read_settings
 from msggen.site.build import Outcome, SiteBuild
 
 _FORMATS = ("html", "markdown")
@@ -68,7 +67,7 @@ def _docs(options: argparse.Namespace) -> int:
         options.parser.error("--project needs --format html: the pages of a project are Markdown already")
     if options.project and not os.path.isdir(options.project):
         raise input_error("--project", "S101", f"'{options.project}': no such folder", 0)
-    settings = read_settings(".")
+    settings = settings_of(options)
     sources = sources_of(options, settings)
     options.px4 = options.px4 or settings.px4 or source_here() or PREFIX + EMBEDDED[0]
     against = previous_sources(options, settings) if options.against else _release_before(sources)

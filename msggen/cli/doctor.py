@@ -11,11 +11,11 @@ from msggen.cli.link import add_link, given_package, link_of
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_output_format, add_shared, non_empty
 from msggen.cli.packages import import_package
 from msggen.cli.printing import print_report
+from msggen.cli.sources import settings_of
 from msggen.cli.values import convert_values, positive
 from msggen.diagnostics import input_error
 from msggen.exit_codes import DONE, FINDINGS
 from msggen.firmware.embedded import EMBEDDED
-from msggen.settings import read_settings
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -74,7 +74,7 @@ def _doctor(options: argparse.Namespace) -> int:
     else:
         from msggen.doctor.expected import expected_of
 
-        label = options.types or options.px4 or read_settings(os.curdir).types or given.__name__
+        label = options.types or options.px4 or settings_of(options).types or given.__name__
         expected = dict.fromkeys(
             (each.remote.number for each in seen.vehicles), expected_of(given, label, is_given=True)
         )
@@ -161,4 +161,4 @@ def _of_sources(sources: Sources) -> Expected:
 def _of_package(text: str) -> Expected:
     from msggen.doctor.expected import expected_of
 
-    return expected_of(import_package(text), text, is_given=False)
+    return expected_of(import_package(os.path.abspath(text)), text, is_given=False)

@@ -16,13 +16,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.cli.options import add_shared, local_path, non_empty
 from msggen.cli.packages import import_package, topics_of
+from msggen.cli.sources import settings_of
 from msggen.cli.values import convert_values, positive, whole
 from msggen.diagnostics import few, input_error
 from msggen.firmware.embedded import EMBEDDED
 from msggen.firmware.sources import find_sources
-from msggen.generate.cache import cache_folder, package_from, package_of
+from msggen.generate.cache import package_from, package_of, private_folder
 from msggen.location import Location
-from msggen.settings import read_settings
 
 if TYPE_CHECKING:
     from msggen.live import LinkError, Vehicle
@@ -179,7 +179,7 @@ def link_of(options: argparse.Namespace) -> str:
     from msggen.live.links.address import parse_address
 
     convert_values(options, {"key": whole(1, (1 << 32) - 1), "wait": positive})
-    settings = read_settings(os.curdir)
+    settings = settings_of(options)
     link = str(options.link or settings.link or DEFAULT)
     try:
         return str(parse_address(link))
@@ -193,15 +193,24 @@ def expected_package(options: argparse.Namespace) -> ModuleType:
 
     Raises InputError. A wrong value ends the process.
     """
-    return given_package(options) or package_of(_remembered(link_of(options)).release)
+    return given_package(options) or package_of(remembered_release(options))
+
+
+def remembered_release(options: argparse.Namespace) -> str:
+    """Return the release of the last vehicle on the link, or the newest one. Raises InputError as `link_of`."""
+    return _remembered(link_of(options)).release
 
 
 def given_package(options: argparse.Namespace) -> ModuleType | None:
     """Return the package that the options or the settings name, or None. Raises InputError if it cannot be used."""
-    named = options.px4 or options.types or read_settings(os.curdir).types
+    settings = settings_of(options)
+    named = options.px4 or options.types or settings.types
     if named is None:
         return None
-    found = package_from(find_sources(options.px4)) if options.px4 else import_package(named)
+    if options.px4:
+        found = package_from(find_sources(options.px4))
+    else:
+        found = import_package(named, "" if options.types else os.path.dirname(settings.origin))
     if not getattr(topics_of(found), "ENDPOINTS", ()):
         raise input_error(named, "L103", "no topics of the bridge: no dds_topics.yaml", 0)
     return found
@@ -237,8 +246,8 @@ def _remembered(link: str) -> Memory:
 
 def _remember(link: str, memory: Memory) -> None:
     """Write what is known of a vehicle. A cache that cannot be written remembers nothing."""
-    path = _memory(link)
     with suppress(OSError, UnicodeEncodeError):
+        path = _memory(link)
         os.makedirs(os.path.dirname(path), mode=0o700, exist_ok=True)
         with tempfile.NamedTemporaryFile("w", dir=os.path.dirname(path), delete=False, encoding="ascii") as file:
             file.write("\n".join(memory))
@@ -246,4 +255,4 @@ def _remember(link: str, memory: Memory) -> None:
 
 
 def _memory(link: str) -> str:
-    return os.path.join(cache_folder(), "links", blake2b(link.encode(), digest_size=8).hexdigest())
+    return os.path.join(private_folder(), "links", blake2b(link.encode(), digest_size=8).hexdigest())

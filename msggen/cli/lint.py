@@ -16,12 +16,11 @@ from msggen.cli.options import (
 )
 from msggen.cli.printing import print_report
 from msggen.cli.selection import add_selection, selected_rules, unmatched
-from msggen.cli.sources import sources_of
+from msggen.cli.sources import settings_of, sources_of
 from msggen.diagnostics import input_error
 from msggen.exit_codes import DONE, FINDINGS
 from msggen.firmware.tree import Folder
 from msggen.firmware.tree_layout import find_definitions
-from msggen.settings import read_settings
 
 
 def add_to(commands: Commands) -> None:
@@ -53,7 +52,7 @@ def add_to(commands: Commands) -> None:
 def _lint(options: argparse.Namespace) -> int:
     from msggen.check import lint
 
-    settings = read_settings(".")
+    settings = settings_of(options)
     rules, ignored = selected_rules("lint", options, settings)
     sources = sources_of(options, settings)
     if sources.embedded and not (options.px4 or settings.px4 or options.msg_dir or settings.msg_dir):

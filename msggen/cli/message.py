@@ -6,7 +6,7 @@ import argparse
 import re
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from msggen.cli.link import Connection
@@ -15,6 +15,7 @@ from msggen.diagnostics import Diagnostic, InputError, input_error
 from msggen.location import Location
 
 if TYPE_CHECKING:
+    from msggen.cli.names import Field, Names
     from msggen.live.messages.packages import Message
 
     MessageT = TypeVar("MessageT", bound=Message)
@@ -116,16 +117,12 @@ _MEMBER = re.compile(r"(\w+):\s*([\w|]*)\Z")
 """and the value of one, as far as it is typed."""
 
 
-def values_like(prefix: str, cls: type[Message]) -> Iterator[str]:
+def values_like(prefix: str, own: Mapping[str, Field], names: Names) -> Iterator[str]:
     """Yield values in YAML with the last word completed: the name of a field, or a member of the enum of one."""
-    from msggen.live.messages.places import places_of
-
-    own = {place.path: place for place in places_of(cls)}
-    nested = {inner.path: inner for place in own.values() if place.nested for inner in places_of(place.nested)}
+    nested = {name: each for field in own.values() for name, each in names.messages.get(field.message, {}).items()}
     known = own if prefix.count("{") - prefix.count("}") <= 1 else nested
     member, name = _MEMBER.search(prefix), _NAME.search(prefix)
     if member is not None and member[1] in known:
-        enum = known[member[1]].enum
-        yield from [prefix[: member.start(2)] + each for each in (enum.__members__ if enum is not None else ())]
+        yield from [prefix[: member.start(2)] + each for each in known[member[1]].members]
     elif name is not None:
         yield from [f"{prefix[: name.start(1)]}{each}:" for each in known]

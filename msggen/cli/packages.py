@@ -7,21 +7,46 @@ import sys
 from types import ModuleType
 
 from msggen.diagnostics import InputError, input_error
+from msggen.generate.cache import import_folder
+from msggen.settings import names_folder
 
 
-def import_package(text: str) -> ModuleType:
-    """Import a generated package by its name or by its folder. Raises InputError if it cannot be imported."""
+def import_package(text: str, base: str = "") -> ModuleType:
+    """Import a generated package: the folder of a path such as `./NAME`, or an installed one by its name.
+
+    `base` is the folder that the name is from, and never imported from. Raises InputError if it cannot be imported.
+    """
+    try:
+        return _import_folder(text) if names_folder(text) else _import_installed(text)
+    except Exception as error:  # noqa: BLE001 - the code of the user
+        is_meant = not names_folder(text) and os.path.isdir(os.path.join(base, text))
+        hint = f"; to use the folder, write .{os.sep}{text}" if is_meant else ""
+        raise input_error(text, "L103", f"cannot be imported: {error}{hint}", 0) from None
+
+
+def _import_folder(path: str) -> ModuleType:
+    """Import the package in a folder. No other module is imported from where the folder is."""
+    path = os.path.abspath(path)
+    name = os.path.basename(path)
+    found = sys.modules.get(name)
+    if found is not None:
+        if os.path.realpath(os.path.dirname(found.__file__ or os.devnull)) == os.path.realpath(path):
+            return found
+        if not hasattr(found, "by_type"):
+            raise ImportError(f"'{name}' is the name of another module: rename the folder")
+    return import_folder(name, path)
+
+
+def _import_installed(name: str) -> ModuleType:
+    """Import a package from anywhere but a relative folder, as the current one is for `python -c`."""
     from importlib import import_module
 
-    path = os.path.abspath(text)
-    folder, name = os.path.split(path) if os.path.isdir(path) else (os.curdir, text)
-    sys.path.insert(0, os.path.abspath(folder))
+    before = sys.path[:]
+    sys.path[:] = filter(os.path.isabs, before)
     try:
         return import_module(name)
-    except Exception as error:  # noqa: BLE001 - the code of the user
-        raise input_error(text, "L103", f"cannot be imported: {error}", 0) from None
     finally:
-        sys.path.pop(0)
+        sys.path[:] = before
 
 
 def topics_of(package: ModuleType) -> ModuleType:

@@ -18,13 +18,12 @@ from msggen.cli.options import (
     writes,
 )
 from msggen.cli.printing import print_change, print_notices
-from msggen.cli.sources import sources_of
+from msggen.cli.sources import settings_of, sources_of
 from msggen.diagnostics import OF_BOARDS, counted
 from msggen.disk.depfile import check_depfile, write_depfile
 from msggen.disk.output import stale_files, write_stale_files
 from msggen.exit_codes import DONE, FINDINGS
 from msggen.render import THINGS
-from msggen.settings import read_settings
 
 _STDOUT = "-"
 """The output folder that stands for stdout."""
@@ -77,7 +76,7 @@ def add_to(commands: Commands) -> None:
 
 def _render(options: argparse.Namespace) -> int:
     _check_options(options)
-    sources = sources_of(options, read_settings("."))
+    sources = sources_of(options, settings_of(options))
     from msggen.firmware.catalog import read_catalog
     from msggen.firmware.inferred import with_inferred
     from msggen.render.run import (

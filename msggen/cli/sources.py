@@ -6,6 +6,7 @@ import argparse
 import os
 from collections.abc import Iterator, Mapping, Sequence
 
+from msggen.cli.printing import print_notices
 from msggen.diagnostics import Diagnostic, InputError, input_error
 from msggen.firmware.embedded import names_release, near_release, unknown_release
 from msggen.firmware.file import BoardOption
@@ -13,7 +14,16 @@ from msggen.firmware.sources import Sources, find_sources, split_package, with_b
 from msggen.firmware.tree import Folder
 from msggen.firmware.tree_layout import find_manifest, is_firmware, tree_above, whole_tree
 from msggen.location import Location
-from msggen.settings import Settings
+from msggen.settings import Settings, read_settings
+
+
+def settings_of(options: argparse.Namespace) -> Settings:
+    """Return the settings for the current folder. The first call prints a note about those that are not read."""
+    if "settings" not in options:
+        options.settings = read_settings(os.curdir)
+        print_notices(options.settings.notices)
+    found: Settings = options.settings
+    return found
 
 
 def sources_of(options: argparse.Namespace, settings: Settings, *, packages: bool = True) -> Sources:
@@ -70,7 +80,7 @@ def generated(options: argparse.Namespace, folder: str, recording: str) -> Sourc
     from msggen.cli.log.opening import opened
     from msggen.cli.packages import import_package
 
-    package = import_package(folder)
+    package = import_package(os.path.abspath(folder))
     with opened(options, recording) as log:
         from msggen.recordings.definitions.sources import sources_of_package
 

@@ -18,11 +18,11 @@ from msggen.cli.options import (
     writes,
 )
 from msggen.cli.printing import print_diff, print_notices
-from msggen.cli.sources import firmware_of, is_named
+from msggen.cli.sources import firmware_of, is_named, settings_of
 from msggen.diagnostics import counted
 from msggen.exit_codes import DONE, FINDINGS
 from msggen.location import Location
-from msggen.settings import Settings, read_settings
+from msggen.settings import Settings
 
 if TYPE_CHECKING:
     from msggen.sync.contents import PackageContents
@@ -66,7 +66,7 @@ def add_to(commands: Commands) -> None:
 
 
 def _sync(options: argparse.Namespace) -> int:
-    settings = read_settings(".")
+    settings = settings_of(options)
     if not is_named(options, settings) and os.path.lexists(os.path.join(options.target, "package.xml")):
         text = "the embedded definitions are only for a new package"
         options.parser.error(f"'{options.target}' exists, and {text}: name the firmware with --px4 or the setting px4")

@@ -156,3 +156,24 @@ def revisions(folder: str) -> list[str]:
         return git(folder, "for-each-ref", "--format=%(refname:short)").decode(errors="replace").split()
     except GitError:
         return []
+
+
+def is_safe(folder: str) -> bool:
+    """Whether the user has told git to trust a folder of another user, or one above it: its `safe.directory`."""
+    try:
+        found = git(os.sep, "config", "--null", "--type=path", "--get-all", "safe.directory")
+    except GitError:
+        return False
+    trusts = False
+    for each in os.fsdecode(found).split("\0")[:-1]:
+        if not each:  # forgets all before it
+            trusts = False
+        elif each == "*" or _is_below(folder, each.removesuffix("/*")):
+            trusts = True
+    return trusts
+
+
+def _is_below(folder: str, above: str) -> bool:
+    return os.path.isabs(above) and os.path.commonpath([os.path.realpath(folder), os.path.realpath(above)]) == (
+        os.path.realpath(above)
+    )

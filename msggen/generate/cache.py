@@ -6,12 +6,15 @@ import importlib.util
 import os
 import sys
 import tempfile
+from contextlib import suppress
+from functools import cache
 from importlib.machinery import ModuleSpec
 from shutil import rmtree
 from types import ModuleType
 
 from msggen import __version__
 from msggen.diagnostics import input_error
+from msggen.disk.ownership import has_others, problem_of
 from msggen.firmware.embedded import unknown_release
 from msggen.firmware.sources import Sources, find_sources, with_archived
 from msggen.generate.build import Build
@@ -35,13 +38,8 @@ def package_of(release: str) -> ModuleType:
     problem = unknown_release(release)
     if problem:
         raise input_error(release, "S105", problem, 0)
-    name = f"px4_{release.replace('.', '_')}"
-    found = sys.modules.get(name)
-    if found is not None:
-        return found
-    sources = find_sources(release)
-    folder = _built(with_archived(sources) if release >= _ARCHIVED_SINCE else sources, name)
-    return _imported(name, folder)
+    name = _name_of(release)
+    return sys.modules.get(name) or import_folder(name, folder_of(release))
 
 
 def package_from(sources: Sources) -> ModuleType:
@@ -50,10 +48,18 @@ def package_from(sources: Sources) -> ModuleType:
     It takes the place of an earlier one. Raises InputError for errors in the sources, and OSError if the cache cannot
     be written.
     """
-    folder = _built(sources, _ANY)
-    for name in [name for name in sys.modules if name.partition(".")[0] == _ANY]:
-        del sys.modules[name]
-    return _imported(_ANY, folder)
+    return import_folder(_ANY, folder_from(sources))
+
+
+def folder_of(release: str) -> str:
+    """Return the folder of the package of an embedded release, without an import. Raises OSError as `package_of`."""
+    sources = find_sources(release)
+    return _built(with_archived(sources) if release >= _ARCHIVED_SINCE else sources, _name_of(release))
+
+
+def folder_from(sources: Sources) -> str:
+    """Return the folder of the package of any sources, without an import. Raises as `package_from`."""
+    return _built(sources, _ANY)
 
 
 def cache_folder() -> str:
@@ -69,14 +75,62 @@ def cache_folder() -> str:
     return os.path.join(root, "msggen")
 
 
+def private_folder() -> str:
+    """Return the folder for msggen's files that can be made again, and make it.
+
+    If others can change what lies in the user's cache, it is a temporary one, which is removed at the end of the
+    process: what lies there is executed. Raises OSError if it cannot be made.
+    """
+    folder = cache_folder()
+    if not os.path.isabs(folder):
+        return _temporary(f"{folder}: not used as a cache: no HOME is set")  # it would be in the current folder
+    _make(folder)
+    problem = problem_of(folder)
+    return _temporary(f"{folder}: not used as a cache: {problem}") if problem else folder
+
+
+@cache
+def _temporary(reason: str) -> str:
+    """Return a new temporary folder, and warn with the reason for it."""
+    import atexit
+    from logging import getLogger
+
+    getLogger(__name__).warning(reason)
+    folder = tempfile.mkdtemp(prefix="msggen-")
+    atexit.register(rmtree, folder, ignore_errors=True)
+    problem = problem_of(folder)
+    if problem:
+        raise OSError(f"no folder for packages, neither a cache nor a temporary one: {problem}")
+    return folder
+
+
+def _make(folder: str) -> None:
+    """Make a folder, and those above it that do not exist, for this user alone."""
+    if not os.path.isdir(folder):
+        _make(os.path.dirname(folder))
+        with suppress(FileExistsError):
+            os.mkdir(folder, 0o700)
+
+
+def _name_of(release: str) -> str:
+    return f"px4_{release.replace('.', '_')}"
+
+
 def _built(sources: Sources, name: str) -> str:
-    """Return the folder of a package, which is built there if it does not exist.
+    """Return the folder of a package, which is built if it does not exist, or may not be of this user."""
+    folder = _built_in(private_folder(), sources, name)
+    place = os.path.dirname(folder)
+    if not has_others(place):
+        return folder
+    return _built_in(_temporary(f"{place}: not used: it belongs to another user, or something in it"), sources, name)
+
+
+def _built_in(root: str, sources: Sources, name: str) -> str:
+    """Return the folder of a package in a cache, which is built there if it does not exist.
 
     The digest of all that a package depends on is in the path. So a package never changes, and several versions of
     msggen have their own. It is built beside its place and moved there: other processes see all of it or nothing.
     """
-    root = cache_folder()
-    os.makedirs(root, mode=0o700, exist_ok=True)
     made = tempfile.mkdtemp(prefix="new-", dir=root)
     try:
         build = Build(sources, made, name)
@@ -95,13 +149,18 @@ def _built(sources: Sources, name: str) -> str:
         rmtree(made, ignore_errors=True)
 
 
-def _imported(name: str, folder: str) -> ModuleType:
-    """Return the package in a folder, imported under its name without a change of `sys.path`."""
+def import_folder(name: str, folder: str) -> ModuleType:
+    """Return the package in a folder, imported under a name without a change of `sys.path`.
+
+    It takes the place of an earlier one.
+    """
     path = os.path.join(folder, "__init__.py")
     spec: ModuleSpec | None = importlib.util.spec_from_file_location(name, path, submodule_search_locations=[folder])
     if spec is None or spec.loader is None:
         raise ImportError(f"'{path}' cannot be imported")
     module = importlib.util.module_from_spec(spec)
+    for earlier in [each for each in sys.modules if each.partition(".")[0] == name]:
+        del sys.modules[earlier]
     sys.modules[name] = module
     try:
         spec.loader.exec_module(module)

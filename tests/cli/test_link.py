@@ -85,13 +85,71 @@ def test_a_wrong_value_is_told_in_a_line(words: list[str], error: str, working_f
 
 @pytest.mark.parametrize("text", ["raise RuntimeError('no')", "def x(:", "import no_such_module"])
 def test_types_that_fail_to_import_are_told_in_a_line(text: str, working_folder: Path) -> None:
-    for name in ("broken_types", ".hidden"):
-        (working_folder / name).mkdir()
+    for name in ("./broken_types", ".hidden", "folder/types"):
+        (working_folder / name).mkdir(parents=True)
         (working_folder / name / "__init__.py").write_text(text)
         outcome = run(["topic", "list", "--types", name])
         assert outcome.code == 2
         assert outcome.stderr.startswith(f"{name}: L103 cannot be imported: ")
         assert outcome.stderr.endswith("\n1 error\n")
+        assert "to use the folder" not in outcome.stderr
+
+
+MARKING = "from pathlib import Path\nPath(__file__).with_name('executed').touch()\n"
+
+
+@pytest.mark.parametrize("entry", ["", "."])
+@pytest.mark.parametrize("way", ["option", "setting", "setting above"])
+def test_a_name_is_an_installed_package_and_not_a_folder(
+    way: str, entry: str, working_folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The current folder is on the path of `python -c`, of a notebook, and of nothing else."""
+    monkeypatch.setattr(sys, "path", [entry, *sys.path])
+    (working_folder / "nobodys_types").mkdir()
+    (working_folder / "nobodys_types" / "__init__.py").write_text(MARKING)
+    words = ["--types", "nobodys_types"] if way == "option" else []
+    if way != "option":
+        (working_folder / "pyproject.toml").write_text('[tool.msggen]\ntypes = "nobodys_types"\n')
+    if way == "setting above":
+        (working_folder / "deep").mkdir()
+        monkeypatch.chdir("deep")
+    outcome = run(["topic", "list", *words])
+    text = "cannot be imported: No module named 'nobodys_types'; to use the folder, write ./nobodys_types"
+    assert (outcome.code, outcome.stderr) == (2, f"nobodys_types: L103 {text}\n1 error\n")
+    assert not (working_folder / "nobodys_types" / "executed").exists()
+
+
+def test_a_name_is_found_below_a_folder_of_the_path(working_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As with PYTHONPATH=generated, also if this is the current folder."""
+    (working_folder / "types_on_path").symlink_to(TYPES)
+    monkeypatch.setattr(sys, "path", [*sys.path, str(working_folder)])
+    found = given_package(options("--types", "types_on_path"))
+    assert found is not None
+    assert found.__path__ == [str(working_folder / "types_on_path")]
+
+
+def test_a_folder_is_imported_without_its_neighbours(working_folder: Path) -> None:
+    for name in ("px4_types.py", "array.py", "registry.py", "numpy.py"):
+        (working_folder / name).write_text(MARKING)
+    (working_folder / "types_of_mine").symlink_to(TYPES)
+    before = sys.path[:]
+    found = given_package(options("--types", "./types_of_mine"))
+    assert found is not None
+    assert found.topics.out.vehicle_status.message.decode(found.VehicleStatus().encode()) == found.VehicleStatus()
+    assert sys.path == before
+    assert not (working_folder / "executed").exists()
+    assert given_package(options("--types", f"{working_folder}/types_of_mine")) is found
+
+
+def test_a_folder_does_not_take_the_place_of_a_module(working_folder: Path) -> None:
+    (working_folder / "json").mkdir()
+    (working_folder / "json" / "__init__.py").write_text(MARKING)
+    outcome = run(["topic", "list", "--types", "./json"])
+    assert outcome.code == 2
+    assert outcome.stderr.startswith(
+        "./json: L103 cannot be imported: 'json' is the name of another module: rename the"
+    )
+    assert not (working_folder / "json" / "executed").exists()
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ from msggen.cli import main
 from msggen.diagnostics import InputError
 from msggen.settings import Settings, read_settings
 from support.catalogs import write_definitions
+from support.owners import OTHER, give, needs_owners
 
 LAMP = {"Lamp.msg": "# A lamp.\n\nuint64 timestamp\n"}
 FAN = {"Fan.msg": "# A fan.\n\nuint64 timestamp\n"}
@@ -316,3 +317,109 @@ def test_a_setting_that_cannot_be_is_told_where_it_stands(
     settings_file(f"[tool.msggen]\n# mine\n{setting}\n")
     assert main(["build"]) == 2
     assert capsys.readouterr().err.startswith(told)
+
+
+# Files of other users
+
+
+@needs_owners
+def test_the_file_of_another_user_is_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
+    settings_file('[tool.msggen]\noutput = "mine"\n')
+    settings_file('[tool.msggen]\noutput = "theirs"\ntypo = 1\n', "theirs")
+    Path("theirs/deep").mkdir()
+    monkeypatch.chdir("theirs/deep")
+    give(monkeypatch, Path("../pyproject.toml"))
+    found = read_settings(".")
+    assert (found.origin, found.output) == ("../../pyproject.toml", "../../mine")
+    (note,) = found.notices
+    assert str(note) == (
+        "../pyproject.toml: C106 not used, because it is the file of another user: if you trust it, run "
+        f"`git config --global --add safe.directory {Path.cwd().parent}`"
+    )
+
+
+@needs_owners
+def test_a_command_tells_once_which_file_it_does_not_use(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    settings_file('[tool.msggen]\ntypes = "./evil"\nlink = "tap://127.0.0.1:9"\n')
+    Path("evil").mkdir()
+    Path("evil/__init__.py").write_text("open('executed', 'w')\n")
+    give(monkeypatch, Path("pyproject.toml"))
+    for words in (["topic", "list", "--wait", "0.1"], ["command", "--list"], ["build", "-q", "--check"]):
+        main([*words])
+        told = capsys.readouterr().err
+        assert told.count("C106 note: not used") == 1
+    assert not Path("executed").exists()
+
+
+@needs_owners
+def test_the_link_of_another_user_leads_nowhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Paths are relative to the link: beside it, another user may have put what the settings name."""
+    settings_file('[tool.msggen]\ntypes = "generated/px4_types"\n', "own")
+    Path("pyproject.toml").symlink_to("own/pyproject.toml")
+    assert read_settings(".").types == "generated/px4_types"
+    give(monkeypatch, Path("pyproject.toml"))
+    assert read_settings(".").types is None
+
+
+@needs_owners
+@pytest.mark.parametrize(
+    ("user", "me", "sudo", "is_used"),
+    [
+        (OTHER, OTHER, "", True),
+        (0, OTHER, "", True),
+        (OTHER, OTHER + 1, "", False),
+        (OTHER, 0, "", False),
+        (OTHER, 0, str(OTHER), True),
+        (OTHER, 0, str(OTHER + 1), False),
+        (OTHER, OTHER + 1, str(OTHER), False),
+        (OTHER, 0, "x", False),
+    ],
+)
+def test_root_trusts_the_user_of_sudo_and_everybody_root(
+    user: int, me: int, sudo: str, is_used: object, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    settings_file('[tool.msggen]\noutput = "src"\n')
+    give(monkeypatch, Path("pyproject.toml"), user=user)
+    monkeypatch.setattr(os, "geteuid", lambda: me)
+    monkeypatch.setenv("SUDO_UID", sudo)
+    assert (read_settings(".").output == "src") is is_used
+
+
+@needs_owners
+@pytest.mark.tools("git")
+@pytest.mark.parametrize(
+    ("values", "is_used"),
+    [
+        (["*"], True),
+        (["{here}"], True),
+        (["{above}"], True),
+        (["{above}/*"], True),
+        (["{here}/deeper"], False),
+        (["{here}x"], False),
+        (["", "{here}"], True),
+        (["{here}", ""], False),
+        (["elsewhere", "."], False),
+        ([], False),
+    ],
+)
+def test_a_folder_that_is_safe_for_git_is_trusted(
+    values: list[str], is_used: object, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    settings_file('[tool.msggen]\noutput = "src"\n')
+    give(monkeypatch, Path("pyproject.toml"))
+    shown = [value.format(here=Path.cwd(), above=Path.cwd().parent) for value in values]
+    Path("config").write_text("".join(f'[safe]\n\tdirectory = "{value}"\n' for value in shown))
+    monkeypatch.setenv("GIT_CONFIG_GLOBAL", str(Path("config").absolute()))
+    monkeypatch.setenv("GIT_CONFIG_NOSYSTEM", "1")
+    assert (read_settings(".").output == "src") is is_used
+
+
+@needs_owners
+def test_the_pipe_of_another_user_stops_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
+    os.mkfifo("pyproject.toml")
+    with pytest.raises(InputError, match="C101 cannot be read: not a regular file"):
+        read_settings(".")
+    give(monkeypatch, Path("pyproject.toml"))
+    assert read_settings(".") == Settings()

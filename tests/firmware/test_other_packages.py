@@ -402,7 +402,9 @@ def test_the_outputs_are_listed_as_they_are_made(capsys: Capture) -> None:
     assert built("--list-outputs", *options) == DONE
     listed = capsys.readouterr().out.splitlines()
     assert built("-q", *options) == DONE
-    written = [str(path) for path in GENERATED.rglob("*") if path.suffix in (".py", ".typed")]
+    written = [
+        str(path) for path in GENERATED.rglob("*") if path.suffix in (".py", ".typed") or path.name == "names.json"
+    ]
     assert sorted(listed) == sorted(written)
     assert f"{GENERATED}/std_srvs/srv/_set_bool__request.py" in listed
     assert f"{GENERATED}/std_srvs/msg/__init__.py" not in listed

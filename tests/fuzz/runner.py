@@ -28,6 +28,8 @@ NAMES = (
     "kills",
     "faults",
     "strangers",
+    "shadows",
+    "settings",
     "arguments",
     "datagrams",
     "recordings",

@@ -108,6 +108,8 @@ PLANTED: dict[str, tuple[str, Any]] = {
     "kills": ("msggen.generate.build.write_output", write_in_place),
     "faults": ("msggen.generate.build.write_output", write_in_place),
     "strangers": ("msggen.generate.build.write_output", write_in_place),
+    "shadows": ("msggen.cli.packages.names_folder", lambda _: True),
+    "settings": ("msggen.settings.is_own", lambda _: True),
     "arguments": ("msggen.firmware.catalog.decode_text", fail),
     "datagrams": ("msggen.live.xrce.wire.WireError", KeyError),
     "recordings": ("msggen.recordings.writer.McapWriter.flush", lambda _: None),

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import os
+import stat
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
 import pytest
 
 from msggen import __version__
 from msggen.diagnostics import InputError
 from msggen.generate import cache
+from support.owners import give, needs_owners
 from support.repository import ROOT
 
 
@@ -51,6 +57,122 @@ def test_an_unknown_release_names_the_right_one(home: Path) -> None:
     with pytest.raises(InputError, match=r"v1\.18"):
         cache.package_of("v1.13")
     assert not home.exists()
+
+
+@pytest.fixture
+def fresh() -> Iterator[None]:
+    """No temporary folder of an earlier test."""
+    temporary: Any = cache._temporary
+    temporary.cache_clear()
+    yield
+    temporary.cache_clear()
+
+
+def folder_of(package: ModuleType) -> Path:
+    """Return the folder of the cache that a package is in."""
+    return Path(str(package.__file__)).parents[2]
+
+
+def planted(home: Path) -> Path:
+    """Put code where a package is kept, which writes a file when it is executed. Return the folder of the package."""
+    expected = cache.package_of("v1.17")
+    del sys.modules["px4_v1_17"]
+    module = Path(str(expected.__file__))
+    module.write_text(f"open({str(home.parent / 'executed')!r}, 'w')\n")
+    return module.parent.parent
+
+
+@needs_owners
+@pytest.mark.usefixtures("fresh")
+@pytest.mark.parametrize(("place", "mode"), [("cache", 0o777), ("above", 0o775), ("both", 0o757)])
+def test_a_cache_that_others_can_write_is_not_used(
+    place: str, mode: int, home: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    planted(home)
+    for folder in {"cache": [home], "above": [home.parent], "both": [home, home.parent]}[place]:
+        folder.chmod(mode)
+    package = cache.package_of("v1.17")
+    assert package.SensorCombined.__msg__.name == "SensorCombined"
+    assert not (home.parent / "executed").exists()
+    assert folder_of(package).name.startswith("msggen-")
+    assert stat.S_IMODE(folder_of(package).stat().st_mode) == 0o700
+    (told,) = caplog.messages
+    shown = home.parent if place == "above" else home
+    assert told == f"{home}: not used as a cache: others can write to '{shown}': run `chmod go-w {shown}`"
+    assert folder_of(cache.package_of("v1.18")) == folder_of(package), "one folder, and one warning"
+    assert len(caplog.messages) == 1
+
+
+@needs_owners
+@pytest.mark.usefixtures("fresh")
+def test_a_cache_below_a_folder_like_tmp_is_used(home: Path, caplog: pytest.LogCaptureFixture) -> None:
+    home.parent.chmod(0o1777)
+    assert folder_of(cache.package_of("v1.17")) == home
+    assert caplog.messages == []
+
+
+@needs_owners
+@pytest.mark.usefixtures("fresh")
+def test_a_cache_of_another_user_is_not_used(
+    home: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    planted(home)
+    give(monkeypatch, home.parent)
+    assert folder_of(cache.package_of("v1.17")) != home
+    assert not (home.parent / "executed").exists()
+    assert caplog.messages == [f"{home}: not used as a cache: '{home.parent}' belongs to another user"]
+
+
+@needs_owners
+@pytest.mark.usefixtures("fresh")
+@pytest.mark.parametrize("part", ["", "px4_v1_17", "px4_v1_17/cdr.py", "px4_v1_17/msg/_wind.py"])
+def test_a_package_of_another_user_is_not_used(
+    part: str, home: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    place = planted(home)
+    give(monkeypatch, place / part)
+    assert folder_of(cache.package_of("v1.17")) != home
+    assert not (home.parent / "executed").exists()
+    assert caplog.messages == [f"{place}: not used: it belongs to another user, or something in it"]
+
+
+@needs_owners
+@pytest.mark.usefixtures("fresh")
+def test_a_temporary_folder_that_others_can_write_is_no_way_out(
+    home: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    home.mkdir(mode=0o700)
+    home.chmod(0o777)
+    (tmp_path / "temporary").mkdir()
+    (tmp_path / "temporary").chmod(0o777)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
+    with pytest.raises(OSError, match="neither a cache nor a temporary one: others can write to "):
+        cache.package_of("v1.17")
+
+
+@needs_owners
+@pytest.mark.usefixtures("fresh")
+def test_the_current_folder_is_no_cache(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, tmp_path: Path
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("XDG_CACHE_HOME")
+    monkeypatch.setattr(os.path, "expanduser", lambda path: path)  # as for a user without an entry and without HOME
+    assert cache.private_folder().startswith(tempfile.gettempdir())
+    assert caplog.messages == ["~/.cache/msggen: not used as a cache: no HOME is set"]
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_cache_is_made_for_its_user_alone(home: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "a" / "b"))
+    before = os.umask(0)
+    try:
+        cache.package_of("v1.17")
+    finally:
+        os.umask(before)
+    assert not home.exists()
+    for folder in (tmp_path / "a", tmp_path / "a" / "b", tmp_path / "a" / "b" / "msggen"):
+        assert stat.S_IMODE(folder.stat().st_mode) == 0o700
 
 
 def test_a_build_that_fails_leaves_nothing(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:

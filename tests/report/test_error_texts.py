@@ -94,6 +94,7 @@ def test_the_example_prints_the_line_that_it_shows(
     code: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("msggen.settings.is_own", lambda _: code != "C106")
     example, level = TEXTS[code].example, CODES[code]
     outcome = play(example, tmp_path, capsys)
     assert outcome.lines == expected(example)

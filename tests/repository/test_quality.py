@@ -32,7 +32,8 @@ def run(*command: str, cwd: Path = ROOT) -> None:
 
 def test_the_committed_package_is_what_the_tool_makes() -> None:
     expected = render_package(read_catalog(find_sources(None)), "px4_types")
-    found = {str(path.relative_to(PACKAGE)): path for path in PACKAGE.rglob("*") if path.suffix in (".py", ".typed")}
+    kept = [path for path in PACKAGE.rglob("*") if path.suffix in (".py", ".typed") or path.name == "names.json"]
+    found = {str(path.relative_to(PACKAGE)): path for path in kept}
     assert sorted(found) == sorted(expected)
     stale = [name for name, path in found.items() if path.read_text(encoding="utf-8") != expected[name]]
     assert stale == [], "run `msggen build` and commit what it wrote"

@@ -63,6 +63,8 @@ def _plot(options: argparse.Namespace) -> int:
         from msggen.recordings import plot
     except ImportError as error:
         raise missing_extra(error, "plot", "R102") from None
+    if os.path.isfile("matplotlibrc"):
+        mpl.rcdefaults()  # matplotlib has read that of the current folder, which can make it run LaTeX
     ending = os.path.splitext(options.output or "")[1].removeprefix(".").lower()
     if options.output and ending not in plot.ENDINGS:
         known = ", ".join(f".{each}" for each in plot.ENDINGS)

@@ -1,4 +1,4 @@
-"""Completions of topics, fields, members and messages. They come from types, so no vehicle is needed."""
+"""Completions of topics, fields, members and messages. They need neither a vehicle nor an import."""
 
 from __future__ import annotations
 
@@ -7,13 +7,14 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
-from msggen.cli.call import service_of
-from msggen.cli.link import expected_package
+from msggen.cli.call import request_like
 from msggen.cli.log.completing import recorded_fields, recorded_paths, recorded_topics
 from msggen.cli.message import values_like
+from msggen.cli.names import names_of
 
 if TYPE_CHECKING:
-    from msggen.live.messages.packages import Message, Way
+    from msggen.cli.names import Field, Names
+    from msggen.live.messages.packages import Way
 
 _WORD = re.compile(r"[\w.\[\]]*\Z")
 _COMPARED = re.compile(r"([\w.\[\]]+)\s*(?:[=!<>]=|[<>&]|(?:not\s+)?in\s*\([^()]*)\s*\Z")
@@ -30,15 +31,15 @@ def topics(prefix: str, options: argparse.Namespace) -> Iterator[str]:
         ways = ("out",)
     elif hasattr(options, "values"):
         ways = ("in",)
-    for endpoint in expected_package(options).topics.ENDPOINTS:
+    for endpoint in names_of(options).endpoints:
         if endpoint.direction in ways:
             yield endpoint.ros_name if prefix.startswith("/") else endpoint.uorb_topic
 
 
 def messages(_: str, options: argparse.Namespace) -> Iterator[str]:
     """Yield the names of the messages of topics."""
-    for endpoint in expected_package(options).topics.ENDPOINTS:
-        yield endpoint.message_name
+    for endpoint in names_of(options).endpoints:
+        yield endpoint.message.rpartition("/")[2]
 
 
 def fields(prefix: str, options: argparse.Namespace) -> Iterator[str]:
@@ -46,61 +47,47 @@ def fields(prefix: str, options: argparse.Namespace) -> Iterator[str]:
     if getattr(options, "file", None):
         yield from recorded_fields(prefix, options)
         return
-    yield from _paths(prefix, _message(options))
+    names = names_of(options)
+    yield from _paths(prefix, names, _fields(options, names))
 
 
 def conditions(prefix: str, options: argparse.Namespace) -> Iterator[str]:
     """Yield a condition with its last word completed: a field, a member of the enum of the other side, a function."""
     from msggen.live.messages.expression import FUNCTIONS
-    from msggen.live.messages.places import PlaceError, place_of
 
-    message = _message(options)
+    names = names_of(options)
+    own = _fields(options, names)
     found = _WORD.search(prefix)
     start, word = (prefix[: found.start()], found[0]) if found else (prefix, "")
     compared = _COMPARED.search(start)
     if compared is not None:
-        try:
-            enum = place_of(message, compared[1]).enum
-        except PlaceError:
+        front, _, last = compared[1].rpartition(".")
+        members = names.fields_in(own, front)[last.partition("[")[0]].members
+        if members:
+            yield from [f"{start}{name}" for name in members]
             return
-        if enum is not None:
-            yield from [f"{start}{name}" for name in enum.__members__]
-            return
-    yield from [f"{start}{name}" for name in _paths(word, message)]
+    yield from [f"{start}{name}" for name in _paths(word, names, own)]
     yield from [f"{start}{name}(" for name in FUNCTIONS]
 
 
 def values(prefix: str, options: argparse.Namespace) -> Iterator[str]:
     """Yield values in YAML with the last word completed, of the topic to publish or of the service to call."""
-    if hasattr(options, "topic"):
-        yield from values_like(prefix, _message(options, "in"))
-    else:
-        yield from values_like(prefix, service_of(options, expected_package(options)).Request)
+    names = names_of(options)
+    own = _fields(options, names, "in") if hasattr(options, "topic") else request_like(options, names)
+    yield from values_like(prefix, own, names)
 
 
-def _message(options: argparse.Namespace, way: Way = "out") -> type[Message]:
-    """Return the message of the topic in the options. Raises TopicError."""
-    from msggen.live import TopicError
-    from msggen.live.messages.lookup import named_topic
-
-    message = named_topic(options.topic or "", way, expected_package(options), ()).message
-    if message is None:
-        raise TopicError(options.topic)
-    return message
+def _fields(options: argparse.Namespace, names: Names, way: Way = "out") -> Mapping[str, Field]:
+    """Return the fields of the topic in the options. Raises KeyError."""
+    return names.fields_of_topic(options.topic or "", way)
 
 
-def _paths(prefix: str, message: type[Message]) -> Iterator[str]:
-    from msggen.live.messages.places import PlaceError, place_of, places_of
-
+def _paths(prefix: str, names: Names, own: Mapping[str, Field]) -> Iterator[str]:
     front, dot, last = prefix.rpartition(".")
-    try:
-        inner = place_of(message, front).nested if dot else message
-    except PlaceError:
-        return
-    for place in places_of(inner) if inner else ():
-        yield f"{front}{dot}{place.path}"
-        if place.is_array and last.startswith(place.path):
-            yield from [f"{front}{dot}{place.path}[{index}]" for index in range(place.field.length or 0)]
+    for name, field in names.fields_in(own, front).items():
+        yield f"{front}{dot}{name}"
+        if last.startswith(name):
+            yield from [f"{front}{dot}{name}[{index}]" for index in range(field.length)]
 
 
 COMPLETERS: Mapping[str, Callable[[str, argparse.Namespace], Iterator[str]]] = {

@@ -46,13 +46,13 @@ class CommandClass(NamedTuple):
 
 def has_commands(catalog: Catalog) -> bool:
     """Whether the package has commands: VehicleCommand with its seven parameters."""
-    message = _message(catalog)
+    message = command_message(catalog)
     return message is not None and bool(commands(message))
 
 
 def command_classes(catalog: Catalog) -> list[CommandClass]:
     """Return the commands in the order of the definition."""
-    message = _message(catalog)
+    message = command_message(catalog)
     if message is None:
         return []
     enums = {enum.tag: enum.name for enum in message_class(catalog, message).enums}
@@ -74,7 +74,8 @@ def example(classes: list[CommandClass]) -> tuple[str, str]:
     return chosen.attribute, f"{chosen.parameters[-1].name}=10.0" if chosen.parameters else ""
 
 
-def _message(catalog: Catalog) -> Message | None:
+def command_message(catalog: Catalog) -> Message | None:
+    """Return VehicleCommand, if the catalog has it."""
     return catalog.messages.get(f"{catalog.package}/{_MESSAGE}")
 
 

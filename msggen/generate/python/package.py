@@ -21,6 +21,7 @@ from msggen.generate.python.formatting import (
     wrapped_tuple,
 )
 from msggen.generate.python.message import message_class
+from msggen.generate.python.name_table import name_table
 from msggen.generate.python.names import class_name, endpoint_attributes, member_names, module_name
 from msggen.generate.python.versions import translation_table
 from msggen.identity import Endpoint, endpoint_versions, endpoints, uorb_topics
@@ -281,6 +282,7 @@ FILES = (
     _support("lazy.py"),
     _support("lookup.py"),
     _support("meaning.py"),
+    _File("names.json", lambda package: name_table(package.catalog)),
     _support("odometry.py"),
     _File("orb_id.py", lambda package: _render("orb_id", topics=package.topics)),
     _support("parameters.py", lambda package: has_commands(package.catalog)),

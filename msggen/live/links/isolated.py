@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,6 +15,7 @@ from contextlib import suppress
 from queue import Empty, SimpleQueue
 from typing import Any
 
+from msggen.interpreter import command_of
 from msggen.live.link import LinkError, Listener, Remote, Route, Service, Statistics
 from msggen.live.links.address import Address
 from msggen.live.links.guard import Guard
@@ -29,9 +29,6 @@ _ANSWER_S = 1.0
 _ATTEMPTS = 5
 """How often in a row a process is started again that has lived for less than `_STABLE_S`."""
 _STABLE_S = 10.0
-_MAIN = "import sys; sys.path = {path!r}; from msggen.live.links.isolated_child import main; main()"
-"""The program of the process, which finds modules where its parent does."""
-
 _CURE = ": its errors are above; without isolated=True, this process runs the link"
 
 NOTHING = Statistics(0, 0, 0, 0, 0, 0)
@@ -112,9 +109,9 @@ class IsolatedLink:
 
     def _launch(self) -> Iterator[Record]:
         """Start a process, and return its records after the first one, which tells that its link is open."""
-        if not sys.executable:
+        command = command_of("msggen.live.links.isolated_child")
+        if not command[0]:
             raise LinkError("the program of Python is not known: use the link without isolated=True")
-        command = [sys.executable, "-I", "-c", _MAIN.format(path=sys.path)]
         try:
             process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)  # noqa: S603
         except OSError as error:

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import signal
-import threading
+import pickle
+import subprocess
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import suppress
+from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any
 
+from msggen.interpreter import command_of
 from msggen.recordings.fleet.single import Outcome, Task, convert_one
 
 _PATIENCE = 10
@@ -29,62 +28,78 @@ def in_this_process(tasks: Sequence[Task]) -> Iterator[Outcome]:
 
 def in_processes(tasks: Sequence[Task], jobs: int) -> Iterator[Outcome]:
     """Convert recordings in `jobs` processes. If one is killed, as for want of memory, the others go on."""
-    left = dict.fromkeys(tasks)
-    while left:
-        suspects = []
-        for task, outcome in _processes(list(left), min(jobs, len(left))):
-            del left[task]
-            if outcome is None:
-                suspects.append(task)
-            else:
-                yield outcome
-        for task in suspects:  # one of them had it killed: the others deserve another process
-            found = [outcome for _, outcome in _processes([task], 1) if outcome is not None]
-            yield found[0] if found else Outcome(task.path, error="the process that converted it was killed")
+    killed = []
+    for task, outcome in _processes(tasks, jobs):
+        if outcome is None:
+            killed.append(task)
+        else:
+            yield outcome
+    for task, outcome in _processes(killed, 1):  # alone: the others may have had the memory that it needs
+        yield outcome or Outcome(task.path, error="the process that converted it was killed")
 
 
 def _processes(tasks: Sequence[Task], jobs: int) -> Iterator[tuple[Task, Outcome | None]]:
-    """Convert recordings in a pool of processes, until one of these is killed: None for those that were in work."""
-    before = set(multiprocessing.active_children())
-    pool = ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), _begin)
-    running: dict[Future[Outcome], Task] = {}
-    waiting = iter(tasks)
+    """Convert recordings in `jobs` processes. Yield None for one whose process was killed."""
+    workers = [_Worker() for _ in tasks[:jobs]]
+    idle: SimpleQueue[_Worker] = SimpleQueue()
+    for worker in workers:
+        idle.put(worker)
+
+    def run(task: Task) -> tuple[Task, Outcome | None]:
+        worker = idle.get()
+        try:
+            return task, worker.run(task)
+        finally:
+            idle.put(worker)
+
+    pool = ThreadPoolExecutor(len(workers) or 1)
     try:
-        while _fill(pool, running, waiting, jobs):
-            for future in wait(running, return_when=FIRST_COMPLETED).done:
-                task = running.pop(future)
-                is_lost = isinstance(future.exception(), BrokenProcessPool)
-                yield task, None if is_lost else future.result()
-    finally:
-        # on Ctrl-C: what is not done is done by the next run
-        for process in set(multiprocessing.active_children()) - before if running else ():
-            process.terminate()
-        pool.shutdown(wait=True, cancel_futures=True)
+        for done in as_completed([pool.submit(run, task) for task in tasks]):
+            yield done.result()
+    finally:  # also on Ctrl-C: what is not done is done by the next run
+        pool.shutdown(wait=False, cancel_futures=True)
+        for worker in workers:
+            worker.end()
 
 
-def _fill(pool: ProcessPoolExecutor, running: dict[Future[Outcome], Task], waiting: Iterator[Task], jobs: int) -> bool:
-    """Start conversions up to `jobs`. Return whether there are any. A broken pool starts no more of them."""
-    with suppress(BrokenProcessPool):
-        while len(running) < jobs:
-            task = next(waiting, None)
-            if task is None:
-                break
-            running[pool.submit(convert_one, task)] = task
-    return bool(running)
+class _Worker:
+    """A process that converts recordings. It is started for the first one, and again after it was killed."""
 
+    def __init__(self) -> None:
+        self._process: subprocess.Popen[bytes] | None = None
+        self._is_ended = False
 
-def _begin() -> None:
-    """Prepare a process of the pool: Ctrl-C is for the first process, and nothing outlives that one."""
-    with suppress(ValueError):
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    def run(self, task: Task) -> Outcome | None:
+        """Convert a recording. Return None if the process was killed."""
+        process = self._process or self._start()
+        assert process.stdin is not None and process.stdout is not None  # noqa: S101, PT018 - they are pipes
+        try:
+            pickle.dump((convert_one, task), process.stdin)
+            process.stdin.flush()
+            outcome: Outcome = pickle.load(process.stdout)  # noqa: S301 - from a process of our own
+        except (EOFError, OSError, ValueError, pickle.UnpicklingError):
+            self._kill()
+            return None
+        return outcome
 
+    def end(self) -> None:
+        """End the process, and what it converts. From any thread."""
+        self._is_ended = True
+        self._kill()
 
-def _end_with_parent() -> None:
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
+    def _start(self) -> subprocess.Popen[bytes]:
+        command = command_of("msggen.worker")
+        process = self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)  # noqa: S603
+        if self._is_ended:
+            self._kill()
+        return process
+
+    def _kill(self) -> None:
+        process, self._process = self._process, None
+        if process is not None:
+            process.kill()
+            with suppress(OSError), process:  # which closes its pipes
+                pass
 
 
 def on_dask(tasks: Sequence[Task], address: str) -> Iterator[Outcome]:

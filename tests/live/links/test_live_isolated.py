@@ -96,7 +96,7 @@ def test_readers_are_told_when_the_process_cannot_be_started_again(
     url: str, px4_types: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with Vehicle(url, px4_types, isolated=True) as vehicle:
-        monkeypatch.setattr("msggen.live.links.isolated._MAIN", "{path}; raise SystemExit(3)")
+        monkeypatch.setattr("msggen.live.links.isolated.command_of", lambda _: [sys.executable, "-c", "exit(3)"])
         monkeypatch.setattr("msggen.live.links.isolated._ATTEMPTS", 2)
         child_of(vehicle).kill()
         with pytest.raises(LinkError, match=f"the link to {url} stays closed"):
