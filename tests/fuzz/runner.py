@@ -28,14 +28,14 @@ NAMES = (
     "kills",
     "faults",
     "strangers",
-    "shadows",
-    "settings",
     "arguments",
     "datagrams",
     "recordings",
     "conversions",
     "fleets",
     "structures",
+    "shadows",
+    "settings",
 )
 """The campaigns, each a module of this package."""
 

@@ -11,8 +11,8 @@ import pytest
 from support.repository import ROOT
 
 LIVE = ROOT / "msggen" / "live"
-OUTSIDE = {"msggen.diagnostics", "msggen.interpreter"}
-"""What `live` imports of msggen besides itself: the nearest right name, and how to start Python."""
+OUTSIDE = {"msggen.diagnostics", "msggen.foreign", "msggen.interpreter"}
+"""What `live` imports of msggen besides itself: the nearest right name, escapes, and how to start Python."""
 
 
 def imported(path: Path) -> Iterator[str]:

@@ -34,6 +34,8 @@ def load(path: Path) -> Any:
 
 PLACEHOLDERS = re.compile(r"LANGUAGE|PRECISION_CHANGED|DEFAULT_CHANGED|checkstyle|ulog|/idl|test_idl")
 """Files in the examples that do not exist, because a contributor would add them."""
+INPUTS = {"dds_topics.yaml", "metadata.yaml"}
+"""Files that msggen reads, of a firmware or a recording."""
 
 
 @pytest.mark.parametrize("page", ["CONTRIBUTING.md", "SECURITY.md", "docs/backend.md", "docs/library.md"])
@@ -43,7 +45,7 @@ def test_the_files_that_a_page_names_are_there(page: str) -> None:
     named = set(re.findall(rf"`({folders}/[\w./-]*)`", text)) | set(
         re.findall(r"`(\.?[\w-]+\.(?:md|toml|yaml))`", text)
     )
-    named = {path for path in named if not PLACEHOLDERS.search(path) and path != "dds_topics.yaml"}
+    named = {path for path in named if not PLACEHOLDERS.search(path) and path not in INPUTS}
     links = re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", text)
     assert len(named) + len(links) > 0
     missing = {path for path in named if not (ROOT / path).exists()}
