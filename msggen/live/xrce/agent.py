@@ -115,7 +115,7 @@ class Agent:
         self._continuation = Continuation(known if keys is None else (), limits.clients)
         self._limits = limits
         self._outbox = Outbox(limits.outgoing)
-        self._sessions: dict[Address, Session] = {}
+        self._sessions: dict[Address, Session] = {}  # the one whose last message, without samples, is oldest first
         self._connected: dict[int, Session] = {}
         self._numbers = itertools.count(1)
         self._guid = os.urandom(12)
@@ -287,6 +287,7 @@ class Agent:
         if is_asleep and _first(body).id != wire.DELETE and not self._wake(session):
             self._outbox.late += 1
             return
+        self._sessions[session.address] = self._sessions.pop(session.address)  # the last one was heard last
         session.receive(header, body, time)
         if session.ended is not None:
             self._forget(session, session.ended)
@@ -329,7 +330,7 @@ class Agent:
                 "it is not continued, and the vehicle connects again in a few seconds",
             )
             raise WireError("sample of another firmware than the expected one")
-        if self._continuation.is_proved(submessage, address) and self._has_room():
+        if self._continuation.is_proved(header, submessage, address) and self._has_room():
             session = self._begin(wire.CreateClient(0, header.session_id), address)
             session.continue_with(self._continuation.known)
             self._connect(session)
@@ -366,12 +367,18 @@ class Agent:
         return create == session.create and is_soon and not session.pinged
 
     def _has_room(self) -> bool:
-        """Whether a session can begin. Forget one that is not connected, if that is needed."""
-        if len(self._sessions) >= self._limits.clients:
-            idle = [session for session in self._sessions.values() if session.remote is None]
-            if not idle:
-                return False
-            self._forget(min(idle, key=lambda session: session.heard_at), "")
+        """Whether a session can begin. Forget one if that is needed: of no vehicle, or of one that is not connected.
+
+        The one that was heard longest ago goes first. A vehicle that synchronises its clock is heard every 12 ms.
+        """
+        if len(self._sessions) < self._limits.clients:
+            return True
+        sessions = self._sessions.values()
+        found = next((session for session in sessions if not session.is_vehicle), None)
+        found = found or next((session for session in sessions if session.remote is None), None)
+        if found is None:
+            return False
+        self._forget(found, "another client needs its place")
         return True
 
     def _begin(self, create: wire.CreateClient, address: Address) -> Session:
