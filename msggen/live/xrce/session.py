@@ -74,8 +74,8 @@ class Session:
         """Whether a message has arrived since the agent has looked last."""
         self.heard_at = 0.0
         self.begun_at = 0.0
-        self.replaced_at: float | None = None
-        """The time at which another session with this key and namespace began, until this one sends again."""
+        self.follower: Session | None = None
+        """A session with this key and namespace that began later, until it is known whether it replaces this one."""
         self.pinged = False
         """Whether the client has sent a ping outside of a session, as it does before it begins one."""
         self.continued = False
@@ -107,6 +107,13 @@ class Session:
         self._fragments = Fragments(self._limits.fragments)
 
     # Life
+
+    def look(self, now: float) -> bool:
+        """Take note of the time if a message has arrived since the last call. Return whether one has."""
+        heard, self.heard = self.heard, False
+        if heard:
+            self.heard_at = now
+        return heard
 
     @property
     def is_vehicle(self) -> bool:

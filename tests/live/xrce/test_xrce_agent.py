@@ -220,6 +220,7 @@ def test_a_client_that_restarts_fifty_times_leaves_nothing() -> None:
         world.run(0.3)
     assert len(world.all(Connected)) == 51
     assert len(world.all(Sample)) == 50
+    world.run(0.3)
     assert [event.remote.number for event in world.all(Disconnected)] == list(range(1, 51))
     assert list(world.agent._connected) == [51]
     world.run(70)
@@ -266,26 +267,29 @@ def test_a_create_client_without_answer_is_repeated() -> None:
     assert world.all(Disconnected) == []
 
 
+TWO = (
+    "two vehicles have the key 1, 127.0.0.1:{} and 127.0.0.1:{}: "
+    "set the parameter UXRCE_DDS_KEY of one to another number"
+)
+
+
 def test_two_vehicles_with_one_key_both_work() -> None:
     world, first = connected()
     second = Client(50002)
     world.clients.append(second)
     start(second)
+    world.settle()
     for number in range(20):
         first.write(1, b"1" + bytes([number]))
         second.write(1, b"2" + bytes([number]))
+        world.settle()
         world.run(0.1)
+        assert [event.text for event in world.all(Warned)] == [TWO.format(50001, 50002)], "it is told at once"
     arrived = [event.payload[4:] for event in world.all(Sample)]
-    assert [data for data in arrived if data[:1] == b"2"] == [b"2" + bytes([number]) for number in range(20)]
-    of_first = [data[1] for data in arrived if data[:1] == b"1"]
-    assert of_first == [0, *range(of_first[1], 20)]
-    assert of_first[1] <= 5  # what it sends in half a second may be late, from before a restart
-    assert [event.text for event in world.all(Warned)] == [
-        "two vehicles have the key 1: set the parameter UXRCE_DDS_KEY of one to another number"
-    ]
+    for name in (b"1", b"2"):
+        assert [data for data in arrived if data[:1] == name] == [name + bytes([number]) for number in range(20)]
     assert len(world.agent._connected) == 2
-    assert world.all(Lost) == []
-    count = len(world.all(Disconnected))
+    assert world.all(Lost) == world.all(Disconnected) == []
     third = Client(50003)  # the second one restarts
     world.clients = [first, third]
     start(third)
@@ -293,8 +297,63 @@ def test_two_vehicles_with_one_key_both_work() -> None:
         first.write(1, b"1")
         third.write(1, b"3")
         world.run(0.1)
-    reasons = [event.reason for event in world.all(Disconnected)[count:]]
-    assert reasons == ["the vehicle has sent nothing for 5 s"]
+    assert [(event.remote.address, event.reason) for event in world.all(Disconnected)] == [
+        ("127.0.0.1:50002", "the vehicle has begun another session, at 127.0.0.1:50003")
+    ]
+    assert [event.text for event in world.all(Warned)][1:] == [TWO.format(50001, 50003)]
+
+
+@pytest.mark.parametrize("leaver", [0, 1])
+@pytest.mark.parametrize("ends", [True, False])
+def test_of_two_vehicles_with_one_key_one_leaves(leaver: int, *, ends: bool) -> None:
+    world, _ = connected()
+    second = Client(50002)
+    world.clients.append(second)
+    start(second)
+    world.settle()
+    if ends:
+        world.clients[leaver].delete()
+    else:
+        world.run(0.2)
+    stayer = world.clients[1 - leaver]
+    for number in range(60):
+        stayer.write(1, bytes([number]))
+        world.run(0.1)
+    assert [event.remote.address[-1] for event in world.all(Disconnected)] == ["12"[leaver]]
+    assert [event.payload[4] for event in world.all(Sample)] == [*range(60)]
+    assert len(world.agent._connected) == 1
+
+
+def test_a_vehicle_that_is_silent_for_a_while_is_told_of_another_one_when_it_is_heard_again() -> None:
+    world, first = connected()
+    world.run(1)
+    second = Client(50002)
+    world.clients.append(second)
+    start(second)
+    world.settle()
+    assert [event.reason for event in world.all(Disconnected)] == [
+        "the vehicle has begun another session, at 127.0.0.1:50002"
+    ]
+    assert world.all(Warned) == []
+    first.write(1, b"1")
+    second.write(1, b"2")
+    world.settle()
+    assert [event.text for event in world.all(Warned)] == [TWO.format(50001, 50002)]
+    assert [event.payload[4:] for event in world.all(Sample)] == [b"1", b"2"]
+
+
+def test_a_vehicle_that_restarts_is_replaced_within_half_a_second() -> None:
+    world, first = connected()
+    first.write(1, b"1")
+    world.settle()
+    world.clients = [Client(50002)]
+    start(world.clients[0])
+    world.settle()
+    world.run(0.4)
+    assert world.all(Disconnected) == []
+    world.run(0.2)
+    assert [event.remote.number for event in world.all(Disconnected)] == [1]
+    assert world.all(Warned) == []
 
 
 def test_two_vehicles_with_one_key_and_two_namespaces_both_work_at_once() -> None:
