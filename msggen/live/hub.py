@@ -39,8 +39,6 @@ class Entry:
         self.table: dict[str, tuple[Row, ...]] = {}
         self.opened_at = time.monotonic()
         self.heard_ns = 0
-        self.heard_beside = 0
-        """The number of the newest vehicle when this one was heard last."""
         self.ticked_ns = self.due_ns = 0
         """When `Hub.tick` has something to do, of the clock of the samples: at once, for the first one."""
         self.is_started = self.is_checked = False
@@ -109,8 +107,6 @@ class Hub:
         self.changed = threading.Condition(threading.RLock())
         """Guards everything except `table` of an entry, which is replaced as a whole."""
         self.entries: dict[int, Entry] = {}
-        self.newest = 0
-        """The number of the vehicle that connected last."""
         self.members: tuple[Member, ...] = ()
         self.thread: int | None = None
         self.failure = ""
@@ -124,7 +120,6 @@ class Hub:
         """Give a vehicle to the members that wait for it."""
         with self.changed:
             self.thread = threading.get_ident()
-            self.newest = remote.number
             entry = self.entries[remote.number] = Entry(remote, self)
             for member in self.members:
                 self._offer(member, entry)
@@ -158,10 +153,8 @@ class Hub:
                 if member.entry is entry:
                     member.entry, member.reason = None, reason
                     LOGGER.info("%s disconnected: %s", shown(remote), reason)
-                    for later in tuple(self.entries.values()):
-                        # a vehicle that was connected while this one was still heard is another vehicle
-                        if later.remote.number > entry.heard_beside:
-                            self._offer(member, later)
+                    for other in reversed(tuple(self.entries.values())):
+                        self._offer(member, other)
             self.changed.notify_all()
 
     def sample(self, remote: Remote, route: Route, payload: bytes, time: int) -> None:
@@ -169,7 +162,7 @@ class Hub:
         entry = self.entries.get(remote.number)
         if entry is None:
             return
-        entry.heard_ns, entry.heard_beside = time, self.newest
+        entry.heard_ns = time
         for push, decoding in entry.table.get(route.name, ()):
             push(payload, time, decoding)
         if not entry.ticked_ns <= time < entry.due_ns:  # also if the clock was set back

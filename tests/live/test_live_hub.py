@@ -16,10 +16,12 @@ import pytest
 from msggen.live import LinkError, LinkTimeoutError, NotConnectedError, Vehicle
 from msggen.live import vehicle as vehicle_module
 from msggen.live.sim import Options, Simulator
+from msggen.live.xrce.agent import Agent
 from support.fake_link import FakeLink
 from support.link_records import nothing_is_left
 from support.ports import free_port
 from support.repository import ROOT
+from support.xrce_client import Client, World, start
 
 WAIT = 10.0
 
@@ -124,30 +126,58 @@ def test_a_vehicle_that_restarts_often_leaves_nothing(link: FakeLink, px4_types:
         assert subscription.received == 50
 
 
-def test_another_vehicle_with_the_same_key_is_not_a_restarted_one(link: FakeLink, px4_types: Any) -> None:
+@pytest.mark.parametrize("leaver", [0, 1])
+def test_of_two_vehicles_with_one_key_the_one_that_remains_is_taken(
+    link: FakeLink, px4_types: Any, leaver: int
+) -> None:
     with Vehicle(link) as vehicle:
-        first = link.connect(1, address="127.0.0.1:1")
-        link.connect(1, address="127.0.0.1:2")
-        link.sample(first, px4_types.VehicleStatus())  # heard after the other one connected
-        link.disconnect(first)
-        assert not vehicle.is_connected
+        remotes = [link.connect(1, address=f"127.0.0.1:{port}") for port in (1, 2)]
+        for remote in (*remotes, *remotes):
+            link.sample(remote, px4_types.VehicleStatus())
+        assert vehicle.remote == remotes[0]
+        link.disconnect(remotes[leaver])
+        assert vehicle.remote == remotes[1 - leaver]
+        third = link.connect(1, address="127.0.0.1:3")
+        link.disconnect(remotes[1 - leaver])
+        assert vehicle.remote == third
 
 
-@pytest.mark.parametrize("step", [-(10**18), 0, 10**18])
-def test_a_clock_that_is_set_changes_nothing(link: FakeLink, px4_types: Any, step: int) -> None:
-    """Whether a vehicle was heard after another one connected does not depend on the time of day."""
+def test_a_vehicle_whose_key_another_one_has_stays_connected(link: FakeLink, caplog: pytest.LogCaptureFixture) -> None:
+    """The agent tells which datagrams belong to which vehicle, and the Vehicle keeps its own."""
+    agent = Agent(0.0)
+    clients = [Client(50001), Client(50002)]
     with Vehicle(link) as vehicle:
-        now = time.time_ns()
-        first = link.connect(1, address="127.0.0.1:1")
-        link.sample(first, px4_types.VehicleStatus(), when=now)
-        again = link.connect(1, address="127.0.0.1:2")
-        link.sample(again, px4_types.VehicleStatus(), when=now + step)
-        link.disconnect(first)
-        assert vehicle.remote == again
-        link.connect(1, address="127.0.0.1:3")
-        link.sample(again, px4_types.VehicleStatus(), when=now - step)
-        link.disconnect(again)
-        assert not vehicle.is_connected
+        world = World(agent, *clients)
+        for client in clients:
+            start(client)
+        world.settle()
+        for _ in range(20):
+            for client in clients:
+                client.write(1, bytes(8))
+            world.run(0.1)
+            deliver(world, link)
+            assert vehicle.remote.address == "127.0.0.1:50001"
+        clients[1].delete()
+        world.settle()
+        deliver(world, link)
+        assert vehicle.remote.address == "127.0.0.1:50001"
+        world.clients = [Client(50003)]
+        start(world.clients[0])
+        world.settle()
+        clients[0].delete()
+        world.clients.append(clients[0])
+        world.settle()
+        deliver(world, link)
+        assert vehicle.remote.address == "127.0.0.1:50003"
+    warnings = [record.message for record in caplog.records if record.levelname == "WARNING"]
+    assert "two vehicles have the key 1, 127.0.0.1:50001 and 127.0.0.1:50002: set the parameter" in warnings[0]
+
+
+def deliver(world: World, link: FakeLink) -> None:
+    """Give the events of an agent to the Vehicle objects of a link."""
+    for event in world.events:
+        event.deliver(link.user())
+    world.events.clear()
 
 
 def test_a_continued_session_belongs_to_a_vehicle_by_its_address(link: FakeLink) -> None:

@@ -70,7 +70,6 @@ def check(agent: Agent, limits: Limits) -> None:
     assert len(agent._connected) <= limits.clients
     assert all(len(told) <= 20 for _, told in agent._warned.values())
     assert len(agent.refused) < 50
-    assert len(agent._shared_keys) <= limits.clients
     for session in agent._sessions.values():
         inventory = session.inventory
         assert len(inventory) <= limits.entities

@@ -37,6 +37,9 @@ MAX_ENDPOINTS = 1000
 """The endpoints of a vehicle that are kept, and its routes and services, which stay open until it disconnects.
 A vehicle has about 70."""
 
+_LONGEST = 255
+"""The longest name of a topic, as in ROS. The expressions below take quadratic time."""
+
 _TOPIC = re.compile(r"rt/(?:(.+)/)?(fmu/(in|out)/.+)")
 _SERVICE = re.compile(r"(rq|rr)/(?:(.+)/)?(fmu/.+?)(Request|Reply)")
 _TYPE = re.compile(r"(\w+)::(msg|srv)::dds_::(\w+)_")
@@ -59,7 +62,7 @@ def endpoint_of(topic: str, type_name: str, *, is_writer: bool) -> Endpoint | No
     Endpoint(namespace='uav_1', name='/uav_1/fmu/out/wind', ros_type='px4_msgs/msg/Wind', role='out')
     """
     typed = _TYPE.fullmatch(type_name)
-    if typed is None:
+    if typed is None or len(topic) > _LONGEST:
         return None
     ros_type = "/".join(typed.groups())
     if (found := _TOPIC.fullmatch(topic)) is not None:

@@ -63,6 +63,7 @@ _unpack_write = struct.Struct("<BBHBBH2x2s").unpack_from  # headers, request id 
 _MOST_MISSING = NEAR - 1
 _LONGEST_STEP = 1.0  # seconds: a longer step is a process that slept, or a clock that jumped
 _REPEATED = 0.5  # seconds in which a second CREATE_CLIENT is the first one, doubled on its way
+_REPLACED = 0.5  # seconds of silence after which a client that began later is the same one, restarted
 _WARNINGS = 20  # of a kind in a minute: a hostile sender can provoke any number of some kinds
 _MINUTE = 60.0
 
@@ -115,14 +116,13 @@ class Agent:
         self._continuation = Continuation(known if keys is None else (), limits.clients)
         self._limits = limits
         self._outbox = Outbox(limits.outgoing)
-        self._sessions: dict[Address, Session] = {}
+        self._sessions: dict[Address, Session] = {}  # the one whose last message, without samples, is oldest first
         self._connected: dict[int, Session] = {}
         self._numbers = itertools.count(1)
         self._guid = os.urandom(12)
         self._last_tick = now
         self._clock = 0.0  # the sum of steps, so that jumps of `now` do no harm
         self._warned: dict[str, tuple[float, set[str]]] = {}  # by kind, the texts since a time
-        self._shared_keys: set[int] = set()  # of vehicles that send at the same time
 
     @property
     def received(self) -> int:
@@ -183,9 +183,9 @@ class Agent:
         self._clock += min(max(now - self._last_tick, 0.0), _LONGEST_STEP)
         self._last_tick = now
         for session in list(self._sessions.values()):
-            if session.heard:
-                session.heard = False
-                session.heard_at = self._clock
+            if session.look(self._clock) and session.follower is not None:
+                self._warn_of_two(session, session.follower)
+                session.follower = None
             silence = self._clock - session.heard_at
             if silence > self._limits.memory:
                 self._forget(session, "the vehicle is silent")
@@ -193,7 +193,7 @@ class Agent:
                 continue  # it sleeps
             elif silence > self._limits.silence:
                 self._disconnect(session, f"the vehicle has sent nothing for {self._limits.silence:g} s")
-            else:
+            elif not self._replace_silent(session):
                 session.tick(self._clock)
         self._continuation.tick(self._clock)
 
@@ -284,9 +284,9 @@ class Agent:
 
     def _in_session(self, session: Session, header: wire.Header, body: bytes, time: int) -> None:
         is_asleep = session.remote is None and session.inventory.namespace is not None
-        if is_asleep and _first(body).id != wire.DELETE and not self._wake(session):
-            self._outbox.late += 1
-            return
+        if is_asleep and _first(body).id != wire.DELETE:
+            self._wake(session)
+        self._sessions[session.address] = self._sessions.pop(session.address)  # the last one was heard last
         session.receive(header, body, time)
         if session.ended is not None:
             self._forget(session, session.ended)
@@ -329,7 +329,7 @@ class Agent:
                 "it is not continued, and the vehicle connects again in a few seconds",
             )
             raise WireError("sample of another firmware than the expected one")
-        if self._continuation.is_proved(submessage, address) and self._has_room():
+        if self._continuation.is_proved(header, submessage, address) and self._has_room():
             session = self._begin(wire.CreateClient(0, header.session_id), address)
             session.continue_with(self._continuation.known)
             self._connect(session)
@@ -366,12 +366,18 @@ class Agent:
         return create == session.create and is_soon and not session.pinged
 
     def _has_room(self) -> bool:
-        """Whether a session can begin. Forget one that is not connected, if that is needed."""
-        if len(self._sessions) >= self._limits.clients:
-            idle = [session for session in self._sessions.values() if session.remote is None]
-            if not idle:
-                return False
-            self._forget(min(idle, key=lambda session: session.heard_at), "")
+        """Whether a session can begin. Forget one if that is needed: of no vehicle, or of one that is not connected.
+
+        The one that was heard longest ago goes first. A vehicle that synchronises its clock is heard every 12 ms.
+        """
+        if len(self._sessions) < self._limits.clients:
+            return True
+        sessions = self._sessions.values()
+        found = next((session for session in sessions if not session.is_vehicle), None)
+        found = found or next((session for session in sessions if session.remote is None), None)
+        if found is None:
+            return False
+        self._forget(found, "another client needs its place")
         return True
 
     def _begin(self, create: wire.CreateClient, address: Address) -> Session:
@@ -381,32 +387,43 @@ class Agent:
         return session
 
     def _named(self, session: Session) -> None:
-        """Take a client that has told its namespace: the same client may have had a session at another address."""
-        key = session.create.key
-        for other in list(self._connected.values()):
-            if (
-                other.create.key == key
-                and other.inventory.namespace == session.inventory.namespace
-                and key not in self._shared_keys
-            ):
-                self._disconnect(other, f"the vehicle has begun another session, at {_name(session.address)}")
-                other.replaced_at = self._clock
+        """Take a client that has told its namespace: the same client may have had a session at another address.
+
+        Such a session is silent. If it is not silent yet, `tick` finds out.
+        """
+        for other in self._twins(session):
+            other.look(self._clock)
+            other.follower = session
+            self._replace_silent(other)
         self._connect(session)
 
-    def _wake(self, session: Session) -> bool:
-        """Continue a session that was silent, or that another one seemed to replace. Return whether it goes on."""
-        if session.replaced_at is not None:
-            if self._clock - session.replaced_at < _REPEATED:
-                return False
-            key = session.create.key
-            if len(self._shared_keys) >= self._limits.clients:
-                self._shared_keys.clear()
-            self._shared_keys.add(key)
-            text = f"two vehicles have the key {key}: set the parameter UXRCE_DDS_KEY of one to another number"
-            self._warn("two", text)
-            session.replaced_at = None
-        self._connect(session)
+    def _twins(self, session: Session) -> list[Session]:
+        """Return the other clients with the key and the namespace of a client that are connected."""
+        name = session.create.key, session.inventory.namespace
+        return [
+            other
+            for other in self._connected.values()
+            if (other.create.key, other.inventory.namespace) == name and other is not session and not other.continued
+        ]
+
+    def _replace_silent(self, session: Session) -> bool:
+        """Disconnect a client if it is silent since another one began that has its key. Return whether it was."""
+        follower = session.follower
+        if follower is None or self._clock - session.heard_at < _REPLACED:
+            return False
+        self._disconnect(session, f"the vehicle has begun another session, at {_name(follower.address)}")
         return True
+
+    def _wake(self, session: Session) -> None:
+        """Continue a session that was silent, or that another one seemed to replace."""
+        for other in self._twins(session):
+            self._warn_of_two(session, other)
+        self._connect(session)
+
+    def _warn_of_two(self, one: Session, other: Session) -> None:
+        addresses = " and ".join(sorted((_name(one.address), _name(other.address))))
+        text = f"two vehicles have the key {one.create.key}, {addresses}"
+        self._warn("two", f"{text}: set the parameter UXRCE_DDS_KEY of one to another number")
 
     def _connect(self, session: Session) -> None:
         number = next(self._numbers)
@@ -416,6 +433,10 @@ class Agent:
     def _disconnect(self, session: Session, reason: str) -> None:
         if session.remote is not None:
             del self._connected[session.remote.number]
+            for other in self._twins(session):
+                if other.follower is session:
+                    other.follower = None
+        session.follower = None
         session.disconnect(reason)
 
     def _forget(self, session: Session, reason: str) -> None:

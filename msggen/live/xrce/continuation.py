@@ -8,9 +8,12 @@ from typing import Final
 from msggen.live.link import Route
 from msggen.live.xrce import entities, wire
 from msggen.live.xrce.events import Address
+from msggen.live.xrce.streams import distance
 
 _PROOFS: Final = 5
 """Topics that must have samples of the expected size before a session is continued."""
+_STEP: Final = 16
+"""How far the number of a sample may be ahead of the last one. Those of forged samples would count as lost ones."""
 _REMEMBERED: Final = 10.0
 """Seconds in which an address whose session has ended is not continued."""
 
@@ -26,7 +29,7 @@ class Continuation:
             for route in self.known
             if route.direction == "out"
         }
-        self._proofs: dict[Address, set[bytes]] = {}
+        self._proofs: dict[Address, tuple[int, set[bytes]]] = {}  # the number of the last sample, and the writers
         self._ended: dict[Address, float] = {}
         self._most = most
 
@@ -48,12 +51,18 @@ class Continuation:
         size = self._sizes.get(submessage.payload[2:4])
         return size is not None and size in {-1, len(submessage.payload) - 4}
 
-    def is_proved(self, submessage: wire.Submessage, address: Address) -> bool:
-        """Take a sample that fits. Return whether the samples so far show that the client has the expected firmware."""
+    def is_proved(self, header: wire.Header, submessage: wire.Submessage, address: Address) -> bool:
+        """Take a sample that fits. Return whether the samples so far show that the client has the expected firmware.
+
+        Samples whose numbers do not follow each other are not those of one client.
+        """
         if address not in self._proofs and len(self._proofs) >= self._most:
             del self._proofs[next(iter(self._proofs))]
-        proofs = self._proofs.setdefault(address, set())
+        last, proofs = self._proofs.get(address, (header.sequence, set[bytes]()))
+        if not 0 <= distance(last, header.sequence) <= _STEP:
+            proofs = set()
         proofs.add(submessage.payload[2:4])
+        self._proofs[address] = header.sequence, proofs
         if len(proofs) < min(_PROOFS, len(self._sizes)):
             return False
         del self._proofs[address]

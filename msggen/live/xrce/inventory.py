@@ -12,7 +12,7 @@ from msggen.live.xrce.entities import Endpoint, Entity, Participant, RefusedErro
 from msggen.live.xrce.wire import WireError
 
 _NAME = re.compile(r"[A-Za-z0-9_/:~]+")
-_PARTICIPANT = re.compile(r"/*([A-Za-z0-9_/]*?)/*px4_micro_xrce_dds")
+_NAMESPACE = re.compile(r"[A-Za-z0-9_/]*")
 _PARENTS = {
     entities.TOPIC: entities.PARTICIPANT,
     entities.PUBLISHER: entities.PARTICIPANT,
@@ -51,6 +51,7 @@ class Inventory:
         """What the client has asked for, by the object ids of readers and repliers."""
         self._readers: dict[bytes, Route] = {}
         self._entities: dict[bytes, Entity] = {}
+        self._parts: dict[bytes, set[bytes]] = {}  # of an entity, those whose parent it is
         self._most = most
         self._left = ROUNDS * most
         self._longest = longest
@@ -84,11 +85,16 @@ class Inventory:
             if create.flags & wire.REUSE and entity == old:
                 return None
             raise RefusedError("entity that exists", wire.ERR_ALREADY_EXISTS)
-        if not isinstance(entity, Participant):
+        parent = _parent(entity)
+        if parent is not None:
             kind = _PARENTS[entities.object_kind(object_id)]
-            if entity.parent not in self._entities or entities.object_kind(entity.parent) != kind:
+            if parent not in self._entities or entities.object_kind(parent) != kind:
                 raise RefusedError("entity of an unknown parent", wire.ERR_UNKNOWN_REFERENCE)
         route = self._make(object_id, entity)
+        if old is not None:
+            self._leave_parent(object_id, old)
+        if parent is not None:
+            self._parts.setdefault(parent, set()).add(object_id)
         self._entities[object_id] = entity
         self._left -= 1
         return route
@@ -108,19 +114,23 @@ class Inventory:
         """Remove an entity and those that are part of it. Raises RefusedError."""
         if object_id not in self._entities:
             raise RefusedError("DELETE of an unknown entity", wire.ERR_UNKNOWN_REFERENCE)
-        for child in [child for child, entity in self._entities.items() if _parent(entity) == object_id]:
-            self.delete(child)
-        del self._entities[object_id]
-        self.writers.pop(object_id, None)
-        self.services.pop(object_id, None)
-        self.readings.pop(object_id, None)
-        self._readers.pop(object_id, None)
+        self._leave_parent(object_id, self._entities[object_id])
+        gone = [object_id]
+        for each in gone:  # which grows meanwhile
+            gone += self._parts.pop(each, ())
+            del self._entities[each]
+            for table in (self.writers, self.services, self.readings, self._readers):
+                table.pop(each, None)
+
+    def _leave_parent(self, object_id: bytes, entity: Entity) -> None:
+        parent = _parent(entity)
+        if parent is not None:
+            self._parts[parent].remove(object_id)
 
     def _make(self, object_id: bytes, entity: Entity) -> Route | None:
         if isinstance(entity, Participant):
             if self.namespace is None:
-                found = _PARTICIPANT.fullmatch(entity.name[: self._longest])
-                self.namespace = found[1] if found else ""
+                self.namespace = _namespace(entity.name[: self._longest])
         elif isinstance(entity, Topic):
             self._check(entity.name, entity.type)
         elif isinstance(entity, Replier):
@@ -156,6 +166,12 @@ class Inventory:
 
 def _parent(entity: Entity) -> bytes | None:
     return None if isinstance(entity, Participant) else entity.parent
+
+
+def _namespace(name: str) -> str:
+    """Return the namespace in the name of a participant, `uav_1/px4_micro_xrce_dds`, or "" if it has none."""
+    namespace, _, rest = name.rpartition("px4_micro_xrce_dds")
+    return namespace.strip("/") if not rest and _NAMESPACE.fullmatch(namespace) else ""
 
 
 def _service(object_id: bytes, replier: Replier) -> Service:

@@ -18,6 +18,16 @@ HEARTBEAT_PERIOD: Final = 0.1
 """Seconds without acknowledgement after which a HEARTBEAT asks for it."""
 REPLY_TICKS: Final = 50
 """Ticks after a request in which a lost reply is asked for: 5 s."""
+REPLIES: Final = 32
+"""The most datagrams that answer a datagram, so that no client keeps a link busy with its own. PX4's needs up to 4."""
+REPETITIONS: Final = 4
+"""The most messages that are sent again after an ACKNACK: as many as PX4's client keeps."""
+VEHICLE: Final = 32
+"""Entities from which on a client keeps its place when others want it. PX4's client has 70 or more."""
+ABSENCE: Final = 1.0
+"""Seconds of silence after which no HEARTBEAT is sent: its address may be a forged one."""
+
+_ANY: Final = 1 << 62
 
 
 class Limits(NamedTuple):
@@ -64,8 +74,8 @@ class Session:
         """Whether a message has arrived since the agent has looked last."""
         self.heard_at = 0.0
         self.begun_at = 0.0
-        self.replaced_at: float | None = None
-        """The time at which another session with this key and namespace began, until this one sends again."""
+        self.follower: Session | None = None
+        """A session with this key and namespace that began later, until it is known whether it replaces this one."""
         self.pinged = False
         """Whether the client has sent a ping outside of a session, as it does before it begins one."""
         self.continued = False
@@ -82,6 +92,7 @@ class Session:
         self._named = named
         self._stream = wire.NO_STREAM  # of the message that is being taken, and its time
         self._time = 0
+        self._replies = _ANY  # how many more it may have
         self._reset()
 
     def _reset(self) -> None:
@@ -96,6 +107,18 @@ class Session:
         self._fragments = Fragments(self._limits.fragments)
 
     # Life
+
+    def look(self, now: float) -> bool:
+        """Take note of the time if a message has arrived since the last call. Return whether one has."""
+        heard, self.heard = self.heard, False
+        if heard:
+            self.heard_at = now
+        return heard
+
+    @property
+    def is_vehicle(self) -> bool:
+        """Whether the client has done as much as a vehicle does, and few others do."""
+        return self.continued or len(self.inventory) >= VEHICLE
 
     def connect(self, number: int, name: str, guid: bytes) -> None:
         """Report the client as connected, with the routes it has. `name` is its address as text."""
@@ -131,7 +154,7 @@ class Session:
             self._beat_at = None
         elif self._beat_at is None:
             self._beat_at = now + HEARTBEAT_PERIOD
-        elif now >= self._beat_at:
+        elif now >= self._beat_at and now - self.heard_at < ABSENCE:
             self._beat_at = now + HEARTBEAT_PERIOD
             self._send(wire.NO_STREAM, wire.Heartbeat(*beat).pack())
 
@@ -201,6 +224,10 @@ class Session:
         self._post(stream, sequence, submessage)
 
     def _post(self, stream: int, sequence: int, submessage: bytes) -> None:
+        if not self._replies:  # the client asks again for what is lost of a reliable stream
+            self._outbox.refuse("too many requests in a message")
+            return
+        self._replies -= 1
         message = wire.HEADER.pack(self.session_id, stream, sequence) + self.key + submessage
         self._outbox.send(message, self.address)
 
@@ -210,6 +237,11 @@ class Session:
         """Take a message of this session. `header` has been compared with the session's id and key."""
         self.heard = True
         self._time = time
+        self._replies = REPLIES
+        self._receive(header, body)
+        self._replies = _ANY
+
+    def _receive(self, header: wire.Header, body: bytes) -> None:
         if header.stream == RELIABLE:
             self._take(self.input.receive(header.sequence, body))
             self._acknowledge()
@@ -357,7 +389,7 @@ class Session:
         state = wire.AckNack.unpack(submessage.payload)
         if state.stream != RELIABLE:
             raise WireError("unknown stream")
-        for sequence, body in self._output.acknack(state.first, state.missing):
+        for sequence, body in self._output.acknack(state.first, state.missing)[:REPETITIONS]:
             self._post(RELIABLE, sequence, body)
 
     def _heartbeat(self, submessage: Submessage) -> None:

@@ -67,6 +67,13 @@ def test_names_tell_the_endpoint(topic: str, type_name: str, is_writer: bool, ex
     assert endpoint_of(topic, type_name, is_writer=is_writer) == (expected and Endpoint(*expected))
 
 
+@pytest.mark.parametrize(
+    "topic", ["rt/" + "fmu/in/" * 40_000 + "\n", "rq/" + "/fmu/" * 40_000, "rt/fmu/out/" + "a" * 250]
+)
+def test_a_name_that_is_too_long_belongs_to_no_vehicle(topic: str) -> None:
+    assert endpoint_of(topic, "px4_msgs::msg::dds_::A_", is_writer=True) is None
+
+
 def answered(records: Records, number: int) -> bool:
     return number in [reply[2] for reply in records.replies]
 

@@ -10,7 +10,7 @@ import pytest
 from msggen.live.link import LinkError, Remote, Route, Service
 from msggen.live.xrce import entities, wire
 from msggen.live.xrce.agent import Agent, Connected, Disconnected, Limits, Lost, Opened, Replied, Sample, Warned
-from msggen.live.xrce.session import Session
+from msggen.live.xrce.session import REPLIES, Session
 from msggen.live.xrce.streams import OUTPUT_WINDOW
 from support.xrce_captures import sent
 from support.xrce_client import PARTICIPANT, SERVICE, Client, Network, World, connected, start
@@ -220,6 +220,7 @@ def test_a_client_that_restarts_fifty_times_leaves_nothing() -> None:
         world.run(0.3)
     assert len(world.all(Connected)) == 51
     assert len(world.all(Sample)) == 50
+    world.run(0.3)
     assert [event.remote.number for event in world.all(Disconnected)] == list(range(1, 51))
     assert list(world.agent._connected) == [51]
     world.run(70)
@@ -266,26 +267,29 @@ def test_a_create_client_without_answer_is_repeated() -> None:
     assert world.all(Disconnected) == []
 
 
+TWO = (
+    "two vehicles have the key 1, 127.0.0.1:{} and 127.0.0.1:{}: "
+    "set the parameter UXRCE_DDS_KEY of one to another number"
+)
+
+
 def test_two_vehicles_with_one_key_both_work() -> None:
     world, first = connected()
     second = Client(50002)
     world.clients.append(second)
     start(second)
+    world.settle()
     for number in range(20):
         first.write(1, b"1" + bytes([number]))
         second.write(1, b"2" + bytes([number]))
+        world.settle()
         world.run(0.1)
+        assert [event.text for event in world.all(Warned)] == [TWO.format(50001, 50002)], "it is told at once"
     arrived = [event.payload[4:] for event in world.all(Sample)]
-    assert [data for data in arrived if data[:1] == b"2"] == [b"2" + bytes([number]) for number in range(20)]
-    of_first = [data[1] for data in arrived if data[:1] == b"1"]
-    assert of_first == [0, *range(of_first[1], 20)]
-    assert of_first[1] <= 5  # what it sends in half a second may be late, from before a restart
-    assert [event.text for event in world.all(Warned)] == [
-        "two vehicles have the key 1: set the parameter UXRCE_DDS_KEY of one to another number"
-    ]
+    for name in (b"1", b"2"):
+        assert [data for data in arrived if data[:1] == name] == [name + bytes([number]) for number in range(20)]
     assert len(world.agent._connected) == 2
-    assert world.all(Lost) == []
-    count = len(world.all(Disconnected))
+    assert world.all(Lost) == world.all(Disconnected) == []
     third = Client(50003)  # the second one restarts
     world.clients = [first, third]
     start(third)
@@ -293,8 +297,63 @@ def test_two_vehicles_with_one_key_both_work() -> None:
         first.write(1, b"1")
         third.write(1, b"3")
         world.run(0.1)
-    reasons = [event.reason for event in world.all(Disconnected)[count:]]
-    assert reasons == ["the vehicle has sent nothing for 5 s"]
+    assert [(event.remote.address, event.reason) for event in world.all(Disconnected)] == [
+        ("127.0.0.1:50002", "the vehicle has begun another session, at 127.0.0.1:50003")
+    ]
+    assert [event.text for event in world.all(Warned)][1:] == [TWO.format(50001, 50003)]
+
+
+@pytest.mark.parametrize("leaver", [0, 1])
+@pytest.mark.parametrize("ends", [True, False])
+def test_of_two_vehicles_with_one_key_one_leaves(leaver: int, *, ends: bool) -> None:
+    world, _ = connected()
+    second = Client(50002)
+    world.clients.append(second)
+    start(second)
+    world.settle()
+    if ends:
+        world.clients[leaver].delete()
+    else:
+        world.run(0.2)
+    stayer = world.clients[1 - leaver]
+    for number in range(60):
+        stayer.write(1, bytes([number]))
+        world.run(0.1)
+    assert [event.remote.address[-1] for event in world.all(Disconnected)] == ["12"[leaver]]
+    assert [event.payload[4] for event in world.all(Sample)] == [*range(60)]
+    assert len(world.agent._connected) == 1
+
+
+def test_a_vehicle_that_is_silent_for_a_while_is_told_of_another_one_when_it_is_heard_again() -> None:
+    world, first = connected()
+    world.run(1)
+    second = Client(50002)
+    world.clients.append(second)
+    start(second)
+    world.settle()
+    assert [event.reason for event in world.all(Disconnected)] == [
+        "the vehicle has begun another session, at 127.0.0.1:50002"
+    ]
+    assert world.all(Warned) == []
+    first.write(1, b"1")
+    second.write(1, b"2")
+    world.settle()
+    assert [event.text for event in world.all(Warned)] == [TWO.format(50001, 50002)]
+    assert [event.payload[4:] for event in world.all(Sample)] == [b"1", b"2"]
+
+
+def test_a_vehicle_that_restarts_is_replaced_within_half_a_second() -> None:
+    world, first = connected()
+    first.write(1, b"1")
+    world.settle()
+    world.clients = [Client(50002)]
+    start(world.clients[0])
+    world.settle()
+    world.run(0.4)
+    assert world.all(Disconnected) == []
+    world.run(0.2)
+    assert [event.remote.number for event in world.all(Disconnected)] == [1]
+    assert world.all(Warned) == []
 
 
 def test_two_vehicles_with_one_key_and_two_namespaces_both_work_at_once() -> None:
@@ -686,6 +745,81 @@ def test_a_reader_on_the_reliable_stream_gets_its_samples_there() -> None:
     assert client.samples() == [bytes([number]) for number in range(30)]
 
 
+# --- a client's share
+
+ASKING = {
+    "TIMESTAMP": wire.Timestamp(5).pack(),
+    "GET_INFO": wire.GetInfo(b"\0\1").pack(),
+    "DELETE": wire.Delete(b"\0\1", b"\1\2").pack(),
+    "HEARTBEAT": wire.Heartbeat(0, 0).pack(),
+    "ACKNACK": wire.AckNack(8, 0xFFFF).pack(),
+    "CREATE": wire.Create(b"\0\1", b"\0\x15", entities.Group(entities.WRITER, PARTICIPANT).pack()).pack(),
+}
+"""Submessages that are answered, each time that they are sent."""
+
+
+@pytest.mark.parametrize("asking", ASKING.values(), ids=ASKING)
+def test_a_datagram_has_a_bounded_number_of_replies(asking: bytes) -> None:
+    world, client = connected()
+    for _ in range(OUTPUT_WINDOW):  # what an ACKNACK can ask for
+        world.agent.call(1, SERVICE, 1, LE)
+    world.agent.take_outgoing()
+    client.send(wire.NO_STREAM, *[asking] * (4000 // (len(asking) + 3)))
+    world.agent.receive(client.outgoing.pop(), client.address, 0)
+    assert len(world.agent.take_outgoing()) == REPLIES
+    assert world.agent.refused["too many requests in a message"] > 100
+    client.ping(in_session=True)
+    world.settle()
+    assert wire.Info.unpack(client.all(wire.INFO)[-1]).known
+
+
+def test_a_client_is_answered_while_others_ask_for_more() -> None:
+    """A link gives its agent up to 65 datagrams before it sends replies."""
+    world, client = connected()
+    hostile = Client(50002, key=2)
+    world.clients.append(hostile)
+    start(hostile)
+    world.settle()
+    for _ in range(64):
+        hostile.send(wire.NO_STREAM, *[ASKING["GET_INFO"]] * 340)
+        world.agent.receive(hostile.outgoing.pop(), hostile.address, 0)
+    client.ping(in_session=True)
+    world.settle()
+    assert len(client.all(wire.INFO)) == 1 + 1
+    assert "too many datagrams to send" not in world.agent.refused
+
+
+def test_reliable_replies_beyond_the_bound_are_sent_later() -> None:
+    client = Client()
+    world = World(Agent(0.0), client)
+    client.begin()
+    participant = wire.Create(client.ask(), PARTICIPANT, entities.Participant("/px4_micro_xrce_dds").pack())
+    client.send(wire.RELIABLE, wire.GetInfo(client.ask()).pack(), participant.pack())
+    group = entities.Group(entities.PUBLISHER, PARTICIPANT).pack()
+    ids = [entities.object_id(number, entities.PUBLISHER) for number in range(OUTPUT_WINDOW - 1)]
+    client.send(wire.RELIABLE, *(wire.Create(client.ask(), each, group).pack() for each in ids))
+    client.outgoing[1:] = reversed(client.outgoing[1:])  # so that one datagram completes the sequence
+    world.settle()
+    assert world.agent.refused == {"too many requests in a message": 2}
+    world.run(1)
+    assert client.statuses() == [wire.OK] * OUTPUT_WINDOW
+
+
+def test_a_forged_address_gets_few_datagrams() -> None:
+    """A sender that forges an address does not see the replies, so it acknowledges none."""
+    client = Client()
+    agent = Agent(0.0)
+    client.begin()
+    client.create(b"\0\x11", entities.Participant("/px4_micro_xrce_dds"))
+    for data in client.outgoing:
+        agent.receive(data, client.address, 0)
+    for number in range(1, 1000):
+        agent.tick(number / 10)
+    replies = [data for data, _ in agent.take_outgoing()]
+    assert [data[4] for data in replies] == [wire.STATUS_AGENT, wire.STATUS, wire.ACKNACK, *[wire.HEARTBEAT] * 8]
+    assert sum(map(len, replies)) < 3 * sum(map(len, client.outgoing))
+
+
 # --- refusals
 
 
@@ -749,7 +883,8 @@ def test_a_key_that_is_not_allowed_gets_no_session() -> None:
     assert len(world.all(Connected)) == 1
 
 
-def test_clients_are_bounded() -> None:
+def test_clients_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("msggen.live.xrce.session.VEHICLE", 8)  # as many entities as these have
     world, _ = connected(limits=Limits(clients=3))
     for port in range(50002, 50006):
         world.clients.append(Client(port, key=port))
@@ -768,6 +903,65 @@ def test_clients_are_bounded() -> None:
     world.settle()
     assert len(world.all(Connected)) == 4
     assert len(world.agent._sessions) == 3
+
+
+def forge(port: int, entities_each: int = 10) -> Client:
+    """Return a forged client that has begun a session and created some entities, and its datagrams."""
+    client = Client(port, key=port)
+    client.begin()
+    client.participate()
+    for number in range(1, 1 + entities_each // 3):
+        client.publish(number)
+    return client
+
+
+def test_a_vehicle_finds_a_place_among_forged_sessions_that_go_on_sending() -> None:
+    """It first synchronises its clock, and creates its entities seconds later."""
+    world = World(Agent(0.0), *(forge(port) for port in range(40000, 40200)))
+    world.settle()
+    vehicle = Client(50001)
+    forged, world.clients = world.clients, [*world.clients, vehicle]
+    vehicle.begin()
+    vehicle.participate()
+    for time in range(600):  # of 10 ms
+        vehicle.send(wire.NO_STREAM, wire.Timestamp(time).pack())
+        for client in forged[time % 10 :: 10]:
+            client.write(1, b"forged")
+            client.send(wire.NO_STREAM, wire.Timestamp(time).pack())
+            client.begin()
+        world.settle()
+        world.agent.tick(time / 100)
+    assert len(vehicle.all(wire.TIMESTAMP_REPLY)) == 600
+    for number in range(1, 12):
+        vehicle.publish(number)
+    world.settle()
+    for number in range(200):  # neither do new ones take its place, when it is not heard for a while
+        client = forge(41000 + number)
+        world.clients = [client]
+        world.settle()
+    world.clients = [vehicle]
+    vehicle.write(1, b"genuine")
+    world.settle()
+    assert world.all(Sample)[-1].payload == LE + b"genuine"
+    reasons = {event.reason for event in world.all(Disconnected) if event.remote.key == 1}
+    assert reasons == set()
+
+
+def test_a_vehicle_that_is_heard_keeps_its_place_and_one_that_sleeps_does_not() -> None:
+    world = World(Agent(0.0, limits=Limits(clients=2)), forge(50001, 40), forge(50002, 40))
+    world.settle()
+    first, second = world.clients
+    second.write(1, b"a")
+    world.run(4)
+    second.write(1, b"a")
+    world.run(2)
+    new = Client(50003, key=3)
+    world.clients.append(new)
+    start(new)
+    world.settle()
+    assert [event.remote.key for event in world.all(Disconnected)] == [50001]
+    assert {address[1] for address in world.agent._sessions} == {50002, 50003}
+    assert first.all(wire.STATUS_AGENT)
 
 
 def test_entities_are_bounded() -> None:
