@@ -197,6 +197,20 @@ def test_only_a_buffer_of_bytes_is_bytes(value: Any, package: Any) -> None:
         package.Free(raw=value).encode()
 
 
+def test_a_large_array_is_named_without_its_values(px4_types: Any) -> None:
+    shown: list[str] = []
+
+    class Large(np.ndarray[Any, Any]):
+        def __repr__(self) -> str:
+            shown.append("repr")
+            return "values"
+
+    for number, text in ((1, "values"), (70_000, "Large of 560000 bytes")):
+        with pytest.raises(px4_types.EncodeError, match=f"junk: expected 512 bytes, got {text}"):
+            px4_types.OrbTestLarge(junk=np.zeros(number).view(Large)).encode()
+    assert shown == ["repr"]
+
+
 @pytest.mark.parametrize("name", ["EscStatus", "SensorCombined"])
 @pytest.mark.parametrize("method", ["decode", "lazy"])
 def test_lengths_of_buffers_count_bytes(name: str, method: str, px4_types: Any) -> None:

@@ -176,13 +176,19 @@ def _index_of(value: Any) -> int | None:
         return None
 
 
+_LARGEST_SHOWN = 1 << 16
+"""The most bytes of an array or a buffer whose values are shown. numpy takes seconds for long texts."""
+
+
 def given(value: Any) -> str:
     """Return a short description of a value, for an error."""
     if value.__class__.__name__ in ("bytes", "bytearray", *SEQUENCES):
         name = value.__class__.__name__
         return f"{'an' if name == 'array' else 'a'} {name} of {len(value)}"
     try:
-        text = repr(value)
+        size = getattr(value, "nbytes", 0)
+        is_large = type(size) is int and size > _LARGEST_SHOWN
+        text = f"{value.__class__.__name__} of {size} bytes" if is_large else repr(value)
     except ValueError:
         return f"a {value.__class__.__name__} with thousands of digits"
     except ENCODE_FAILURES:  # such as a message without one of its fields
