@@ -1,8 +1,12 @@
 """Entry point of `msggen` and of `python -m msggen`: Ctrl-C means exit code 130 at any moment, never a trace."""
 
 import os
-import signal
 import sys
+
+if __name__ == "__main__" and sys.path[:1] == [os.getcwd()] and not getattr(sys.flags, "safe_path", False):
+    del sys.path[0]  # `-m` puts the current folder there, and a `signal.py` of it before that of the standard library
+
+import signal
 
 from msggen.exit_codes import INTERRUPTED
 
