@@ -7,7 +7,7 @@ import os
 import sys
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -110,7 +110,7 @@ def _check_package(found: Connection) -> None:
 
 def _run(options: argparse.Namespace, found: Connection) -> None:
     """Carry samples until Ctrl-C. Each time that the vehicle connects, its definitions are compared anew."""
-    from msggen.ros.relay import Relay
+    from msggen.ros.relay import Relay, interrupt_at_end
     from msggen.ros.standard import Converter, Frames
 
     totals, started, reported = _Totals(), time.monotonic(), None
@@ -121,12 +121,15 @@ def _run(options: argparse.Namespace, found: Connection) -> None:
                 plan, remote = _plan(options, found), found.vehicle.remote
                 frames = Frames().inside(namespace)
                 converter = Converter(found.package, frames, totals.refusals) if options.standard else None
-                with Relay(node, found.vehicle, plan, totals.refusals, converter) as relay:
+                with (
+                    interrupt_at_end() as is_interrupted,
+                    Relay(node, found.vehicle, plan, totals.refusals, converter) as relay,
+                ):
                     if plan != reported:  # not each time that the vehicle connects again
                         _report(options, found, plan, relay)
                         reported = plan
                     try:
-                        relay.spin(partial(_is_another, found.vehicle, remote))
+                        relay.spin(partial(_is_over, is_interrupted, found.vehicle, remote))
                     finally:
                         totals.add(relay)
     finally:
@@ -184,10 +187,10 @@ def _cure(found: Connection) -> str:
     return f"write px4_msgs with `msggen sync --px4 {release} <folder of px4_msgs>` and build it with colcon"
 
 
-def _is_another(vehicle: Vehicle, remote: Remote) -> bool:
-    """Whether the vehicle has begun another session. While none is connected, the old one stands."""
+def _is_over(is_interrupted: Callable[[], bool], vehicle: Vehicle, remote: Remote) -> bool:
+    """Whether the vehicle has begun another session, or Ctrl-C came. While none is connected, the old one stands."""
     try:
-        return vehicle.remote != remote
+        return is_interrupted() or vehicle.remote != remote
     except NotConnectedError:
         return False
 

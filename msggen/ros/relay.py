@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import signal
 import threading
 from collections import Counter
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any
 
 from msggen.live.link import LinkError, Route
@@ -27,6 +28,33 @@ _SLICE = 0.2
 
 
 @contextmanager
+def interrupt_at_end() -> Iterator[Callable[[], bool]]:
+    """Raise KeyboardInterrupt at the end of the block, not in it. Yield a function that returns whether it is due.
+
+    rclpy makes an object for each sample. If an exception comes out of the constructor, its destructor prints a trace.
+    A second Ctrl-C ends the process.
+    """
+    handler = signal.getsignal(signal.SIGINT)
+    if not callable(handler):  # it is ignored
+        yield lambda: False
+        return
+    is_due = False
+
+    def note(*_: object) -> None:
+        nonlocal is_due
+        is_due = True
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+    signal.signal(signal.SIGINT, note)
+    try:
+        yield lambda: is_due
+    finally:
+        signal.signal(signal.SIGINT, handler)
+        if is_due:
+            signal.raise_signal(signal.SIGINT)
+
+
+@contextmanager
 def node(namespace: str) -> Iterator[Any]:
     """Start a node of rclpy, `msggen_relay` in the namespace of a vehicle, and end it.
 
@@ -35,13 +63,13 @@ def node(namespace: str) -> Iterator[Any]:
     import rclpy
     from rclpy.signals import SignalHandlerOptions
 
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    found = rclpy.create_node("msggen_relay", namespace=f"/{namespace}")
-    try:
+    with ExitStack() as ends:
+        with interrupt_at_end():
+            rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+            ends.callback(rclpy.try_shutdown)
+            found = rclpy.create_node("msggen_relay", namespace=f"/{namespace}")
+            ends.callback(found.destroy_node)
         yield found
-    finally:
-        found.destroy_node()
-        rclpy.try_shutdown()
 
 
 def profile(qos: Any) -> Any:

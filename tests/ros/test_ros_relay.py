@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from enum import Enum
 from types import ModuleType, SimpleNamespace
 from typing import Any
@@ -136,3 +138,69 @@ def test_standard_messages_whose_types_are_installed(
         ((topic, values),) = bench.node.published
         assert (topic, values["header"]["frame_id"]) == ("imu", "uav_1/base_link")
         assert relay.to_ros == {"imu": 1}
+
+
+class Half:
+    """An object whose destructor needs what the constructor sets, as those of rclpy do."""
+
+    def __init__(self) -> None:
+        signal.raise_signal(signal.SIGINT)
+        self.made = True
+
+    def __del__(self) -> None:
+        assert self.made
+
+
+@pytest.mark.parametrize("handler", [signal.default_int_handler, signal.SIG_IGN])
+def test_ctrl_c_leaves_no_object_of_rclpy_half_made(handler: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The signal arrives at the start of rclpy, and while a sample is carried."""
+    calls: list[str] = []
+    ignored: list[Any] = []
+
+    class Executor:
+        def __init__(self) -> None:
+            self.add_node = self.remove_node = lambda _: None
+            self.shutdown = lambda: calls.append("executor ended")
+
+        def spin_once(self, timeout_sec: float) -> None:
+            assert timeout_sec < 1
+            Half()
+            calls.append("spun")
+
+    def create_node(name: str, namespace: str) -> Any:
+        Half()
+        calls.append(f"{namespace}/{name}")
+        return SimpleNamespace(destroy_node=lambda: calls.append("node ended"))
+
+    modules: dict[str, Any] = {
+        "rclpy": SimpleNamespace(
+            init=lambda **_: None, create_node=create_node, try_shutdown=lambda: calls.append("rclpy ended")
+        ),
+        "rclpy.signals": SimpleNamespace(SignalHandlerOptions=SimpleNamespace(NO=None)),
+        "rclpy.executors": SimpleNamespace(SingleThreadedExecutor=Executor),
+    }
+    for name, value in modules.items():
+        monkeypatch.setitem(sys.modules, name, value)
+    monkeypatch.setattr(sys, "unraisablehook", ignored.append)
+    vehicle: Any = SimpleNamespace(watch=lambda _: SimpleNamespace(close=lambda: calls.append("relay closed")))
+    empty: Any = SimpleNamespace(rows=(), sources={})
+    before = signal.signal(signal.SIGINT, handler)
+    is_ignored = handler is signal.SIG_IGN
+    try:
+        with nullcontext() if is_ignored else pytest.raises(KeyboardInterrupt), module.node("uav_1"):
+            calls.append("started")
+        ended = ["node ended", "rclpy ended"]
+        assert calls == ["/uav_1/msggen_relay", *(["started"] if is_ignored else []), *ended]
+        calls.clear()
+        with (
+            nullcontext() if is_ignored else pytest.raises(KeyboardInterrupt),
+            module.interrupt_at_end() as is_interrupted,
+            Relay(None, vehicle, empty, Refusals()) as relay,
+        ):
+            relay.spin(lambda: is_interrupted() or len(calls) > 1)
+        spun = ["spun", "spun"] if is_ignored else ["spun"]
+        assert calls == [*spun, "executor ended", "relay closed"]
+        assert signal.getsignal(signal.SIGINT) is handler
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert not ignored
