@@ -1,23 +1,27 @@
 """Entry point of `msggen` and of `python -m msggen`: Ctrl-C means exit code 130 at any moment, never a trace."""
 
+import _signal  # type: ignore[import-not-found]  # `signal` and `enum`, which it imports, take milliseconds
 import os
 import sys
+
+
+def _leave(*_: object) -> None:
+    os._exit(130)  # INTERRUPTED, whose module is not imported yet
+
+
+_HANDLES = _signal.getsignal(_signal.SIGINT) is _signal.default_int_handler
+"""Whether Ctrl-C is for this process: a shell ignores it for programs in the background."""
+
+if _HANDLES:
+    _signal.signal(_signal.SIGINT, _leave)  # before the imports, which take most of a short run
 
 if __name__ == "__main__" and sys.path[:1] == [os.getcwd()] and not getattr(sys.flags, "safe_path", False):
     del sys.path[0]  # `-m` puts the current folder there, and a `signal.py` of it before that of the standard library
 
-import signal
-
-from msggen.exit_codes import INTERRUPTED
-
-
-def _leave(*_: object) -> None:
-    os._exit(INTERRUPTED)
-
 
 def _interrupt(*_: object) -> None:
     """Raise KeyboardInterrupt, so that temporary files are removed. A second Ctrl-C does not wait for that."""
-    signal.signal(signal.SIGINT, _leave)
+    _signal.signal(_signal.SIGINT, _leave)
     raise KeyboardInterrupt
 
 
@@ -28,16 +32,10 @@ def _report_ignored(ignored: "sys.UnraisableHookArgs") -> None:
     sys.__unraisablehook__(ignored)
 
 
-_HANDLES = signal.getsignal(signal.SIGINT) is signal.default_int_handler
-"""Whether Ctrl-C is for this process: a shell ignores it for programs in the background."""
-
-if _HANDLES:
-    signal.signal(signal.SIGINT, _leave)  # here, because the other imports take most of a short run
-
-
 def main() -> int:
     """Run msggen with the arguments of this process, and return the exit code."""
     from msggen.cli import main as run
+    from msggen.exit_codes import INTERRUPTED
 
     if "_ARGCOMPLETE" in os.environ:  # the shell asks for completions
         from msggen.cli.completion import complete
@@ -47,11 +45,11 @@ def main() -> int:
         return run()
     sys.unraisablehook = _report_ignored
     try:
-        signal.signal(signal.SIGINT, _interrupt)
+        _signal.signal(_signal.SIGINT, _interrupt)
         try:
             return run()
         finally:
-            signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is done and printed
+            _signal.signal(_signal.SIGINT, _signal.SIG_IGN)  # all is done and printed
     except KeyboardInterrupt:
         return INTERRUPTED
 

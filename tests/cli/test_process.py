@@ -142,6 +142,58 @@ def test_ctrl_c_is_exit_130_during_the_imports(tmp_path: Path) -> None:
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "started")
 
 
+INTERRUPTED_AT_A_LINE = """
+import _signal, linecache, os, runpy, sys
+
+def interrupted_at(number):
+    path, count, loaded = os.path.join("msggen", "__main__.py"), 0, ()
+
+    def trace(frame, event, argument):
+        nonlocal count, loaded
+        if not frame.f_code.co_filename.endswith(path):
+            return None
+        loaded = loaded or set(sys.modules)
+        if event == "line":
+            count += 1
+            if _signal.getsignal(_signal.SIGINT) is _signal.default_int_handler:
+                os.write(1, f"imported early: {set(sys.modules) - loaded or ''}\\n".encode())
+            elif count >= number and linecache.getline(frame.f_code.co_filename, frame.f_lineno).strip() != "try:":
+                sys.settrace(None)
+                os.kill(os.getpid(), _signal.SIGINT)
+        return trace
+
+    sys.settrace(trace)
+    runpy.run_module("msggen", run_name="__main__", alter_sys=True)
+
+sys.argv = ["msggen", "releases"]
+for number in range(1, 99):
+    process = os.fork()
+    if process == 0:
+        interrupted_at(number)
+    code = os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])
+    os.write(1, f"exit code: {code}\\n".encode())
+    if code != 130:
+        break
+"""
+"""Interrupts msggen at each line of its entry point in turn, from the one on that has set the handler.
+
+The lines with `try:` are left out: Python looks for signals at calls and jumps only.
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="needs POSIX signals")
+def test_ctrl_c_is_exit_130_at_each_line_of_the_start(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", INTERRUPTED_AT_A_LINE]
+    done = subprocess.run(command, cwd=tmp_path, env=plain({}), capture_output=True, text=True, check=False, timeout=60)
+    lines = done.stdout.splitlines()
+    codes = [line for line in lines if line.startswith("exit code: ")]
+    assert set(codes[:-1]) == {"exit code: 130"}
+    assert codes[-1] == "exit code: 0", "it ends without an interrupt only after the last line"
+    assert len(codes) > 20
+    assert {line for line in lines if line.startswith("imported")} == {"imported early: "}
+    assert done.stderr.replace("msggen: interrupted, nothing is half-written\n", "") == ""
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="needs POSIX signals")
 @pytest.mark.parametrize(
