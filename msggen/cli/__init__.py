@@ -100,7 +100,11 @@ def _main(words: Sequence[str]) -> int:
         _print_last(f"msggen: {text}")
         print_document([Diagnostic(Location("msggen", 0), "io", text)], _output_format(words))
         return FAILED
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, RuntimeError) as error:
+        from msggen.cli.interrupts import is_interrupt
+
+        if not is_interrupt(error):
+            raise
         _print_last("msggen: interrupted, nothing is half-written")
         return INTERRUPTED
 

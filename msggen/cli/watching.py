@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
+from msggen.cli.interrupts import is_interrupt
 from msggen.cli.options import add_shared, non_empty
 from msggen.cli.printing import discard_output
 from msggen.cli.values import convert_values, positive, whole
@@ -49,8 +50,9 @@ def watching() -> Iterator[None]:
     gc.enable()  # unlike other commands, this one may run for days
     try:
         yield
-    except KeyboardInterrupt:
-        pass
+    except (KeyboardInterrupt, RuntimeError) as error:
+        if not is_interrupt(error):
+            raise
     except BrokenPipeError:
         discard_output()
 
