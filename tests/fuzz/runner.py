@@ -36,6 +36,7 @@ NAMES = (
     "structures",
     "shadows",
     "settings",
+    "sessions",
 )
 """The campaigns, each a module of this package."""
 

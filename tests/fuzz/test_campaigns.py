@@ -116,6 +116,7 @@ PLANTED: dict[str, tuple[str, Any]] = {
     "conversions": ("msggen.recordings.convert._whole", at_once),
     "fleets": ("msggen.recordings.fleet.ledger.link_in", lambda *_: ""),
     "structures": ("msggen.recordings.decode.schemas.too_large", lambda *_: iter(())),
+    "sessions": ("msggen.live.xrce.session.REPLIES", 4096),
 }
 """An error for each campaign: the function or the number that is replaced, and by what."""
 
