@@ -9,6 +9,7 @@ import shutil
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import pytest
@@ -69,6 +70,36 @@ def px4_types() -> Any:
     """The committed package, `generated/px4_types`."""
     sys.path.insert(0, str(ROOT / "generated"))
     return importlib.import_module("px4_types")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def committed_package(px4_types: Any) -> Iterator[None]:
+    """Put the committed package back after a file of tests.
+
+    A command of msggen in this process that is given another package of this name imports that one in its place.
+    """
+    yield
+    if sys.modules.get(px4_types.__name__) is not px4_types:
+        for name in [name for name in sys.modules if name.partition(".")[0] == px4_types.__name__]:
+            del sys.modules[name]
+        sys.modules.update(_modules_of(px4_types))
+
+
+def _modules_of(package: ModuleType) -> dict[str, ModuleType]:
+    """Return the modules of a package that have been imported from it: a package has its modules as attributes."""
+    found: dict[str, ModuleType] = {}
+    remaining = [package]
+    while remaining:
+        module = remaining.pop()
+        found[module.__name__] = module
+        remaining += [
+            each
+            for each in vars(module).values()
+            if isinstance(each, ModuleType)
+            and each.__name__.startswith(f"{package.__name__}.")
+            and each.__name__ not in found
+        ]
+    return found
 
 
 @pytest.fixture
