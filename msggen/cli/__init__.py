@@ -1,7 +1,4 @@
-"""The command line: arguments, settings and exit codes.
-
-It uses argparse, because larger libraries take longer to import than a build with nothing to do (docs/libraries.md).
-"""
+"""The command line: arguments, settings and exit codes."""
 
 from __future__ import annotations
 
@@ -13,54 +10,16 @@ import os
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
-from functools import partial
-from typing import Any, NoReturn
 
-from msggen import __version__
-from msggen.cli.options import FAILED_CODES, writes
-from msggen.cli.printing import colour, discard_output, print_document, print_errors, print_notices, terminal_width
-from msggen.diagnostics import Diagnostic, InputError, printable, suggestion
+from msggen.cli.options import writes
+from msggen.cli.parser import output_format_of, parser_for
+from msggen.cli.printing import discard_output, print_document, print_errors, print_notices
+from msggen.diagnostics import Diagnostic, InputError, printable
 from msggen.exit_codes import DONE, FAILED, FINDINGS, INTERRUPTED
-from msggen.foreign import Styled, escaped, guarded_output
+from msggen.foreign import guarded_output
 from msggen.location import Location
 
 __all__ = ["DONE", "FAILED", "FINDINGS", "main", "parser_for"]
-
-_MODULES = {
-    "build": "build",
-    "sync": "sync",
-    "check": "check",
-    "breaking": "breaking",
-    "lint": "lint",
-    "bump": "bump",
-    "render": "render",
-    "docs": "docs",
-    "sim": "sim",
-    "topic": "topic",
-    "view": "view",
-    "top": "top",
-    "command": "command",
-    "call": "call",
-    "record": "record",
-    "play": "play",
-    "log": "log",
-    "doctor": "doctor",
-    "relay": "relay",
-    "px4-generate": "px4_generate",
-    "releases": "releases",
-    "rules": "rules",
-    "explain": "rules",
-    "completion": "completion",
-}
-"""The module of each command."""
-
-_ACTIONS = {
-    **dict.fromkeys(("info", "show", "plot", "convert", "cut", "merge", "repair"), "log"),
-    **dict.fromkeys(("echo", "hz", "bw", "delay", "list", "pub"), "topic"),
-}
-"""The commands of actions that users type without them."""
-_SYNONYMS = {"type": "info", "show": "info"}
-"""What is called otherwise in ROS 2, for suggestions."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -88,7 +47,7 @@ def _main(words: Sequence[str]) -> int:
         with suppress(OSError):
             print_notices(error.notices, quiet=getattr(options, "quiet", False))
             print_errors(error.diagnostics, ", nothing written" if options.writes else "")
-        print_document(error.diagnostics, _output_format(words))
+        print_document(error.diagnostics, output_format_of(words))
         return FAILED
     except BrokenPipeError:
         discard_output()
@@ -98,7 +57,7 @@ def _main(words: Sequence[str]) -> int:
         place = f"{error.filename}: " if error.filename else ""
         text = printable(f"{place}{error.strerror or error}")
         _print_last(f"msggen: {text}")
-        print_document([Diagnostic(Location("msggen", 0), "io", text)], _output_format(words))
+        print_document([Diagnostic(Location("msggen", 0), "io", text)], output_format_of(words))
         return FAILED
     except (KeyboardInterrupt, RuntimeError) as error:
         from msggen.cli.interrupts import is_interrupt
@@ -118,18 +77,6 @@ def _parse(words: Sequence[str]) -> argparse.Namespace:
     return parser.parse_args(words)
 
 
-def _output_format(words: Sequence[str]) -> str:
-    """Return the value of --output-format, also from arguments that cannot be parsed."""
-    found = ""
-    for word, after in zip(words, [*words[1:], ""], strict=False):
-        name, mark, value = word.partition("=")
-        if name == "--output-format":
-            found = value if mark else after
-        elif word == "--json" and words[0] in ("doctor", "log"):  # where it stands for --output-format json
-            found = "json"
-    return found
-
-
 def _run(options: argparse.Namespace) -> int:
     code = int(options.run(options))
     print(end="", flush=True)  # here, so that a BrokenPipeError is caught
@@ -140,185 +87,3 @@ def _print_last(text: str) -> None:
     """Print `text` to stderr, if anybody still reads it."""
     with suppress(OSError):
         print(text, file=sys.stderr, flush=True)
-
-
-class _Formatter(argparse.HelpFormatter):
-    """A formatter that keeps the longest command on one line with its help."""
-
-    def add_argument(self, action: argparse.Action) -> None:
-        super().add_argument(action)
-        if action.nargs == argparse.PARSER:
-            self._action_max_length += 2  # argparse ignores the indentation of commands
-
-
-class _StoreOnce(argparse._StoreAction):  # noqa: SLF001 - argparse has no public name
-    """An argument with a single value. A second value is an error, because one of them would be ignored."""
-
-    def __call__(
-        self, parser: Any, namespace: argparse.Namespace, values: Any, option_string: str | None = None
-    ) -> None:
-        if option_string and self.dest in parser.given:
-            raise argparse.ArgumentError(self, "given more than once")
-        parser.given.add(self.dest)
-        super().__call__(parser, namespace, values, option_string)
-
-
-class _Parser(argparse.ArgumentParser):
-    """A parser that suggests the nearest option, choice of an option, or command.
-
-    It reports unknown arguments before the errors that follow from them, such as a missing option. It reports errors in
-    `output_format` too, if that is a format for programs. `given` are the arguments with a single value so far.
-    """
-
-    def __init__(self, *, output_format: str = "", **about: Any) -> None:
-        self._output_format = output_format
-        width = terminal_width(80) - 2  # once, because argparse makes a formatter for each option
-
-        def formatter(prog: str) -> argparse.HelpFormatter:
-            return _Formatter(prog, width=width)
-
-        if sys.version_info >= (3, 14):  # where argparse has colours
-            about["color"] = colour(sys.stdout)
-        super().__init__(formatter_class=formatter, allow_abbrev=False, **about)
-        self.given: set[str] = set()
-        for name in (None, "store"):
-            self.register("action", name, _StoreOnce)
-
-    def add_subparsers(self, **about: Any) -> Any:
-        subparser: Any = partial(_Parser, output_format=self._output_format)
-        return super().add_subparsers(parser_class=subparser, **about)
-
-    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        for word in args[:1] if self._subparsers else args:  # the others belong to the command
-            if word == "--":
-                break
-            if self._is_unknown(word):
-                self._refuse(word)
-        positional = [action for action in self._actions if not action.option_strings]
-        if not positional:
-            self._check_stray(args)
-        self.given.clear()
-        if any(action.nargs in (argparse.OPTIONAL, argparse.ZERO_OR_MORE) for action in positional):
-            args = self._options_first(args)
-        options, unknown = super().parse_known_args(args, namespace)
-        if unknown:
-            self._refuse(unknown[0], [str(getattr(options, action.dest, "")) for action in positional])
-        return options, unknown
-
-    def _check_stray(self, words: Sequence[str]) -> None:
-        """Refuse a word that is neither an option nor a value of one."""
-        option, room = "", 0
-        for word in words[: words.index("--") if "--" in words else None]:
-            name, value = self._split(word)
-            if name:
-                option, nargs = name, self._option_string_actions[name].nargs
-                room = 0 if value or nargs == 0 else 1 if nargs is None else len(words)
-            elif room:
-                room -= 1
-            else:
-                self._refuse_second_value(word, words)
-                self._refuse(word, after=option)
-
-    def _options_first(self, words: Sequence[str]) -> Sequence[str]:
-        """Return the words with all values of arguments at the end.
-
-        argparse takes an argument that may be missing as missing if an option follows: `echo TOPIC --once FILTER`.
-        """
-        end = words.index("--") if "--" in words else len(words)
-        options: list[str] = []
-        values: list[str] = []
-        room = 0
-        for word in words[:end]:
-            name, value = self._split(word)
-            if name:
-                nargs = self._option_string_actions[name].nargs
-                if nargs not in (None, 0):
-                    return words
-                room = int(nargs is None and not value)
-                options.append(word)
-            else:
-                (options if room else values).append(word)
-                room = 0
-        return words if room else [*options, *values, *words[end:]]  # an option without its value stays the last
-
-    def _split(self, word: str) -> tuple[str, str]:
-        """Return the last option in `word` and the value that is attached to it, or "" and `word` for a value."""
-        known = self._option_string_actions
-        while word[1:2] not in ("", "-") and word not in known and word[:2] in known and known[word[:2]].nargs == 0:
-            word = f"-{word[2:]}"
-        name, value = (word[:2], word[2:]) if word[1:2] != "-" else (word.partition("=")[::2])
-        return (name, value) if name in known else ("", word)
-
-    def _is_unknown(self, word: str) -> bool:
-        """Whether `word` is an option that this parser does not have. For argparse, a word with a space is a value."""
-        is_long = word.startswith("--")
-        name = word.partition("=")[0] if is_long else word[:2]
-        is_option = is_long or (word.startswith("-") and word[1:2].isalpha())
-        return is_option and " " not in word and name not in self._option_string_actions
-
-    def _refuse(self, wrong: str, given: Sequence[str] = (), after: str = "") -> NoReturn:
-        """Report the unknown argument `wrong` without its value, after the arguments `given` and the option `after`."""
-        from msggen.cli.unknown_argument import hint_for
-
-        wrong = wrong.partition("=")[0] if wrong.startswith("-") else wrong
-        is_repeatable = isinstance(self._option_string_actions.get(after), argparse._AppendAction)  # noqa: SLF001
-        hint = f": repeat the option, {after} {wrong}" if is_repeatable else hint_for(self, wrong, given)
-        self.error(f"unknown argument '{printable(wrong)}'{printable(hint)}")
-
-    def _refuse_second_value(self, wrong: str, words: Sequence[str]) -> None:
-        """Report a second value of --select, --ignore or --against, an option of a command without other arguments."""
-        from msggen.cli.unknown_argument import hint_for_second_value
-
-        hint = hint_for_second_value(wrong, words)
-        if hint:
-            self.error(f"unknown argument '{printable(wrong)}': {printable(hint)}")
-
-    def _print_message(self, message: str, file: Any = None) -> None:
-        super()._print_message(Styled(message), file)
-
-    def error(self, message: str) -> NoReturn:
-        for option, hint in (self.get_default("hints") or {}).items():
-            message += f": {hint}" if message.startswith("the following arguments") and option in message else ""
-        print_document([Diagnostic(Location(self.prog, 0), "usage", message)], self._output_format)
-        self.exit(FAILED, f"{self.prog}: error: {escaped(message)}\nfor all arguments: {self.prog} --help\n")
-
-    def _check_value(self, action: argparse.Action, value: Any) -> None:
-        if action.choices is not None and value not in action.choices:
-            choices = list(map(str, action.choices))
-            command = _ACTIONS.get(str(value), "")
-            is_action = command in choices and self.prog == "msggen"
-            hint = suggestion(_SYNONYMS.get(str(value), str(value)), choices)
-            hint = f", did you mean '{command} {value}'?" if is_action else hint
-            raise argparse.ArgumentError(action, f"invalid choice: {value!r} (choose from {', '.join(choices)}){hint}")
-
-
-class _PrintCMakeFolder(argparse.Action):
-    """An option that prints the folder of msggenConfig.cmake and exits."""
-
-    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        print(os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "cmake"))
-        parser.exit()
-
-
-def parser_for(words: Sequence[str]) -> argparse.ArgumentParser:
-    """Return a parser of the command that `words` start with, or of all commands if they start with none.
-
-    Adding a command takes time, so the others are not added.
-    """
-    output_format = _output_format(words)
-    parser = _Parser(
-        output_format=output_format,
-        prog="msggen",
-        description="Generate Python types, CDR codecs and a topic registry from PX4's message definitions, and keep "
-        "ROS 2 packages up to date with them.",
-        epilog=f"Exit codes: 0 done, 1 findings or changes, {FAILED_CODES}",
-    )
-    parser.add_argument("-V", "--version", action="version", version=f"msggen {__version__}")
-    parser.add_argument(
-        "--cmake-dir", action=_PrintCMakeFolder, nargs=0, help="show the value for CMake's msggen_DIR and exit"
-    )
-    commands = parser.add_subparsers(prog=parser.prog, metavar="COMMAND", required=True)
-    known = _MODULES.get(words[0]) if words else None
-    for module in dict.fromkeys([known] if known else _MODULES.values()):
-        __import__(f"msggen.cli.{module}", fromlist=["add_to"]).add_to(commands)  # importlib would take longer
-    return parser

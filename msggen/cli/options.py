@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import os
 import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NoReturn, TypeAlias
 
+from msggen.diagnostics import input_error
 from msggen.firmware.embedded import EMBEDDED
 from msggen.report import FORMATS
 
@@ -52,6 +54,13 @@ def local_path(text: str) -> str:
             hint = f"name {url2pathname(text[found.end() :])}"
         raise input_error(text, "S131", f"a URL, expected a path: {hint}", 0)
     return text
+
+
+def check_parent(path: str) -> None:
+    """Raise an InputError if the folder of a file that is to be written does not exist."""
+    folder = os.path.dirname(path) or os.curdir
+    if not os.path.isdir(folder):
+        raise input_error(path, "R101", f"there is no folder '{folder}': create it first", 0)
 
 
 SHARED: Mapping[str, Mapping[str, Any]] = {

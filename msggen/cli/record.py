@@ -13,7 +13,7 @@ from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
 from msggen.cli.link import Connection, add_link, connection
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, local_path, non_empty
+from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, check_parent, local_path, non_empty
 from msggen.cli.packages import missing_extra
 from msggen.cli.printing import discard_output, number_of_bytes, terminal_width
 from msggen.cli.values import convert_values, positive
@@ -172,13 +172,6 @@ def check_free(path: str) -> None:
     if os.path.lexists(path):
         raise input_error(path, "R101", "there is such a file already: choose another name, or remove it", 0)
     check_parent(path)
-
-
-def check_parent(path: str) -> None:
-    """Raise an InputError if the folder of a file that is to be written does not exist."""
-    folder = os.path.dirname(path) or os.curdir
-    if not os.path.isdir(folder):
-        raise input_error(path, "R101", f"there is no folder '{folder}': create it first", 0)
 
 
 def _open(options: argparse.Namespace, choice: Choice, definitions: Definitions) -> Recorder:

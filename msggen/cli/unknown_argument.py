@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from difflib import get_close_matches
 from typing import Any
 
-from msggen.cli import parser_for
 from msggen.diagnostics import suggestion
 from msggen.disk.git import is_revision
 from msggen.firmware.embedded import names_release
@@ -33,17 +32,19 @@ _MOST = 4
 """The most names of commands that a hint lists with their actions."""
 
 
-def hint_for(parser: Any, wrong: str, given: Sequence[str]) -> str:
-    """Return the end of the message about `wrong`, after the arguments `given`.
+def hint_for(parser: Any, wrong: str, given: Sequence[str], all_commands: Callable[[], Any]) -> str:
+    """Return the end of the message about `wrong`, after the arguments `given`. `all_commands` makes their parser.
 
     It says to use a similar option, to name the firmware with --px4, or to give fewer names.
     """
     return (
-        _of_other_programs(parser, wrong, given) or _of_further_file(parser, wrong) or _hint_for(parser, wrong, given)
+        _of_other_programs(parser, wrong, given)
+        or _of_further_file(parser, wrong)
+        or _hint_for(parser, wrong, given, all_commands)
     )
 
 
-def _hint_for(parser: Any, wrong: str, given: Sequence[str]) -> str:
+def _hint_for(parser: Any, wrong: str, given: Sequence[str], all_commands: Callable[[], Any]) -> str:
     names = [str(action.metavar) for action in parser._actions if not action.option_strings]  # noqa: SLF001
     known = parser._option_string_actions  # noqa: SLF001 - argparse has no public name
     has_commands = bool(parser._subparsers)  # noqa: SLF001
@@ -53,7 +54,7 @@ def _hint_for(parser: Any, wrong: str, given: Sequence[str]) -> str:
         firmware = next(filter(_is_firmware, [*given, wrong]), None) if names else wrong
         if firmware:
             return f": name the firmware with --px4 {firmware}"
-    owners = "" if has_commands else ", ".join(_commands_with(wrong))
+    owners = "" if has_commands else ", ".join(_commands_with(wrong, all_commands()))
     if owners:
         return f": an option of {owners}"
     near = suggestion(wrong, [name for name, action in known.items() if action.help is not argparse.SUPPRESS])
@@ -105,12 +106,12 @@ def _is_revision(folder: str, word: str) -> bool:
     return "\0" not in folder and os.path.isdir(folder) and is_revision(folder, word)
 
 
-def _commands_with(option: str) -> list[str]:
+def _commands_with(option: str, parser: Any) -> list[str]:
     """Return the names of the commands that have an option, and list it in their help.
 
     Of many actions, only the command is named: `topic` for `topic hz`, `topic bw` and so on.
     """
-    known = ((name, command._option_string_actions.get(option)) for name, command in _commands(parser_for(())))  # noqa: SLF001
+    known = ((name, command._option_string_actions.get(option)) for name, command in _commands(parser))  # noqa: SLF001
     names = [name for name, action in known if action and action.help is not argparse.SUPPRESS]
     return names if len(names) <= _MOST else [*dict.fromkeys(name.partition(" ")[0] for name in names)]
 

@@ -12,9 +12,10 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from msggen.recordings.files import open_log as open  # noqa: A004 - users write recordings.open
     from msggen.recordings.log import Log
-    from msggen.recordings.samples import Samples, Topic
+    from msggen.recordings.samples import Samples
     from msggen.recordings.source import Problem, RecordingError
     from msggen.recordings.sync import Offset, offset_between
+    from msggen.recordings.topic import Topic
 else:  # hidden from type checkers, which would accept any attribute of a module that has __getattr__
     _NAMES = {
         "Log": ("log", "Log"),

@@ -18,7 +18,7 @@ from msggen.recordings.topics import by_name, find
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from msggen.recordings.samples import Topic
+    from msggen.recordings.topic import Topic
 
     Times = NDArray[np.int64]
 

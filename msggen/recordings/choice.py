@@ -13,7 +13,7 @@ from msggen.live.messages.names import stem_of
 from msggen.recordings.source import RecordingError
 
 if TYPE_CHECKING:
-    from msggen.recordings.samples import Topic
+    from msggen.recordings.topic import Topic
 
 
 class Choice(NamedTuple):

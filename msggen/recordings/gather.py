@@ -5,16 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from msggen.recordings.resident import drop_pages
+from msggen.recordings.resident import Octets, Places, drop_pages
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-Octets = NDArray[np.uint8]
-Places = NDArray[np.int64]
-"""Offsets in a buffer."""
+    from numpy.typing import NDArray
 
 WINDOW = 1 << 23
 """The bytes of a buffer that are walked at a time."""

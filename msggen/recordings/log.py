@@ -14,10 +14,10 @@ from msggen.recordings.columns.arrays import check_fields
 from msggen.recordings.columns.collector import Collector
 from msggen.recordings.decode.decoder import Rows
 from msggen.recordings.definitions.lent import Lender
-from msggen.recordings.origin import Firmware, firmware_of, utc_offset_of, vehicle_of
+from msggen.recordings.origin import Firmware, firmware_of, gps_offset_of, utc_offset_of, vehicle_of
 from msggen.recordings.payloads import Sample
 from msggen.recordings.reader import Reader
-from msggen.recordings.samples import Samples, Topic
+from msggen.recordings.samples import Samples
 from msggen.recordings.source import (
     FOREVER,
     NO_FACTS,
@@ -31,6 +31,7 @@ from msggen.recordings.source import (
     Source,
     Text,
 )
+from msggen.recordings.topic import Topic
 from msggen.recordings.topics import Key, find, is_pattern, matching
 
 if TYPE_CHECKING:
@@ -148,7 +149,7 @@ class Log:
     @cached_property
     def utc_offset(self) -> int | None:
         """The offset in ns from log time to UTC: 0 if log times are already UTC, None if unknown."""
-        return utc_offset_of(self)
+        return utc_offset_of(self.start, self.kind, self.information, lambda: gps_offset_of(self.topics, self.samples))
 
     @property
     def vehicle(self) -> str:
@@ -169,7 +170,7 @@ class Log:
         """Return the embedded release of PX4 that the recording is from, by its definitions and what a ULog tells."""
         from msggen.recordings.definitions.release import release_of
 
-        return release_of(self)
+        return release_of(self.topics, self.firmware.release)
 
     @property
     def notes(self) -> list[str]:
@@ -412,15 +413,14 @@ class Log:
         from msggen.recordings.messages import messages_of, topic_of
 
         chosen = topic_of(self.topics, cls, instance) if topic is None else self.topic(topic, instance)
-        self._limits(start, stop)
-        found = messages_of(self, chosen, cls, (start, stop), self._reader.left_out, is_converted=convert)
+        found = messages_of(self._reader, chosen, cls, self._limits(start, stop), is_converted=convert)
         return found if times else (message for _, message in found)
 
     def compare(self, package: ModuleType) -> tuple[Compared, ...]:
         """Compare the definition of each topic with that of its class in a generated package."""
         from msggen.recordings.definitions.comparison import compare
 
-        return compare(self, package)
+        return compare(self.topics, self.path, package)
 
     def undecoded(
         self,

@@ -8,40 +8,43 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from msggen.live.messages.packages import package_of_class
-from msggen.recordings.decode.left_out import LeftOut, leave_out
+from msggen.recordings.columns.collector import Collector
+from msggen.recordings.decode.left_out import leave_out
 from msggen.recordings.decode.schemas import SchemaError
 from msggen.recordings.definitions.comparison import difference, differences, is_of_ulog, is_same, versions_of
 from msggen.recordings.source import RecordingError
 from msggen.recordings.topics import named_after_message, of_instance
 
 if TYPE_CHECKING:
-    from msggen.recordings.log import Log
-    from msggen.recordings.samples import Topic
+    from numpy.typing import NDArray
+
+    from msggen.recordings.reader import Reader
+    from msggen.recordings.topic import Topic
 
 MessageT = TypeVar("MessageT")
 
 
-Span = tuple[float | None, float | None]
-"""Two times in s after the start of the recording."""
+Span = tuple[int, int]
+"""Log times in ns from when to when."""
 
 
-def messages_of(  # noqa: PLR0913 - of Log alone
-    log: Log, topic: Topic, cls: type[MessageT], span: Span, left_out: LeftOut, *, is_converted: bool
+def messages_of(
+    reader: Reader, topic: Topic, cls: type[MessageT], span: Span, *, is_converted: bool
 ) -> Iterator[tuple[int, MessageT]]:
     """Return log times and messages of `cls`. Log.messages describes it. Raises RecordingError, and TypeError."""
     package = package_of_class(cls)
     if not (topic.definition or topic.type_hash):
         raise RecordingError(f"the recording has no definition of '{topic.name}'")
     if is_same(topic, cls):
-        return _decoded(log, topic, cls, span, left_out)
+        return _decoded(reader, topic, cls, span)
     recorded = next((each for each in versions_of(cls) if is_same(topic, each)), None)
     if recorded is None:
-        raise RecordingError(_other_definition(log, topic, cls))
+        raise RecordingError(_other_definition(reader.path, topic, cls))
     if not is_converted:
         text = f"'{topic.name}' has the definition of {recorded.__name__}, and {_name(cls)} is another version of it"
         raise RecordingError(f"{text}: read {recorded.__name__}, or {cls.__name__} with convert=True")
     convert: Any = package.versions.convert
-    found = _decoded(log, topic, recorded, span, left_out)
+    found = _decoded(reader, topic, recorded, span)
     return ((time, convert(message, cls).message) for time, message in found)
 
 
@@ -63,11 +66,11 @@ def topic_of(topics: Sequence[Topic], cls: Any, instance: int | None) -> Topic:
     raise RecordingError(f"the recording has no topic of {ros_type}")
 
 
-def _decoded(log: Log, topic: Topic, cls: Any, span: Span, left_out: LeftOut) -> Iterator[tuple[int, Any]]:
+def _decoded(reader: Reader, topic: Topic, cls: Any, span: Span) -> Iterator[tuple[int, Any]]:
     """Yield log times and messages of a topic, in the order of the times."""
-    with left_out.reading() as reading:
+    with reader.left_out.reading() as reading:
         missing = reading[topic.name, topic.instance]
-        for time, payload in _payloads(log, topic, cls, span):
+        for time, payload in _payloads(reader, topic, cls, span):
             try:
                 message = cls.decode(payload)
             except ValueError:
@@ -76,27 +79,36 @@ def _decoded(log: Log, topic: Topic, cls: Any, span: Span, left_out: LeftOut) ->
             yield time, message
 
 
-def _payloads(log: Log, topic: Topic, cls: Any, span: Span) -> Iterator[tuple[int, bytes]]:
+def _payloads(reader: Reader, topic: Topic, cls: Any, span: Span) -> Iterator[tuple[int, bytes]]:
     """Yield log times and samples as CDR, in the order of the times."""
-    start, stop = span
     if is_of_ulog(topic):
-        every = (
-            log.batches([topic], start=start, stop=stop)
-            if _is_ordered(topic)
-            else [log.samples(topic, start=start, stop=stop)]
-        )
-        for samples in every:
-            yield from zip(samples.log_times.tolist(), cls.encode_batch(samples.array), strict=True)
+        for times, array in _arrays(reader, topic, span):
+            yield from zip(times.tolist(), cls.encode_batch(array), strict=True)
     elif _is_ordered(topic):  # faster than `payloads`, which has to sort
-        for _, part in log.undecoded([topic], start=start, stop=stop):
+        for _, part in reader.undecoded([topic], *span):
             data = part.buffer.data
             bounds = zip(
                 part.log_times.tolist(), part.starts.tolist(), (part.starts + part.sizes).tolist(), strict=True
             )
             yield from [(time, bytes(data[low:high])) for time, low, high in bounds]
     else:
-        for _, time, payload in log.payloads([topic], start=start, stop=stop):
+        for _, time, payload in reader.payloads([topic], *span):
             yield time, payload
+
+
+def _arrays(reader: Reader, topic: Topic, span: Span) -> Iterator[tuple[NDArray[np.int64], NDArray[Any]]]:
+    """Yield log times and samples as structured arrays, in the order of the times."""
+    dtype = reader.decoder(topic).dtype
+    every = reader.rows([topic], *span)
+    if _is_ordered(topic):
+        for _, rows, times, _ in every:
+            yield times, rows.view(dtype)
+        return
+    collector = Collector(topic, dtype, 0)
+    for _, rows, times, published in every:
+        collector.add(rows, times, published)
+    samples = collector.samples()
+    yield samples.log_times, samples.array
 
 
 def _is_ordered(topic: Topic) -> bool:
@@ -108,14 +120,14 @@ def _is_ordered(topic: Topic) -> bool:
     return bool((times[:-1] <= times[1:]).all())
 
 
-def _other_definition(log: Log, topic: Topic, cls: Any) -> str:
+def _other_definition(path: str, topic: Topic, cls: Any) -> str:
     """Return an error about a class that has another definition than the recording."""
     try:
         findings = differences(topic, cls, "the recording")
     except SchemaError as error:
         return f"the definition of '{topic.name}' cannot be read: {error}"
     what = f"{_name(cls)}: {difference(findings)}" if findings else _name(cls)
-    build = f"msggen build --px4 {log.path} --package recorded_types"
+    build = f"msggen build --px4 {path} --package recorded_types"
     return f"'{topic.name}' has another definition than {what}; build a package of the recording: {build}"
 
 

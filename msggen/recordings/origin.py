@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping, Sequence
 
-    from msggen.recordings.log import Log
+    from msggen.recordings.samples import Samples
+    from msggen.recordings.topic import Topic
 
 _GPS = ("sensor_gps", "vehicle_gps_position")
 _HAS_FIX = 3
@@ -35,11 +36,11 @@ def firmware_of(information: Mapping[str, object]) -> Firmware:
     """Return the firmware that wrote a ULog, from `ver_sw_release` and `ver_sw`."""
     release, commit = information.get("ver_sw_release"), information.get("ver_sw")
     return Firmware(
-        release_of(release) if isinstance(release, int) and release else "", commit if isinstance(commit, str) else ""
+        release_text(release) if isinstance(release, int) and release else "", commit if isinstance(commit, str) else ""
     )
 
 
-def release_of(number: int) -> str:
+def release_text(number: int) -> str:
     """Return the release for `ver_sw_release`: `v1.17.0` for 0x011100ff.
 
     The last byte is 255 for a release, from 192 for release candidates, 128 for betas, 64 for alphas, 0 otherwise.
@@ -56,30 +57,32 @@ def vehicle_of(information: Mapping[str, object]) -> str:
     return found if isinstance(found, str) else ""
 
 
-def utc_offset_of(log: Log) -> int | None:
+def utc_offset_of(
+    start: int, kind: str, information: Mapping[str, object], gps_offset: Callable[[], int | None]
+) -> int | None:
     """Return what to add to log times in ns for UTC, None if the recording does not tell it.
 
     It is 0 for recordings whose log times are since 1970, also for a ULog of a simulator that counts so. Otherwise a
-    ULog's times are since the start of the vehicle: the offset is from `boot_time_utc_us`, or the median over all
-    samples of a GPS receiver that has a fix, or else only the time.
+    ULog's times are since the start of the vehicle: the offset is from `boot_time_utc_us`, or else from `gps_offset`,
+    which reads the samples of GPS receivers.
     """
-    if log.start > _YEAR_2001_NS:
+    if start > _YEAR_2001_NS:
         return 0
-    if log.kind != "ulog":
+    if kind != "ulog":
         return None
-    boot = log.information.get("boot_time_utc_us")
+    boot = information.get("boot_time_utc_us")
     if isinstance(boot, int) and _YEAR_2001 < boot < _LARGEST:
         return boot * 1000
-    return gps_offset_of(log)
+    return gps_offset()
 
 
-def gps_offset_of(log: Log) -> int | None:
+def gps_offset_of(topics: Sequence[Topic], samples_of: Callable[[Topic], Samples]) -> int | None:
     """Return what to add to log times in ns for the UTC of a GPS receiver, None if no receiver tells it.
 
     It is the median over all samples of a receiver that has a fix, or else only the time.
     """
-    for topic in (topic for name in _GPS for topic in log.topics if topic.uorb == name):
-        samples = log.samples(topic)
+    for topic in (topic for name in _GPS for topic in topics if topic.uorb == name):
+        samples = samples_of(topic)
         rows = samples.array
         names = rows.dtype.names or ()
         if "time_utc_usec" not in names:

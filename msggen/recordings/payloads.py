@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from msggen.recordings.reader import OpenFile
+    from msggen.recordings.open_file import OpenFile
 
 
 class Sample(NamedTuple):

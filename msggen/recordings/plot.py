@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from msggen.recordings.log import Log
-    from msggen.recordings.samples import Topic
+    from msggen.recordings.topic import Topic
 
 ENDINGS = ("png", "svg", "pdf")
 """The formats of files."""

@@ -14,6 +14,7 @@ from msggen.recordings.decode.decoder import Decoder
 from msggen.recordings.decode.left_out import LeftOut
 from msggen.recordings.decode.schemas import SchemaError, nested_values
 from msggen.recordings.definitions.lent import Lender, Lent, lend
+from msggen.recordings.open_file import OpenFile
 from msggen.recordings.origin import firmware_of
 from msggen.recordings.payloads import in_order, merged
 from msggen.recordings.source import (
@@ -30,48 +31,18 @@ from msggen.recordings.source import (
 from msggen.recordings.topics import by_name, topics_of
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
     from msggen.recordings.decode.decoder import Rows
     from msggen.recordings.payloads import Sample
-    from msggen.recordings.samples import Topic
+    from msggen.recordings.topic import Topic
     from msggen.recordings.topics import Topics
 
     Times = NDArray[np.int64]
     Numbers = tuple[int, int]
     """The numbers of a file and of a channel in it."""
-
-
-class OpenFile:
-    """A file of a recording. After `close`, everything that reads raises RecordingError, also if it has begun."""
-
-    def __init__(self, source: Source, path: str) -> None:
-        self._source, self._path = source, path
-        self._is_closed = False
-
-    def check_open(self) -> None:
-        """Raise RecordingError if the file is closed."""
-        if self._is_closed:
-            raise RecordingError(f"{self._path} is closed")
-
-    def parts(self, channels: Collection[int], start: int, stop: int) -> Iterator[Part]:
-        """See Source.parts."""
-        self.check_open()
-        for part in self._source.parts(channels, start, stop):
-            yield part
-            self.check_open()
-
-    def times(self, channels: Collection[int]) -> Mapping[int, Times]:
-        """See Source.times."""
-        self.check_open()
-        return self._source.times(channels)
-
-    def close(self) -> None:
-        """Close the file. Can be repeated."""
-        self._is_closed = True
-        self._source.close()
 
 
 class Reader:

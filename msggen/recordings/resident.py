@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import mmap
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from msggen.recordings.gather import Octets
+Octets = NDArray[np.uint8]
+Places = NDArray[np.int64]
+"""Offsets in a buffer."""
 
 LARGE = 64 << 20
 """The size in bytes from which on the pages of a file are dropped."""

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from msggen.recordings.decode.layouts import Layout
-    from msggen.recordings.gather import Octets, Places
+    from msggen.recordings.resident import Octets, Places
 
 FOREVER = (1 << 63) - 1
 """The largest log time."""

@@ -15,7 +15,8 @@ if TYPE_CHECKING:
 
     from msggen.recordings.align import Times
     from msggen.recordings.log import Log
-    from msggen.recordings.samples import Samples, Topic
+    from msggen.recordings.samples import Samples
+    from msggen.recordings.topic import Topic
     from msggen.recordings.topics import Key
 
 _TRIED = 8

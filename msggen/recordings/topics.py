@@ -11,8 +11,8 @@ from msggen.live.messages.names import is_named_after, stem_of
 from msggen.recordings.choice import is_numbered, names_of, split_instance, takes_instance
 from msggen.recordings.decode.decoder import DECODED
 from msggen.recordings.decode.schemas import SchemaError, type_hash_of
-from msggen.recordings.samples import Topic
 from msggen.recordings.source import RecordingError
+from msggen.recordings.topic import Topic
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

@@ -20,7 +20,7 @@ from msggen.view.server import Channel
 if TYPE_CHECKING:
     from foxglove.websocket import PlaybackControlRequest
 
-    from msggen.recordings.samples import Topic
+    from msggen.recordings.topic import Topic
     from msggen.view.server import Server
 
 TELL_NS = 200_000_000

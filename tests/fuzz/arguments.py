@@ -13,7 +13,7 @@ from functools import cache
 from pathlib import Path
 from random import Random
 
-from msggen.cli import _MODULES, parser_for
+from msggen.cli.parser import _MODULES, parser_for
 from msggen.diagnostics import CODES
 from msggen.rules import RULES
 from support.catalogs import write_definitions

@@ -18,8 +18,8 @@ from msggen.recordings.convert import convert
 from msggen.recordings.convert.names import Place, place_of
 from msggen.recordings.fleet import update
 from msggen.recordings.fleet.layout import cleaned, day_in
-from msggen.recordings.samples import Topic
 from msggen.recordings.source import Channel
+from msggen.recordings.topic import Topic
 from support.fleet_recordings import parquet_in, rows_in
 from support.log_files import Written, write_log
 from support.recordings import START

@@ -14,7 +14,7 @@ import pytest
 from msggen import recordings
 from msggen.recordings.decode.schemas import read_schema
 from msggen.recordings.files.ulog_formats import MESSAGES
-from msggen.recordings.origin import release_of
+from msggen.recordings.origin import release_text
 from msggen.recordings.source import Dropout, Text
 from support.repository import DEFINITIONS, ROOT, SOME
 from support.ulog import UlogWriter, columns_of_pyulog, content_of, differences, flight, formats_of, size_of, snake
@@ -402,4 +402,4 @@ def test_utc_comes_from_the_start_of_the_vehicle_first(tmp_path: Path) -> None:
     ],
 )
 def test_releases(number: int, release: str) -> None:
-    assert release_of(number) == release
+    assert release_text(number) == release

@@ -22,10 +22,10 @@ from msggen.recordings.files.mcap import McapFile
 from msggen.recordings.files.mcap_channels import Described
 from msggen.recordings.files.mcap_records import chunk_or_message_from
 from msggen.recordings.fleet.layout import places_of
+from msggen.recordings.open_file import OpenFile
 from msggen.recordings.payloads import in_order
-from msggen.recordings.reader import OpenFile
-from msggen.recordings.samples import Topic
 from msggen.recordings.source import Channel, Part, Problem
+from msggen.recordings.topic import Topic
 from msggen.recordings.topics import by_name, find
 from support.log_files import Written, write_log
 

@@ -17,8 +17,8 @@ from msggen.recordings.choice import Choice
 from msggen.recordings.files import open_log
 from msggen.recordings.live.player import Endpoints, Player, endpoints_of, is_played
 from msggen.recordings.log import Log
-from msggen.recordings.samples import Topic
 from msggen.recordings.source import Channel as SourceChannel
+from msggen.recordings.topic import Topic
 from msggen.recordings.writer import Channel, Writer
 from support.recordings import START, Found, channel_of, route_of
 

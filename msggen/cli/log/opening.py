@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 
 from msggen.cli.log.arguments import asked_time, refuse_files, swapped_hint
 from msggen.cli.log.progress import busy_bar, progress_bar
+from msggen.cli.options import check_parent
 from msggen.cli.packages import missing_extra
 from msggen.cli.printing import number_of_bytes
-from msggen.cli.record import check_parent
 from msggen.diagnostics import counted, input_error, printable
 from msggen.disk.path_hint import path_hint
 from msggen.exit_codes import DONE, FINDINGS

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any
 from msggen.cli.log.arguments import CODES, add_file, add_times, asked_time, convert_times
 from msggen.cli.log.opening import opened, print_notes, print_problems
 from msggen.cli.log.progress import busy_bar
-from msggen.cli.options import Commands, add_command, add_shared, local_path, non_empty, refuse
+from msggen.cli.options import Commands, add_command, add_shared, check_parent, local_path, non_empty, refuse
 from msggen.cli.packages import missing_extra
 from msggen.cli.printing import number_of_bytes
-from msggen.cli.record import check_parent
 from msggen.diagnostics import few, input_error, printable
 from msggen.exit_codes import DONE, FINDINGS
 from msggen.recordings.paths import stem_of

@@ -23,7 +23,7 @@ from msggen.recordings.decode.schemas import Schema, SchemaError, read_schema
 from msggen.tags import ENUM, INHERITED, UNIT
 
 if TYPE_CHECKING:
-    from msggen.recordings.samples import Topic
+    from msggen.recordings.topic import Topic
 
 _INDEX = re.compile(r"\[\d+\]")
 

@@ -20,28 +20,33 @@ from msggen.recordings.decode.schemas import read_schema
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping
 
+    import numpy as np
     import pyarrow as pa
+    from numpy.typing import NDArray
 
     from msggen.recordings.decode.schemas import Schema
-    from msggen.recordings.samples import Samples
+    from msggen.recordings.topic import Topic
+
+    Clocks = tuple[NDArray[np.int64], NDArray[np.int64] | None]
+    """Log times, and publish times if the format has them."""
 
 _INDEX = re.compile(r"\[\d+\]")
 
 
-def table_of(samples: Samples, *, with_times: bool = False, utc_offset: int | None = 0) -> Any:
-    """Return a table (pyarrow.Table) with the chosen columns of `samples`, the one called `timestamp` first.
+def table_of(topic: Topic, columns: Mapping[str, Any], clocks: Clocks | None = None, utc_offset: int | None = 0) -> Any:
+    """Return a table (pyarrow.Table) with columns of a topic, the one called `timestamp` first.
 
-    `with_times` adds the columns `log_time` and `publish_time` in UTC, with `_` behind that if a field has this name.
-    `utc_offset` in ns is added to both. They are NULL if it is None, and so is `publish_time` if the format has none.
+    `clocks`, the log times and publish times, add the columns `log_time` and `publish_time` in UTC, with `_` behind
+    that if a field has this name. `utc_offset` in ns is added to both. They are NULL if it is None, and so is
+    `publish_time` if the format has none.
     """
     import pyarrow as pa
 
-    topic = samples.topic
-    columns: dict[str, Any] = samples.columns()
-    types = _types_of(topic.ros_type, topic.definition) if samples.array.dtype.hasobject else {}
-    front = [_column(samples, "timestamp", columns["timestamp"], types)] if "timestamp" in columns else []
-    times = list(_time_columns(samples, columns, utc_offset)) if with_times else []
-    others = [_column(samples, name, values, types) for name, values in columns.items() if name != "timestamp"]
+    has_objects = any(values.dtype == object for values in columns.values())
+    types = _types_of(topic.ros_type, topic.definition) if has_objects else {}
+    front = [_column(topic, "timestamp", columns["timestamp"], types)] if "timestamp" in columns else []
+    times = [] if clocks is None else list(_time_columns(clocks, columns, utc_offset))
+    others = [_column(topic, name, values, types) for name, values in columns.items() if name != "timestamp"]
     every = [*front, *times, *others]
     fields, arrays = [field for field, _ in every], [array for _, array in every]
     described = {"topic": topic.name, "instance": str(topic.instance), "type": topic.ros_type}
@@ -49,23 +54,23 @@ def table_of(samples: Samples, *, with_times: bool = False, utc_offset: int | No
 
 
 def _time_columns(
-    samples: Samples, names: Collection[str], utc_offset: int | None
+    clocks: Clocks, names: Collection[str], utc_offset: int | None
 ) -> Iterator[tuple[pa.Field[Any], Any]]:
     import pyarrow as pa
 
     kind = pa.timestamp("ns", "UTC")
-    for name, values in (("log_time", samples.log_times), ("publish_time", samples.publish_times)):
+    for name, values in zip(("log_time", "publish_time"), clocks, strict=True):
         known = None if values is None or utc_offset is None else values + utc_offset
-        array = pa.nulls(len(samples), kind) if known is None else pa.array(known, kind)
+        array = pa.nulls(len(clocks[0]), kind) if known is None else pa.array(known, kind)
         yield pa.field(f"{name}_" if name in names else name, kind), array
 
 
-def _column(samples: Samples, name: str, values: Any, types: Mapping[str, Any]) -> tuple[pa.Field[Any], Any]:
+def _column(topic: Topic, name: str, values: Any, types: Mapping[str, Any]) -> tuple[pa.Field[Any], Any]:
     import pyarrow as pa
 
     is_object = values.dtype == object
     type_ = types[_INDEX.sub("", name)] if is_object else pa.from_numpy_dtype(values.dtype)
-    return _field(samples, name, type_), _of_objects(values.tolist(), type_) if is_object else pa.array(values, type_)
+    return _field(topic, name, type_), _of_objects(values.tolist(), type_) if is_object else pa.array(values, type_)
 
 
 def _of_objects(values: list[Any], type_: Any) -> Any:
@@ -87,10 +92,10 @@ def _clean(value: Any) -> Any:
     return {name: _clean(each) for name, each in value.items()} if isinstance(value, dict) else value
 
 
-def _field(samples: Samples, name: str, type_: Any) -> Any:
+def _field(topic: Topic, name: str, type_: Any) -> Any:
     import pyarrow as pa
 
-    annotation = annotation_of(samples.topic, name)
+    annotation = annotation_of(topic, name)
     return pa.field(name, type_, metadata=_metadata(annotation))
 
 

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from msggen.recordings.resident import large_empty
-from msggen.recordings.samples import Samples, Topic
+from msggen.recordings.samples import Samples
+from msggen.recordings.topic import Topic
 
 _FEW = 1024
 _MOST = 64 << 20

@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 
     from msggen.model import Message
     from msggen.recordings.decode.schemas import Schema
-    from msggen.recordings.samples import Samples, Topic
+    from msggen.recordings.samples import Samples
+    from msggen.recordings.topic import Topic
 
 
 class Printer:

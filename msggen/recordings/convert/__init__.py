@@ -4,40 +4,26 @@ from __future__ import annotations
 
 import errno
 import os
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from msggen.disk.staging import check_writable, clear, locked, stage_beside, staging_folder
 from msggen.recordings.choice import check_times, listed
-from msggen.recordings.convert.selection import Selection
-from msggen.recordings.source import Problem, RecordingError
+from msggen.recordings.convert.selection import EVERYTHING, Converted, Selection
+from msggen.recordings.source import RecordingError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Sequence
     from contextlib import AbstractContextManager
 
     from msggen.recordings.log import Key, Log
-    from msggen.recordings.samples import Topic
+    from msggen.recordings.topic import Topic
+
+__all__ = ["EVERYTHING", "FORMATS", "TABLES", "Converted", "Selection", "convert", "join"]
 
 FORMATS = ("parquet", "arrow", "csv", "mcap", "rosbag2")
 """The formats that are written. An MCAP file is a file, all others are a folder."""
 TABLES = ("parquet", "arrow", "csv")
 """The formats with a file for each topic."""
-
-
-EVERYTHING = Selection(None, None, None, None)
-
-
-class Converted(NamedTuple):
-    """The result of a conversion."""
-
-    files: Sequence[str]
-    """The paths of the files."""
-    rows: int
-    """How many samples were written, without the rows of tables of what a ULog has beside its topics."""
-    problems: Sequence[Problem]
-    """What the recording has and what is not in the files."""
-    notes: Sequence[str] = ()
-    """Where definitions are from that are not in the recording."""
 
 
 def convert(  # noqa: PLR0913 - named options

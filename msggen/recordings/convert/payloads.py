@@ -12,7 +12,8 @@ import numpy as np
 from msggen.layout import lay_out
 from msggen.recordings.decode.layouts import USUAL, wire_of
 from msggen.recordings.decode.schemas import Schema, read_schema
-from msggen.recordings.gather import Octets, at
+from msggen.recordings.gather import at
+from msggen.recordings.resident import Octets
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -21,8 +22,9 @@ if TYPE_CHECKING:
 
     from msggen.layout import Path
     from msggen.recordings.decode.layouts import Layout
-    from msggen.recordings.samples import Samples, Topic
+    from msggen.recordings.samples import Samples
     from msggen.recordings.source import Part
+    from msggen.recordings.topic import Topic
 
 WAITING = 32 << 20
 """The bytes of samples that wait for earlier ones. Formats write samples at most a few MB out of order."""

@@ -9,11 +9,10 @@ from itertools import chain
 from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.diagnostics import counted, few
-from msggen.recordings.convert import Converted
 from msggen.recordings.convert.facts import between, joined, shifted
 from msggen.recordings.convert.mcap import McapWriter, Target
 from msggen.recordings.convert.payloads import blocks_of_parts, blocks_of_ulog, merged, ordered
-from msggen.recordings.convert.selection import Selection, Share
+from msggen.recordings.convert.selection import Converted, Selection, Share
 from msggen.recordings.convert.types import TypeNames
 from msggen.recordings.convert.ulog import blocks_of_texts
 from msggen.recordings.definitions.restored import restored
@@ -25,8 +24,8 @@ if TYPE_CHECKING:
 
     from msggen.recordings.convert.payloads import Block
     from msggen.recordings.log import Key, Log
-    from msggen.recordings.samples import Topic
     from msggen.recordings.source import Facts
+    from msggen.recordings.topic import Topic
 
 _OURS = ("rosbag2", *NAMES)
 """The names of metadata records that are not copied, but written anew."""

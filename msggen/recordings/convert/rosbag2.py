@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING, Any
 
-from msggen.recordings.convert import Converted
 from msggen.recordings.convert.recording import write_contents
+from msggen.recordings.convert.selection import Converted
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

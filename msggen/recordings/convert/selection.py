@@ -1,4 +1,4 @@
-"""What of a recording is written, and the share of it that is done."""
+"""What of a recording is written, the share of it that is done, and the result."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from msggen.recordings.log import Key
-    from msggen.recordings.samples import Topic
+    from msggen.recordings.source import Problem
+    from msggen.recordings.topic import Topic
 
 _LONGEST = FOREVER / 1e9
 """The longest time in s."""
@@ -39,6 +40,22 @@ class Selection(NamedTuple):
         """Return the log times in ns from when to when, for the log time of the first sample."""
         low, high = (min(first + round(min(time or 0.0, _LONGEST) * 1e9), FOREVER) for time in (self.start, self.stop))
         return 0 if self.start is None else low, FOREVER if self.stop is None else high
+
+
+EVERYTHING = Selection(None, None, None, None)
+
+
+class Converted(NamedTuple):
+    """The result of a conversion."""
+
+    files: Sequence[str]
+    """The paths of the files."""
+    rows: int
+    """How many samples were written, without the rows of tables of what a ULog has beside its topics."""
+    problems: Sequence[Problem]
+    """What the recording has and what is not in the files."""
+    notes: Sequence[str] = ()
+    """Where definitions are from that are not in the recording."""
 
 
 class Share:

@@ -16,10 +16,9 @@ from msggen.recordings.columns.arrays import count_of, has_field, names_of
 from msggen.recordings.columns.arrow import table_of
 from msggen.recordings.columns.collector import Collector
 from msggen.recordings.columns.text import json_value
-from msggen.recordings.convert import Converted
 from msggen.recordings.convert.fact_tables import fact_tables
 from msggen.recordings.convert.names import file_names
-from msggen.recordings.convert.selection import Selection, Share
+from msggen.recordings.convert.selection import Converted, Selection, Share
 from msggen.recordings.source import Problem, UnknownFieldError
 
 if TYPE_CHECKING:
@@ -27,7 +26,8 @@ if TYPE_CHECKING:
     from typing import IO
 
     from msggen.recordings.log import Log
-    from msggen.recordings.samples import Samples, Topic
+    from msggen.recordings.samples import Samples
+    from msggen.recordings.topic import Topic
 
 _TIME = "timestamp"
 _WAITING = 64 << 20
@@ -156,7 +156,7 @@ class _Tables:
         key = samples.topic.name, samples.topic.instance
         size = samples.array.nbytes
         if samples.array.dtype.hasobject:
-            size += _OBJECTS * table_of(samples).nbytes
+            size += _OBJECTS * table_of(samples.topic, samples.columns()).nbytes
         self._waiting[key].append(samples)
         self._sizes[key] += size
         self._total += size
@@ -183,7 +183,8 @@ class _Tables:
         for samples in waiting:
             collector.add(samples.array, samples.log_times, samples.publish_times)
         chosen = collector.samples().choose(self._columns[key])
-        table = self._format.table(table_of(chosen, with_times=True, utc_offset=self._utc_offset))
+        clocks = chosen.log_times, chosen.publish_times
+        table = self._format.table(table_of(chosen.topic, chosen.columns(), clocks, self._utc_offset))
         if key not in self._writers:
             # pyarrow itself only opens files whose names are UTF-8
             file = self._ends[key].enter_context(open(self._paths[key], "wb"))  # noqa: SIM115 - the stack closes it

@@ -13,7 +13,7 @@ from msggen.recordings.decode.schemas import SchemaError, key_of, read_schema
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from msggen.recordings.samples import Topic
+    from msggen.recordings.topic import Topic
 
 
 class TypeNames:

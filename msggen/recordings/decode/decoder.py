@@ -12,7 +12,8 @@ from msggen.recordings.decode import values
 from msggen.recordings.decode.layouts import ENCODINGS, HEADER, USUAL, Layout, layout_of, wire_of
 from msggen.recordings.decode.left_out import Missing, leave_out
 from msggen.recordings.decode.schemas import SchemaError, read_schema
-from msggen.recordings.gather import Octets, at
+from msggen.recordings.gather import at
+from msggen.recordings.resident import Octets
 from msggen.recordings.source import Channel, Part
 
 Rows = NDArray[Any]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from types import ModuleType
@@ -17,8 +17,7 @@ from msggen.model import Catalog
 from msggen.recordings.decode.schemas import Schema, SchemaError, content_of, hash_of, key_of, read_schema
 
 if TYPE_CHECKING:
-    from msggen.recordings.log import Log
-    from msggen.recordings.samples import Topic
+    from msggen.recordings.topic import Topic
 
 _HASH = "RIHS01_"
 
@@ -61,13 +60,16 @@ class Compared:
         return f"{self.topic.label}: {name}{effect}: {difference(self.findings)}"
 
 
-def compare(log: Log, package: ModuleType) -> tuple[Compared, ...]:
-    """Compare the definition of each topic with that of its class in a generated package. Raises TypeError."""
+def compare(topics: Iterable[Topic], path: str, package: ModuleType) -> tuple[Compared, ...]:
+    """Compare the definition of each topic of the recording at `path` with that of its class in a generated package.
+
+    Raises TypeError for another package.
+    """
     packages_of(package)
-    return tuple(_compared(log, topic, package) for topic in log.topics)
+    return tuple(_compared(topic, path, package) for topic in topics)
 
 
-def _compared(log: Log, topic: Topic, package: Any) -> Compared:
+def _compared(topic: Topic, path: str, package: Any) -> Compared:
     try:
         current = package.by_type(topic.ros_type)
     except KeyError:
@@ -78,7 +80,7 @@ def _compared(log: Log, topic: Topic, package: Any) -> Compared:
     if same is not None:
         return Compared(topic, same, (), "")
     try:
-        found = differences(topic, current, os.path.basename(log.path))
+        found = differences(topic, current, os.path.basename(path))
     except SchemaError as error:
         return Compared(topic, current, (), f"its definition cannot be read: {error}")
     if not found:

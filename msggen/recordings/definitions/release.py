@@ -13,7 +13,9 @@ from msggen.model import DEFAULT_PACKAGE
 from msggen.recordings.decode.schemas import SchemaError, content_of, read_schema
 
 if TYPE_CHECKING:
-    from msggen.recordings.log import Log
+    from collections.abc import Iterable
+
+    from msggen.recordings.topic import Topic
 
 _SHOWN = 3
 
@@ -50,10 +52,9 @@ class Release(NamedTuple):
         return f"{self.version} (nearest: {release}, {same}{others})"
 
 
-def release_of(log: Log) -> Release:
-    """Return the release of PX4 that a recording is from, by what a ULog tells and by its definitions."""
-    version = log.firmware.release
-    recorded = list(_recorded(log))
+def release_of(topics: Iterable[Topic], version: str) -> Release:
+    """Return the release of PX4 that topics are from, by the version that a ULog tells, and by their definitions."""
+    recorded = list(_recorded(topics))
     told = "" if "-" in version else version.rpartition(".")[0]
     known = [_Definitions(release) for release in ((told,) if told in EMBEDDED else EMBEDDED)]
     known_names = {each.message for each in recorded if any(one.has_name(each.message) for one in known)}
@@ -105,10 +106,10 @@ class _Definitions:
         return content_of(schema.catalog, schema.message) == content_of(*found)
 
 
-def _recorded(log: Log) -> Iterator[_Recorded]:
-    """Yield each definition of a recording once, if there is one or its hash."""
+def _recorded(topics: Iterable[Topic]) -> Iterator[_Recorded]:
+    """Yield each definition of topics once, if there is one or its hash."""
     seen = set()
-    for topic in log.topics:
+    for topic in topics:
         package, message = topic.ros_type.partition("/")[0], topic.ros_type.rpartition("/")[2]
         each = _Recorded(package, message, topic.ros_type, topic.recorded_definition, topic.type_hash)
         if each not in seen and (each.definition or each.type_hash):

@@ -18,7 +18,7 @@ from msggen.recordings.definitions.comparison import is_of_ulog
 
 if TYPE_CHECKING:
     from msggen.recordings.log import Log
-    from msggen.recordings.samples import Topic
+    from msggen.recordings.topic import Topic
 
 _NOT_COMPARED = "R141"
 

@@ -14,7 +14,7 @@ import numpy as np
 from msggen.recordings.source import RecordingError
 
 if TYPE_CHECKING:
-    from msggen.recordings.gather import Octets
+    from msggen.recordings.resident import Octets
 
 _MOST = 32
 """How many files are mapped at a time. Each map has a descriptor, of which a process may have 256 or fewer."""

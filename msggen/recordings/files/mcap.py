@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from msggen.recordings.gather import Octets
+    from msggen.recordings.resident import Octets
 
 _GROUP = 3 << 20
 """The bytes of chunks that are read at a time: many, as each step costs; few enough for the processor's large cache."""

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Sequence
 
     from msggen.recordings.files.mcap_channels import Described
-    from msggen.recordings.gather import Octets
+    from msggen.recordings.resident import Octets
 
 _FEW = 3
 """The number of items below which a thread costs more than it saves."""

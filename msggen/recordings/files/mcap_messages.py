@@ -21,7 +21,8 @@ from msggen.recordings.files.mcap_records import (
     opcodes_of,
     times_of,
 )
-from msggen.recordings.gather import Octets, Places, at, groups, walk
+from msggen.recordings.gather import at, groups, walk
+from msggen.recordings.resident import Octets, Places
 from msggen.recordings.source import FOREVER, Part
 
 if TYPE_CHECKING:

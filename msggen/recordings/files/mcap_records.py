@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from msggen.recordings.files.compression import LARGEST
-from msggen.recordings.gather import Octets, Places, at
+from msggen.recordings.gather import at
+from msggen.recordings.resident import Octets, Places
 from msggen.recordings.source import Attached
 
 if TYPE_CHECKING:

@@ -33,8 +33,8 @@ from msggen.recordings.files.mcap_records import (
     statistics_of,
     steps,
 )
-from msggen.recordings.gather import Octets, at, walk
-from msggen.recordings.resident import drop_pages
+from msggen.recordings.gather import at, walk
+from msggen.recordings.resident import Octets, drop_pages
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
-from msggen.recordings.gather import Octets, Places, at
-from msggen.recordings.resident import drop_pages
+from msggen.recordings.gather import at
+from msggen.recordings.resident import Octets, Places, drop_pages
 from msggen.recordings.source import RecordingError
 
 if TYPE_CHECKING:

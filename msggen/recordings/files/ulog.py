@@ -14,22 +14,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from msggen.recordings.files.mapped import MappedFile
-from msggen.recordings.files.ulog_formats import FORMAT, parse_fields
-from msggen.recordings.files.ulog_messages import (
-    DATA,
-    FRONT,
-    HEAD,
-    NUMBERS,
-    PAYLOAD,
-    SMALLEST,
-    Messages,
-    kinds_of,
-    sizes_of,
-)
+from msggen.recordings.files.ulog_formats import FORMAT, FRONT, NUMBERS, PAYLOAD, parse_fields
+from msggen.recordings.files.ulog_messages import DATA, HEAD, SMALLEST, Messages, kinds_of, sizes_of
 from msggen.recordings.files.ulog_notes import LARGEST_TIME, Notes
 from msggen.recordings.files.ulog_topics import Topic, Topics
-from msggen.recordings.gather import Octets, Places, at, groups
-from msggen.recordings.resident import drop_pages
+from msggen.recordings.gather import at, groups
+from msggen.recordings.resident import Octets, Places, drop_pages
 from msggen.recordings.source import (
     FOREVER,
     NO_CHECKSUMS,

@@ -12,6 +12,12 @@ from msggen.recordings.decode.layouts import Layout, bools_at
 from msggen.recordings.decode.schemas import SEPARATOR
 from msggen.recordings.source import RecordingError
 
+FRONT = 3
+"""The size of what is before the content of a message: its size and its kind."""
+PAYLOAD = 5
+"""The offset of a sample in its message, behind the number of its subscription."""
+NUMBERS = 1 << 16
+"""How many numbers a topic can have, and how many sizes a message."""
 _NUMBERS = {
     "int8_t": ("i1", "int8"),
     "uint8_t": ("u1", "uint8"),

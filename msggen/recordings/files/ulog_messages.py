@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from msggen.recordings.files.ulog_formats import parse_fields
+from msggen.recordings.files.ulog_formats import FRONT, NUMBERS, PAYLOAD, parse_fields
 from msggen.recordings.files.ulog_notes import Notes
-from msggen.recordings.gather import WINDOW, Octets, Places, at, walk
+from msggen.recordings.gather import WINDOW, at, walk
+from msggen.recordings.resident import Octets, Places
 from msggen.recordings.source import Problem
 
 if TYPE_CHECKING:
@@ -26,10 +27,6 @@ if TYPE_CHECKING:
 
 SYNC = b"\x08\0S\x2f\x73\x13\x20\x25\x0c\xbb\x12"
 """A message that PX4 writes from time to time, so that readers find into a damaged file."""
-FRONT = 3
-"""The size of what is before the content of a message: its size and its kind."""
-PAYLOAD = 5
-"""The offset of a sample in its message, behind the number of its subscription."""
 DATA = ord("D")
 """The kind of a sample."""
 HEAD = struct.Struct("<HB")
@@ -49,8 +46,6 @@ _PLAIN = np.zeros(256, np.uint16)
 _PLAIN[DATA] = (1 << 16) - 1
 for _kind in "RSO":
     _PLAIN[ord(_kind)] = SMALLEST[_kind]
-NUMBERS = 1 << 16
-"""How many numbers a topic can have, and how many sizes a message."""
 _NEVER = 1 << 40
 """The length of what is no message."""
 _LENGTHS = np.arange(NUMBERS, dtype=np.int64) + FRONT

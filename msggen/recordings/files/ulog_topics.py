@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from msggen.recordings.files.ulog_formats import FormatError, Formats, timestamp_of
-from msggen.recordings.files.ulog_messages import FRONT, NUMBERS, PAYLOAD
+from msggen.recordings.files.ulog_formats import FRONT, NUMBERS, PAYLOAD, FormatError, Formats, timestamp_of
 from msggen.recordings.source import FOREVER, Channel
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from msggen.recordings.gather import Places
+    from msggen.recordings.resident import Places
 
 
 class Topic(NamedTuple):

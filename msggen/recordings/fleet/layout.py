@@ -15,7 +15,7 @@ from msggen.recordings.paths import stem_of
 
 if TYPE_CHECKING:
     from msggen.recordings.log import Log
-    from msggen.recordings.samples import Topic
+    from msggen.recordings.topic import Topic
 
 VERSION = 3
 """The version of the layout. A fleet has only files of one."""
@@ -101,7 +101,7 @@ def date_of(log: Log, path: str) -> Dated:
     A line of the vehicle's log has the name that the file had on the vehicle, in a folder with the date.
     """
     is_of_ulog = log.has_facts
-    offset = log.utc_offset if is_of_ulog else gps_offset_of(log)
+    offset = log.utc_offset if is_of_ulog else gps_offset_of(log.topics, log.samples)
     if offset is not None:
         day = _day(log.start + offset) or _day(log.end + offset)  # a first sample can have the time 0
         if day:

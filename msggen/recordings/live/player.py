@@ -21,7 +21,7 @@ from msggen.recordings.choice import Choice
 from msggen.recordings.decode.schemas import hash_of
 from msggen.recordings.log import Log
 from msggen.recordings.payloads import Sample
-from msggen.recordings.samples import Topic
+from msggen.recordings.topic import Topic
 
 _OUT = re.compile(r"(?:/([A-Za-z0-9_/]+))?/fmu/out/[A-Za-z0-9_/]+")
 _TYPE = re.compile(r"[A-Za-z0-9_]+(/[A-Za-z0-9_]+){2}")
