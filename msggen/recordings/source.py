@@ -11,11 +11,13 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from msggen.recordings.decode.layouts import Layout
+    from msggen.recordings.rows import Layout
     from msggen.recordings.resident import Octets, Places
 
 FOREVER = (1 << 63) - 1
 """The largest log time."""
+SEPARATOR = "=" * 80
+"""The line before the head of a nested message, in a definition of the format `ros2msg`."""
 
 
 class RecordingError(ValueError):

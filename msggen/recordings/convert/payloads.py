@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from msggen.layout import Path
-    from msggen.recordings.decode.layouts import Layout
+    from msggen.recordings.rows import Layout
     from msggen.recordings.samples import Samples
     from msggen.recordings.source import Part
     from msggen.recordings.topic import Topic

@@ -11,7 +11,7 @@ import numpy as np
 from msggen.recordings.convert.mcap import Target
 from msggen.recordings.convert.payloads import Block
 from msggen.recordings.decode.layouts import USUAL
-from msggen.recordings.decode.schemas import SEPARATOR
+from msggen.recordings.source import SEPARATOR
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msggen.recordings.decode import values
-from msggen.recordings.decode.layouts import ENCODINGS, HEADER, USUAL, Layout, layout_of, wire_of
+from msggen.recordings.decode.layouts import ENCODINGS, HEADER, USUAL, layout_of, wire_of
+from msggen.recordings.rows import Layout
 from msggen.recordings.decode.left_out import Missing, leave_out
 from msggen.recordings.decode.schemas import SchemaError, read_schema
 from msggen.recordings.gather import at

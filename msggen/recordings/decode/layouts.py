@@ -6,11 +6,10 @@ padding, where numpy can describe that; its fields have offsets. Otherwise it ho
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import groupby
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from msggen.layout import DelimiterHeader, Encoding, Leaf, lay_out
 from msggen.model import ArrayKind
 from msggen.primitives import PRIMITIVES
 from msggen.recordings.decode.schemas import Schema, read_schema
+from msggen.recordings.rows import Layout, bools_at, joined
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -28,7 +28,6 @@ HEADER = 4
 """The size of the encapsulation header."""
 SURPLUS = 3
 """DDS fills samples up to a multiple of four bytes."""
-_WORD = 8
 USUAL = b"\0\1"
 """Little-endian XCDR1, in which PX4 writes."""
 ENCODINGS = {
@@ -56,48 +55,8 @@ class Wire:
     def positions(self) -> NDArray[np.intp]:
         """Where the bytes of the values are in a sample, in the order of `Layout.positions`."""
         if not self.is_swapped:
-            return _joined([np.arange(start, stop) for start, stop, _ in self.runs])
-        return _joined([np.arange(start, stop).reshape(-1, size)[:, ::-1].ravel() for start, stop, size in self.runs])
-
-
-class Bools(NamedTuple):
-    """Up to eight bytes of a row, bools among them, that are read as one number."""
-
-    offset: int
-    size: int
-    mask: int
-    """The bits that are 0 in bools, which are 0 or 1."""
-
-    @property
-    def places(self) -> list[int]:
-        """The offsets of the bools in the row."""
-        return [self.offset + number for number in range(self.size) if self.mask >> 8 * number & 0xFF]
-
-
-class Layout(NamedTuple):
-    """The layout of the samples of a message with a fixed size."""
-
-    dtype: np.dtype[Any]
-    """The dtype of the rows."""
-    runs: tuple[tuple[int, int], ...]
-    """Where values are in a row, without padding between them: the offsets at which they begin and end."""
-    bools: tuple[Bools, ...]
-    """The bools in a row."""
-    size: int
-    """The size of a usual sample in bytes."""
-    surplus: int
-    """How many bytes a sample can have behind its values."""
-    in_place: bool
-    """Whether a row is the usual sample, byte for byte."""
-
-    @property
-    def positions(self) -> NDArray[np.intp]:
-        """Where the bytes of the values are in a row: eight bytes for each, so only rows are a reason to make it."""
-        return _joined([np.arange(start, stop) for start, stop in self.runs])
-
-
-def _joined(positions: Sequence[NDArray[np.intp]]) -> NDArray[np.intp]:
-    return np.concatenate([np.zeros(0, np.intp), *positions])
+            return joined([np.arange(start, stop) for start, stop, _ in self.runs])
+        return joined([np.arange(start, stop).reshape(-1, size)[:, ::-1].ravel() for start, stop, size in self.runs])
 
 
 class _NoDtypeError(Exception):
@@ -147,20 +106,6 @@ def _layout(leaves: Sequence[Leaf], size: int, surplus: int, dtype: np.dtype[Any
     ]
     bools = tuple(bools_at(sorted(places), dtype.itemsize))
     return Layout(dtype, tuple(_runs(leaves)), bools, size, surplus, in_place)
-
-
-def bools_at(places: Sequence[int], size: int) -> Iterator[Bools]:
-    """Yield the bools at `places` of a row of `size` bytes, several at a time."""
-    index = 0
-    while index < len(places):
-        first = places[index]
-        own = places[index : bisect_left(places, first + _WORD, index)]
-        width = next(width for width in (1, 2, 4, _WORD) if width > own[-1] - first)
-        offset = min(first, size - width)
-        if offset < 0:  # a row that is shorter than the number
-            own, width, offset = own[:1], 1, first
-        yield Bools(offset, width, sum(0xFE << 8 * (place - offset) for place in own))
-        index += len(own)
 
 
 def _packed(leaves: Sequence[Leaf]) -> Iterator[Leaf]:

@@ -15,14 +15,13 @@ from msggen.model import Catalog, Conventions, Message
 from msggen.nesting import Extent, cycles, too_large
 from msggen.parse.definition import parse_message
 from msggen.primitives import OCTETS
+from msggen.recordings.source import SEPARATOR
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
 _HEAD = re.compile(r"^=+[ \t\r]*\nMSG:[ \t]*(\S+)[ \t\r]*$", re.MULTILINE)
 """The head of the definition of a nested message."""
-SEPARATOR = "=" * 80
-"""The line before the head of a nested message."""
 _NO_CONVENTIONS = Conventions(
     "", 0, full_topic_path=True, version_suffix=True, default_interval_ms=0, exact_intervals=True
 )

@@ -6,7 +6,8 @@ from functools import lru_cache
 
 from msggen.firmware.embedded import all_releases, nearest_first
 from msggen.firmware.released import Released, released_as
-from msggen.recordings.decode.schemas import SEPARATOR, content_of, read_schema
+from msggen.recordings.decode.schemas import content_of, read_schema
+from msggen.recordings.source import SEPARATOR
 
 
 @lru_cache(1024)

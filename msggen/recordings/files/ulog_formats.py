@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from msggen.recordings.decode.layouts import Layout, bools_at
-from msggen.recordings.decode.schemas import SEPARATOR
+from msggen.recordings.rows import Layout, bools_at
+from msggen.recordings.source import SEPARATOR
 from msggen.recordings.source import RecordingError
 
 FRONT = 3
