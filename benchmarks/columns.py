@@ -16,7 +16,7 @@ from codec import Entries, Speeds, Times
 from contest import execute, reason
 from effort import Effort
 from messages import Sample
-from msggen.model import ArrayKind, FieldType, Message
+from msggen.definitions.model import ArrayKind, FieldType, Message
 from peers import OURS, PEERS, Peer
 from rounds import Contestant, race, race_groups
 

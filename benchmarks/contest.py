@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from messages import HEADER, Sample
-from msggen.model import ArrayKind, FieldType, Message
+from msggen.definitions.model import ArrayKind, FieldType, Message
 from peers import FLOOR, OURS, CannotError, Peer
 from rounds import Contestant
 

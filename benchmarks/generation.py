@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from effort import Effort
 from environment import ROOT
-from msggen.model import Catalog
+from msggen.definitions.model import Catalog
 from rounds import race_processes
 
 MSGGEN = (sys.executable, "-m", "msggen")

@@ -11,10 +11,10 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from environment import ROOT
-from msggen.firmware.catalog import read_catalog
-from msggen.firmware.sources import find_sources
-from msggen.layout import lay_out
-from msggen.model import Catalog, Message
+from msggen.definitions.layout import lay_out
+from msggen.definitions.model import Catalog, Message
+from msggen.sources.catalog import read_catalog
+from msggen.sources.sources import find_sources
 
 GENERATED = ROOT / "generated"
 VECTORS = ROOT / "tests" / "vectors" / "cdr.json"

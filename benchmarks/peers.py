@@ -11,7 +11,7 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import ClassVar
 
 from messages import GENERATED, Sample, fields_text
-from msggen.model import ArrayKind, Message
+from msggen.definitions.model import ArrayKind, Message
 
 
 class CannotError(Exception):

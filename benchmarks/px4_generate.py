@@ -13,10 +13,10 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from msggen.disk.staging import write_if_changed
-from msggen.px4_generate.definitions import Definitions
-from msggen.px4_generate.messages import Kind, Request, generate_messages
-from msggen.text.empy import EmpyTemplate
+from msggen.base.disk.staging import write_if_changed
+from msggen.generate.px4.definitions import Definitions
+from msggen.generate.px4.messages import Kind, Request, generate_messages
+from msggen.generate.text.empy import EmpyTemplate
 from rounds import race_processes
 
 ROUNDS = 7
@@ -27,7 +27,7 @@ FOUR = {
     "--json": Kind.JSON,
     "--uorb-idl-header": Kind.IDL_HEADERS,
 }
-IMPORTS = "import msggen.cli, msggen.cli.px4_generate, msggen.px4_generate.messages, msggen.text.empy_program"
+IMPORTS = "import msggen.cli, msggen.cli.px4_generate, msggen.generate.px4.messages, msggen.generate.text.empy_program"
 
 
 class Task(NamedTuple):

@@ -22,9 +22,9 @@ from rosbags.typesys import Stores, get_typestore
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from msggen.firmware.catalog import read_catalog
-from msggen.firmware.sources import find_sources
 from msggen.generate.python.package import render_package
+from msggen.sources.catalog import read_catalog
+from msggen.sources.sources import find_sources
 
 TURNS, CALLS = 60, 100
 

@@ -15,27 +15,27 @@ from contextlib import suppress
 from types import MappingProxyType
 from typing import NamedTuple
 
-from msggen.bump.header import find_translator
-from msggen.diagnostics import InputError, printable
-from msggen.disk.reading import read_bytes
-from msggen.disk.record import parse_record
-from msggen.firmware.history import without_comments
-from msggen.firmware.tarball import read_archive
+from msggen.base.diagnostics import InputError, printable
+from msggen.base.disk.reading import read_bytes
+from msggen.base.disk.record import parse_record
+from msggen.definitions.model import FieldType
+from msggen.definitions.parse.bridge import parse_bridge
+from msggen.definitions.parse.cmake import is_met, parse_lists
+from msggen.definitions.parse.comment import parse_comment
+from msggen.definitions.parse.cpp import included
+from msggen.definitions.parse.definition import parse_message, parse_service
+from msggen.definitions.parse.kconfig import Configuration, parse_assignments, read_definitions
+from msggen.definitions.parse.package_xml import package_name
+from msggen.definitions.parse.text import decode_text
+from msggen.definitions.parse.translation import read_translations
+from msggen.definitions.parse.value import parse_value
+from msggen.definitions.unit import normalized_range, normalized_unit
+from msggen.generate.bump.header import find_translator
+from msggen.generate.px4.bridge import _COMPUTED as COMPUTED
 from msggen.generate.python.formatting import documentation
-from msggen.model import FieldType
-from msggen.parse.bridge import parse_bridge
-from msggen.parse.cmake import is_met, parse_lists
-from msggen.parse.comment import parse_comment
-from msggen.parse.cpp import included
-from msggen.parse.definition import parse_message, parse_service
-from msggen.parse.kconfig import Configuration, parse_assignments, read_definitions
-from msggen.parse.package_xml import package_name
-from msggen.parse.text import decode_text
-from msggen.parse.translation import read_translations
-from msggen.parse.value import parse_value
-from msggen.px4_generate.bridge import _COMPUTED as COMPUTED
-from msggen.settings import read_settings
-from msggen.unit import normalized_range, normalized_unit
+from msggen.sources.history import without_comments
+from msggen.sources.settings import read_settings
+from msggen.sources.tarball import read_archive
 
 STAMP = "uint64 timestamp\n"
 

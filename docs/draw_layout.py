@@ -6,9 +6,9 @@ import sys
 from string import ascii_lowercase
 from xml.sax.saxutils import escape
 
-from msggen.firmware.catalog import read_catalog
-from msggen.firmware.sources import find_sources
-from msggen.layout import Leaf, lay_out
+from msggen.definitions.layout import Leaf, lay_out
+from msggen.sources.catalog import read_catalog
+from msggen.sources.sources import find_sources
 
 PER_ROW, CELL, ROW, LEFT, TOP = 16, 44, 46, 56, 64
 STYLE = 'font-family="sans-serif" font-size="12"'

@@ -13,11 +13,11 @@ from rich.text import Text
 
 from msggen.cli.packages import import_package
 from msggen.live import Vehicle
-from msggen.live.meter import Meter
 from msggen.live.sim import Options, Simulator
-from msggen.top.drawing import screen
-from msggen.top.rows import Table, limits_of, rows_of
-from msggen.top.view import View
+from msggen.live.vehicle.meter import Meter
+from msggen.show.top.drawing import screen
+from msggen.show.top.rows import Table, limits_of, rows_of
+from msggen.show.top.view import View
 
 WIDTH, HEIGHT = 104, 24
 FORMAT = """\

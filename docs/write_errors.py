@@ -1,16 +1,16 @@
-"""Write the part of docs/errors.md that comes from msggen/report/errors.yaml: `python docs/write_errors.py`."""
+"""Write the part of docs/errors.md that comes from msggen/show/report/errors.yaml: `python docs/write_errors.py`."""
 
 from __future__ import annotations
 
 from itertools import groupby
 from pathlib import Path
 
-from msggen.diagnostics import CODES
-from msggen.report.errors import ErrorText, error_texts, paragraph
+from msggen.base.diagnostics import CODES
+from msggen.show.report.errors import ErrorText, error_texts, paragraph
 
 PAGE = Path(__file__).resolve().parent / "errors.md"
 WIDTH = 120
-MARK = "<!-- docs/write_errors.py writes what follows, from msggen/report/errors.yaml -->\n"
+MARK = "<!-- docs/write_errors.py writes what follows, from msggen/show/report/errors.yaml -->\n"
 GROUPS = {
     "M": "Definitions",
     "Y": "`dds_topics.yaml`",

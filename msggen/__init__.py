@@ -4,7 +4,7 @@
 use, because a build with nothing to do needs none of them.
 """
 
-__version__ = "0.1.0"
+import sys
 
 __all__ = [
     "ArrayKind",
@@ -35,14 +35,14 @@ __all__ = [
     "uorb_topics",
 ]
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False  # with its type, jedi reads both branches
 if TYPE_CHECKING:
-    from msggen.diagnostics import Diagnostic, InputError, Level
-    from msggen.firmware.read import read
-    from msggen.identity import Endpoint, UorbTopic, endpoints, message_hash, type_hash, uorb_topics
-    from msggen.layout import Encoding, Layout, Leaf, is_static, lay_out
-    from msggen.location import Location
-    from msggen.model import (
+    from msggen.base.diagnostics import Diagnostic, InputError, Level
+    from msggen.base.location import Location
+    from msggen.base.version import __version__ as __version__
+    from msggen.definitions.identity import Endpoint, UorbTopic, endpoints, message_hash, type_hash, uorb_topics
+    from msggen.definitions.layout import Encoding, Layout, Leaf, is_static, lay_out
+    from msggen.definitions.model import (
         ArrayKind,
         BridgeEntry,
         Catalog,
@@ -54,14 +54,16 @@ if TYPE_CHECKING:
         Message,
         Service,
     )
-else:  # hidden from type checkers, which would accept any attribute of a module that has __getattr__
+    from msggen.sources.read import read
+if not TYPE_CHECKING:  # hidden from type checkers, which would accept any attribute of a module that has __getattr__
     _MODULES = {
-        "diagnostics": ("Diagnostic", "InputError", "Level"),
-        "firmware.read": ("read",),
-        "identity": ("Endpoint", "UorbTopic", "endpoints", "message_hash", "type_hash", "uorb_topics"),
-        "layout": ("Encoding", "Layout", "Leaf", "is_static", "lay_out"),
-        "location": ("Location",),
-        "model": (
+        "base.diagnostics": ("Diagnostic", "InputError", "Level"),
+        "sources.read": ("read",),
+        "definitions.identity": ("Endpoint", "UorbTopic", "endpoints", "message_hash", "type_hash", "uorb_topics"),
+        "definitions.layout": ("Encoding", "Layout", "Leaf", "is_static", "lay_out"),
+        "base.location": ("Location",),
+        "base.version": ("__version__",),
+        "definitions.model": (
             "ArrayKind",
             "BridgeEntry",
             "Catalog",
@@ -77,17 +79,27 @@ else:  # hidden from type checkers, which would accept any attribute of a module
     """The public names that each module defines."""
 
     def __getattr__(name: str) -> object:
-        """Return the public name `name` from the module that defines it. Raises AttributeError for any other name."""
-        import sys
+        """Return a public name from the module that defines it. Raises AttributeError for any other name."""
+        from msggen.base.facade import attribute
 
-        for module, names in _MODULES.items():
-            if name in names:
-                from importlib import import_module
-
-                return globals().setdefault(name, getattr(import_module(f"msggen.{module}"), name))
-        text = f"module 'msggen' has no attribute '{name}'"
-        raise AttributeError(text, name=name, obj=sys.modules[__name__])  # Python suggests the nearest name
+        return attribute(__name__, _MODULES, name)
 
     def __dir__() -> list[str]:
         """Return the names that are imported already, and the public names that can be imported."""
-        return sorted({*globals(), *__all__})
+        from msggen.base.facade import names
+
+        return names(__name__, _MODULES)
+
+    class _Moved:
+        """A finder of modules that have moved. Python asks it last."""
+
+        @staticmethod
+        def find_spec(name: str, *_: object) -> object:
+            """Return how to import a module under its old name, None if it has none."""
+            if not name.startswith("msggen."):
+                return None
+            from msggen.base.moved import spec_of
+
+            return spec_of(name)
+
+    sys.meta_path.append(_Moved)

@@ -34,8 +34,8 @@ def _report_ignored(ignored: "sys.UnraisableHookArgs") -> None:
 
 def main() -> int:
     """Run msggen with the arguments of this process, and return the exit code."""
+    from msggen.base.exit_codes import INTERRUPTED
     from msggen.cli import main as run
-    from msggen.exit_codes import INTERRUPTED
 
     if "_ARGCOMPLETE" in os.environ:  # the shell asks for completions
         from msggen.cli.completion import complete

@@ -16,10 +16,10 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, settings
 
-from msggen.disk import files
-from msggen.firmware.catalog import read_catalog
-from msggen.firmware.sources import find_sources
-from msggen.model import Catalog
+from msggen.base.disk import files
+from msggen.definitions.model import Catalog
+from msggen.sources.catalog import read_catalog
+from msggen.sources.sources import find_sources
 from support.repository import ROOT
 
 # The duration of an example depends on the load of the machine.

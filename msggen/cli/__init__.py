@@ -1,4 +1,7 @@
-"""The command line: arguments, settings and exit codes."""
+"""The command line: arguments in, exit codes and printed text out, with a module for each command.
+
+It imports all rooms, each when a command needs it, and no room imports it.
+"""
 
 from __future__ import annotations
 
@@ -11,13 +14,13 @@ import sys
 from collections.abc import Sequence
 from contextlib import suppress
 
+from msggen.base.diagnostics import Diagnostic, InputError, printable
+from msggen.base.exit_codes import DONE, FAILED, FINDINGS, INTERRUPTED
+from msggen.base.foreign import guarded_output
+from msggen.base.location import Location
 from msggen.cli.options import writes
 from msggen.cli.parser import output_format_of, parser_for
 from msggen.cli.printing import discard_output, print_document, print_errors, print_notices
-from msggen.diagnostics import Diagnostic, InputError, printable
-from msggen.exit_codes import DONE, FAILED, FINDINGS, INTERRUPTED
-from msggen.foreign import guarded_output
-from msggen.location import Location
 
 __all__ = ["DONE", "FAILED", "FINDINGS", "main", "parser_for"]
 

@@ -7,6 +7,9 @@ import os
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from msggen.base.diagnostics import Diagnostic, few
+from msggen.base.exit_codes import DONE, FINDINGS
+from msggen.base.location import Location
 from msggen.cli.options import (
     COMPARING_CODES,
     Commands,
@@ -18,17 +21,14 @@ from msggen.cli.options import (
 from msggen.cli.printing import print_report
 from msggen.cli.selection import add_selection, selected_rules, unmatched
 from msggen.cli.sources import board_of, firmware_path, settings_of, shell_options, sources_of
-from msggen.diagnostics import Diagnostic, few
-from msggen.exit_codes import DONE, FINDINGS
-from msggen.firmware.embedded import EMBEDDED, PREFIX
-from msggen.firmware.file import File
-from msggen.firmware.sources import Sources, find_sources, join_package, open_tree, split_package, with_board
-from msggen.firmware.tree import Folder
-from msggen.location import Location
-from msggen.settings import Settings
+from msggen.sources.embedded import EMBEDDED, PREFIX
+from msggen.sources.file import File
+from msggen.sources.settings import Settings
+from msggen.sources.sources import Sources, find_sources, join_package, open_tree, split_package, with_board
+from msggen.sources.tree import Folder
 
 if TYPE_CHECKING:
-    from msggen.finding import Report
+    from msggen.check.finding import Report
 
 
 def add_to(commands: Commands) -> None:
@@ -52,9 +52,9 @@ def add_to(commands: Commands) -> None:
 
 
 def _breaking(options: argparse.Namespace) -> int:
-    from msggen.check import breaking
-    from msggen.compare.rules import with_remedies
-    from msggen.firmware.history import VERSIONED
+    from msggen.check.compare.rules import with_remedies
+    from msggen.check.run import breaking
+    from msggen.sources.history import VERSIONED
 
     settings = settings_of(options)
     named = options.px4
@@ -100,7 +100,7 @@ def _key(name: str) -> str:
 
 def previous_sources(options: argparse.Namespace, settings: Settings) -> Sources:
     """Return the sources at the revision --against. Folders outside of that repository are read as they are."""
-    from msggen.firmware.revision import kept_or_revised, revised, split_revision
+    from msggen.sources.revision import kept_or_revised, revised, split_revision
 
     previous = revised(options.px4, options.against)
     repository, revision = split_revision(previous)
@@ -122,7 +122,7 @@ def previous_sources(options: argparse.Namespace, settings: Settings) -> Sources
 
 
 def _revised_folder(text: str, repository: str, revision: str) -> str:
-    from msggen.firmware.revision import kept_or_revised
+    from msggen.sources.revision import kept_or_revised
 
     package, folder = split_package(text)
     return join_package(package, kept_or_revised(folder, repository, revision))

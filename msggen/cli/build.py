@@ -8,6 +8,10 @@ import os
 import time
 from collections.abc import Iterator
 
+from msggen.base.diagnostics import counted, input_error
+from msggen.base.disk.depfile import check_depfile, write_depfile
+from msggen.base.exit_codes import DONE, FINDINGS
+from msggen.base.location import Location
 from msggen.cli.options import (
     WRITING_CODES,
     Commands,
@@ -19,13 +23,9 @@ from msggen.cli.options import (
 )
 from msggen.cli.printing import print_notices, print_plan
 from msggen.cli.sources import settings_of, sources_of
-from msggen.diagnostics import counted, input_error
-from msggen.disk.depfile import check_depfile, write_depfile
-from msggen.exit_codes import DONE, FINDINGS
-from msggen.firmware.sources import Sources, with_archived
 from msggen.generate.build import Build, Outcome
-from msggen.location import Location
-from msggen.settings import Settings
+from msggen.sources.settings import Settings
+from msggen.sources.sources import Sources, with_archived
 
 _FEW = 10
 """The largest number of stale files that are listed without `--verbose`."""

@@ -7,13 +7,13 @@ import os
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.cli.options import WRITING_CODES, Commands, add_command, add_shared, local_path, writes
 from msggen.cli.printing import print_diff, print_notices
 from msggen.cli.sources import check_setting, firmware_path, settings_of
-from msggen.exit_codes import DONE, FINDINGS
 
 if TYPE_CHECKING:
-    from msggen.bump.edits import Edits
+    from msggen.generate.bump.edits import Edits
 
 
 def add_to(commands: Commands) -> None:
@@ -37,8 +37,8 @@ def add_to(commands: Commands) -> None:
 
 
 def _bump(options: argparse.Namespace) -> int:
-    from msggen.bump.edits import plan_bump
-    from msggen.bump.write import bump
+    from msggen.generate.bump.edits import plan_bump
+    from msggen.generate.bump.write import bump
 
     settings = settings_of(options)
     check_setting(options, settings)

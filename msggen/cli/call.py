@@ -8,11 +8,11 @@ from collections.abc import Mapping
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from msggen.base.exit_codes import DONE
 from msggen.cli.link import add_link, connection, expected_package
 from msggen.cli.message import add_timeout, add_values, read_values, settle
 from msggen.cli.options import FAILED_CODES, Commands, add_command, non_empty, refuse
 from msggen.cli.values import convert_values, positive
-from msggen.exit_codes import DONE
 
 if TYPE_CHECKING:
     from msggen.cli.names import Field, Names

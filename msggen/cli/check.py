@@ -7,6 +7,10 @@ import os
 from shlex import quote
 from typing import TYPE_CHECKING
 
+from msggen.base.diagnostics import Diagnostic, input_error
+from msggen.base.disk.record import Record, digest
+from msggen.base.exit_codes import DONE, FINDINGS
+from msggen.base.location import Location
 from msggen.cli.link import add_link
 from msggen.cli.options import (
     COMPARING_CODES,
@@ -29,19 +33,15 @@ from msggen.cli.sources import (
     settings_of,
     shell_options,
 )
-from msggen.diagnostics import Diagnostic, input_error
-from msggen.disk.record import Record, digest
-from msggen.exit_codes import DONE, FINDINGS
-from msggen.firmware.file import read_file
-from msggen.firmware.overlap import KINDS
-from msggen.firmware.sources import Sources, find_sources, with_board
-from msggen.firmware.tree import Folder
-from msggen.firmware.tree_layout import find_manifest
-from msggen.location import Location
-from msggen.settings import Settings
+from msggen.sources.file import read_file
+from msggen.sources.overlap import KINDS
+from msggen.sources.settings import Settings
+from msggen.sources.sources import Sources, find_sources, with_board
+from msggen.sources.tree import Folder
+from msggen.sources.tree_layout import find_manifest
 
 if TYPE_CHECKING:
-    from msggen.finding import Report
+    from msggen.check.finding import Report
 
 
 def add_to(commands: Commands) -> None:
@@ -74,7 +74,7 @@ def add_to(commands: Commands) -> None:
 
 
 def _check(options: argparse.Namespace) -> int:
-    from msggen.check import check, record_of
+    from msggen.check.run import check, record_of
 
     _refuse_sides(options)
     if options.live:
@@ -177,8 +177,8 @@ def _with_advice(report: Report, embedded: Sources) -> Report:
 
 def _with_commands(report: Report, command: str, known: Record) -> Report:
     """Return `report` with `command` in the findings that it mends."""
-    from msggen.compare.rules import is_synced, with_remedies
-    from msggen.sync.plan import owned_names
+    from msggen.check.compare.rules import is_synced, with_remedies
+    from msggen.generate.sync.plan import owned_names
 
     owned = owned_names(known)
     return with_remedies(report, lambda found: command if is_synced(found, owned) else "")
@@ -186,7 +186,7 @@ def _with_commands(report: Report, command: str, known: Record) -> Report:
 
 def _sync_command(options: argparse.Namespace, current: Sources, known: Record) -> str:
     """Return the command that updates the package with the firmware, "" if it is not a package in a folder."""
-    from msggen.sync.target import default_name
+    from msggen.generate.sync.target import default_name
 
     if not isinstance(current.root, Folder) or not find_manifest(current.root):
         return ""

@@ -8,14 +8,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from msggen.base.diagnostics import suggestion
+from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.cli.link import Connection, add_link, connection, expected_package, given_package
 from msggen.cli.message import add_timeout, settle
 from msggen.cli.names import names_of
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, non_empty, refuse
 from msggen.cli.values import convert_values, positive
-from msggen.diagnostics import suggestion
-from msggen.exit_codes import DONE, FINDINGS
-from msggen.report.json import dump
+from msggen.show.report.json import dump
 
 if TYPE_CHECKING:
     from msggen.live.messages.packages import Message
@@ -98,7 +98,7 @@ class _Outcome(NamedTuple):
 
 def _send(options: argparse.Namespace, found: Connection) -> int:
     """Send the command, and print the answer."""
-    from msggen.live.command import address_of
+    from msggen.live.vehicle.command import address_of
 
     message: Any = _message(options, found.package, options.target or address_of(found.vehicle))
     settle(found, type(message))
@@ -118,7 +118,7 @@ def _send(options: argparse.Namespace, found: Connection) -> int:
 def _outcome(options: argparse.Namespace, found: Connection, name: str, message: Any) -> _Outcome:
     """Send the command, and wait for the answer."""
     from msggen.live import LinkTimeoutError
-    from msggen.live.command import COMMAND, acknowledges, send_command
+    from msggen.live.vehicle.command import COMMAND, acknowledges, send_command
 
     def progress(answer: Any) -> None:
         if not options.json:

@@ -7,9 +7,9 @@ import os
 import sys
 from collections.abc import Callable, Iterable, Mapping
 
+from msggen.base.exit_codes import DONE
+from msggen.base.foreign import unguarded
 from msggen.cli.options import Commands, add_command
-from msggen.exit_codes import DONE
-from msggen.foreign import unguarded
 
 _SHELLS = ("bash", "zsh", "fish")
 
@@ -41,7 +41,7 @@ def complete() -> None:
 
     from msggen.cli import parser_for
     from msggen.cli.command import COMPLETERS as OF_COMMANDS
-    from msggen.cli.topic.completing import COMPLETERS
+    from msggen.cli.completers import COMPLETERS
 
     live = {**COMPLETERS, **OF_COMMANDS}
     parser = parser_for([])
@@ -68,7 +68,7 @@ def _commands(parser: argparse.ArgumentParser) -> Iterable[argparse.ArgumentPars
 
 def _live(names: Callable[[str, argparse.Namespace], Iterable[str]]) -> Callable[..., list[str]]:
     """Return a completer of names that types have. Without the types, or a topic, there are none."""
-    from msggen.diagnostics import InputError
+    from msggen.base.diagnostics import InputError
 
     def completer(prefix: str, parsed_args: argparse.Namespace, **_: object) -> list[str]:
         try:
@@ -84,7 +84,7 @@ def _names_or_paths(names: Callable[[argparse.Namespace], Iterable[str]]) -> Cal
     """Return a completer of `names`, or of paths where a word looks like one. Without names, the shell reports none."""
     from argcomplete.completers import FilesCompleter
 
-    from msggen.diagnostics import InputError
+    from msggen.base.diagnostics import InputError
 
     def completer(prefix: str, parsed_args: argparse.Namespace, **_: object) -> list[str]:
         done, comma, word = prefix.rpartition(",")
@@ -98,60 +98,60 @@ def _names_or_paths(names: Callable[[argparse.Namespace], Iterable[str]]) -> Cal
 
 
 def _sources(options: argparse.Namespace) -> str | None:
-    from msggen.settings import read_settings
+    from msggen.sources.settings import read_settings
 
     return getattr(options, "px4", None) or read_settings(".").px4
 
 
 def _messages(options: argparse.Namespace) -> Iterable[str]:
     from msggen.cli.sources import source_here
-    from msggen.firmware.sources import find_sources
+    from msggen.sources.sources import find_sources
 
     return [file.stem for file in find_sources(_sources(options) or source_here()).messages]
 
 
 def _versioned(options: argparse.Namespace) -> Iterable[str]:
-    from msggen.firmware.tree import Folder
+    from msggen.sources.tree import Folder
 
     names = Folder(_sources(options) or os.curdir).names("msg/versioned/")
     return [name.removesuffix(".msg") for name in names if name.endswith(".msg")]
 
 
 def _boards(options: argparse.Namespace) -> Iterable[str]:
-    from msggen.firmware.board import boards_of
-    from msggen.firmware.tree import Folder
+    from msggen.sources.board import boards_of
+    from msggen.sources.tree import Folder
 
     return boards_of(Folder(_sources(options) or os.curdir))
 
 
 def _releases(_: argparse.Namespace) -> Iterable[str]:
-    from msggen.firmware.sources import RELEASES
+    from msggen.sources.sources import RELEASES
 
     return RELEASES
 
 
 def _embedded(_: argparse.Namespace) -> Iterable[str]:
-    from msggen.firmware.embedded import EMBEDDED
+    from msggen.sources.embedded import EMBEDDED
 
     return EMBEDDED
 
 
 def _revisions(options: argparse.Namespace) -> Iterable[str]:
-    from msggen.disk.git import revisions
+    from msggen.base.disk.git import revisions
 
     return [*_embedded(options), *revisions(_sources(options) or os.curdir)]
 
 
 def _rules(_: argparse.Namespace) -> Iterable[str]:
-    from msggen.finding import Category
-    from msggen.rules import RULES
+    from msggen.check.finding import Category
+    from msggen.show.report.table import RULES
 
     return [*Category.__members__, *(rule.id for rule in RULES)]
 
 
 def _explained(options: argparse.Namespace) -> Iterable[str]:
-    from msggen.diagnostics import CODES
-    from msggen.report.rules import MARKS
+    from msggen.base.diagnostics import CODES
+    from msggen.show.report.rules import MARKS
 
     return [*_rules(options), *(mark for mark in MARKS if " " not in mark), *CODES]
 

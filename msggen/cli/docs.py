@@ -7,6 +7,8 @@ import os
 import time
 from collections.abc import Iterator
 
+from msggen.base.diagnostics import counted, input_error
+from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.cli.breaking import previous_sources
 from msggen.cli.options import (
     WRITING_CODES,
@@ -19,11 +21,9 @@ from msggen.cli.options import (
 )
 from msggen.cli.printing import print_notices, print_plan
 from msggen.cli.sources import settings_of, source_here, sources_of
-from msggen.diagnostics import counted, input_error
-from msggen.exit_codes import DONE, FINDINGS
-from msggen.firmware.embedded import EMBEDDED, PREFIX
-from msggen.firmware.sources import Sources, find_sources
-from msggen.site.build import Outcome, SiteBuild
+from msggen.generate.site.build import Outcome, SiteBuild
+from msggen.sources.embedded import EMBEDDED, PREFIX
+from msggen.sources.sources import Sources, find_sources
 
 _FORMATS = ("html", "markdown")
 

@@ -7,24 +7,24 @@ import os
 import sys
 from typing import TYPE_CHECKING
 
+from msggen.base.diagnostics import input_error
+from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.cli.link import add_link, given_package, link_of
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_output_format, add_shared, non_empty
 from msggen.cli.packages import import_package
 from msggen.cli.printing import print_report
 from msggen.cli.sources import settings_of
 from msggen.cli.values import convert_values, positive
-from msggen.diagnostics import input_error
-from msggen.exit_codes import DONE, FINDINGS
-from msggen.firmware.embedded import EMBEDDED
+from msggen.sources.embedded import EMBEDDED
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from msggen.doctor.expected import Expected
     from msggen.doctor.observation import Observation
-    from msggen.firmware.sources import Sources
     from msggen.live.links.address import Address
-    from msggen.live.selection import Selection
+    from msggen.live.vehicle.selection import Selection
+    from msggen.sources.sources import Sources
 
 _SECONDS = 5.0
 _LEAST = 1.0
@@ -90,7 +90,7 @@ def _address(options: argparse.Namespace) -> Address:
 
 
 def _selection(options: argparse.Namespace) -> Selection:
-    from msggen.live.selection import Selection
+    from msggen.live.vehicle.selection import Selection
 
     namespace = options.namespace
     return Selection(options.key, None if namespace is None else namespace.strip("/"))
@@ -153,7 +153,7 @@ def check_live(options: argparse.Namespace, sources: Sources | None) -> int:
 
 def _of_sources(sources: Sources) -> Expected:
     from msggen.doctor.expected import expected_of_catalog
-    from msggen.firmware.catalog import COMPARABLE, read_catalog
+    from msggen.sources.catalog import COMPARABLE, read_catalog
 
     return expected_of_catalog(read_catalog(sources, tolerated=COMPARABLE), sources.label)
 

@@ -14,15 +14,15 @@ from hashlib import blake2b
 from types import ModuleType
 from typing import TYPE_CHECKING, NamedTuple
 
+from msggen.base.diagnostics import few, input_error
+from msggen.base.location import Location
 from msggen.cli.options import add_shared, local_path, non_empty
 from msggen.cli.packages import import_package, topics_of
 from msggen.cli.sources import settings_of
 from msggen.cli.values import convert_values, positive, whole
-from msggen.diagnostics import few, input_error
-from msggen.firmware.embedded import EMBEDDED
-from msggen.firmware.sources import find_sources
 from msggen.generate.cache import package_from, package_of, private_folder
-from msggen.location import Location
+from msggen.sources.embedded import EMBEDDED
+from msggen.sources.sources import find_sources
 
 if TYPE_CHECKING:
     from msggen.live import LinkError, Vehicle

@@ -6,6 +6,8 @@ import argparse
 import os
 from dataclasses import replace
 
+from msggen.base.diagnostics import input_error
+from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.cli.options import (
     FINDING_CODES,
     Commands,
@@ -17,10 +19,8 @@ from msggen.cli.options import (
 from msggen.cli.printing import print_report
 from msggen.cli.selection import add_selection, selected_rules, unmatched
 from msggen.cli.sources import settings_of, sources_of
-from msggen.diagnostics import input_error
-from msggen.exit_codes import DONE, FINDINGS
-from msggen.firmware.tree import Folder
-from msggen.firmware.tree_layout import find_definitions
+from msggen.sources.tree import Folder
+from msggen.sources.tree_layout import find_definitions
 
 
 def add_to(commands: Commands) -> None:
@@ -50,7 +50,7 @@ def add_to(commands: Commands) -> None:
 
 
 def _lint(options: argparse.Namespace) -> int:
-    from msggen.check import lint
+    from msggen.check.run import lint
 
     settings = settings_of(options)
     rules, ignored = selected_rules("lint", options, settings)

@@ -9,10 +9,10 @@ import time
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
+from msggen.base.diagnostics import Diagnostic, InputError, input_error
+from msggen.base.location import Location
 from msggen.cli.link import Connection
 from msggen.cli.options import local_path, non_empty, refuse
-from msggen.diagnostics import Diagnostic, InputError, input_error
-from msggen.location import Location
 
 if TYPE_CHECKING:
     from msggen.cli.names import Field, Names
@@ -72,7 +72,7 @@ def read_values(options: argparse.Namespace) -> Values:
 
     Raises InputError for what is not YAML, and for a file or stdin without a value: zeros would be published.
     """
-    from msggen.parse.yaml_nodes import read_yaml, value_of
+    from msggen.definitions.parse.yaml_nodes import read_yaml, value_of
 
     if options.values and options.file:
         refuse(options, "argument --file: not allowed with argument VALUES")
@@ -88,7 +88,7 @@ def read_values(options: argparse.Namespace) -> Values:
 def _read(options: argparse.Namespace) -> tuple[bytes, str]:
     """Return the bytes of the values, and the name of their place."""
     if options.file:
-        from msggen.disk.reading import read_bytes
+        from msggen.base.disk.reading import read_bytes
 
         return read_bytes(options.file), options.file
     if options.values == "-":

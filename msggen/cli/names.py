@@ -13,9 +13,9 @@ import sys
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
-from msggen.disk.reading import read_bytes
+from msggen.base.disk.reading import read_bytes
 from msggen.live.messages.names import stem_of
-from msggen.settings import names_folder
+from msggen.sources.settings import names_folder
 
 _LARGEST = 2**22
 """Maximum number of bytes of the names of a package. Those of PX4 v1.18 have 64 kB."""
@@ -90,9 +90,9 @@ def names_of(options: argparse.Namespace) -> Names:
     Raises InputError, OSError and, for a package without names, ValueError.
     """
     from msggen.cli.link import remembered_release
-    from msggen.firmware.sources import find_sources
     from msggen.generate.cache import folder_from, folder_of
-    from msggen.settings import read_settings
+    from msggen.sources.settings import read_settings
+    from msggen.sources.sources import find_sources
 
     options.settings = read_settings(os.curdir)  # without the note of `settings_of`, which nobody asked for
     types = options.types or options.settings.types

@@ -8,9 +8,9 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NoReturn, TypeAlias
 
-from msggen.diagnostics import input_error
-from msggen.firmware.embedded import EMBEDDED
-from msggen.report import FORMATS
+from msggen.base.diagnostics import input_error
+from msggen.show.report import FORMATS
+from msggen.sources.embedded import EMBEDDED
 
 Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"  # noqa: SLF001 - argparse has no public name
 Group: TypeAlias = "argparse._ActionsContainer"  # noqa: SLF001 - likewise, for parsers and groups of options
@@ -44,7 +44,7 @@ def local_path(text: str) -> str:
     """Return `text`. Raise ArgumentTypeError as `non_empty` does, and InputError for a URL: it would name a folder."""
     found = _URL.match(non_empty(text))
     if found:
-        from msggen.diagnostics import input_error
+        from msggen.base.diagnostics import input_error
 
         scheme = found[1].lower()
         hint = f"copy files of {scheme}:// with another program, or mount it"

@@ -6,9 +6,9 @@ import os
 import sys
 from types import ModuleType
 
-from msggen.diagnostics import InputError, input_error
+from msggen.base.diagnostics import InputError, input_error
 from msggen.generate.cache import import_folder
-from msggen.settings import names_folder
+from msggen.sources.settings import names_folder
 
 
 def import_package(text: str, base: str = "") -> ModuleType:

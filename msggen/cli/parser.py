@@ -12,13 +12,13 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any, NoReturn
 
-from msggen import __version__
+from msggen.base.diagnostics import Diagnostic, printable, suggestion
+from msggen.base.exit_codes import FAILED
+from msggen.base.foreign import Styled, escaped
+from msggen.base.location import Location
+from msggen.base.version import __version__
 from msggen.cli.options import FAILED_CODES
 from msggen.cli.printing import colour, print_document, terminal_width
-from msggen.diagnostics import Diagnostic, printable, suggestion
-from msggen.exit_codes import FAILED
-from msggen.foreign import Styled, escaped
-from msggen.location import Location
 
 _MODULES = {
     "build": "build",

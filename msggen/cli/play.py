@@ -8,20 +8,20 @@ import sys
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
+from msggen.base.diagnostics import counted, few, input_error, printable
+from msggen.base.exit_codes import DONE, FINDINGS
+from msggen.base.foreign import Styled
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, local_path, non_empty
 from msggen.cli.printing import terminal_width
 from msggen.cli.record import add_topics, check_packages
 from msggen.cli.values import convert_values, positive, seconds, whole
 from msggen.cli.watching import watching
-from msggen.diagnostics import counted, few, input_error, printable
-from msggen.exit_codes import DONE, FINDINGS
-from msggen.foreign import Styled
 
 if TYPE_CHECKING:
     from msggen.live.sim.runner import Runner
-    from msggen.recordings.choice import Choice
     from msggen.recordings.live.player import Endpoints, Player
-    from msggen.recordings.log import Log
+    from msggen.recordings.log.log import Log
+    from msggen.recordings.topics.choice import Choice
 
 _ADDRESS = "udp://127.0.0.1:8888"
 _REFRESH = 0.5
@@ -74,7 +74,7 @@ def _play(options: argparse.Namespace) -> int:
     convert_values(options, _VALUES)
     check_packages("R102")
     from msggen.recordings.live.player import Player, endpoints_of
-    from msggen.recordings.source import RecordingError
+    from msggen.recordings.source.source import RecordingError
 
     recording = _open(options)
     if options.start and options.start * 1e9 > recording.end - recording.start:
@@ -105,8 +105,8 @@ def _play(options: argparse.Namespace) -> int:
 
 
 def _open(options: argparse.Namespace) -> Log:
-    from msggen.recordings.files import open_log
-    from msggen.recordings.source import RecordingError
+    from msggen.recordings.log.opening import open_log
+    from msggen.recordings.source.source import RecordingError
 
     try:
         return open_log(options.file)
@@ -118,8 +118,8 @@ def _open(options: argparse.Namespace) -> Log:
 
 def _choice(options: argparse.Namespace, recording: Log) -> Choice:
     """Return the topics to play. Ends the process, or raises InputError, if there is none."""
-    from msggen.recordings.choice import Choice
     from msggen.recordings.live.player import is_played
+    from msggen.recordings.topics.choice import Choice
 
     played = [(topic.recorded_name, topic.ros_type) for topic in recording.topics if is_played(topic)]
     choice = Choice(options.topics, options.exclude)

@@ -3,26 +3,27 @@
 from __future__ import annotations
 
 import argparse
+import math
 import os
 import sys
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, TextIO
 
-from msggen.diagnostics import Diagnostic, Level, counted
-from msggen.disk.reading import read_bytes
-from msggen.foreign import Styled, escaped, unguarded
+from msggen.base.diagnostics import Diagnostic, Level, counted, printable
+from msggen.base.disk.reading import read_bytes
+from msggen.base.foreign import Styled, escaped, unguarded
 
 if TYPE_CHECKING:
-    from msggen.disk.output import OutputPlan
-    from msggen.finding import Report
+    from msggen.base.disk.output import OutputPlan
+    from msggen.check.finding import Report
 
 _WIDTH_OF_A_LOG = 120
 
 
 def print_report(report: Report, options: argparse.Namespace) -> None:
     """Print `report` in the format of the options, and its warnings and notes to stderr."""
-    from msggen.report import render
+    from msggen.show.report import render
 
     print_notices(report.notices)
     _print_report(
@@ -32,7 +33,7 @@ def print_report(report: Report, options: argparse.Namespace) -> None:
 
 def print_document(errors: Sequence[Diagnostic], output_format: str) -> None:
     """Print `errors` to stdout too, as a document, if `output_format` is a format for programs."""
-    from msggen.report import render_errors
+    from msggen.show.report import render_errors
 
     text = render_errors(errors, output_format)
     if not text:
@@ -138,3 +139,29 @@ def colour(stream: TextIO) -> bool:
     if os.environ.get("NO_COLOR"):
         return False
     return bool(os.environ.get("FORCE_COLOR")) or (os.environ.get("TERM") != "dumb" and stream.isatty())
+
+
+def print_table(heads: Sequence[str], rows: Sequence[Sequence[str]], right: int) -> None:
+    """Print rows under their heads, without empty columns. The last `right` columns are aligned at the right.
+
+    Cells are made `printable`, so that the columns stay aligned.
+    """
+    if not rows:
+        return
+    rows = [tuple(map(printable, row)) for row in rows]
+    kept = [index for index, column in enumerate(zip(*rows, strict=True)) if any(column)]
+    right = sum(index >= len(heads) - right for index in kept)
+    heads, *rows = [[row[index] for index in kept] for row in (heads, *rows)]
+    widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]
+    first = len(heads) - right
+    for row in (heads, *rows):
+        cells = [
+            cell.ljust(width) if index < first else cell.rjust(width)
+            for index, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ]
+        print("  ".join(cells).rstrip())
+
+
+def finite(value: float) -> float | None:
+    """Return a number as JSON has it: None for NaN."""
+    return None if math.isnan(value) else value

@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 import os
 
+from msggen.base.exit_codes import DONE
 from msggen.cli.options import Commands, add_command, local_path, non_empty
-from msggen.exit_codes import DONE
 
 
 def add_to(commands: Commands) -> None:
@@ -68,7 +68,7 @@ def _generate(options: argparse.Namespace) -> int:
     if wants_bridge and (options.kind or options.file):
         options.parser.error("options for messages and for the bridge cannot be combined: use two runs")
     folder, files = _bridge(options) if wants_bridge else _messages(options)
-    from msggen.disk.output import write_stale_files
+    from msggen.base.disk.output import write_stale_files
 
     write_stale_files(folder, files)
     return DONE
@@ -80,7 +80,7 @@ def _messages(options: argparse.Namespace) -> tuple[str, dict[str, str]]:
     _require(options, {"file": "-f", "outputdir": "-o", "templatedir": "-e"})
     if not options.package.isidentifier():
         options.parser.error(f"-k '{options.package}': expected a name such as 'px4'")
-    from msggen.px4_generate.messages import Kind, Request, generate_messages
+    from msggen.generate.px4.messages import Kind, Request, generate_messages
 
     kinds = {
         "--headers": Kind.HEADERS,
@@ -95,7 +95,7 @@ def _messages(options: argparse.Namespace) -> tuple[str, dict[str, str]]:
 
 def _bridge(options: argparse.Namespace) -> tuple[str, dict[str, str]]:
     _require(options, {"yaml_file": "-y", "template_file": "-t", "clientdir": "-u"})
-    from msggen.px4_generate.bridge import BridgeRequest, generate_bridge
+    from msggen.generate.px4.bridge import BridgeRequest, generate_bridge
 
     namespace = os.environ.get("PX4_UXRCE_DDS_NS", "")
     return options.clientdir, generate_bridge(BridgeRequest(options.yaml_file, options.template_file, namespace))

@@ -12,22 +12,22 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
+from msggen.base.diagnostics import counted, few, input_error
+from msggen.base.exit_codes import DONE
+from msggen.base.foreign import Styled
 from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, check_parent, local_path, non_empty
 from msggen.cli.packages import missing_extra
 from msggen.cli.printing import discard_output, number_of_bytes, terminal_width
 from msggen.cli.values import convert_values, positive
 from msggen.cli.watching import check_link, watching
-from msggen.diagnostics import counted, few, input_error
-from msggen.exit_codes import DONE
-from msggen.foreign import Styled
-from msggen.report.json import dump
+from msggen.show.report.json import dump
 
 if TYPE_CHECKING:
     from msggen.live import Vehicle
-    from msggen.recordings.choice import Choice
     from msggen.recordings.live.recorder import Counts, Recorder
     from msggen.recordings.live.vehicle_definitions import Definitions
+    from msggen.recordings.topics.choice import Choice
 
 _REFRESH = 1.0
 """The time in s between two looks at the vehicle, and after which the state is shown."""
@@ -116,8 +116,8 @@ _VALUES: Mapping[str, Callable[[str], Any]] = {
 
 
 def _record(options: argparse.Namespace) -> int:
-    from msggen.recordings.choice import Choice
     from msggen.recordings.live.vehicle_definitions import Definitions
+    from msggen.recordings.topics.choice import Choice
 
     convert_values(options, _VALUES)
     check_packages("R101")

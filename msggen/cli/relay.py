@@ -12,20 +12,20 @@ from contextlib import ExitStack, contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from msggen.base.diagnostics import counted, few, input_error, printable
+from msggen.base.exit_codes import DONE
 from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, non_empty
 from msggen.cli.watching import watching
-from msggen.diagnostics import counted, few, input_error, printable
-from msggen.exit_codes import DONE
-from msggen.firmware.embedded import EMBEDDED
 from msggen.generate.cache import package_of
-from msggen.live.errors import NotConnectedError
+from msggen.live.link import NotConnectedError
+from msggen.sources.embedded import EMBEDDED
 
 if TYPE_CHECKING:
     from msggen.live import Vehicle
     from msggen.live.link import Remote
-    from msggen.ros.plan import Plan
-    from msggen.ros.relay import Relay
+    from msggen.live.ros.plan import Plan
+    from msggen.live.ros.relay import Relay
 
 _ASKED = 10.0
 """How long to wait in s for the vehicle's hashes of its definitions."""
@@ -110,8 +110,8 @@ def _check_package(found: Connection) -> None:
 
 def _run(options: argparse.Namespace, found: Connection) -> None:
     """Carry samples until Ctrl-C. Each time that the vehicle connects, its definitions are compared anew."""
-    from msggen.ros.relay import Relay, interrupt_at_end
-    from msggen.ros.standard import Converter, Frames
+    from msggen.live.ros.relay import Relay, interrupt_at_end
+    from msggen.live.ros.standard import Converter, Frames
 
     totals, started, reported = _Totals(), time.monotonic(), None
     namespace = found.vehicle.remote.namespace
@@ -140,7 +140,7 @@ def _run(options: argparse.Namespace, found: Connection) -> None:
 @contextmanager
 def _started(namespace: str) -> Iterator[Any]:
     """Start a node of rclpy, and end it. Raises InputError if ROS cannot be started."""
-    from msggen.ros.relay import node
+    from msggen.live.ros.relay import node
 
     with ExitStack() as stack:
         try:
@@ -153,7 +153,7 @@ def _started(namespace: str) -> Iterator[Any]:
 def _plan(options: argparse.Namespace, found: Connection) -> Plan:
     """Return what to carry for the vehicle that is connected. Raises InputError if it is nothing."""
     from msggen.live import LinkTimeoutError
-    from msggen.ros.plan import Topics, Wish, planned
+    from msggen.live.ros.plan import Topics, Wish, planned
 
     vehicle = found.vehicle
     vehicle.wait_connected()
@@ -221,7 +221,7 @@ class _Totals:
     """What was carried in all sessions, and what was not."""
 
     def __init__(self) -> None:
-        from msggen.ros.refusals import Refusals
+        from msggen.live.ros.refusals import Refusals
 
         self.refusals = Refusals()
         self._to_ros: Counter[str] = Counter()

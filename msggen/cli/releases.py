@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import argparse
 
+from msggen.base.exit_codes import DONE
 from msggen.cli.options import Commands, add_command
-from msggen.exit_codes import DONE
 
 _HEADINGS = ("release", "messages", "services", "topics", "endpoints")
 
@@ -22,7 +22,7 @@ def add_to(commands: Commands) -> None:
 
 
 def _releases(_: argparse.Namespace) -> int:
-    from msggen.firmware.embedded import EMBEDDED
+    from msggen.sources.embedded import EMBEDDED
 
     print("  ".join(_HEADINGS))
     for release in EMBEDDED:
@@ -34,9 +34,9 @@ def _releases(_: argparse.Namespace) -> int:
 
 def _counts(release: str) -> tuple[int, ...]:
     """Return the numbers of messages, services, topics and endpoints of a release."""
-    from msggen.firmware.catalog import read_catalog
-    from msggen.firmware.embedded import PREFIX
-    from msggen.firmware.sources import find_sources
+    from msggen.sources.catalog import read_catalog
+    from msggen.sources.embedded import PREFIX
+    from msggen.sources.sources import find_sources
 
     catalog = read_catalog(find_sources(PREFIX + release))
     topics = sum(len(message.topic_names) for message in catalog.uorb_messages)

@@ -7,6 +7,10 @@ import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 
+from msggen.base.diagnostics import OF_BOARDS, counted
+from msggen.base.disk.depfile import check_depfile, write_depfile
+from msggen.base.disk.output import stale_files, write_stale_files
+from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.cli.options import (
     WRITING_CODES,
     Commands,
@@ -19,11 +23,7 @@ from msggen.cli.options import (
 )
 from msggen.cli.printing import print_change, print_notices
 from msggen.cli.sources import settings_of, sources_of
-from msggen.diagnostics import OF_BOARDS, counted
-from msggen.disk.depfile import check_depfile, write_depfile
-from msggen.disk.output import stale_files, write_stale_files
-from msggen.exit_codes import DONE, FINDINGS
-from msggen.render import THINGS
+from msggen.generate.render import THINGS
 
 _STDOUT = "-"
 """The output folder that stands for stdout."""
@@ -77,9 +77,7 @@ def add_to(commands: Commands) -> None:
 def _render(options: argparse.Namespace) -> int:
     _check_options(options)
     sources = sources_of(options, settings_of(options))
-    from msggen.firmware.catalog import read_catalog
-    from msggen.firmware.inferred import with_inferred
-    from msggen.render.run import (
+    from msggen.generate.render.run import (
         check_each,
         check_places,
         items_of,
@@ -89,6 +87,8 @@ def _render(options: argparse.Namespace) -> int:
         shows_ids,
         texts_of,
     )
+    from msggen.sources.catalog import read_catalog
+    from msggen.sources.inferred import with_inferred
 
     template = open_template(options.template)
     catalog = with_inferred(read_catalog(sources), sources)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import argparse
 import sys
 
+from msggen.base.diagnostics import CODES, input_error, suggestion
+from msggen.base.exit_codes import DONE
+from msggen.base.foreign import Styled
 from msggen.cli.options import Commands, add_command, add_output_format, non_empty
 from msggen.cli.printing import colour, width
-from msggen.diagnostics import CODES, input_error, suggestion
-from msggen.exit_codes import DONE
-from msggen.foreign import Styled
 
 
 def add_to(commands: Commands) -> None:
@@ -39,19 +39,19 @@ def add_to(commands: Commands) -> None:
 
 
 def _rules(options: argparse.Namespace) -> int:
-    from msggen.report.rules import list_rules, write_json
-    from msggen.rules import RULES
+    from msggen.show.report.rules import list_rules, write_json
+    from msggen.show.report.table import RULES
 
     print(Styled((write_json if options.output_format == "json" else list_rules)(RULES)))
     return DONE
 
 
 def _explain(options: argparse.Namespace) -> int:
-    from msggen.check import example_of
-    from msggen.finding import Category
-    from msggen.report.errors import explain_code, nearest_code
-    from msggen.report.rules import MARKS, explain_category, explain_mark, explain_rule
-    from msggen.rules import RULES, named
+    from msggen.check.finding import Category
+    from msggen.show.report.errors import explain_code, nearest_code
+    from msggen.show.report.examples import example_of
+    from msggen.show.report.rules import MARKS, explain_category, explain_mark, explain_rule
+    from msggen.show.report.table import RULES, named
 
     name, mark = options.rule.upper(), options.rule.lower()
     rules = named(name)

@@ -7,13 +7,13 @@ from collections.abc import Callable, Iterable
 from functools import partial
 from typing import TYPE_CHECKING
 
+from msggen.base.diagnostics import Diagnostic, InputError, sorted_out, suggestion
+from msggen.base.location import Location
 from msggen.cli.options import non_empty
-from msggen.diagnostics import Diagnostic, InputError, sorted_out, suggestion
-from msggen.location import Location
-from msggen.settings import Settings
+from msggen.sources.settings import Settings
 
 if TYPE_CHECKING:
-    from msggen.finding import Report, Rule
+    from msggen.check.finding import Report, Rule
 
 
 def add_selection(parser: argparse.ArgumentParser) -> None:
@@ -36,7 +36,7 @@ def selected_rules(
     `breaking` and `lint` have the same settings, so that each of them leaves out the rules of the other. An option
     must name rules of the command.
     """
-    from msggen.rules import COMMANDS, named
+    from msggen.show.report.table import COMMANDS, named
 
     own = COMMANDS[command]
     settable = {rule.id for name in ("breaking", "lint") for rule in COMMANDS[name]}
@@ -80,7 +80,7 @@ def unmatched(report: Report, settings: Settings, *, strict: bool) -> tuple[Diag
 
 
 def _unknown(name: str, command: str) -> str:
-    from msggen.rules import COMMANDS, commands_of, named
+    from msggen.show.report.table import COMMANDS, commands_of, named
 
     rules = named(name)
     if rules:

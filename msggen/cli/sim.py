@@ -10,16 +10,16 @@ from collections.abc import Callable, Iterator, Mapping
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from msggen.base.diagnostics import counted, input_error, suggestion
+from msggen.base.exit_codes import DONE
+from msggen.base.foreign import Styled
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, local_path, non_empty
 from msggen.cli.packages import import_package, topics_of
 from msggen.cli.printing import terminal_width
 from msggen.cli.values import convert_values, finite, positive, share, whole
 from msggen.cli.watching import watching
-from msggen.diagnostics import counted, input_error, suggestion
-from msggen.exit_codes import DONE
-from msggen.firmware.sources import find_sources
-from msggen.foreign import Styled
 from msggen.generate.cache import package_from
+from msggen.sources.sources import find_sources
 
 if TYPE_CHECKING:
     from msggen.live.sim import Options, Simulator

@@ -6,15 +6,15 @@ import argparse
 import os
 from collections.abc import Iterator, Mapping, Sequence
 
+from msggen.base.diagnostics import Diagnostic, InputError, input_error
+from msggen.base.location import Location
 from msggen.cli.printing import print_notices
-from msggen.diagnostics import Diagnostic, InputError, input_error
-from msggen.firmware.embedded import names_release, near_release, unknown_release
-from msggen.firmware.file import BoardOption
-from msggen.firmware.sources import Sources, find_sources, split_package, with_board
-from msggen.firmware.tree import Folder
-from msggen.firmware.tree_layout import find_manifest, is_firmware, tree_above, whole_tree
-from msggen.location import Location
-from msggen.settings import Settings, read_settings
+from msggen.sources.embedded import names_release, near_release, unknown_release
+from msggen.sources.file import BoardOption
+from msggen.sources.settings import Settings, read_settings
+from msggen.sources.sources import Sources, find_sources, split_package, with_board
+from msggen.sources.tree import Folder
+from msggen.sources.tree_layout import find_manifest, is_firmware, tree_above, whole_tree
 
 
 def settings_of(options: argparse.Namespace) -> Settings:
@@ -59,7 +59,7 @@ def sources_of(options: argparse.Namespace, settings: Settings, *, packages: boo
 def is_recording(path: str) -> bool:
     """Whether a path is named as recordings are: a file, or a folder of rosbag2."""
     if os.path.isdir(path):
-        from msggen.recordings.paths import is_bag
+        from msggen.recordings.files.paths import is_bag
 
         return os.access(path, os.R_OK) and is_bag(path)
     return path.lower().endswith((".mcap", ".ulg", ".db3")) and os.path.isfile(path)
@@ -72,7 +72,7 @@ def recorded(options: argparse.Namespace, path: str, other: Sources | None = Non
     with opened(options, path) as log:
         from msggen.recordings.definitions.sources import sources_of
 
-        return sources_of(log, other)
+        return sources_of(log.topics, log.path, other)
 
 
 def generated(options: argparse.Namespace, folder: str, recording: str) -> Sources:
@@ -84,7 +84,7 @@ def generated(options: argparse.Namespace, folder: str, recording: str) -> Sourc
     with opened(options, recording) as log:
         from msggen.recordings.definitions.sources import sources_of_package
 
-        return sources_of_package(package, log)
+        return sources_of_package(package, log.topics)
 
 
 def is_named(options: argparse.Namespace, settings: Settings) -> bool:
@@ -180,7 +180,7 @@ def _missing(options: argparse.Namespace, settings: Settings) -> Iterator[Diagno
         yield from _missing_folder(split_package(text)[1], settings, None if options.msg_dir else "msg-dir")
     path = settings.topics
     if path and not options.topics and not os.path.exists(path):
-        from msggen.disk.path_hint import path_hint
+        from msggen.base.disk.names import path_hint
 
         text = f"'{path}': no such file{path_hint(path, is_meant=os.path.exists)}"
         yield Diagnostic(settings.place("topics"), "S101", text)
@@ -197,8 +197,8 @@ def _missing_folder(path: str, settings: Settings, key: str | None) -> Iterator[
                 settings.place(key) if key else Location(path, 0), "S105", f"'{path}': {wrong}" if key else wrong
             )
         return
-    from msggen.disk.path_hint import path_hint
-    from msggen.firmware.revision import split_revision
+    from msggen.base.disk.names import path_hint
+    from msggen.sources.revision import split_revision
 
     if split_revision(path)[1]:
         return

@@ -6,6 +6,9 @@ import argparse
 import os
 from typing import TYPE_CHECKING
 
+from msggen.base.diagnostics import counted
+from msggen.base.exit_codes import DONE, FINDINGS
+from msggen.base.location import Location
 from msggen.cli.options import (
     WRITING_CODES,
     Commands,
@@ -19,15 +22,12 @@ from msggen.cli.options import (
 )
 from msggen.cli.printing import print_diff, print_notices
 from msggen.cli.sources import firmware_of, is_named, settings_of
-from msggen.diagnostics import counted
-from msggen.exit_codes import DONE, FINDINGS
-from msggen.location import Location
-from msggen.settings import Settings
+from msggen.sources.settings import Settings
 
 if TYPE_CHECKING:
-    from msggen.sync.contents import PackageContents
-    from msggen.sync.plan import SyncPlan
-    from msggen.sync.target import Request
+    from msggen.generate.sync.contents import PackageContents
+    from msggen.generate.sync.plan import SyncPlan
+    from msggen.generate.sync.target import Request
 
 _VERBS = {True: ("added", "changed", "removed"), False: ("to add", "to change", "to remove")}
 """Verbs for changes that were written (True), or would be (False)."""
@@ -71,9 +71,9 @@ def _sync(options: argparse.Namespace) -> int:
         text = "the embedded definitions are only for a new package"
         options.parser.error(f"'{options.target}' exists, and {text}: name the firmware with --px4 or the setting px4")
     sources = firmware_of(options, settings)
-    from msggen.disk.record import read_record
-    from msggen.sync.contents import read_contents
-    from msggen.sync.run import sync
+    from msggen.base.disk.record import read_record
+    from msggen.generate.sync.contents import read_contents
+    from msggen.generate.sync.run import sync
 
     write = writes(options)
     request = _request(options, settings)
@@ -95,7 +95,7 @@ def _sync(options: argparse.Namespace) -> int:
 
 def _request(options: argparse.Namespace, settings: Settings) -> Request:
     """Return the package that the options or else the settings name."""
-    from msggen.sync.target import Request, default_name
+    from msggen.generate.sync.target import Request, default_name
 
     name = options.ros_package or settings.ros_package or default_name(options.target, create=options.create)
     place = Location("--ros-package", 0) if options.ros_package else settings.place("ros-package")
@@ -120,7 +120,7 @@ def _summary(plan: SyncPlan, label: str, *, write: bool) -> str:
 
 def _print_name(name: str) -> None:
     """Print what follows from the name of a new package, which its folder gave it."""
-    from msggen.model import DEFAULT_PACKAGE
+    from msggen.definitions.model import DEFAULT_PACKAGE
 
     if name != DEFAULT_PACKAGE:
         print(
@@ -131,7 +131,7 @@ def _print_name(name: str) -> None:
 
 def _print_list(plan: SyncPlan, definitions: PackageContents, *, write: bool) -> None:
     """Print each change, with the topics that carry the message."""
-    from msggen.sync.change import COMMENTS, WHITE_SPACE, describe_change
+    from msggen.generate.sync.change import COMMENTS, WHITE_SPACE, describe_change
 
     added, changed, removed = (verb.ljust(len(_VERBS[write][1])) for verb in _VERBS[write])
     how = {name: describe_change(name, plan.before[name], plan.files[name]) for name in plan.changed}
@@ -151,7 +151,7 @@ def _print_list(plan: SyncPlan, definitions: PackageContents, *, write: bool) ->
 
 
 def _print_diffs(plan: SyncPlan) -> None:
-    from msggen.sync.plan import read_if_file
+    from msggen.generate.sync.plan import read_if_file
 
     after = {**plan.files, **plan.scaffold}
     for name in (*plan.added, *plan.changed, *plan.removed, *plan.scaffold):

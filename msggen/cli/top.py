@@ -10,17 +10,17 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from msggen.base.exit_codes import DONE
 from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
 from msggen.cli.values import convert_values, positive
 from msggen.cli.watching import add_window, watching
-from msggen.exit_codes import DONE
-from msggen.report.json import dump
+from msggen.show.report.json import dump
 
 if TYPE_CHECKING:
-    from msggen.live.meter import Meter
-    from msggen.top.rows import Row, Table
-    from msggen.top.view import View
+    from msggen.live.vehicle.meter import Meter
+    from msggen.show.top.rows import Row, Table
+    from msggen.show.top.view import View
 
 _NOTICES = 20
 """The number of warnings that are kept."""
@@ -49,7 +49,7 @@ def add_to(commands: Commands) -> None:
 def _top(options: argparse.Namespace) -> int:
     convert_values(options, {"window": positive})
     with connection(options) as found:
-        from msggen.live.meter import Meter
+        from msggen.live.vehicle.meter import Meter
 
         meter = Meter(options.window)
         with found.vehicle.watch(meter):
@@ -77,7 +77,7 @@ class _Source:
     """Makes tables of a vehicle, also while it is disconnected."""
 
     def __init__(self, found: Connection, meter: Meter) -> None:
-        from msggen.top.rows import limits_of
+        from msggen.show.top.rows import limits_of
 
         self._found, self._meter = found, meter
         self._limits = limits_of(found.package)
@@ -87,7 +87,7 @@ class _Source:
     def table(self) -> Table:
         """Return what is known now."""
         from msggen.live import NotConnectedError
-        from msggen.top.rows import Table, rows_of
+        from msggen.show.top.rows import Table, rows_of
 
         vehicle, trouble = self._found.vehicle, ""
         try:
@@ -120,11 +120,11 @@ def _print_once(source: _Source, seconds: float, *, is_json: bool) -> None:
     time.sleep(seconds)
     table = source.table()
     if is_json:
-        from msggen.top.rows import as_document
+        from msggen.show.top.rows import as_document
 
         print(dump(as_document(table)))
         return
-    from msggen.top.drawing import plain
+    from msggen.show.top.drawing import plain
 
     print(*plain(table), sep="\n")
 
@@ -133,9 +133,9 @@ def _run(source: _Source) -> None:
     """Show the table until a key ends it."""
     from rich.console import Console
 
-    from msggen.top.drawing import ansi, page_of, screen
-    from msggen.top.terminal import Terminal
-    from msggen.top.view import View, press
+    from msggen.show.top.drawing import ansi, page_of, screen
+    from msggen.show.top.terminal import Terminal
+    from msggen.show.top.view import View, press
 
     console = Console()
     view, table, due = View(), source.table(), 0.0

@@ -8,11 +8,11 @@ from collections.abc import Callable, Iterator, Sequence
 from difflib import get_close_matches
 from typing import Any
 
-from msggen.diagnostics import suggestion
-from msggen.disk.git import is_revision
-from msggen.firmware.embedded import names_release
-from msggen.firmware.tree import Folder
-from msggen.firmware.tree_layout import is_firmware
+from msggen.base.diagnostics import suggestion
+from msggen.base.disk.git import is_revision
+from msggen.sources.embedded import names_release
+from msggen.sources.tree import Folder
+from msggen.sources.tree_layout import is_firmware
 
 _OTHER_WORDS = {
     ("topic echo", "--filter"): "write the filter behind the topic: msggen topic echo TOPIC FILTER",

@@ -10,23 +10,23 @@ from contextlib import suppress
 from logging import CRITICAL, getLogger
 from typing import TYPE_CHECKING
 
+from msggen.base.diagnostics import counted, input_error
+from msggen.base.exit_codes import DONE
+from msggen.base.foreign import escaped
 from msggen.cli.link import add_link, connection, given_package
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, local_path, non_empty
 from msggen.cli.packages import missing_extra
 from msggen.cli.values import convert_values, positive, whole
 from msggen.cli.watching import rounds, watching
-from msggen.diagnostics import counted, input_error
-from msggen.exit_codes import DONE
-from msggen.firmware.embedded import EMBEDDED
-from msggen.foreign import escaped
 from msggen.generate.cache import package_of
+from msggen.sources.embedded import EMBEDDED
 
 if TYPE_CHECKING:
     from types import ModuleType
 
-    from msggen.recordings.log import Log
-    from msggen.view.recording import Controls, RecordingView
-    from msggen.view.server import Server
+    from msggen.recordings.log.log import Log
+    from msggen.show.view.recording import Controls, RecordingView
+    from msggen.show.view.server import Server
 
 _HOST, _PORT = "127.0.0.1", 8765
 _LOCAL = ("127.0.0.1", "::1", "localhost")
@@ -62,7 +62,7 @@ def add_to(commands: Commands) -> None:
 def _view(options: argparse.Namespace) -> int:
     convert_values(options, {"port": whole(0, 65535), "for": positive})
     try:
-        from msggen.view import recording
+        from msggen.show.view import recording
     except ImportError as error:
         raise missing_extra(error, "view", "L111") from None
     del recording
@@ -77,7 +77,7 @@ def _view(options: argparse.Namespace) -> int:
 
 def _show_vehicle(options: argparse.Namespace) -> None:
     from msggen.live import NotConnectedError
-    from msggen.view.live import LiveView
+    from msggen.show.view.live import LiveView
 
     with connection(options) as found, _server(options, f"msggen: {found.link}") as server:
         view = LiveView(server, found.vehicle, found.package, _warn)
@@ -91,7 +91,7 @@ def _show_vehicle(options: argparse.Namespace) -> None:
 
 
 def _show_recording(options: argparse.Namespace) -> None:
-    from msggen.view.recording import Controls, RecordingView, package_for
+    from msggen.show.view.recording import Controls, RecordingView, package_for
 
     controls = Controls()
     recording = _recording(options.file)
@@ -114,9 +114,9 @@ def _packages(options: argparse.Namespace) -> Iterator[ModuleType]:
 
 
 def _recording(path: str) -> Log:
-    from msggen.recordings.files import open_log
-    from msggen.recordings.source import RecordingError
-    from msggen.view.recording import UnviewableRecordingError, channels_of
+    from msggen.recordings.log.opening import open_log
+    from msggen.recordings.source.source import RecordingError
+    from msggen.show.view.recording import UnviewableRecordingError, channels_of
 
     try:
         recording = open_log(path)
@@ -129,7 +129,7 @@ def _recording(path: str) -> Log:
 def _server(
     options: argparse.Namespace, name: str, recording: Log | None = None, controls: Controls | None = None
 ) -> Server:
-    from msggen.view.server import Server
+    from msggen.show.view.server import Server
 
     host, port = options.host or _HOST, _PORT if options.port is None else options.port
     span = (recording.start, recording.end) if recording else None

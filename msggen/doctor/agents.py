@@ -57,8 +57,8 @@ def find_agents(addresses: Iterable[tuple[str, int]], domain: int) -> tuple[Agen
 
 def namespaces_in(domain: int) -> tuple[str, ...] | None:
     """Return the namespaces of the vehicles in a DDS domain, None if the package cyclonedds is not installed."""
-    from msggen.live.hub import Hub
     from msggen.live.links.dds import DdsLink
+    from msggen.live.vehicle.hub import Hub
 
     link = DdsLink(domain)
     hub = Hub(link)

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
+from msggen.base.location import Location
+from msggen.check.finding import Change
 from msggen.doctor.expected import Expected
 from msggen.doctor.observation import Observation, VehicleSeen
-from msggen.finding import Change
 from msggen.live.link import Route
 from msggen.live.messages.names import is_named_after, stem_of
-from msggen.live.selection import Selection, shown
+from msggen.live.vehicle.selection import Selection, shown
 from msggen.live.xrce.agent import Client
-from msggen.location import Location
 
 SILENT = 2.0
 """The time in s without any sample after which a vehicle counts as silent. The rarest one has several a second."""

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from msggen.diagnostics import counted, few
+from msggen.base.diagnostics import counted, few
+from msggen.check.finding import Change
 from msggen.doctor.case import Case
 from msggen.doctor.observation import SIM, Observation
-from msggen.finding import Change
-from msggen.live.selection import shown
+from msggen.live.vehicle.selection import shown
 from msggen.live.xrce.agent import Client
 
 _STATUS = "`uxrce_dds_client status` in PX4's shell shows where it sends"

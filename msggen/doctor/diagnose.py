@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from msggen.diagnostics import counted, few
+from msggen.base.diagnostics import counted, few
+from msggen.check.finding import Finding, Report, Rule
 from msggen.doctor.case import Case
 from msggen.doctor.observation import VehicleSeen
 from msggen.doctor.rules import DOCTOR
-from msggen.finding import Finding, Report, Rule
-from msggen.live.selection import shown
+from msggen.live.vehicle.selection import shown
 
 
 def diagnose(case: Case, rules: Sequence[Rule] = DOCTOR) -> Report:

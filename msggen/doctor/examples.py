@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from msggen.check.finding import Report, Rule
 from msggen.doctor.case import Case
 from msggen.doctor.diagnose import diagnose
 from msggen.doctor.expected import Definition, Expected, ExpectedTopic
 from msggen.doctor.observation import AgentSeen, Observation, Process, ReaderSeen, Sender, TopicSeen, VehicleSeen
-from msggen.finding import Report, Rule
 from msggen.live.link import Remote, Route, Statistics
-from msggen.live.selection import Selection
+from msggen.live.vehicle.selection import Selection
 from msggen.live.xrce.agent import Client
 
 _NOW = 1_767_225_600_000_000_000  # 2026-01-01

@@ -7,8 +7,8 @@ from importlib import import_module
 from types import ModuleType
 from typing import Literal, NamedTuple
 
-from msggen.identity import message_hash
-from msggen.model import Catalog
+from msggen.definitions.identity import message_hash
+from msggen.definitions.model import Catalog
 
 
 class Definition(NamedTuple):

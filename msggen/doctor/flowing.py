@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from statistics import median
 
-from msggen.diagnostics import counted, few
+from msggen.base.diagnostics import counted, few
+from msggen.check.finding import Change
 from msggen.doctor.case import Case, message_of
 from msggen.doctor.observation import VehicleSeen
-from msggen.finding import Change
 from msggen.live.messages.names import stem_of, version_of, without_namespace
 
 _FIRST_UTC = 1e15

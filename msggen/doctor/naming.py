@@ -6,12 +6,12 @@ import re
 from collections.abc import Iterator
 from typing import Literal, NamedTuple
 
-from msggen.diagnostics import counted, few, suggestion
+from msggen.base.diagnostics import counted, few, suggestion
+from msggen.check.finding import Change
 from msggen.doctor.case import Case, matches, message_of, plain
-from msggen.finding import Change
 from msggen.live.link import Route
 from msggen.live.messages.names import stem_of, version_of, without_namespace
-from msggen.live.selection import shown
+from msggen.live.vehicle.selection import shown
 
 _FULL = re.compile(r"(?:/(.+))?(/fmu/.+)")
 _CAPITAL = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")

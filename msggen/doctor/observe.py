@@ -12,12 +12,12 @@ from typing import NamedTuple
 from msggen.doctor.agents import find_agents, find_senders
 from msggen.doctor.observation import Observation, ReaderSeen, Sender, TopicSeen, VehicleSeen
 from msggen.doctor.sockets import buffer_limit, owners_of
-from msggen.live.hub import Entry, Hub
 from msggen.live.link import Link, LinkError, Remote, Route
 from msggen.live.links.address import PORT, Address
 from msggen.live.links.agent_link import AgentLink
 from msggen.live.links.opening import open_link
-from msggen.live.meter import Meter
+from msggen.live.vehicle.hub import Entry, Hub
+from msggen.live.vehicle.meter import Meter
 from msggen.live.xrce.agent import Client
 
 _FIRST_S = 5.0

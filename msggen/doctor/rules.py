@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from msggen.check.finding import Category, Rule
 from msggen.doctor import connecting, flowing, naming
-from msggen.finding import Category, Rule
 
 DOCTOR = (
     Rule(

@@ -7,18 +7,18 @@ import os
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from msggen.diagnostics import Diagnostic, InputError, Level, counted, input_error
-from msggen.disk.fingerprint import Fingerprint, digest_record, read_fingerprint, write_fingerprint
-from msggen.disk.names import too_long
-from msggen.disk.output import OutputPlan, locked_output, plan_output, write_output
-from msggen.disk.record import read_record
-from msggen.firmware.digest import digest_inputs
-from msggen.firmware.sources import Sources, read_files
-from msggen.location import Location
+from msggen.base.diagnostics import Diagnostic, InputError, Level, counted, input_error
+from msggen.base.disk.fingerprint import Fingerprint, digest_record, read_fingerprint, write_fingerprint
+from msggen.base.disk.names import too_long
+from msggen.base.disk.output import OutputPlan, locked_output, plan_output, write_output
+from msggen.base.disk.record import read_record
+from msggen.base.location import Location
+from msggen.sources.digest import digest_inputs
+from msggen.sources.sources import Sources, read_files
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from msggen.model import Catalog
+    from msggen.definitions.model import Catalog
 
 
 class Outcome(NamedTuple):
@@ -44,7 +44,7 @@ class Build:
         self.record = read_record(self.folder)
         self.last = read_fingerprint(self.folder)
         self.contents = read_files(sources)
-        self.inputs = digest_inputs(sources, self.contents, (name,), _FOLDERS, "python")
+        self.inputs = digest_inputs(sources, self.contents, (name,), "generate", "python")
 
     def run(self, *, write: bool) -> Outcome:
         """Update the package. If `write` is false, only plan the update.
@@ -55,9 +55,9 @@ class Build:
         if self._is_current():
             warnings = self._warnings() if self.last.has_warnings else ()
             return Outcome(self.folder, self.last.summary, tuple(sorted(self.record.files)), None, warnings)
-        from msggen.firmware.catalog import read_catalog
-        from msggen.firmware.inferred import with_inferred
         from msggen.generate.python.package import render_package
+        from msggen.sources.catalog import read_catalog
+        from msggen.sources.inferred import with_inferred
 
         catalog = with_inferred(read_catalog(self.sources, self.contents), self.sources)
         files = render_package(catalog, self.name)
@@ -76,15 +76,15 @@ class Build:
         """Return the sorted names of the files of the package. Raises InputError for errors in definitions."""
         if self._is_current():
             return tuple(sorted(self.record.files))
-        from msggen.firmware.catalog import read_catalog
         from msggen.generate.python.package import list_package
+        from msggen.sources.catalog import read_catalog
 
         return list_package(read_catalog(self.sources, self.contents))
 
     def _check_place(self, catalog: "Catalog", files: Iterable[str]) -> None:
         """Raise InputError if the package would overlap with a source, or if a name is too long for the disk."""
-        from msggen.firmware.overlap import check_apart
         from msggen.generate.python.package import locations
+        from msggen.sources.overlap import check_apart
 
         check_apart(self.folder, self.sources, "--output or --package")
         for _, text in too_long(self.folder, [""]):
@@ -101,7 +101,7 @@ class Build:
 
     def _warnings(self) -> tuple[Diagnostic, ...]:
         """Return the warnings about the sources, which every build repeats."""
-        from msggen.firmware.catalog import read_catalog
+        from msggen.sources.catalog import read_catalog
 
         return _warnings_among(read_catalog(self.sources, self.contents).notices)
 
@@ -130,7 +130,3 @@ def _summary(catalog: "Catalog") -> str:
     release = catalog.conventions.release
     named = release if release < "v1.16" and release != "main" else "v1.16 and later"
     return "; ".join(filter(None, (", ".join(counts), others, f"DDS names of {named}")))
-
-
-_FOLDERS = ("disk", "firmware", "generate", "parse", "python", "support", "text")
-"""The folders of msggen that the output depends on."""

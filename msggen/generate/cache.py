@@ -12,12 +12,12 @@ from importlib.machinery import ModuleSpec
 from shutil import rmtree
 from types import ModuleType
 
-from msggen import __version__
-from msggen.diagnostics import input_error
-from msggen.disk.ownership import has_others, problem_of
-from msggen.firmware.embedded import unknown_release
-from msggen.firmware.sources import Sources, find_sources, with_archived
+from msggen.base.diagnostics import input_error
+from msggen.base.disk.ownership import has_others, problem_of
+from msggen.base.version import __version__
 from msggen.generate.build import Build
+from msggen.sources.embedded import unknown_release
+from msggen.sources.sources import Sources, find_sources, with_archived
 
 _ANY = "vehicle_types"
 """The name of packages that are not of an embedded release."""

@@ -2,7 +2,8 @@
 
     from msggen.live import Vehicle
 
-Each name is imported on first use, so that `import msggen.live` costs nothing.
+In come links and a generated package, which is an argument: no module here knows the model. It imports base. Each name
+is imported on first use, so that `import msggen.live` costs nothing.
 """
 
 __all__ = [
@@ -18,39 +19,33 @@ __all__ = [
     "Watch",
 ]
 
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
-    from msggen.live.errors import FormatError, LinkTimeoutError, NotConnectedError, TopicError
-    from msggen.live.firmware import Firmware
-    from msggen.live.link import LinkError
-    from msggen.live.repeater import Repeater
-    from msggen.live.subscription import Subscription
-    from msggen.live.vehicle import Vehicle
-    from msggen.live.watch import Watch
-else:  # hidden from type checkers, which would accept any attribute of a module that has __getattr__
+    from msggen.live.link import FormatError, LinkError, LinkTimeoutError, NotConnectedError, TopicError
+    from msggen.live.vehicle.firmware import Firmware
+    from msggen.live.vehicle.repeater import Repeater
+    from msggen.live.vehicle.subscription import Subscription
+    from msggen.live.vehicle.vehicle import Vehicle
+    from msggen.live.vehicle.watch import Watch
+if not TYPE_CHECKING:  # hidden from type checkers, which would accept any attribute of a module that has __getattr__
     _MODULES = {
-        "errors": ("FormatError", "LinkTimeoutError", "NotConnectedError", "TopicError"),
-        "firmware": ("Firmware",),
-        "link": ("LinkError",),
-        "repeater": ("Repeater",),
-        "subscription": ("Subscription",),
-        "vehicle": ("Vehicle",),
-        "watch": ("Watch",),
+        "vehicle.firmware": ("Firmware",),
+        "link": ("FormatError", "LinkError", "LinkTimeoutError", "NotConnectedError", "TopicError"),
+        "vehicle.repeater": ("Repeater",),
+        "vehicle.subscription": ("Subscription",),
+        "vehicle.vehicle": ("Vehicle",),
+        "vehicle.watch": ("Watch",),
     }
     """The public names that each module defines."""
 
     def __getattr__(name: str) -> object:
-        """Return the public name `name` from the module that defines it. Raises AttributeError for any other name."""
-        import sys
+        """Return a public name from the module that defines it. Raises AttributeError for any other name."""
+        from msggen.base.facade import attribute
 
-        for module, names in _MODULES.items():
-            if name in names:
-                from importlib import import_module
-
-                return globals().setdefault(name, getattr(import_module(f"msggen.live.{module}"), name))
-        text = f"module 'msggen.live' has no attribute '{name}'"
-        raise AttributeError(text, name=name, obj=sys.modules[__name__])  # Python suggests the nearest name
+        return attribute(__name__, _MODULES, name)
 
     def __dir__() -> list[str]:
         """Return the names that are imported already, and the public names that can be imported."""
-        return sorted({*globals(), *__all__})
+        from msggen.base.facade import names
+
+        return names(__name__, _MODULES)

@@ -1,43 +1,40 @@
 """Recordings of vehicles: how they are written (docs/record.md) and read (docs/reading.md).
 
-`open` reads a recording in any format. It needs the packages of the extra `msggen[recordings]`.
+`open` reads a recording in any format, as arrays, tables and messages. It needs the packages of the extra
+`msggen[recordings]`. It imports base, definitions, sources, check and live.
 """
 
-from __future__ import annotations
+__all__ = ["Log", "Offset", "Problem", "RecordingError", "Samples", "Topic", "offset_between", "open", "plot"]
 
-__all__ = ["Log", "Offset", "Problem", "RecordingError", "Samples", "Topic", "offset_between", "open"]
-
-
-TYPE_CHECKING = False
+TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
-    from msggen.recordings.files import open_log as open  # noqa: A004 - users write recordings.open
-    from msggen.recordings.log import Log
-    from msggen.recordings.samples import Samples
-    from msggen.recordings.source import Problem, RecordingError
-    from msggen.recordings.sync import Offset, offset_between
-    from msggen.recordings.topic import Topic
-else:  # hidden from type checkers, which would accept any attribute of a module that has __getattr__
-    _NAMES = {
-        "Log": ("log", "Log"),
-        "Offset": ("sync", "Offset"),
-        "Problem": ("source", "Problem"),
-        "RecordingError": ("source", "RecordingError"),
-        "Samples": ("samples", "Samples"),
-        "Topic": ("samples", "Topic"),
-        "offset_between": ("sync", "offset_between"),
-        "open": ("files", "open_log"),
+    from msggen.recordings.columns.samples import Samples
+    from msggen.recordings.log import plot
+    from msggen.recordings.log.log import Log
+    from msggen.recordings.log.opening import open  # noqa: A004 - users write recordings.open
+    from msggen.recordings.log.sync import Offset, offset_between
+    from msggen.recordings.source.source import Problem, RecordingError
+    from msggen.recordings.topics.topic import Topic
+if not TYPE_CHECKING:  # hidden from type checkers, which would accept any attribute of a module that has __getattr__
+    _MODULES = {
+        "columns.samples": ("Samples",),
+        "log": ("plot",),
+        "log.log": ("Log",),
+        "log.opening": ("open",),
+        "log.sync": ("Offset", "offset_between"),
+        "source.source": ("Problem", "RecordingError"),
+        "topics.topic": ("Topic",),
     }
+    """The public names that each module defines."""
 
     def __getattr__(name: str) -> object:
-        """Import a name on first use: numpy takes as long as a whole command."""
-        if name not in _NAMES:
-            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        from importlib import import_module
+        """Return a public name from the module that defines it. Raises AttributeError for any other name."""
+        from msggen.base.facade import attribute
 
-        module, attribute = _NAMES[name]
-        found = globals()[name] = getattr(import_module(f"{__name__}.{module}"), attribute)
-        return found
+        return attribute(__name__, _MODULES, name)
 
     def __dir__() -> list[str]:
         """Return the names that are imported already, and the public names that can be imported."""
-        return sorted({*globals(), *__all__})
+        from msggen.base.facade import names
+
+        return names(__name__, _MODULES)

@@ -14,8 +14,8 @@ from mcap.records import DataEnd, Footer
 from mcap.writer import MCAP0_MAGIC, CompressionType
 from mcap.writer import Writer as McapWriter
 
-from msggen import __version__
-from msggen.recordings.qos import QOS, QOS_VERSION
+from msggen.base.version import __version__
+from msggen.recordings.files.qos import QOS, QOS_VERSION
 
 COMPRESSIONS = ("zstd", "lz4", "none")
 CHUNK = 768 * 1024

@@ -17,17 +17,17 @@ from pathlib import Path
 
 import pytest
 
-from msggen.bump.edits import plan_bump
-from msggen.bump.header import ros_file, with_include
+from msggen.base.diagnostics import CODES
+from msggen.base.exit_codes import INTERRUPTED
 from msggen.cli import DONE, FAILED, FINDINGS, main
-from msggen.diagnostics import CODES
-from msggen.exit_codes import INTERRUPTED
-from msggen.firmware.catalog import read_catalog
-from msggen.firmware.embedded import embedded_tree
-from msggen.firmware.history import read_history
-from msggen.firmware.sources import find_sources
-from msggen.firmware.tree import Folder, Tree
-from msggen.model import ArrayKind, FieldType, Message
+from msggen.definitions.model import ArrayKind, FieldType, Message
+from msggen.generate.bump.edits import plan_bump
+from msggen.generate.bump.header import ros_file, with_include
+from msggen.sources.catalog import read_catalog
+from msggen.sources.embedded import embedded_tree
+from msggen.sources.history import read_history
+from msggen.sources.sources import find_sources
+from msggen.sources.tree import Folder, Tree
 from support.catalogs import write_definitions
 from support.repository import ROOT, shared
 

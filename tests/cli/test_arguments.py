@@ -95,7 +95,7 @@ def test_no_arguments_lead_to_a_trace_or_to_the_exit_code_of_findings(
         raise LinkError("no link")
 
     monkeypatch.setattr("msggen.live.sim.runner.Runner.serve", interrupt)  # `msggen sim` would not end by itself
-    monkeypatch.setattr("msggen.live.vehicle.Vehicle.__init__", fail)  # there is none
+    monkeypatch.setattr("msggen.live.vehicle.vehicle.Vehicle.__init__", fail)  # there is none
     monkeypatch.setattr("msggen.doctor.observe._wait", interrupt)  # nor wait for vehicles
     choose = random.Random(name)  # noqa: S311 - the same arguments in every run
     write_definitions(working_folder, FILES)

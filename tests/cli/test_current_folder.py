@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from msggen.base.diagnostics import printable
 from msggen.cli import DONE, FAILED, main
-from msggen.diagnostics import printable
 from support.catalogs import write_definitions
 from support.repository import ROOT
 

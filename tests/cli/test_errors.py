@@ -2,8 +2,8 @@
 
 One run reports all errors, exits with 2 and writes nothing. No file content makes msggen fail in any other way.
 
-msggen/report/errors.yaml has one example for each code, which tests/report/test_error_texts.py runs. ERRORS and DOUBTS
-are further examples.
+msggen/show/report/errors.yaml has one example for each code, which tests/report/test_error_texts.py runs. ERRORS and
+DOUBTS are further examples.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from msggen.base.diagnostics import CODES, Diagnostic, InputError, suggestion
+from msggen.base.location import Location
 from msggen.cli import DONE, FAILED, main
-from msggen.diagnostics import CODES, Diagnostic, InputError, suggestion
-from msggen.firmware.catalog import read_catalog
-from msggen.firmware.file import File
-from msggen.firmware.sources import Sources
-from msggen.location import Location
+from msggen.sources.catalog import read_catalog
+from msggen.sources.file import File
+from msggen.sources.sources import Sources
 from support.catalogs import write_definitions
 from support.repository import ROOT
 
@@ -514,7 +514,7 @@ def test_any_service_is_read_or_refused(data: bytes) -> None:
 def test_a_yaml_that_nests_without_end_is_refused() -> None:
     # A separate process, because a stack overflow would end the interpreter.
     code = "parse_bridge(b'[' * 100_000, 'topics.yaml').found[0].code"
-    program = f"from msggen.parse.bridge import parse_bridge; print({code})"
+    program = f"from msggen.definitions.parse.bridge import parse_bridge; print({code})"
     outcome = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
     assert (outcome.returncode, outcome.stdout) == (0, "Y101\n")
 

@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from msggen.interpreter import command_of
+from msggen.base.interpreter import command_of
 from support.commands import COMMANDS, run
 from support.fleet_recordings import parquet_in, write_flight
 from support.ports import free_port
@@ -34,7 +34,7 @@ from support.shadows import (
 )
 from support.ulog import write_ulog
 
-WORKERS = ("msggen.worker", "msggen.live.links.isolated_child")
+WORKERS = ("msggen.base.worker", "msggen.live.links.isolated_child")
 
 
 @pytest.fixture

@@ -6,9 +6,9 @@ import threading
 
 import pytest
 
+from msggen.base.exit_codes import INTERRUPTED
 from msggen.cli import main, releases
 from msggen.cli.watching import watching
-from msggen.exit_codes import INTERRUPTED
 
 
 @pytest.fixture

@@ -22,10 +22,10 @@ from msggen.cli.link import (
     given_package,
     link_of,
 )
-from msggen.firmware.embedded import EMBEDDED
 from msggen.generate.cache import cache_folder, package_of
 from msggen.live import Vehicle
 from msggen.live.sim import Options, Simulator
+from msggen.sources.embedded import EMBEDDED
 from support.commands import run
 from support.ports import free_port
 from support.repository import ROOT

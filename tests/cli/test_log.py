@@ -18,7 +18,7 @@ from pyarrow import parquet
 from msggen import recordings
 from msggen.cli import main, parser_for
 from msggen.live.sim import Options, Simulator
-from msggen.recordings.reader import Reader
+from msggen.recordings.log.reader import Reader
 from msggen.recordings.writer import Writer
 from support.flights import TOPICS, write_flight
 from support.log_files import Written, write_log

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
+from msggen.base.exit_codes import DONE, FAILED, FINDINGS
 from msggen.cli import main
-from msggen.exit_codes import DONE, FAILED, FINDINGS
 from support.flights import TOPICS, write_flight
 from support.log_files import Written, write_log
 from support.recordings import START

@@ -17,9 +17,9 @@ import pyarrow.parquet as pq
 import pytest
 import zstandard
 
+from msggen.base.exit_codes import DONE, FAILED, FINDINGS, INTERRUPTED
 from msggen.cli import main
 from msggen.cli.sources import is_recording
-from msggen.exit_codes import DONE, FAILED, FINDINGS, INTERRUPTED
 from msggen.recordings.fleet import KEYS
 from msggen.recordings.fleet.ledger import Ledger
 from support.fleet_logs import VEHICLES, write_logs

@@ -11,9 +11,9 @@ from typing import Any
 
 import pytest
 
+from msggen.base.exit_codes import DONE, FAILED, FINDINGS
 from msggen.cli import main
 from msggen.cli.printing import number_of_bytes
-from msggen.exit_codes import DONE, FAILED, FINDINGS
 from support.log_files import Written, write_log
 from support.recordings import START
 from support.repository import ROOT

@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 
 from msggen.cli import DONE, FAILED, FINDINGS, main
-from msggen.firmware.embedded import EMBEDDED
-from msggen.report import FORMATS
+from msggen.show.report import FORMATS
+from msggen.sources.embedded import EMBEDDED
 from support.catalogs import write_definitions
 from support.commands import COMMANDS
 from support.repository import ROOT

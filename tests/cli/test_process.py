@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 
-from msggen import __version__
+from msggen.base.version import __version__
 from support.catalogs import write_definitions
 from support.repository import ROOT
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from msggen.base.diagnostics import InputError
 from msggen.cli import main
-from msggen.diagnostics import InputError
-from msggen.settings import Settings, read_settings
+from msggen.sources.settings import Settings, read_settings
 from support.catalogs import write_definitions
 from support.owners import OTHER, give, needs_owners
 

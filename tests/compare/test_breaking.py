@@ -16,9 +16,9 @@ from typing import NamedTuple
 
 import pytest
 
+from msggen.check.compare.rules import BREAKING
 from msggen.cli import DONE, FAILED, FINDINGS, main
-from msggen.compare.rules import BREAKING
-from msggen.report import FORMATS
+from msggen.show.report import FORMATS
 from support import comparison as slow
 from support.catalogs import write_definitions
 from support.packages import committed, definition, git

@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 import pytest
 
-from msggen.check import breaking
-from msggen.compare.rules import BREAKING
-from msggen.finding import Finding, Reader, Rule
-from msggen.firmware.sources import find_sources
-from msggen.rules import named
+from msggen.check.compare.rules import BREAKING
+from msggen.check.finding import Finding, Reader, Rule
+from msggen.check.run import breaking
+from msggen.show.report.table import named
+from msggen.sources.sources import find_sources
 from support.catalogs import write_definitions
 
 T = "uint64 timestamp\n"

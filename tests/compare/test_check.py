@@ -15,7 +15,7 @@ from typing import NamedTuple
 import pytest
 
 from msggen.cli import DONE, FAILED, FINDINGS, main
-from msggen.report import FORMATS
+from msggen.show.report import FORMATS
 from support.catalogs import write_definitions
 from support.packages import (
     BRIDGE,

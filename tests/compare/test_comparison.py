@@ -18,9 +18,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from msggen.check import breaking, check
-from msggen.finding import Category, Report
-from msggen.firmware.sources import find_sources
+from msggen.check.finding import Category, Report
+from msggen.check.run import breaking, check
+from msggen.sources.sources import find_sources
 from support import comparison as slow
 from support.catalogs import write_definitions
 from support.repository import DEFINITIONS, shared

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msggen.compare.renaming import Candidates, is_renamed, nearest_message
-from msggen.model import Field
-from msggen.parse.definition import parse_message
+from msggen.check.compare.renaming import Candidates, is_renamed, nearest_message
+from msggen.definitions.model import Field
+from msggen.definitions.parse.definition import parse_message
 
 
 def fields(text: str) -> list[Field]:

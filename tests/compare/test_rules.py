@@ -7,12 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from msggen.check import breaking, check, example_of
+from msggen.check.compare.rules import BREAKING, CHECKED, RULES
+from msggen.check.finding import Category, Rule, Severity
+from msggen.check.run import breaking, check
 from msggen.cli import main
-from msggen.compare.rules import BREAKING, CHECKED, RULES
-from msggen.finding import Category, Rule, Severity
-from msggen.firmware.sources import find_sources
-from msggen.rules import RULES as ALL
+from msggen.show.report.examples import example_of
+from msggen.show.report.table import RULES as ALL
+from msggen.sources.sources import find_sources
 from support.repository import ROOT
 
 EXAMPLES = ROOT / "msggen" / "compare" / "examples"

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from msggen.compare.rules import RULES
-from msggen.parse.comment import parse_comment
-from msggen.render.views import ConstantView, FieldView
-from msggen.tags import ATTRIBUTES, COMPARED, NAMES, TAGS
+from msggen.check.compare.rules import RULES
+from msggen.definitions.parse.comment import parse_comment
+from msggen.definitions.tags import ATTRIBUTES, COMPARED, NAMES, TAGS
+from msggen.generate.render.views import ConstantView, FieldView
 from support.catalogs import write_definitions
 from support.repository import ROOT
 
@@ -57,7 +57,7 @@ def run(checkout: Path, *arguments: str, status: int = 0) -> str:
 def test_a_new_tag_is_read_without_a_warning_and_kept_by_the_model(checkout: Path) -> None:
     program = """
 import sys
-from msggen.parse.definition import parse_message
+from msggen.definitions.parse.definition import parse_message
 message, found = parse_message(open(sys.argv[1]).read(), sys.argv[1], "Rpm", "px4_msgs")
 comment = message.fields[1].comment
 print(found, comment.tag("since"), comment.tags, comment, sep=";")

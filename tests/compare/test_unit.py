@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msggen.unit import normalized_range, normalized_unit
+from msggen.definitions.unit import normalized_range, normalized_unit
 
 SAME_UNITS = [
     [

@@ -9,8 +9,8 @@ from threading import Timer
 
 import pytest
 
+from msggen.base.disk.git import GitError, commit_of, status
 from msggen.cli import main
-from msggen.disk.git import GitError, commit_of, status
 from support.packages import committed
 from support.packages import git as run
 
@@ -173,7 +173,7 @@ def test_a_filter_that_cannot_be_turned_off_is_refused(mark: Path) -> None:
 def test_what_git_prints_is_bounded(call: Callable[[], object], monkeypatch: pytest.MonkeyPatch) -> None:
     repository("firmware", FIRMWARE)
     Path("firmware/more").write_text("")
-    monkeypatch.setattr("msggen.disk.git._LARGEST_OUTPUT", 1)
+    monkeypatch.setattr("msggen.base.disk.git._LARGEST_OUTPUT", 1)
     with pytest.raises(GitError):
         call()
 
@@ -189,7 +189,7 @@ def test_a_pipe_in_place_of_the_configuration_stops_git(tmp_path: Path, monkeypa
     run(tmp_path, "init", "-q")
     (tmp_path / ".git/config").unlink()
     os.mkfifo(tmp_path / ".git/config")
-    monkeypatch.setattr("msggen.disk.git.SECONDS", 1)
+    monkeypatch.setattr("msggen.base.disk.git.SECONDS", 1)
     with pytest.raises(GitError, match="does not finish within 1 s"):
         status(str(tmp_path))
 
@@ -204,7 +204,7 @@ def test_an_interruption_does_not_wait_for_the_time_limit(mark: Path, monkeypatc
             started.append(self)
             raise KeyboardInterrupt
 
-    monkeypatch.setattr("msggen.disk.git.Timer", Interrupted)
+    monkeypatch.setattr("msggen.base.disk.git.Timer", Interrupted)
     with pytest.raises(KeyboardInterrupt):
         status(str(mark.parent))
     (clock,) = started

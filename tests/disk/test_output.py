@@ -15,9 +15,9 @@ from typing import Any
 
 import pytest
 
+from msggen.base.disk import files, swap
+from msggen.base.disk.names import too_long
 from msggen.cli import main
-from msggen.disk import files, swap
-from msggen.disk.names import too_long
 from support.catalogs import write_definitions
 from support.packages import RECORD, content, identity
 

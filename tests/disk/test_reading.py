@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from msggen.base.disk.reading import LARGEST, read_bytes, read_text
 from msggen.cli import FAILED, main
-from msggen.disk.reading import LARGEST, read_bytes, read_text
-from msggen.firmware.sources import open_tree
+from msggen.sources.sources import open_tree
 
 TOPICS = "src/modules/uxrce_dds_client/dds_topics.yaml"
 BRIDGE = "publications:\n  - {topic: /fmu/out/gripper, type: 'px4_msgs::msg::Gripper'}\n"
@@ -126,7 +126,7 @@ def test_a_large_definition_of_an_archive_is_an_error(
 def test_all_definitions_of_an_archive_are_limited_together(
     make: Callable[..., str], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("msggen.firmware.tree._MOST_READ", 3 * 10**6)
+    monkeypatch.setattr("msggen.sources.tree._MOST_READ", 3 * 10**6)
     path = make(**{f"A{index}": b"\n" * 10**6 for index in range(4)})
     assert main(["build", "--px4", path]) == FAILED
     assert f"{path}: S109 its definitions are larger than" in capsys.readouterr().err
@@ -135,7 +135,7 @@ def test_all_definitions_of_an_archive_are_limited_together(
 def test_an_archive_that_unpacks_to_far_more_is_an_error(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("msggen.firmware.tarball._FREE", 10**6)
+    monkeypatch.setattr("msggen.sources.tarball._FREE", 10**6)
     with tarfile.open("a.tar.gz", "w:gz") as archive:
         member = tarfile.TarInfo("zeros")
         member.size = 10**8

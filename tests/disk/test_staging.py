@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
-from msggen.diagnostics import InputError
-from msggen.disk.files import create_file
-from msggen.disk.staging import make_folder, remove_tree, staging_folder, write_if_changed, written_aside
+from msggen.base.diagnostics import InputError
+from msggen.base.disk.files import create_file
+from msggen.base.disk.staging import make_folder, remove_tree, staging_folder, write_if_changed, written_aside
 from support.catalogs import write_definitions
 from support.packages import content
 
@@ -48,7 +48,7 @@ def test_nothing_is_in_place_before_the_move(stage: str) -> None:
 def test_whatever_fails_the_files_in_place_are_whole_and_no_others_are_left(
     stage: str, call: str, error: type[BaseException], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    owner = {"create": "msggen.disk.staging.create_file", "flush": "os.fsync", "replace": "os.replace"}[call]
+    owner = {"create": "msggen.base.disk.staging.create_file", "flush": "os.fsync", "replace": "os.replace"}[call]
     working = {"create": create_file, "flush": os.fsync, "replace": os.replace}[call]
     for good in range(len(NEW)):
         for name in NEW:

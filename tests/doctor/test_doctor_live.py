@@ -23,6 +23,7 @@ from typing import Any
 
 import pytest
 
+from msggen.check.finding import Report
 from msggen.cli import main
 from msggen.doctor.agents import is_agent, namespaces_in
 from msggen.doctor.case import Case
@@ -31,11 +32,10 @@ from msggen.doctor.expected import Expected, expected_of
 from msggen.doctor.observation import Observation
 from msggen.doctor.observe import Plan, look_around, observe
 from msggen.doctor.sockets import Socket, owners_of_port, parse_sockets
-from msggen.finding import Report
 from msggen.live.links.address import parse_address
 from msggen.live.links.udp import UdpLink
-from msggen.live.selection import Selection
 from msggen.live.sim import Misbehaviour, Options, Simulator
+from msggen.live.vehicle.selection import Selection
 from support.dds_vehicle import domains, vehicle
 from support.link_records import Records, nothing_is_left
 from support.ports import free_port

@@ -11,19 +11,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from msggen.check.finding import OF_VEHICLES, Rule
 from msggen.doctor.case import Case, matches, plain
 from msggen.doctor.diagnose import diagnose
 from msggen.doctor.examples import _EXAMPLES, HEALTHY, case_of
 from msggen.doctor.expected import expected_of, expected_of_catalog
 from msggen.doctor.observation import AgentSeen, Observation, Process, ReaderSeen, TopicSeen, VehicleSeen
 from msggen.doctor.rules import DOCTOR, LIVE
-from msggen.finding import OF_VEHICLES, Rule
-from msggen.firmware.catalog import read_catalog
-from msggen.firmware.sources import find_sources
 from msggen.live.link import Route, Statistics
 from msggen.live.messages.names import stem_of
-from msggen.live.selection import Selection
-from msggen.report import FORMATS, render
+from msggen.live.vehicle.selection import Selection
+from msggen.show.report import FORMATS, render
+from msggen.sources.catalog import read_catalog
+from msggen.sources.sources import find_sources
 
 SEEN = HEALTHY.seen
 VEHICLE = SEEN.vehicles[0]

@@ -10,15 +10,15 @@ from pathlib import Path
 
 import pytest
 
+from msggen.base.diagnostics import InputError
 from msggen.cli import DONE, FAILED, FINDINGS, main
-from msggen.diagnostics import InputError
-from msggen.firmware.catalog import read_catalog
-from msggen.firmware.file import BoardOption
-from msggen.firmware.sources import Sources, find_sources, with_board
-from msggen.firmware.tree import Folder
-from msggen.identity import endpoints, uorb_topics
-from msggen.model import Catalog
-from msggen.parse.kconfig import Configuration, parse_assignments, read_definitions
+from msggen.definitions.identity import endpoints, uorb_topics
+from msggen.definitions.model import Catalog
+from msggen.definitions.parse.kconfig import Configuration, parse_assignments, read_definitions
+from msggen.sources.catalog import read_catalog
+from msggen.sources.file import BoardOption
+from msggen.sources.sources import Sources, find_sources, with_board
+from msggen.sources.tree import Folder
 from support.catalogs import import_package, write_definitions
 from support.packages import committed
 from support.repository import shared

@@ -16,15 +16,15 @@ from typing import Any
 
 import pytest
 
-from msggen.check import breaking, check
+from msggen.check.run import breaking, check
 from msggen.cli import main
-from msggen.firmware.catalog import read_catalog
-from msggen.firmware.embedded import EMBEDDED, PREFIX, comments_in, embedded_tree
-from msggen.firmware.inferred import with_inferred
-from msggen.firmware.sources import Sources, find_sources, with_archived
-from msggen.model import Catalog, Comment, Message
-from msggen.tags import INHERITED
-from msggen.unit import normalized_unit
+from msggen.definitions.model import Catalog, Comment, Message
+from msggen.definitions.tags import INHERITED
+from msggen.definitions.unit import normalized_unit
+from msggen.sources.catalog import read_catalog
+from msggen.sources.embedded import EMBEDDED, PREFIX, comments_in, embedded_tree
+from msggen.sources.inferred import with_inferred
+from msggen.sources.sources import Sources, find_sources, with_archived
 from support import embed, facts
 from support.catalogs import write_definitions
 from support.identities import assert_same_endpoints, dds_of, rihs01_of, uorb_of
@@ -374,12 +374,12 @@ def test_a_new_release_is_embedded(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     write_definitions(root, before)
     write_definitions(tmp_path / "firmware", after)
     monkeypatch.setattr(embed, "ROOT", root)
-    monkeypatch.setattr("msggen.firmware.embedded.embedded_root", lambda: str(root))
+    monkeypatch.setattr("msggen.sources.embedded.embedded_root", lambda: str(root))
     older = {release: embed.files_of(embedded_tree(release)) for release in ("v1.18", "v1.17")}
 
     missing = embed.embed(str(tmp_path / "firmware"), "v1.19")
 
-    monkeypatch.setattr("msggen.firmware.embedded.EMBEDDED", ("v1.19", "v1.18", "v1.17"))
+    monkeypatch.setattr("msggen.sources.embedded.EMBEDDED", ("v1.19", "v1.18", "v1.17"))
     assert (root / "msg/versioned/Rpm.msg").read_text() == (
         "# Speed of a rotor.\n\nuint32 MESSAGE_VERSION = 0\nuint64 timestamp  # [us] Time since boot.\n\n"
         "# Values\n\nfloat32 speed  # [rpm] Revolutions.\nbool reverse\nuint8 KIND_MOTOR = 1  # A motor.\n"

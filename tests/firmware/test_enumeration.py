@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from msggen import read
-from msggen.enumeration import Enumeration, enumerations, integer_constants
-from msggen.model import Catalog, Message
-from msggen.parse.definition import parse_message
+from msggen.definitions.enumeration import Enumeration, enumerations, integer_constants
+from msggen.definitions.model import Catalog, Message
+from msggen.definitions.parse.definition import parse_message
 from support.repository import shared
 
 LIST = Path(__file__).with_name("enums.txt")

@@ -8,12 +8,12 @@ from typing import Any
 
 import pytest
 
-from msggen.firmware import sources
-from msggen.firmware.catalog import read_catalog
-from msggen.firmware.conventions import CONVENTIONS, as_shown
-from msggen.firmware.sources import find_sources
-from msggen.identity import Endpoint, endpoints
-from msggen.model import Catalog
+from msggen.definitions.identity import Endpoint, endpoints
+from msggen.definitions.model import Catalog
+from msggen.sources import sources
+from msggen.sources.catalog import read_catalog
+from msggen.sources.conventions import CONVENTIONS, as_shown
+from msggen.sources.sources import find_sources
 from support.catalogs import catalog_of, write_definitions
 from support.identities import assert_same_endpoints, dds_of, rihs01_of, uorb_of
 from support.repository import shared

@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 
 from msggen import read
-from msggen.check import breaking
-from msggen.firmware.catalog import read_catalog
-from msggen.firmware.embedded import EMBEDDED
-from msggen.firmware.inferred import with_inferred
-from msggen.firmware.sources import find_sources, with_archived
-from msggen.model import Comment, Field
+from msggen.check.run import breaking
+from msggen.definitions.model import Comment, Field
+from msggen.sources.catalog import read_catalog
+from msggen.sources.embedded import EMBEDDED
+from msggen.sources.inferred import with_inferred
+from msggen.sources.sources import find_sources, with_archived
 from support.catalogs import write_definitions
 from support.repository import ROOT
 

@@ -15,7 +15,7 @@ import pytest
 
 import msggen
 from msggen import InputError, Location, endpoints, read
-from msggen.firmware.embedded import EMBEDDED
+from msggen.sources.embedded import EMBEDDED
 from support.catalogs import write_definitions
 from support.checkers import mypy
 from support.repository import DEFINITIONS, ROOT
@@ -144,16 +144,6 @@ def test_every_name_is_there_and_comes_from_the_module_that_defines_it() -> None
         assert value.__doc__
 
 
-def test_the_modules_of_the_names_are_those_that_type_checkers_see() -> None:
-    program = "import msggen, json; print(json.dumps(msggen._MODULES))"
-    lazy = {f"msggen.{module}": sorted(names) for module, names in json.loads(python("-c", program)).items()}
-    block = Path(msggen.__file__).read_text(encoding="utf-8").partition("\nelse:")[0]
-    imports = re.findall(r"^    from (\S+) import (?:\(([^)]*)\)|(.*))$", block, re.MULTILINE)
-    typed = {module: sorted(re.findall(r"\w+", several or line)) for module, several, line in imports}
-    assert lazy == typed
-    assert sorted(name for names in typed.values() for name in names) == sorted(msggen.__all__)
-
-
 def test_dir_lists_names_that_are_not_imported_yet() -> None:
     assert {*msggen.__all__, "__version__"} <= {
         *json.loads(python("-c", "import msggen, json; print(json.dumps(dir(msggen)))"))
@@ -170,13 +160,6 @@ def test_an_unknown_name_is_an_attribute_error_with_the_nearest() -> None:
         [sys.executable, "-c", "import msggen; msggen.Catlog"], cwd=ROOT, capture_output=True, text=True, check=False
     )
     assert done.stderr.endswith("AttributeError: module 'msggen' has no attribute 'Catlog'. Did you mean: 'Catalog'?\n")
-
-
-def test_modules_of_the_package_are_still_imported_by_name() -> None:
-    assert (
-        python("-c", "from msggen import layout, tags; print(layout.__name__, tags.__name__)")
-        == "msggen.layout msggen.tags\n"
-    )
 
 
 # --- Types

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from msggen.cli import DONE, FAILED, main
-from msggen.firmware.catalog import read_catalog
-from msggen.firmware.sources import find_sources
-from msggen.identity import endpoints
+from msggen.definitions.identity import endpoints
+from msggen.sources.catalog import read_catalog
+from msggen.sources.sources import find_sources
 from support.catalogs import write_definitions
 
 YAML = "src/modules/uxrce_dds_client/dds_topics.yaml"

@@ -12,10 +12,10 @@ from typing import Any
 
 import pytest
 
+from msggen.base.diagnostics import Level
 from msggen.cli import DONE, FAILED, main
-from msggen.diagnostics import Level
-from msggen.firmware.catalog import read_catalog
-from msggen.firmware.sources import find_sources
+from msggen.sources.catalog import read_catalog
+from msggen.sources.sources import find_sources
 from support.catalogs import import_package, write_definitions
 from support.reference import serialize, to_object
 from support.repository import shared

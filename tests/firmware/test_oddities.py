@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import pytest
 
+from msggen.base.diagnostics import CODES, InputError, Level
 from msggen.cli import DONE, FAILED, main
-from msggen.diagnostics import CODES, InputError, Level
 from support.catalogs import catalog_of, write_definitions
 from support.px4_scripts import snake_case, topics
 from support.repository import ROOT
@@ -247,8 +247,8 @@ def test_the_page_has_the_same_table() -> None:
 
 
 def level_of(code: str) -> Level:
-    from msggen.diagnostics import Diagnostic
-    from msggen.location import Location
+    from msggen.base.diagnostics import Diagnostic
+    from msggen.base.location import Location
 
     assert code in CODES
     return Diagnostic(Location("x"), code, "").level

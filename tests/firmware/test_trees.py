@@ -20,11 +20,11 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
+from msggen.base.diagnostics import InputError
 from msggen.cli import DONE, FAILED, FINDINGS, main
-from msggen.diagnostics import InputError
-from msggen.firmware.catalog import read_catalog
-from msggen.firmware.history import read_history
-from msggen.firmware.sources import find_sources, open_tree
+from msggen.sources.catalog import read_catalog
+from msggen.sources.history import read_history
+from msggen.sources.sources import find_sources, open_tree
 from support.catalogs import write_definitions
 from support.packages import BRIDGE_PLACE, committed, content, definition, firmware, git
 

@@ -19,9 +19,9 @@ from random import Random
 from typing import NamedTuple
 
 from fuzz.definitions import check_text, use
-from msggen.diagnostics import InputError
-from msggen.firmware.catalog import read_catalog
-from msggen.firmware.sources import find_sources, with_archived
+from msggen.base.diagnostics import InputError
+from msggen.sources.catalog import read_catalog
+from msggen.sources.sources import find_sources, with_archived
 from support.scratch import scratch_folder
 
 COUNT = 800

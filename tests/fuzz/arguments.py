@@ -13,9 +13,9 @@ from functools import cache
 from pathlib import Path
 from random import Random
 
+from msggen.base.diagnostics import CODES
 from msggen.cli.parser import _MODULES, parser_for
-from msggen.diagnostics import CODES
-from msggen.rules import RULES
+from msggen.show.report.table import RULES
 from support.catalogs import write_definitions
 from support.commands import check_outcome, run
 from support.packages import BRIDGE, BRIDGE_PLACE, committed, definition, git

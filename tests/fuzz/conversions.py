@@ -22,7 +22,7 @@ import pyarrow.parquet as pq
 
 from fuzz.payloads import targets
 from msggen.recordings.convert.names import FACT_TABLES
-from msggen.recordings.files import open_log
+from msggen.recordings.log.opening import open_log
 from support.commands import Outcome, check_outcome, run
 from support.databases import Stored, write_database
 from support.flights import TEXTS, write_flight

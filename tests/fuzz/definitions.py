@@ -13,11 +13,11 @@ from pathlib import Path
 from random import Random
 
 from msggen import Encoding, endpoints, is_static, lay_out, message_hash, type_hash, uorb_topics
-from msggen.diagnostics import CODES, Diagnostic, InputError
-from msggen.firmware.catalog import read_catalog
-from msggen.firmware.sources import find_sources
-from msggen.firmware.tree import Snapshot
-from msggen.model import Catalog
+from msggen.base.diagnostics import CODES, Diagnostic, InputError
+from msggen.definitions.model import Catalog
+from msggen.sources.catalog import read_catalog
+from msggen.sources.sources import find_sources
+from msggen.sources.tree import Snapshot
 from support.mutations import Mutator
 from support.random_definitions import TOLERATED, random_catalog
 from support.repository import ROOT

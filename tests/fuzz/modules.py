@@ -15,10 +15,10 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-from msggen.diagnostics import InputError
-from msggen.firmware.catalog import read_catalog
-from msggen.firmware.sources import find_sources
-from msggen.model import Catalog
+from msggen.base.diagnostics import InputError
+from msggen.definitions.model import Catalog
+from msggen.sources.catalog import read_catalog
+from msggen.sources.sources import find_sources
 from support.catalogs import write_definitions
 from support.other_codecs import Generated, everything, generated
 from support.random_definitions import PACKAGES, TOLERATED, random_catalog, values_of

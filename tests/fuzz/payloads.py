@@ -19,9 +19,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from msggen.firmware.catalog import read_catalog
-from msggen.firmware.sources import find_sources
-from msggen.model import Message
+from msggen.definitions.model import Message
+from msggen.sources.catalog import read_catalog
+from msggen.sources.sources import find_sources
 from support.catalogs import import_package
 from support.other_codecs import Generated, everything
 from support.random_definitions import random_catalog, values_of

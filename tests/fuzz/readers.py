@@ -14,21 +14,21 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from fuzz.definitions import check_diagnostics, use
-from msggen.check import breaking
-from msggen.diagnostics import InputError
-from msggen.disk.record import parse_record
-from msggen.firmware.catalog import read_catalog
-from msggen.firmware.file import BoardOption
-from msggen.firmware.inferred import with_inferred
-from msggen.firmware.sources import find_sources, with_archived, with_board
-from msggen.firmware.tree import Snapshot
+from msggen.base.diagnostics import InputError
+from msggen.base.disk.record import parse_record
+from msggen.check.run import breaking
+from msggen.definitions.parse.prose import unit_in
+from msggen.definitions.tags import TAGS
+from msggen.definitions.unit import known_unit, normalized_range, normalized_unit
+from msggen.generate.px4.bridge import BridgeRequest, generate_bridge
 from msggen.generate.python.package import render_package
-from msggen.parse.prose import unit_in
-from msggen.px4_generate.bridge import BridgeRequest, generate_bridge
-from msggen.report import FORMATS, render, render_errors
-from msggen.settings import read_settings
-from msggen.tags import TAGS
-from msggen.unit import known_unit, normalized_range, normalized_unit
+from msggen.show.report import FORMATS, render, render_errors
+from msggen.sources.catalog import read_catalog
+from msggen.sources.file import BoardOption
+from msggen.sources.inferred import with_inferred
+from msggen.sources.settings import read_settings
+from msggen.sources.sources import find_sources, with_archived, with_board
+from msggen.sources.tree import Snapshot
 from support.mutations import Mutator
 from support.repository import PX4_TREE, ROOT
 from support.scratch import scratch_folder

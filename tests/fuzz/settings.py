@@ -16,11 +16,11 @@ from typing import NamedTuple
 
 import pytest
 
+from msggen.base.diagnostics import InputError
 from msggen.cli import parser_for
+from msggen.cli.completers import topics
 from msggen.cli.completion import _live
-from msggen.cli.topic.completing import topics
-from msggen.diagnostics import InputError
-from msggen.settings import read_settings
+from msggen.sources.settings import read_settings
 from support.commands import check_outcome, run
 from support.mutations import Mutator
 from support.owners import give

@@ -16,7 +16,7 @@ from random import Random
 from typing import NamedTuple
 from unittest.mock import patch
 
-from msggen.disk.record import digest
+from msggen.base.disk.record import digest
 from support.catalogs import write_definitions
 from support.commands import check_outcome, run
 from support.disk_tasks import copy_start
@@ -154,7 +154,7 @@ _TARGETS = (
 
 def check(case: Case) -> None:
     arguments, target = COMMANDS[case.command]
-    with scratch_folder() as folder, patch("msggen.disk.git.SECONDS", 2):  # git waits for a fifo
+    with scratch_folder() as folder, patch("msggen.base.disk.git.SECONDS", 2):  # git waits for a fifo
         copy_start(folder / "work")
         write_definitions(folder / "outside", OUTSIDE)
         write_definitions(folder / "work", {"a.em": "text\n", "new/dds_topics.yaml": "publications: []\n"})

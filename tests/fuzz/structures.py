@@ -19,8 +19,8 @@ from typing import NamedTuple
 import lz4.frame
 import zstandard
 
-from msggen.recordings.files import open_log
-from msggen.recordings.source import RecordingError
+from msggen.recordings.log.opening import open_log
+from msggen.recordings.source.source import RecordingError
 from support.commands import check_outcome, run
 from support.databases import MESSAGES, Stored, open_database
 from support.scratch import scratch_folder

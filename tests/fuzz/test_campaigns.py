@@ -24,11 +24,11 @@ import pytest
 from fuzz import __main__ as command
 from fuzz import arguments, faults, payloads, recordings, runner, strangers
 from fuzz.runner import NAMES, SEED, Failure, find, run
-from msggen.disk import git
-from msggen.disk.output import OutputPlan
-from msggen.disk.record import Record, digest, read_record, write_record
-from msggen.firmware.tree import Snapshot
+from msggen.base.disk import git
+from msggen.base.disk.output import OutputPlan
+from msggen.base.disk.record import Record, digest, read_record, write_record
 from msggen.recordings import writer
+from msggen.sources.tree import Snapshot
 from support import disk_tasks
 from support.recordings import START
 from support.repository import ROOT
@@ -101,16 +101,16 @@ def fail(*_: object, **__: object) -> Any:
 PLANTED: dict[str, tuple[str, Any]] = {
     "payloads": ("px4_types.encapsulation.SURPLUS", 4),
     "values": ("px4_types.explain.encode_error", without_field),
-    "definitions": ("msggen.firmware.catalog.decode_text", lambda data, _: (data.decode(), [])),
+    "definitions": ("msggen.sources.catalog.decode_text", lambda data, _: (data.decode(), [])),
     "modules": ("msggen.generate.python.message.documentation", lambda text, *_, **__: f'"""{text}"""'),
     "readers": ("fuzz.readers.parse_record", json.loads),
-    "archives": ("msggen.firmware.tarball.read_archive", read_carelessly),
+    "archives": ("msggen.sources.tarball.read_archive", read_carelessly),
     "kills": ("msggen.generate.build.write_output", write_in_place),
     "faults": ("msggen.generate.build.write_output", write_in_place),
     "strangers": ("msggen.generate.build.write_output", write_in_place),
     "shadows": ("msggen.cli.packages.names_folder", lambda _: True),
-    "settings": ("msggen.settings.is_own", lambda _: True),
-    "arguments": ("msggen.firmware.catalog.decode_text", fail),
+    "settings": ("msggen.sources.settings.is_own", lambda _: True),
+    "arguments": ("msggen.sources.catalog.decode_text", fail),
     "datagrams": ("msggen.live.xrce.wire.WireError", KeyError),
     "recordings": ("msggen.recordings.writer.McapWriter.flush", lambda _: None),
     "conversions": ("msggen.recordings.convert._whole", at_once),

@@ -17,8 +17,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fuzz.payloads import targets
-from msggen.model import ArrayKind, FieldType, Message
-from msggen.primitives import INTEGERS
+from msggen.definitions.model import ArrayKind, FieldType, Message
+from msggen.definitions.primitives import INTEGERS
 from support.hostile_values import NUMPY, evaluated, random_expression
 
 COUNT = 6000

@@ -22,10 +22,10 @@ from typing import Any, NamedTuple
 
 import pytest
 
+from msggen.base.disk import swap
+from msggen.base.disk.staging import staging_folder
+from msggen.base.exit_codes import INTERRUPTED
 from msggen.cli import main
-from msggen.disk import swap
-from msggen.disk.staging import staging_folder
-from msggen.exit_codes import INTERRUPTED
 from msggen.generate.python import package as packages
 from support.catalogs import write_definitions
 from support.repository import ROOT, shared

@@ -23,11 +23,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from msggen.base.diagnostics import InputError
 from msggen.cli import main
-from msggen.diagnostics import InputError
+from msggen.definitions.model import ArrayKind, Catalog, Message, snake_case
+from msggen.definitions.primitives import FLOATS, INTEGERS
 from msggen.generate.python.package import render_package
-from msggen.model import ArrayKind, Catalog, Message, snake_case
-from msggen.primitives import FLOATS, INTEGERS
 from support.catalogs import catalog_of, import_package, write_definitions
 from support.reference import HEADERS, serialize, to_object, to_values
 

@@ -14,15 +14,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from msggen.diagnostics import InputError
-from msggen.firmware.catalog import read_catalog
-from msggen.firmware.sources import find_sources, with_archived
+from msggen.base.diagnostics import InputError
+from msggen.definitions.identity import message_hash, type_hash
+from msggen.definitions.layout import is_static
+from msggen.definitions.model import Catalog, Message
+from msggen.definitions.parse.definition import parse_message, parse_service
 from msggen.generate.python.names import attribute_names, class_name, member_names, module_name
 from msggen.generate.python.package import list_package, render_package
-from msggen.identity import message_hash, type_hash
-from msggen.layout import is_static
-from msggen.model import Catalog, Message
-from msggen.parse.definition import parse_message, parse_service
+from msggen.sources.catalog import read_catalog
+from msggen.sources.sources import find_sources, with_archived
 from support.catalogs import catalog_of, import_package, write_definitions
 from support.random_definitions import values_of
 from support.reference import HEADERS, class_of, deserialize, serialize, to_object, to_values

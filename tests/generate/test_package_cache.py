@@ -14,8 +14,8 @@ from typing import Any
 
 import pytest
 
-from msggen import __version__
-from msggen.diagnostics import InputError
+from msggen.base.diagnostics import InputError
+from msggen.base.version import __version__
 from msggen.generate import cache
 from support.owners import give, needs_owners
 from support.repository import ROOT

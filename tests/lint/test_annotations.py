@@ -10,12 +10,12 @@ from pathlib import Path
 
 import pytest
 
-from msggen.firmware.catalog import read_catalog
-from msggen.firmware.sources import find_sources, read_files
-from msggen.lint.annotation import INEXACT, MALFORMED, find_annotations
-from msggen.lint.definition import Definition, definitions_of
-from msggen.parse.prose import unit_in
-from msggen.tags import NAMES
+from msggen.check.lint.annotation import INEXACT, MALFORMED, find_annotations
+from msggen.check.lint.definition import Definition, definitions_of
+from msggen.definitions.parse.prose import unit_in
+from msggen.definitions.tags import NAMES
+from msggen.sources.catalog import read_catalog
+from msggen.sources.sources import find_sources, read_files
 from support.repository import shared
 
 LIST = Path(__file__).with_name("annotations.txt")

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from msggen.check import lint
+from msggen.check.lint.rules import LINT
+from msggen.check.run import lint
 from msggen.cli import DONE, FAILED, FINDINGS, main
-from msggen.firmware.sources import find_sources
-from msggen.lint.rules import LINT
+from msggen.sources.sources import find_sources
 from support.catalogs import write_definitions
 from support.repository import ROOT
 

@@ -12,18 +12,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msggen.check import example_of, lint
+from msggen.check.finding import Rule, Severity
+from msggen.check.lint.definition import Definition
+from msggen.check.lint.fields import find_avoidable_padding
+from msggen.check.lint.rules import LINT
+from msggen.check.run import lint
 from msggen.cli import main
-from msggen.finding import Rule, Severity
-from msggen.firmware.catalog import read_catalog
-from msggen.firmware.sources import find_sources
-from msggen.lint.definition import Definition
-from msggen.lint.layout import find_avoidable
-from msggen.lint.rules import LINT
-from msggen.model import Message
-from msggen.parse.definition import parse_message
-from msggen.primitives import PRIMITIVES
-from msggen.unit import SPELLINGS, bounds, is_unit, nearest_unit
+from msggen.definitions.model import Message
+from msggen.definitions.parse.definition import parse_message
+from msggen.definitions.primitives import PRIMITIVES
+from msggen.definitions.unit import SPELLINGS, bounds, is_unit, nearest_unit
+from msggen.show.report.examples import example_of
+from msggen.sources.catalog import read_catalog
+from msggen.sources.sources import find_sources
 from support.repository import ROOT
 
 EXAMPLES = ROOT / "msggen" / "lint" / "examples"
@@ -277,7 +278,7 @@ def test_no_other_order_saves_more_than_the_advised_one() -> None:
     for types in combinations_with_replacement(primitives, 4):
         for order in {*permutations(types)}:
             message = message_of(order)
-            advised = [change.message for change in find_avoidable(definition_of(message))]
+            advised = [change.message for change in find_avoidable_padding(definition_of(message))]
             least = min(size_of(message_of(other)) for other in permutations(types))
             assert advised or size_of(message) == least
             assert not advised or f"samples have {size_of(message)} bytes, but {least} if" in advised[0]

@@ -21,10 +21,10 @@ import pytest
 
 from msggen.cli import main
 from msggen.live import LinkTimeoutError, Vehicle
-from msggen.live.command import acknowledges, address_of, send_command
 from msggen.live.link import Remote, Route
 from msggen.live.messages.packages import known_routes
 from msggen.live.sim import Misbehaviour, Options, Simulator
+from msggen.live.vehicle.command import acknowledges, address_of, send_command
 from support.fake_link import FakeLink
 from support.ports import free_port
 from support.repository import ROOT
@@ -282,7 +282,7 @@ def test_progress_is_told_until_the_final_answer(px4_types: Any) -> None:
 
 
 def test_a_command_without_an_answer_is_an_error(px4_types: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("msggen.live.command._STATUS_S", 0.01)
+    monkeypatch.setattr("msggen.live.vehicle.command._STATUS_S", 0.01)
     link = AnsweringLink(px4_types)
     link.answers = ((21, 0),)
     with Vehicle(link, px4_types) as vehicle:

@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 
 from msggen.live import FormatError, TopicError, Vehicle
-from msggen.live.firmware import PROTOCOL_VERSION, REQUEST, RESPONSE, identify, releases
 from msggen.live.link import Route
 from msggen.live.messages.names import is_topic, stem_of, version_of, without_namespace
+from msggen.live.vehicle.firmware import PROTOCOL_VERSION, REQUEST, RESPONSE, identify, releases
 from support.fake_link import FakeLink, routes_of
 from support.live_releases import TABLE, table
 
@@ -22,10 +22,10 @@ RELEASES = ("v1.18", "v1.17", "v1.16", "v1.15", "v1.14")
 @pytest.fixture(scope="module")
 def archived(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]:
     """A package of each release, with archived versions where it has them."""
-    from msggen.firmware.catalog import read_catalog
-    from msggen.firmware.sources import find_sources, with_archived
+    from msggen.base.location import Location
     from msggen.generate.python.package import render_package
-    from msggen.location import Location
+    from msggen.sources.catalog import read_catalog
+    from msggen.sources.sources import find_sources, with_archived
     from support.catalogs import write_definitions
 
     folder = tmp_path_factory.mktemp("packages")

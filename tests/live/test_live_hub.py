@@ -14,8 +14,8 @@ from typing import Any
 import pytest
 
 from msggen.live import LinkError, LinkTimeoutError, NotConnectedError, Vehicle
-from msggen.live import vehicle as vehicle_module
 from msggen.live.sim import Options, Simulator
+from msggen.live.vehicle import vehicle as vehicle_module
 from msggen.live.xrce.agent import Agent
 from support.fake_link import FakeLink
 from support.link_records import nothing_is_left

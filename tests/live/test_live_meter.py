@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msggen.live.link import Route
-from msggen.live.meter import Meter
+from msggen.live.vehicle.meter import Meter
 
 ROUTE = Route("/fmu/out/vehicle_status_v1", "px4_msgs/msg/VehicleStatus", "out", 1)
 SECOND = 1_000_000_000

@@ -13,11 +13,11 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from msggen.firmware.catalog import read_catalog
-from msggen.firmware.sources import find_sources, with_archived
+from msggen.base.location import Location
 from msggen.generate.cache import package_of
 from msggen.live.sim import Options, Simulator
-from msggen.location import Location
+from msggen.sources.catalog import read_catalog
+from msggen.sources.sources import find_sources, with_archived
 from support.catalogs import import_package
 from support.dds_vehicle import domains, vehicle
 from support.example_program import EXAMPLES, Program, interrupted

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from msggen.live import LinkError, LinkTimeoutError, NotConnectedError, TopicError, Vehicle
-from msggen.live import subscription as subscription_module
+from msggen.live.vehicle import subscription as subscription_module
 from support.fake_link import FakeLink, routes_of
 
 WAIT = 10.0

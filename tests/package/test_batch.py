@@ -26,9 +26,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.lib import recfunctions
 
-from msggen.firmware.catalog import read_catalog
-from msggen.firmware.sources import find_sources
-from msggen.model import Catalog
+from msggen.definitions.model import Catalog
+from msggen.sources.catalog import read_catalog
+from msggen.sources.sources import find_sources
 from support.catalogs import catalog_of, import_package
 from support.reference import HEADERS
 from support.repository import ROOT, SOME, every_message, shared

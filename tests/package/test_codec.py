@@ -12,8 +12,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from msggen.model import ArrayKind, Catalog, Message
-from msggen.primitives import PRIMITIVES
+from msggen.definitions.model import ArrayKind, Catalog, Message
+from msggen.definitions.primitives import PRIMITIVES
 from support.catalogs import catalog_of, import_package
 from support.reference import HEADERS, serialize, to_object, to_values
 from support.repository import VECTORS

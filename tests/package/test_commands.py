@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 from msggen import read
+from msggen.base.location import Location
+from msggen.definitions.model import Comment, Constant, FieldType
+from msggen.definitions.parse.definition import parse_message
+from msggen.definitions.parse.parameters import parameters
 from msggen.generate.python.package import render_package
-from msggen.location import Location
-from msggen.model import Comment, Constant, FieldType
-from msggen.parse.definition import parse_message
-from msggen.parse.parameters import parameters
 from support.repository import shared
 
 

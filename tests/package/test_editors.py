@@ -15,9 +15,9 @@ from typing import Any
 import jedi
 import pytest
 
-from msggen.firmware.catalog import read_catalog
-from msggen.firmware.sources import find_sources, with_archived
 from msggen.generate.python.package import TOOLS, render_package
+from msggen.sources.catalog import read_catalog
+from msggen.sources.sources import find_sources, with_archived
 from support.catalogs import catalog_of, write_definitions
 from support.checkers import GENERATED, mypy
 from support.nested_packages import sources

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from msggen.firmware.catalog import read_catalog
-from msggen.firmware.inferred import with_inferred
-from msggen.firmware.sources import find_sources
+from msggen.sources.catalog import read_catalog
+from msggen.sources.inferred import with_inferred
+from msggen.sources.sources import find_sources
 from support.catalogs import catalog_of, import_package
 from support.repository import ROOT, shared
 

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from msggen.firmware.catalog import read_catalog
-from msggen.firmware.sources import find_sources
+from msggen.definitions.model import Catalog
 from msggen.generate.python.package import list_package
-from msggen.model import Catalog
+from msggen.sources.catalog import read_catalog
+from msggen.sources.sources import find_sources
 from support.catalogs import import_package, write_definitions
 from support.checkers import mypy
 from support.repository import ROOT

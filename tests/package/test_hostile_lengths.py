@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from msggen.model import Catalog, Message
+from msggen.definitions.model import Catalog, Message
 from support.catalogs import catalog_of
 from support.other_codecs import Generated, everything, generated
 from support.random_definitions import TOLERATED, random_catalog, values_of

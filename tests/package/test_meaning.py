@@ -20,10 +20,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msggen.firmware.catalog import read_catalog
-from msggen.firmware.sources import find_sources, with_archived
-from msggen.model import Field, Message
-from msggen.unit import normalized_range
+from msggen.definitions.model import Field, Message
+from msggen.definitions.unit import normalized_range
+from msggen.sources.catalog import read_catalog
+from msggen.sources.sources import find_sources, with_archived
 from support.catalogs import catalog_of, import_package
 from support.repository import ROOT, every_message, shared
 

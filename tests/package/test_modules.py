@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
+from msggen.definitions.primitives import FLOATS, PRIMITIVES
 from msggen.generate.python.names import reserved_attributes
 from msggen.generate.python.package import FILES
-from msggen.primitives import FLOATS, PRIMITIVES
 from support.repository import ROOT
 
 PACKAGE = ROOT / "generated" / "px4_types"

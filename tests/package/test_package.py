@@ -29,9 +29,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msggen.model import Catalog
-from msggen.primitives import FLOATS, INTEGERS, PRIMITIVES
-from msggen.tags import ATTRIBUTES
+from msggen.definitions.model import Catalog
+from msggen.definitions.primitives import FLOATS, INTEGERS, PRIMITIVES
+from msggen.definitions.tags import ATTRIBUTES
 from support.catalogs import catalog_of, import_package
 from support.reference import HEADERS, serialize, to_values
 from support.repository import NAMES, ROOT, SOME, every_message

@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 import pytest
 
-from msggen.model import Catalog, Message
-from msggen.primitives import STRINGS
+from msggen.definitions.model import Catalog, Message
+from msggen.definitions.primitives import STRINGS
 from support.catalogs import catalog_of
 from support.other_codecs import CANNOT, Codec, Pycdr2, Rosbags, everything, generated
 from support.random_definitions import TOLERATED, random_catalog, values_of

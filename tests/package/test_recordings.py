@@ -16,10 +16,10 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from msggen.cli import main
-from msggen.firmware.catalog import read_catalog
-from msggen.firmware.sources import find_sources, with_archived
-from msggen.identity import message_hash, type_hash
-from msggen.model import ArrayKind, Field, Message
+from msggen.definitions.identity import message_hash, type_hash
+from msggen.definitions.model import ArrayKind, Field, Message
+from msggen.sources.catalog import read_catalog
+from msggen.sources.sources import find_sources, with_archived
 from support.catalogs import catalog_of, import_package, write_definitions
 from support.other_codecs import Rosbags, everything, generated
 from support.random_definitions import PACKAGES, TOLERATED, random_catalog

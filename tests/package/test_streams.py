@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from msggen.firmware.catalog import read_catalog
-from msggen.firmware.sources import find_sources
+from msggen.sources.catalog import read_catalog
+from msggen.sources.sources import find_sources
 from support.catalogs import import_package, write_definitions
 
 DEFINITIONS = {

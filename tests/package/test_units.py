@@ -12,7 +12,7 @@ import pint
 import pytest
 
 from msggen import read
-from msggen.unit import SPELLINGS
+from msggen.definitions.unit import SPELLINGS
 from support.repository import shared
 
 OF_PINT = {"dB", "dBm", "dBHz", "Ga"}

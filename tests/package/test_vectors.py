@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
-from msggen.firmware.catalog import read_catalog
-from msggen.firmware.sources import find_sources
-from msggen.model import Catalog
+from msggen.definitions.model import Catalog
+from msggen.sources.catalog import read_catalog
+from msggen.sources.sources import find_sources
 from support.catalogs import import_package
 from support.reference import deserialize, serialize, to_object, to_values
 from support.repository import VECTORS, shared

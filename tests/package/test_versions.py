@@ -26,11 +26,11 @@ from typing import Any, NamedTuple
 import pytest
 
 from msggen.cli import DONE, FAILED, FINDINGS, main
-from msggen.firmware.catalog import read_catalog
-from msggen.firmware.sources import Sources, find_sources, with_archived
+from msggen.definitions.model import ArrayKind, Catalog, FieldType, Message
+from msggen.definitions.primitives import FLOATS, INTEGERS, PRIMITIVES, STRINGS
 from msggen.generate.python.package import list_package, render_package
-from msggen.model import ArrayKind, Catalog, FieldType, Message
-from msggen.primitives import FLOATS, INTEGERS, PRIMITIVES, STRINGS
+from msggen.sources.catalog import read_catalog
+from msggen.sources.sources import Sources, find_sources, with_archived
 from support.catalogs import import_package, write_definitions
 from support.checkers import mypy
 from support.imports import HEAVY

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from msggen.parse.cmake import is_met, parse_lists, symbols_in
+from msggen.definitions.parse.cmake import is_met, parse_lists, symbols_in
 
 UNKNOWN = "EXTERNAL_MODULES_LOCATION"
 

@@ -9,9 +9,9 @@ import math
 
 import pytest
 
-from msggen.diagnostics import Diagnostic, Level
-from msggen.location import Location
-from msggen.model import (
+from msggen.base.diagnostics import Diagnostic, Level
+from msggen.base.location import Location
+from msggen.definitions.model import (
     ArrayKind,
     Catalog,
     Comment,
@@ -22,10 +22,10 @@ from msggen.model import (
     Service,
     Value,
 )
-from msggen.parse.comment import parse_comment
-from msggen.parse.definition import parse_message, parse_service
-from msggen.parse.text import decode_text
-from msggen.primitives import INTEGERS, PRIMITIVES
+from msggen.definitions.parse.comment import parse_comment
+from msggen.definitions.parse.definition import parse_message, parse_service
+from msggen.definitions.parse.text import decode_text
+from msggen.definitions.primitives import INTEGERS, PRIMITIVES
 from support.repository import DEFINITIONS
 
 

@@ -7,10 +7,10 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from msggen.base.diagnostics import InputError
 from msggen.cli import DONE, FAILED, main
-from msggen.diagnostics import InputError
-from msggen.parse.bridge import parse_bridge
-from msggen.parse.yaml_nodes import read_yaml, value_of
+from msggen.definitions.parse.bridge import parse_bridge
+from msggen.definitions.parse.yaml_nodes import read_yaml, value_of
 
 ENTRY = "topic: /fmu/out/gripper, type: 'px4_msgs::msg::Gripper'"
 VALUES = (

@@ -7,7 +7,7 @@ import struct
 
 import pytest
 
-from msggen.primitives import FLOATS, INTEGERS, OCTETS, PRIMITIVES, STRINGS
+from msggen.definitions.primitives import FLOATS, INTEGERS, OCTETS, PRIMITIVES, STRINGS
 
 
 @pytest.mark.parametrize("name", [name for name in PRIMITIVES if name not in STRINGS])

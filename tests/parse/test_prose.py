@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msggen.parse.prose import unit_in
-from msggen.unit import SPELLINGS, known_unit, normalized_unit
+from msggen.definitions.parse.prose import unit_in
+from msggen.definitions.unit import SPELLINGS, known_unit, normalized_unit
 
 READ = {
     "Wheel speed in m/s": "m/s",
@@ -104,7 +104,7 @@ def test_the_time_is_linear(piece: str, monkeypatch: pytest.MonkeyPatch) -> None
         read += len(text)
         return known_unit(text)
 
-    monkeypatch.setattr("msggen.parse.prose.known_unit", counted)
+    monkeypatch.setattr("msggen.definitions.parse.prose.known_unit", counted)
     short = piece * (1900 // len(piece))
     unit_in(short)
     assert read <= 4 * 40 * len(short)

@@ -22,13 +22,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from msggen.cli import DONE, FINDINGS, main
-from msggen.firmware.catalog import read_catalog
-from msggen.firmware.sources import find_sources, with_archived
+from msggen.definitions.model import Catalog
+from msggen.definitions.parse.translation import read_classes, read_headers, read_translations
+from msggen.definitions.translation import Assignment, Number, Place, Step
 from msggen.generate.python.package import list_package, render_package
 from msggen.generate.python.versions import translation_table
-from msggen.model import Catalog
-from msggen.parse.translation import read_classes, read_headers, read_translations
-from msggen.translation import Assignment, Number, Place, Step
+from msggen.sources.catalog import read_catalog
+from msggen.sources.sources import find_sources, with_archived
 from support.catalogs import import_package, write_definitions
 from support.checkers import mypy
 from support.samples import plain

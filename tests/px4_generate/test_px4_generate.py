@@ -19,7 +19,7 @@ from typing import Any
 import pytest
 
 from msggen.cli import DONE, FAILED, main
-from msggen.parse.definition import parse_message
+from msggen.definitions.parse.definition import parse_message
 from support.catalogs import write_definitions
 from support.px4_scripts import KINDS, bridge, messages
 from support.repository import PX4_TREE as TREE
@@ -342,7 +342,7 @@ def test_each_file_is_parsed_once(monkeypatch: pytest.MonkeyPatch) -> None:
         parsed.append(path)
         return parse_message(text, path, *names)
 
-    monkeypatch.setattr("msggen.px4_generate.definitions.parse_message", parse)
+    monkeypatch.setattr("msggen.generate.px4.definitions.parse_message", parse)
     assert generate("--sources") == DONE
     assert sorted(parsed) == sorted(FILES)
 

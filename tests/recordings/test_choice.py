@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from msggen.recordings.choice import Choice
+from msggen.recordings.topics.choice import Choice
 
 STATUS = ("/uav_1/fmu/out/vehicle_status_v4", "px4_msgs/msg/VehicleStatus")
 ODOMETRY = ("/uav_1/fmu/out/vehicle_odometry", "px4_msgs/msg/VehicleOdometry")

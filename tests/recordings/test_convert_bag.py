@@ -15,8 +15,8 @@ from rosbags.highlevel import AnyReader
 from msggen import recordings
 from msggen.cli import main
 from msggen.recordings.convert import convert, join
+from msggen.recordings.files.qos import QOS, numbered
 from msggen.recordings.fleet import update
-from msggen.recordings.qos import QOS, numbered
 from support.databases import Stored, write_database
 from support.recordings import START
 

@@ -12,10 +12,10 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from msggen import recordings
 from msggen.cli import main
-from msggen.firmware.embedded import EMBEDDED, Releases
-from msggen.live.firmware import releases
+from msggen.live.vehicle.firmware import releases
 from msggen.recordings.convert import convert, join
 from msggen.recordings.convert.selection import Selection
+from msggen.sources.embedded import EMBEDDED, Releases
 from support.log_files import definition_in, write_ulog_of
 from support.ulog import UTC, UlogWriter, formats_of, size_of, snake
 

@@ -13,12 +13,12 @@ import pytest
 
 from msggen import recordings
 from msggen.cli.log.fields import field_objects
-from msggen.firmware.embedded import EMBEDDED, Releases, nearest_first
-from msggen.recordings import plot
 from msggen.recordings.columns.annotations import annotations_of
 from msggen.recordings.columns.text import Printer
 from msggen.recordings.convert import convert
 from msggen.recordings.decode.schemas import content_of, read_schema
+from msggen.recordings.log import plot
+from msggen.sources.embedded import EMBEDDED, Releases, nearest_first
 from support.log_files import definition_in
 from support.ulog import UlogWriter, formats_of
 

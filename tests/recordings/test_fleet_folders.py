@@ -13,13 +13,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msggen import read, recordings
-from msggen.firmware.embedded import EMBEDDED
 from msggen.recordings.convert import convert
 from msggen.recordings.convert.names import Place, place_of
 from msggen.recordings.fleet import update
 from msggen.recordings.fleet.layout import cleaned, day_in
-from msggen.recordings.source import Channel
-from msggen.recordings.topic import Topic
+from msggen.recordings.source.source import Channel
+from msggen.recordings.topics.topic import Topic
+from msggen.sources.embedded import EMBEDDED
 from support.fleet_recordings import parquet_in, rows_in
 from support.log_files import Written, write_log
 from support.recordings import START

@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from msggen import recordings
-from msggen.disk import files
+from msggen.base.disk import files
 from msggen.recordings.fleet import update
 from msggen.recordings.fleet.ledger import Ledger, Record
 from support.fleet_recordings import write_folder

@@ -15,15 +15,16 @@ from mcap.writer import CompressionType, IndexType
 from mcap.writer import Writer as McapWriter
 
 from fuzz.runner import limited
-from msggen.nesting import MAX_TOTAL, MAX_VALUES
+from msggen.definitions.nesting import MAX_TOTAL, MAX_VALUES
 from msggen.recordings.convert import tables
 from msggen.recordings.convert.selection import Selection
 from msggen.recordings.decode.decoder import Decoder
 from msggen.recordings.decode.layouts import layout_of
 from msggen.recordings.decode.schemas import SchemaError, read_schema
-from msggen.recordings.files import compression, mcap, open_log
+from msggen.recordings.files import compression, mcap
 from msggen.recordings.files.mcap_records import Chunk
-from msggen.recordings.source import Channel, RecordingError
+from msggen.recordings.log.opening import open_log
+from msggen.recordings.source.source import Channel, RecordingError
 from support.commands import run
 from support.databases import Stored, write_database
 from support.recordings import START

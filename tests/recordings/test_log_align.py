@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from msggen import recordings
 from msggen.recordings import Log, RecordingError
-from msggen.recordings.align import Direction, partners
 from msggen.recordings.columns.arrays import columns_of
+from msggen.recordings.log.align import Direction, partners
 from support.log_files import Written, write_log
 from support.ulog import write_ulog
 

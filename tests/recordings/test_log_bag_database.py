@@ -21,7 +21,7 @@ from msggen import recordings
 from msggen.recordings.files import sqlite
 from msggen.recordings.files.db3 import Db3File
 from msggen.recordings.files.sqlite_pages import Pages
-from msggen.recordings.source import RecordingError
+from msggen.recordings.source.source import RecordingError
 from support.databases import MESSAGES, Sample, Stored, expected_of, insert, open_database, samples_of, write_database
 from support.recordings import START
 from support.scratch import scratch_folder

@@ -12,12 +12,12 @@ from typing import Any
 import pytest
 
 import msggen
-import msggen.identity
+import msggen.definitions.identity
 from msggen import recordings
-from msggen.diagnostics import InputError
-from msggen.firmware.embedded import EMBEDDED
+from msggen.base.diagnostics import InputError
 from msggen.generate.cache import package_of
 from msggen.recordings.decode.schemas import definition_of, read_schema, type_hash_of
+from msggen.sources.embedded import EMBEDDED
 from support.databases import Stored, write_database
 from support.recordings import START
 from support.repository import ROOT
@@ -156,7 +156,7 @@ def test_all_definitions_of_a_release_are_written_and_read_again(release: str) -
         assert [(one.name, one.value) for one in again.message.constants] == [
             (one.name, one.value) for one in message.constants
         ]
-        assert type_hash_of(message.ros_type, text) == msggen.identity.type_hash(catalog, message)
+        assert type_hash_of(message.ros_type, text) == msggen.definitions.identity.type_hash(catalog, message)
 
 
 def test_the_example_of_the_page_runs(

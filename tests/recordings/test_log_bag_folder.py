@@ -19,10 +19,10 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 
 from msggen import recordings
 from msggen.recordings.decode.schemas import type_hash_of
-from msggen.recordings.files import open_sources
 from msggen.recordings.files.compression import CompressionError, decompress_file, decompress_frame
-from msggen.recordings.paths import is_bag
-from msggen.recordings.source import RecordingError
+from msggen.recordings.files.opening import open_sources
+from msggen.recordings.files.paths import is_bag
+from msggen.recordings.source.source import RecordingError
 from support.databases import Sample, Stored, expected_of, samples_of, write_database
 from support.recordings import START
 from support.ulog import write_ulog

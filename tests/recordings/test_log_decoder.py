@@ -13,7 +13,7 @@ from msggen.recordings.columns.arrays import columns_of
 from msggen.recordings.decode.decoder import Decoder
 from msggen.recordings.decode.left_out import Missing
 from msggen.recordings.decode.schemas import read_schema
-from msggen.recordings.source import Channel, Part
+from msggen.recordings.source.source import Channel, Part
 from support.reference import HEADERS, serialize, to_values
 
 TEXTS = "string text\nwstring wide\nint64[] numbers\nPoint[] points\nPoint[2] two\nuint16[<=3] few\nEmpty none\n"

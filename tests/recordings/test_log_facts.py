@@ -17,10 +17,10 @@ from msggen.cli import main
 from msggen.recordings.convert import convert, join
 from msggen.recordings.convert.facts import between, joined, shifted
 from msggen.recordings.convert.selection import Selection
+from msggen.recordings.files.metadata import LENT, facts_of, notes_of, records_of
 from msggen.recordings.files.ulog_notes import LEVELS
 from msggen.recordings.fleet.layout import date_of, vehicle_of
-from msggen.recordings.metadata import LENT, facts_of, notes_of, records_of
-from msggen.recordings.source import NO_FACTS, Dropout, Facts, Text
+from msggen.recordings.source.source import NO_FACTS, Dropout, Facts, Text
 from support.databases import Stored, write_database
 from support.flights import same_columns, write_flight
 from support.ulog import UTC, UlogWriter

@@ -12,7 +12,7 @@ import pytest
 
 from msggen import recordings
 from msggen.recordings.files.mapped import MappedFile
-from msggen.recordings.source import RecordingError
+from msggen.recordings.source.source import RecordingError
 from support.databases import Stored, write_database
 from support.log_files import Written, write_log
 from support.ulog import UlogWriter

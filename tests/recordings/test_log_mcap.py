@@ -22,10 +22,11 @@ from mcap.writer import Writer as McapWriter
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
-from msggen.recordings.files import mcap, open_log
-from msggen.recordings.log import Log
-from msggen.recordings.samples import Samples
-from msggen.recordings.source import Problem, RecordingError
+from msggen.recordings.columns.samples import Samples
+from msggen.recordings.files import mcap
+from msggen.recordings.log.log import Log
+from msggen.recordings.log.opening import open_log
+from msggen.recordings.source.source import Problem, RecordingError
 from support.log_files import Written, write_log
 from support.mcap_reference import Message, flat, messages
 from support.scratch import scratch_folder

@@ -12,9 +12,9 @@ from mcap.writer import Writer
 from mcap_ros2.decoder import DecoderFactory
 
 from msggen import recordings
-from msggen.live.firmware import releases
+from msggen.live.vehicle.firmware import releases
 from msggen.recordings.decode.layouts import layout_of
-from msggen.recordings.source import RecordingError
+from msggen.recordings.source.source import RecordingError
 from support.log_files import Written, definition_in, write_log
 from support.mcap_reference import flat
 

@@ -10,13 +10,13 @@ from typing import Any
 import pytest
 
 from msggen import recordings
-from msggen.firmware.catalog import read_catalog
-from msggen.firmware.embedded import EMBEDDED, Releases
-from msggen.firmware.released import released_as
-from msggen.firmware.sources import find_sources, with_archived
-from msggen.identity import message_hash
-from msggen.location import Location
+from msggen.base.location import Location
+from msggen.definitions.identity import message_hash
 from msggen.recordings import Log, RecordingError
+from msggen.sources.catalog import read_catalog
+from msggen.sources.embedded import EMBEDDED, Releases
+from msggen.sources.released import released_as
+from msggen.sources.sources import find_sources, with_archived
 from support.catalogs import catalog_of, import_package
 from support.log_files import Written, definition_in, write_log
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from msggen.recordings.convert.payloads import Block, ordered
 from msggen.recordings.convert.payloads import merged as merged_blocks
-from msggen.recordings.payloads import Sample, merged
+from msggen.recordings.log.payloads import Sample, merged
 
 TIMES = st.lists(st.lists(st.integers(0, 30)), max_size=6)
 SLACK = st.lists(st.integers(0, 3), min_size=6, max_size=6)

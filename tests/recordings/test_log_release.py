@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 
 from msggen import recordings
-from msggen.firmware.embedded import EMBEDDED, Releases
-from msggen.firmware.released import released_as
-from msggen.identity import message_hash, type_hash
-from msggen.live.firmware import releases
+from msggen.definitions.identity import message_hash, type_hash
+from msggen.live.vehicle.firmware import releases
 from msggen.recordings.definitions.release import Release, release_of
-from msggen.recordings.origin import firmware_of
+from msggen.recordings.log.origin import firmware_of
+from msggen.sources.embedded import EMBEDDED, Releases
+from msggen.sources.released import released_as
 from support.log_files import Written, definition_in, write_log
 
 

@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 
 from msggen import recordings
 from msggen.recordings import Log, RecordingError
-from msggen.recordings.choice import Choice
 from msggen.recordings.convert import convert
 from msggen.recordings.live.player import endpoints_of
+from msggen.recordings.topics.choice import Choice
 from support.log_files import Written, write_log
 from support.scratch import scratch_folder
 from support.ulog import write_ulog

@@ -14,7 +14,7 @@ import pytest
 
 from msggen import recordings
 from msggen.recordings.files.ulog_messages import SYNC
-from msggen.recordings.log import Log
+from msggen.recordings.log.log import Log
 from support.ulog import UTC, UlogWriter, flight
 
 NAMES = ["SensorCombined", "VehicleStatus", "EscStatus", "VehicleAttitude"]

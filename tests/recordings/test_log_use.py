@@ -58,7 +58,7 @@ def test_a_text_is_one_name(log: Log, tmp_path: Path) -> None:
     assert Path(path).read_text().splitlines()[0].split(",")[-1].strip('"') == "fix_type"
     both = log.align("esc_status", "sensor_gps", tolerance=1).choose("sensor_gps")
     assert list(both.samples) == ["sensor_gps"]
-    plot = pytest.importorskip("msggen.recordings.plot")
+    plot = pytest.importorskip("msggen.recordings.log.plot")
     assert [each.label for each in plot.read_series(log, "sensor_gps.fix_type")] == ["sensor_gps.fix_type"]
 
 

@@ -14,7 +14,6 @@ import pytest
 
 from msggen import recordings
 from msggen.recordings import RecordingError
-from msggen.recordings.choice import names_of
 from msggen.recordings.convert import convert, names
 from msggen.recordings.convert import mcap as mcap_writer
 from msggen.recordings.convert.types import TypeNames
@@ -22,11 +21,12 @@ from msggen.recordings.files.mcap import McapFile
 from msggen.recordings.files.mcap_channels import Described
 from msggen.recordings.files.mcap_records import chunk_or_message_from
 from msggen.recordings.fleet.layout import places_of
-from msggen.recordings.open_file import OpenFile
-from msggen.recordings.payloads import in_order
-from msggen.recordings.source import Channel, Part, Problem
-from msggen.recordings.topic import Topic
-from msggen.recordings.topics import by_name, find
+from msggen.recordings.log.payloads import in_order
+from msggen.recordings.source.open_file import OpenFile
+from msggen.recordings.source.source import Channel, Part, Problem
+from msggen.recordings.topics.choice import names_of
+from msggen.recordings.topics.find import by_name, find
+from msggen.recordings.topics.topic import Topic
 from support.log_files import Written, write_log
 
 resource = pytest.importorskip("resource")

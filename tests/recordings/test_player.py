@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from msggen.live.firmware import REQUEST, RESPONSE, releases
 from msggen.live.link import Route
+from msggen.live.vehicle.firmware import REQUEST, RESPONSE, releases
 from msggen.live.xrce.agent import Agent, Connected, Disconnected, Opened, Sample
-from msggen.recordings.choice import Choice
-from msggen.recordings.files import open_log
 from msggen.recordings.live.player import Endpoints, Player, endpoints_of, is_played
-from msggen.recordings.log import Log
-from msggen.recordings.source import Channel as SourceChannel
-from msggen.recordings.topic import Topic
+from msggen.recordings.log.log import Log
+from msggen.recordings.log.opening import open_log
+from msggen.recordings.source.source import Channel as SourceChannel
+from msggen.recordings.topics.choice import Choice
+from msggen.recordings.topics.topic import Topic
 from msggen.recordings.writer import Channel, Writer
 from support.recordings import START, Found, channel_of, route_of
 

@@ -20,8 +20,8 @@ from matplotlib import rc_context
 from matplotlib.text import Text
 
 from msggen import recordings
-from msggen.recordings import plot
 from msggen.recordings.columns.annotations import Annotation
+from msggen.recordings.log import plot
 from support.repository import ROOT
 from support.ulog import UlogWriter
 from support.written import write_recording

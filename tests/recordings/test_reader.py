@@ -14,10 +14,10 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as RosbagsWriter
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from msggen.recordings.choice import Choice
-from msggen.recordings.files import open_log
 from msggen.recordings.live.player import endpoints_of
-from msggen.recordings.source import RecordingError
+from msggen.recordings.log.opening import open_log
+from msggen.recordings.source.source import RecordingError
+from msggen.recordings.topics.choice import Choice
 from msggen.recordings.writer import COMPRESSIONS, Writer
 from support.recordings import START, Found, channel_of, read_ours, route_of
 

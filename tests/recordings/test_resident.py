@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from msggen import recordings
-from msggen.recordings.resident import drop_pages
+from msggen.recordings.source.memory import drop_pages
 from msggen.recordings.writer import Channel, Writer
 from support.databases import Stored, write_database
 
@@ -24,7 +24,7 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="only Linux tell
 
 @pytest.fixture(autouse=True)
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("msggen.recordings.resident.LARGE", SIZE)
+    monkeypatch.setattr("msggen.recordings.source.memory.LARGE", SIZE)
 
 
 def resident_bytes(path: Path) -> int:
@@ -82,7 +82,7 @@ def test_a_database_is_not_kept_in_memory(tmp_path: Path, monkeypatch: pytest.Mo
 def test_a_recording_is_not_kept_in_memory(
     name: str, px4_types: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("msggen.recordings.gather.WINDOW", 1 << 20)
+    monkeypatch.setattr("msggen.recordings.source.gather.WINDOW", 1 << 20)
     monkeypatch.setattr("msggen.recordings.files.mcap._GROUP", 1 << 20)
     path = tmp_path / name
     info = px4_types.VehicleStatus.__msg__

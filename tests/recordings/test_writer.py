@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
-from msggen.recordings.files import open_log
-from msggen.recordings.source import RecordingError
+from msggen.recordings.log.opening import open_log
+from msggen.recordings.source.source import RecordingError
 from msggen.recordings.writer import COMPRESSIONS, Channel, Writer
 from support.recordings import START, Found, channel_of, check_decoded, check_read, read_mcap, read_ours, route_of
 from support.scratch import scratch_folder

@@ -23,11 +23,11 @@ from xml.etree import ElementTree as ET
 import pytest
 from markdown_it import MarkdownIt
 
+from msggen.base.location import Location
 from msggen.cli import main
-from msggen.identity import endpoints, uorb_topics
-from msggen.layout import lay_out
-from msggen.location import Location
-from msggen.model import ArrayKind, Catalog, Message, snake_case
+from msggen.definitions.identity import endpoints, uorb_topics
+from msggen.definitions.layout import lay_out
+from msggen.definitions.model import ArrayKind, Catalog, Message, snake_case
 from support.capture import capture
 from support.catalogs import write_definitions
 from support.programs import required

@@ -16,13 +16,14 @@ from typing import Any, NamedTuple
 
 import pytest
 
+from msggen.base.diagnostics import CODES
 from msggen.cli import DONE, FAILED, FINDINGS, main
-from msggen.diagnostics import CODES
-from msggen.layout import Encoding, lay_out
-from msggen.model import Catalog
-from msggen.render import THINGS
-from msggen.render.run import items_of, output_names
-from msggen.render.views import (
+from msggen.definitions.layout import Encoding, lay_out
+from msggen.definitions.model import Catalog
+from msggen.definitions.tags import UNIT
+from msggen.generate.render import THINGS
+from msggen.generate.render.run import items_of, output_names
+from msggen.generate.render.views import (
     CatalogView,
     ConstantView,
     EndpointView,
@@ -33,8 +34,7 @@ from msggen.render.views import (
     TopicView,
     Views,
 )
-from msggen.tags import UNIT
-from msggen.text.words import FILTERS, camel_case, comment, pascal_case
+from msggen.generate.text.words import FILTERS, camel_case, comment, pascal_case
 from support.catalogs import catalog_of, write_definitions
 from support.repository import ROOT
 

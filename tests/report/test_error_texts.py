@@ -14,9 +14,9 @@ from typing import NamedTuple
 
 import pytest
 
+from msggen.base.diagnostics import CODES, Level
 from msggen.cli import DONE, FAILED, main
-from msggen.diagnostics import CODES, Level
-from msggen.report.errors import error_texts
+from msggen.show.report.errors import error_texts
 from support.repository import ROOT
 
 TEXTS = error_texts()
@@ -94,7 +94,7 @@ def test_the_example_prints_the_line_that_it_shows(
     code: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("msggen.settings.is_own", lambda _: code != "C106")
+    monkeypatch.setattr("msggen.sources.settings.is_own", lambda _: code != "C106")
     example, level = TEXTS[code].example, CODES[code]
     outcome = play(example, tmp_path, capsys)
     assert outcome.lines == expected(example)

@@ -18,12 +18,12 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
+from msggen.base.location import Location
+from msggen.check.finding import Category, Change, Excerpt, Finding, Reader, Report
 from msggen.cli import main
 from msggen.cli.printing import terminal_width
-from msggen.finding import Category, Change, Excerpt, Finding, Reader, Report
-from msggen.location import Location
-from msggen.report import FORMATS, render
-from msggen.rules import RULES
+from msggen.show.report import FORMATS, render
+from msggen.show.report.table import RULES
 from support.catalogs import write_definitions
 from support.repository import shared
 
@@ -757,8 +757,8 @@ def test_a_folder_whose_name_is_no_text_breaks_no_format(format_: str, tmp_path:
 
 
 def test_naming_the_formats_imports_none_of_their_libraries() -> None:
-    heavy = ["rich", "junitparser", "json", "hashlib", "xml", "msggen.compare"]
-    program = f"import sys, msggen.report; print([name for name in {heavy} if name in sys.modules])"
+    heavy = ["rich", "junitparser", "json", "hashlib", "xml", "msggen.check.compare"]
+    program = f"import sys, msggen.show.report; print([name for name in {heavy} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-I", "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout == "[]\n"
 
@@ -766,7 +766,7 @@ def test_naming_the_formats_imports_none_of_their_libraries() -> None:
 def test_a_clean_report_needs_no_drawing() -> None:
     """`check` runs in every build of a user, so a clean report must not spend 50 ms on importing rich."""
     program = (
-        "import sys; from msggen.report import render; from msggen.finding import Report; "
+        "import sys; from msggen.show.report import render; from msggen.check.finding import Report; "
         "print(render(Report('a', 'b', (), (), 1, 'in step'), 'full', width=80, colour=True)); "
         "print('rich' in sys.modules)"
     )

@@ -8,13 +8,13 @@ from dataclasses import replace
 
 import pytest
 
+from msggen.base.location import Location
+from msggen.check.finding import Change, Finding, Reader, Report, Rule, Severity
 from msggen.cli import main, parser_for
-from msggen.finding import Change, Finding, Reader, Report, Rule, Severity
-from msggen.location import Location
-from msggen.report.line import mark
-from msggen.report.rules import MARKS
-from msggen.report.sarif import write_sarif
-from msggen.rules import RULES
+from msggen.show.report.line import mark
+from msggen.show.report.rules import MARKS
+from msggen.show.report.sarif import write_sarif
+from msggen.show.report.table import RULES
 
 each_rule = pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule.id)
 

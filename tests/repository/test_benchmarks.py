@@ -25,8 +25,8 @@ from contest import enter, evaluate, execute, plain_message
 from effort import QUICK
 from goals import LEAST, MOST, Goal, summary
 from messages import MESSAGES, Sample, read_samples
-from msggen.firmware.catalog import read_catalog
-from msggen.firmware.sources import find_sources
+from msggen.sources.catalog import read_catalog
+from msggen.sources.sources import find_sources
 from page import Section, page, printed
 from peers import FLOOR, OURS, PEERS, CannotError, Peer
 from rounds import Contestant, race, race_processes

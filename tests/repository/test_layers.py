@@ -1,48 +1,102 @@
-"""Tests that the modules of msggen import only from the layers below their own, as docs/design.md lists them."""
+"""Tests that the modules of msggen import only what the table of rooms allows, and that none imports itself."""
 
 from __future__ import annotations
 
 import ast
 import re
+from collections.abc import Iterator
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
 
+from msggen.base.rooms import ROOMS, below, room_of
 from support.repository import ROOT
 
-TABLE = (ROOT / "docs/design.md").read_text(encoding="utf-8")
-LAYERS = {room: int(layer) for layer, room in re.findall(r"^\| (\d) \| `([\w/]+?)(?:\.py|/)` \|", TABLE, re.MULTILINE)}
-"""The layer of each module and folder of msggen. A folder may have further rows for what is in it."""
-
 MODULES = {
-    path.relative_to(ROOT / "msggen").with_suffix("").as_posix(): path for path in (ROOT / "msggen").rglob("*.py")
+    path.relative_to(ROOT / "msggen").with_suffix("").as_posix().replace("/", ".").removesuffix(".__init__"): path
+    for path in (ROOT / "msggen").rglob("*.py")
 }
-"""The files of all modules, by names such as `disk/git`."""
+"""The files of all modules, by names such as `base.disk.git`."""
 
 
-def room_of(module: str) -> str:
-    """Return the row of a module, or of the nearest folder that has one; "" if there is none."""
-    parts = module.split("/")
-    rooms = ("/".join(parts[:end]) for end in range(len(parts), 0, -1))
-    return next((room for room in rooms if room in LAYERS), "")
+def imports_of(path: Path) -> Iterator[str]:
+    """Yield the modules of msggen that a module imports, also inside of functions and for type checkers only."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name.removeprefix("msggen.") for alias in node.names if alias.name.startswith("msggen."))
+        elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith("msggen."):
+            assert node.module is not None
+            module = node.module.removeprefix("msggen.")
+            names = [f"{module}.{alias.name}" for alias in node.names]
+            yield from (name if name in MODULES else module for name in names)
+        elif isinstance(node, ast.ImportFrom) and node.module == "msggen":
+            yield from (alias.name for alias in node.names if alias.name in MODULES)
 
 
-def rooms_of_imports(path: Path) -> set[str]:
-    """Return the rooms that a module imports from, also inside of functions."""
-    nodes = ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-    names = [node.module or "" for node in nodes if isinstance(node, ast.ImportFrom)]
-    return {room_of(name.removeprefix("msggen.").replace(".", "/")) for name in names if name.startswith("msggen.")}
+IMPORTS = {name: {*imports_of(path)} - {name} for name, path in MODULES.items() if not name.startswith("cmake")}
 
 
-def test_every_module_is_in_the_table_of_layers() -> None:
-    unknown = {module for module in MODULES if not room_of(module) and not module.endswith("/__init__")}
-    assert unknown == {"__main__"}
-    assert LAYERS.keys() == set(map(room_of, MODULES)) - {""}
+def is_allowed(room: str, other: str) -> bool:
+    """Whether a room may import another one: its row names that, or the room is a folder that has the other one."""
+    row = ROOMS[room]
+    return any(other == each or other.startswith(f"{each}.") for each in (*row, room))
 
 
-@pytest.mark.parametrize("room", LAYERS)
-def test_imports_go_to_lower_layers(room: str) -> None:
+def test_every_module_is_in_a_room() -> None:
+    assert {name for name in MODULES if not room_of(name)} == {"__init__", "__main__"}
+    assert {room_of(name) for name in MODULES} - {""} == ROOMS.keys()
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_a_room_imports_what_its_row_allows(room: str) -> None:
     imported = {
-        other for module, path in MODULES.items() if room_of(module) == room for other in rooms_of_imports(path)
+        (name, other)
+        for name, others in IMPORTS.items()
+        if room_of(name) == room
+        for other in others
+        if room_of(other) != room
     }
-    assert {other for other in imported - {room} if LAYERS.get(other, LAYERS[room]) >= LAYERS[room]} == set()
+    assert {(name, other) for name, other in imported if not is_allowed(room, room_of(other))} == set()
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_a_row_names_what_the_room_imports_and_no_more(room: str) -> None:
+    imported = {room_of(other) for name, others in IMPORTS.items() if room_of(name) == room for other in others}
+    unused = [
+        each for each in ROOMS[room] if not any(other == each or other.startswith(f"{each}.") for other in imported)
+    ]
+    assert not unused
+
+
+def test_no_rooms_import_each_other() -> None:
+    rows = {
+        room: [each for row in others for each in ROOMS if each == row or each.startswith(f"{row}.")]
+        for room, others in ROOMS.items()
+    }
+    TopologicalSorter(rows).prepare()
+
+
+def test_no_modules_import_each_other() -> None:
+    TopologicalSorter({name: others & MODULES.keys() for name, others in IMPORTS.items()}).prepare()
+
+
+def test_a_circle_is_found() -> None:
+    with pytest.raises(CycleError):
+        TopologicalSorter({"a": ["b"], "b": ["a"]}).prepare()
+
+
+def test_all_that_a_room_imports_is_below_it() -> None:
+    assert below("base") == {"base"}
+    assert below("generate") == {"base", "definitions", "sources", "generate.text", "generate.python", "generate"}
+    assert {"check.compare", "generate.render"} <= below("generate.site")
+
+
+def test_the_page_has_all_rooms_and_what_they_import() -> None:
+    page = (ROOT / "docs/design.md").read_text(encoding="utf-8")
+    rows = dict(re.findall(r"^\| `(\w+)/` \|.*\| ([^|]*) \|$", page, re.MULTILINE))
+    tops = {room.partition(".")[0] for room in ROOMS}
+    assert rows.keys() == tops
+    for room, listed in rows.items():
+        inner = {each.partition(".")[0] for name in ROOMS if name.partition(".")[0] == room for each in ROOMS[name]}
+        assert set(re.findall(r"`(\w+)`", listed)) == inner - {room}

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from msggen.disk.record import RECORD_NAME
-from msggen.firmware.catalog import read_catalog
-from msggen.firmware.sources import find_sources
+from msggen.base.disk.record import RECORD_NAME
 from msggen.generate.build import Build
 from msggen.generate.python.package import render_package
+from msggen.sources.catalog import read_catalog
+from msggen.sources.sources import find_sources
 from support.catalogs import catalog_of, write_definitions
 from support.checkers import GENERATED, mypy
 from support.imports import HEAVY

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 import yaml
 
-from msggen import __version__
+from msggen.base.version import __version__
 from support.repository import ROOT
 
 if sys.version_info >= (3, 11):

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from msggen.diagnostics import CODES
-from msggen.finding import Category
-from msggen.rules import RULES
+from msggen.base.diagnostics import CODES
+from msggen.check.finding import Category
+from msggen.show.report.table import RULES
 from support.interpreters import VERSIONS, environment, interpreter
 from support.repository import ROOT
 
@@ -43,7 +43,11 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_wheel_brings_templates_and_the_embedded_set(wheel: Path) -> None:
     names = set(zipfile.ZipFile(wheel).namelist())
     assert {"msggen/templates/python/message.py.j2", "msggen/embedded/dds_topics.yaml"} <= names
-    assert {"msggen/sync/names.txt", "msggen/templates/ros2/package.xml.j2", "msggen/report/errors.yaml"} <= names
+    assert {
+        "msggen/generate/sync/names.txt",
+        "msggen/templates/ros2/package.xml.j2",
+        "msggen/show/report/errors.yaml",
+    } <= names
     messages = [name for name in names if name.startswith("msggen/embedded/msg/") and "px4_msgs_old" not in name]
     assert len([name for name in messages if name.endswith(".msg")]) == 259
     assert {f"msggen/embedded/releases/v1.{number}.msgs" for number in range(14, 18)} <= names

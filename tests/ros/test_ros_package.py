@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 from catkin_pkg.package import parse_package  # type: ignore[import-untyped]
 
-from msggen import __version__
+from msggen.base.version import __version__
 from msggen.cli import parser_for
 from support.repository import ROOT
 

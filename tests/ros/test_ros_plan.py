@@ -6,10 +6,10 @@ from typing import Any
 
 import pytest
 
-from msggen.firmware.catalog import read_catalog
-from msggen.firmware.sources import find_sources, with_archived
-from msggen.location import Location
-from msggen.ros.plan import Topics, Wish, planned
+from msggen.base.location import Location
+from msggen.live.ros.plan import Topics, Wish, planned
+from msggen.sources.catalog import read_catalog
+from msggen.sources.sources import find_sources, with_archived
 from support.catalogs import import_package
 from support.fake_link import routes_of
 from support.ros_types import px4_msgs_of

@@ -13,11 +13,11 @@ from typing import Any
 import pytest
 
 from msggen.live import Vehicle
-from msggen.ros import relay as module
-from msggen.ros.plan import Topics, Wish, planned
-from msggen.ros.refusals import Refusals
-from msggen.ros.relay import Relay
-from msggen.ros.standard import Converter, Frames
+from msggen.live.ros import relay as module
+from msggen.live.ros.plan import Topics, Wish, planned
+from msggen.live.ros.refusals import Refusals
+from msggen.live.ros.relay import Relay
+from msggen.live.ros.standard import Converter, Frames
 from support.fake_link import FakeLink, routes_of
 from support.ros_types import px4_msgs_of
 
@@ -120,7 +120,7 @@ def test_what_cannot_be_carried_is_counted_and_told_once(
     assert bench.refusals.counts == {setpoint: 3, command: 1}
     assert bench.refusals.reasons[setpoint].startswith("TrajectorySetpoint")
     assert "disconnected" in bench.refusals.reasons[command]
-    assert [record.name for record in caplog.records] == ["msggen.ros"] * 2
+    assert [record.name for record in caplog.records] == ["msggen.live.ros"] * 2
 
 
 def test_standard_messages_whose_types_are_installed(

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from msggen.ros import standard
-from msggen.ros.refusals import Refusals
-from msggen.ros.standard import SOURCES, TYPES, Clock, Converter, Frames, filled
+from msggen.live.ros import standard
+from msggen.live.ros.refusals import Refusals
+from msggen.live.ros.standard import SOURCES, TYPES, Clock, Converter, Frames, filled
 from support.repository import ROOT
 from support.ros_types import class_with
 from support.simulation import built

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from msggen.firmware.catalog import read_catalog
-from msggen.firmware.sources import find_sources
-from msggen.ros.types import differences, installed, spelled
+from msggen.live.ros.types import differences, installed, spelled
+from msggen.sources.catalog import read_catalog
+from msggen.sources.sources import find_sources
 from support.catalogs import import_package, write_definitions
 from support.ros_types import class_with, fields_of, px4_msgs_of
 

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from msggen.model import Catalog
-from msggen.site.pages import render_site
-from msggen.site.prose import read_documents
-from msggen.site.site import Project, Site
+from msggen.definitions.model import Catalog
+from msggen.generate.site.pages import render_site
+from msggen.generate.site.prose import read_documents
+from msggen.generate.site.site import Project, Site
 from support.catalogs import write_definitions
 from support.markup_attacks import hostile
 from support.programs import required

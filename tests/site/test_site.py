@@ -12,17 +12,17 @@ from typing import Any
 import pytest
 from markdown_it import MarkdownIt
 
-from msggen.firmware.catalog import read_catalog
-from msggen.firmware.inferred import with_inferred
-from msggen.firmware.sources import find_sources
-from msggen.layout import is_static, lay_out
-from msggen.model import Catalog
-from msggen.render.views import Views
-from msggen.site.changes import changes_since
-from msggen.site.drawing import PER_ROW, rows_of
-from msggen.site.graph import draw, inner_of
-from msggen.site.pages import render_site
-from msggen.site.site import Site
+from msggen.definitions.layout import is_static, lay_out
+from msggen.definitions.model import Catalog
+from msggen.generate.render.views import Views
+from msggen.generate.site.changes import changes_since
+from msggen.generate.site.drawing import PER_ROW, rows_of
+from msggen.generate.site.graph import draw, inner_of
+from msggen.generate.site.pages import render_site
+from msggen.generate.site.site import Site
+from msggen.sources.catalog import read_catalog
+from msggen.sources.inferred import with_inferred
+from msggen.sources.sources import find_sources
 from support.catalogs import catalog_of, write_definitions
 from support.html import Elements, broken_links
 from support.markup_attacks import ATTACKS, hostile

@@ -9,10 +9,10 @@ from collections.abc import Collection
 from pathlib import Path
 from types import ModuleType
 
-from msggen.firmware.catalog import read_catalog
-from msggen.firmware.sources import find_sources
+from msggen.definitions.model import Catalog
 from msggen.generate.python.package import render_package
-from msggen.model import Catalog
+from msggen.sources.catalog import read_catalog
+from msggen.sources.sources import find_sources
 
 _numbers = itertools.count()
 

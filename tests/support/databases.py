@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from msggen.recordings.source import FOREVER, Source
+from msggen.recordings.source.source import FOREVER, Source
 
 Sample = tuple[int, bytes]
 """A log time in ns and a payload."""

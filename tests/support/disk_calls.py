@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
-from msggen.disk import swap
+from msggen.base.disk import swap
 
 CHANGING = (
     *("chmod", "fchmod", "fsync", "fdatasync", "ftruncate", "link", "mkdir", "remove", "rename", "replace", "rmdir"),

@@ -17,9 +17,9 @@ from typing import Any, TypeAlias
 
 import yaml
 
-from msggen.firmware.embedded import EMBEDDED, FOLDERS, comments_in, head_of, is_of_release
-from msggen.firmware.sources import find_sources, with_archived
-from msggen.firmware.tree import Folder, Tree
+from msggen.sources.embedded import EMBEDDED, FOLDERS, comments_in, head_of, is_of_release
+from msggen.sources.sources import find_sources, with_archived
+from msggen.sources.tree import Folder, Tree
 
 ROOT = Path(__file__).resolve().parents[2]
 BRIDGE = "dds_topics.yaml"

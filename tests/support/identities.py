@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from msggen.identity import endpoints, message_hash, type_hash, uorb_topics
-from msggen.layout import lay_out, struct_size
-from msggen.model import Catalog, Direction
+from msggen.definitions.identity import endpoints, message_hash, type_hash, uorb_topics
+from msggen.definitions.layout import lay_out, struct_size
+from msggen.definitions.model import Catalog, Direction
 
 
 def uorb_of(catalog: Catalog) -> dict[str, Any]:

@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 from msggen import endpoints, message_hash, read  # noqa: E402 - this file is a program too
-from msggen.firmware.embedded import EMBEDDED  # noqa: E402
+from msggen.sources.embedded import EMBEDDED  # noqa: E402
 
 TABLE = ROOT / "msggen" / "live" / "releases.json"
 

@@ -11,8 +11,8 @@ from typing import Any
 
 from mcap.writer import Writer
 
-from msggen.firmware.embedded import Releases
-from msggen.firmware.released import released_as
+from msggen.sources.embedded import Releases
+from msggen.sources.released import released_as
 from support.ulog import UlogWriter, content_of, formats_of, size_of, snake
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from msggen.model import Catalog
+from msggen.definitions.model import Catalog
 from support.catalogs import catalog_of
 
 ATTACKS = (

@@ -17,7 +17,7 @@ from typing import Any, Protocol
 import numpy as np
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from msggen.model import ArrayKind, Catalog, FieldType, Message
+from msggen.definitions.model import ArrayKind, Catalog, FieldType, Message
 from support.catalogs import import_package
 from support.reference import HEADERS, Values, to_object, to_values
 

@@ -13,10 +13,10 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-from msggen.firmware.catalog import read_catalog
-from msggen.firmware.sources import find_sources
-from msggen.model import ArrayKind, Catalog, FieldType, Message
-from msggen.primitives import FLOATS, INTEGERS, PRIMITIVES, STRINGS
+from msggen.definitions.model import ArrayKind, Catalog, FieldType, Message
+from msggen.definitions.primitives import FLOATS, INTEGERS, PRIMITIVES, STRINGS
+from msggen.sources.catalog import read_catalog
+from msggen.sources.sources import find_sources
 from support.catalogs import write_definitions
 
 NUMBERS = ("bool", *INTEGERS, *FLOATS)

@@ -12,7 +12,7 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
 from msggen.live.link import Route
-from msggen.recordings.files import open_log
+from msggen.recordings.log.opening import open_log
 from msggen.recordings.writer import Channel
 
 START = 1_790_000_000_000_000_000

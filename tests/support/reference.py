@@ -19,7 +19,7 @@ import struct
 from array import array
 from typing import Any
 
-from msggen.model import ArrayKind, Catalog, FieldType, Message
+from msggen.definitions.model import ArrayKind, Catalog, FieldType, Message
 
 HEADERS = {("big", 1): b"\0\0\0\0", ("little", 1): b"\0\1\0\0", ("big", 2): b"\0\6\0\0", ("little", 2): b"\0\7\0\0"}
 

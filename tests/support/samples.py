@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from hypothesis import strategies as st
 
-from msggen.model import ArrayKind, Catalog, FieldType, Message
-from msggen.primitives import FLOATS, INTEGERS, PRIMITIVES
+from msggen.definitions.model import ArrayKind, Catalog, FieldType, Message
+from msggen.definitions.primitives import FLOATS, INTEGERS, PRIMITIVES
 from support.catalogs import catalog_of, import_package
 from support.reference import HEADERS, serialize
 from support.repository import VECTORS

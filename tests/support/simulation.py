@@ -10,10 +10,10 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from msggen.firmware.catalog import read_catalog
-from msggen.firmware.sources import find_sources
 from msggen.generate.python.package import render_package
 from msggen.live.sim import Options, SimulatedVehicle
+from msggen.sources.catalog import read_catalog
+from msggen.sources.sources import find_sources
 from support.catalogs import write_definitions
 from support.xrce_agent import SmallAgent
 

@@ -6,8 +6,8 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from msggen.model import ArrayKind, Catalog, FieldType, Message
-from msggen.primitives import INTEGERS, PRIMITIVES
+from msggen.definitions.model import ArrayKind, Catalog, FieldType, Message
+from msggen.definitions.primitives import INTEGERS, PRIMITIVES
 
 FIXED_SIZE = ("bool", *INTEGERS, "float32", "float64")
 LENGTHS = st.sampled_from([1, 2, 3, 4, 5, 8, 15, 16, 17, 33])

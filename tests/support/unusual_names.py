@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from msggen.firmware.catalog import read_catalog
-from msggen.firmware.sources import find_sources
-from msggen.model import Catalog
+from msggen.definitions.model import Catalog
+from msggen.sources.catalog import read_catalog
+from msggen.sources.sources import find_sources
 from support.catalogs import write_definitions
 
 STAMP = "uint64 timestamp\n"

@@ -13,9 +13,9 @@ import pytest
 from catkin_pkg.package import parse_package  # type: ignore[import-untyped]
 
 from msggen.cli import main
-from msggen.firmware.catalog import read_catalog
-from msggen.firmware.sources import find_sources
-from msggen.model import Message
+from msggen.definitions.model import Message
+from msggen.sources.catalog import read_catalog
+from msggen.sources.sources import find_sources
 from support.catalogs import write_definitions
 from support.repository import shared
 

@@ -17,11 +17,11 @@ from pathlib import Path
 
 import pytest
 
+from msggen.base.disk import staging, swap
 from msggen.cli import main
-from msggen.disk import staging, swap
-from msggen.firmware.catalog import read_catalog
-from msggen.firmware.sources import find_sources
-from msggen.sync.change import describe_change
+from msggen.generate.sync.change import describe_change
+from msggen.sources.catalog import read_catalog
+from msggen.sources.sources import find_sources
 from support.catalogs import write_definitions
 from support.packages import (
     BRIDGE,

@@ -21,9 +21,9 @@ from typing import Any
 
 import pytest
 
-from msggen.disk import staging, swap
-from msggen.firmware.catalog import read_catalog
-from msggen.firmware.sources import find_sources
+from msggen.base.disk import staging, swap
+from msggen.sources.catalog import read_catalog
+from msggen.sources.sources import find_sources
 from support.catalogs import write_definitions
 from support.packages import (
     PACKAGE,

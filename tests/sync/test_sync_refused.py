@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import pytest
 
+from msggen.base.diagnostics import CODES
 from msggen.cli import DONE, main
-from msggen.diagnostics import CODES
 from support.catalogs import write_definitions
 from support.packages import (
     BRIDGE_PLACE,

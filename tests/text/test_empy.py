@@ -16,8 +16,8 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from msggen.diagnostics import CODES, Diagnostic, InputError
-from msggen.text.empy import EmpyTemplate, importing_from
+from msggen.base.diagnostics import CODES, Diagnostic, InputError
+from msggen.generate.text.empy import EmpyTemplate, importing_from
 from support.catalogs import write_definitions
 from support.px4_scripts import expand
 
@@ -259,7 +259,7 @@ def test_a_module_lent_for_a_run_is_given_back() -> None:
 
 
 def test_an_input_error_from_within_is_let_through() -> None:
-    from msggen.diagnostics import input_error
+    from msggen.base.diagnostics import input_error
 
     def load() -> None:
         raise input_error("Foo.msg", "M301", "unknown type", 3, 4)

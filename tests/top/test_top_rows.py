@@ -7,9 +7,9 @@ import math
 from types import ModuleType
 
 from msggen.live.link import Route
-from msggen.live.meter import Meter
-from msggen.top.drawing import plain
-from msggen.top.rows import Table, as_document, limits_of, rows_of
+from msggen.live.vehicle.meter import Meter
+from msggen.show.top.drawing import plain
+from msggen.show.top.rows import Table, as_document, limits_of, rows_of
 
 SECOND = 1_000_000_000
 STATUS = Route("/uav_1/fmu/out/vehicle_status_v4", "px4_msgs/msg/VehicleStatus", "out", 1)

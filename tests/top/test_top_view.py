@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msggen.live.link import Route
-from msggen.live.meter import Meter
-from msggen.top.drawing import screen
-from msggen.top.rows import Row, Table, rows_of
-from msggen.top.view import COLUMNS, View, press
+from msggen.live.vehicle.meter import Meter
+from msggen.show.top.drawing import screen
+from msggen.show.top.rows import Row, Table, rows_of
+from msggen.show.top.view import COLUMNS, View, press
 
 KEYS = ("up", "down", "page up", "page down", "home", "end", "left", "right", "enter", "escape", "backspace", "space")
 LETTERS = tuple("aoqjkgGprsS/éß漢")

@@ -10,8 +10,8 @@ import pytest
 
 from msggen.live import Vehicle
 from msggen.live.link import Route
-from msggen.view.live import LiveView
-from msggen.view.server import Server
+from msggen.show.view.live import LiveView
+from msggen.show.view.server import Server
 from support.fake_link import FakeLink
 from support.foxglove_client import FoxgloveClient
 

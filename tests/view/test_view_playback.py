@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msggen.recordings.payloads import Sample
-from msggen.view.playback import FASTEST, Playback
+from msggen.recordings.log.payloads import Sample
+from msggen.show.view.playback import FASTEST, Playback
 
 SECOND = 1_000_000_000
 START = 1_790_000_000 * SECOND

@@ -8,15 +8,15 @@ from typing import Any
 import pytest
 from mcap.writer import CompressionType, Writer
 
-from msggen.recordings.files import open_log
-from msggen.view.recording import (
+from msggen.recordings.log.opening import open_log
+from msggen.show.view.recording import (
     Controls,
     RecordingView,
     UnviewableRecordingError,
     channels_of,
     package_for,
 )
-from msggen.view.server import Server
+from msggen.show.view.server import Server
 from support.foxglove_client import FoxgloveClient
 
 START = 1_790_000_000_000_000_000

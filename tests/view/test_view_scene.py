@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from msggen.view.scene import ATTITUDE, GLOBAL, ODOMETRY, POSITION, Location, Pose, Scene
+from msggen.show.view.scene import ATTITUDE, GLOBAL, ODOMETRY, POSITION, Location, Pose, Scene
 
 NED_TO_ENU = Rotation.from_euler("ZX", [90, 180], degrees=True)
 FRD_TO_FLU = Rotation.from_euler("X", 180, degrees=True)

@@ -10,7 +10,7 @@ import pytest
 from websockets.sync.client import connect
 from websockets.typing import Origin, Subprotocol
 
-from msggen.view.server import Server
+from msggen.show.view.server import Server
 from support.foxglove_client import WAIT, FoxgloveClient
 
 PUBLISHED = {

@@ -91,7 +91,7 @@ def asked_time(options: argparse.Namespace) -> str:
 
 def chosen_topics(options: argparse.Namespace, log: Log) -> Sequence[Topic] | None:
     """Return the topics in the options, None for all. A name that the recording does not have ends the process."""
-    from msggen.recordings.choice import Choice, takes_instance
+    from msggen.recordings.topics.choice import Choice, takes_instance
 
     if not options.topics:
         return None

@@ -7,7 +7,7 @@ import struct
 from contextlib import suppress
 from typing import NamedTuple
 
-from msggen.diagnostics import counted
+from msggen.base.diagnostics import counted
 
 
 class Contents(NamedTuple):

@@ -15,7 +15,7 @@ from msggen.cli.log.arguments import (
 from msggen.cli.log.opening import code_of, opened, written
 from msggen.cli.log.targets import check_mcap
 from msggen.cli.options import Commands, add_command
-from msggen.recordings.paths import stem_of
+from msggen.recordings.files.paths import stem_of
 
 
 def add_to(actions: Commands) -> None:

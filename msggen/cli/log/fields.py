@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from msggen.cli.topic.tables import print_table
-from msggen.diagnostics import few
+from msggen.base.diagnostics import few
+from msggen.cli.printing import print_table
 
 if TYPE_CHECKING:
-    from msggen.model import Message
+    from msggen.definitions.model import Message
     from msggen.recordings import Topic
     from msggen.recordings.columns.annotations import Annotation
     from msggen.recordings.decode.schemas import Schema
@@ -49,7 +49,7 @@ def field_objects(topic: Topic) -> list[dict[str, Any]]:
 
 def _fields_of(topic: Topic) -> list[_Field]:
     from msggen.recordings.decode.schemas import SchemaError, read_schema
-    from msggen.recordings.source import RecordingError
+    from msggen.recordings.source.source import RecordingError
 
     try:
         schema = read_schema(topic.ros_type, topic.definition)
@@ -60,7 +60,7 @@ def _fields_of(topic: Topic) -> list[_Field]:
 
 def _fields(topic: Topic, schema: Schema, message: Message, front: str) -> Iterator[_Field]:
     """Yield the fields of a message. Of an array of messages, the first element stands for all."""
-    from msggen.model import ArrayKind
+    from msggen.definitions.model import ArrayKind
     from msggen.recordings.columns.annotations import annotation_of
 
     indices = {ArrayKind.SCALAR: "", ArrayKind.FIXED: "[0]"}

@@ -10,6 +10,8 @@ from collections.abc import Iterator, Mapping
 from functools import partial
 from typing import TYPE_CHECKING
 
+from msggen.base.diagnostics import counted, few, input_error, printable
+from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.cli.log.opening import counted_samples
 from msggen.cli.log.progress import Show, progress_bar
 from msggen.cli.log.targets import check_folder
@@ -17,10 +19,8 @@ from msggen.cli.options import non_empty, refuse
 from msggen.cli.packages import missing_extra
 from msggen.cli.printing import number_of_bytes
 from msggen.cli.values import convert_values, whole
-from msggen.diagnostics import counted, few, input_error, printable
-from msggen.exit_codes import DONE, FINDINGS
-from msggen.recordings.paths import is_bag
-from msggen.report.json import dump
+from msggen.recordings.files.paths import is_bag
+from msggen.show.report.json import dump
 
 if TYPE_CHECKING:
     from msggen.recordings.fleet import Outcome, Progress, Summary
@@ -103,7 +103,7 @@ def _updated(options: argparse.Namespace, fleet: str) -> Summary:
         from msggen.recordings.fleet import KEYS, update
         from msggen.recordings.fleet.ledger import FleetError
         from msggen.recordings.fleet.run import pool_of
-        from msggen.recordings.source import RecordingError
+        from msggen.recordings.source.source import RecordingError
 
         if options.dask:
             import distributed  # noqa: F401

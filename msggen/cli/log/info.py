@@ -8,6 +8,8 @@ from collections.abc import Iterator, Sequence
 from datetime import datetime, timezone
 from typing import TYPE_CHECKING, Any
 
+from msggen.base.diagnostics import counted, printable
+from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.cli.log.arguments import CODES, add_file
 from msggen.cli.log.contents import contents_of
 from msggen.cli.log.fields import field_objects, print_fields
@@ -19,15 +21,12 @@ from msggen.cli.log.opening import (
 )
 from msggen.cli.log.progress import busy_bar
 from msggen.cli.options import Commands, add_command, add_shared, non_empty
-from msggen.cli.printing import number_of_bytes
-from msggen.cli.topic.tables import print_table
-from msggen.diagnostics import counted, printable
-from msggen.exit_codes import DONE, FINDINGS
-from msggen.report.json import dump
+from msggen.cli.printing import number_of_bytes, print_table
+from msggen.show.report.json import dump
 
 if TYPE_CHECKING:
     from msggen.recordings import Log, Topic
-    from msggen.recordings.source import Checksums, Facts
+    from msggen.recordings.source.source import Checksums, Facts
 
 _BAD = ("emergency", "alert", "critical", "error", "warning")
 """The levels of texts that are counted."""

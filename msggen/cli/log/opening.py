@@ -10,15 +10,15 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from msggen.base.diagnostics import counted, input_error, printable
+from msggen.base.disk.names import path_hint
+from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.cli.log.arguments import asked_time, refuse_files, swapped_hint
 from msggen.cli.log.progress import busy_bar, progress_bar
 from msggen.cli.options import check_parent
 from msggen.cli.packages import missing_extra
 from msggen.cli.printing import number_of_bytes
-from msggen.diagnostics import counted, input_error, printable
-from msggen.disk.path_hint import path_hint
-from msggen.exit_codes import DONE, FINDINGS
-from msggen.report.json import dump
+from msggen.show.report.json import dump
 
 if TYPE_CHECKING:
     from msggen.recordings import Log, Problem
@@ -31,7 +31,7 @@ def opened(options: argparse.Namespace, path: str) -> Iterator[Log]:
     try:
         from msggen import recordings
         from msggen.recordings import RecordingError
-        from msggen.recordings.source import UnknownFieldError
+        from msggen.recordings.source.source import UnknownFieldError
 
         import_needed()
     except ImportError as error:

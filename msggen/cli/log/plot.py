@@ -7,21 +7,21 @@ import os
 import sys
 from typing import TYPE_CHECKING, Any
 
+from msggen.base.diagnostics import few, input_error, printable
+from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.cli.log.arguments import CODES, add_file, add_times, asked_time, convert_times
 from msggen.cli.log.opening import opened, print_notes, print_problems
 from msggen.cli.log.progress import busy_bar
 from msggen.cli.options import Commands, add_command, add_shared, check_parent, local_path, non_empty, refuse
 from msggen.cli.packages import missing_extra
 from msggen.cli.printing import number_of_bytes
-from msggen.diagnostics import few, input_error, printable
-from msggen.exit_codes import DONE, FINDINGS
-from msggen.recordings.paths import stem_of
+from msggen.recordings.files.paths import stem_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from msggen.recordings.log import Log
-    from msggen.recordings.plot import Series
+    from msggen.recordings.log.log import Log
+    from msggen.recordings.log.plot import Series
 
 _WINDOWLESS = ("agg", "cairo", "pdf", "pgf", "ps", "svg", "template")
 """The backends of matplotlib that cannot show a window."""
@@ -59,7 +59,7 @@ def _plot(options: argparse.Namespace) -> int:
     try:
         import matplotlib as mpl
 
-        from msggen.recordings import plot
+        from msggen.recordings.log import plot
     except ImportError as error:
         raise missing_extra(error, "plot", "R102") from None
     if os.path.isfile("matplotlibrc"):
@@ -89,7 +89,7 @@ def _plot(options: argparse.Namespace) -> int:
 
 def _read(options: argparse.Namespace, log: Log) -> tuple[Sequence[Series], Sequence[str]]:
     """Return the fields that have samples, and the paths of the others. Raises RecordingError."""
-    from msggen.recordings import plot
+    from msggen.recordings.log import plot
 
     try:
         return plot.read_series(log, options.fields, start=options.start, stop=options.stop), ()
@@ -104,8 +104,8 @@ def _has_display() -> bool:
 
 
 def _write(options: argparse.Namespace, log: Log, series: Sequence[Series], ending: str) -> None:
-    from msggen.disk.staging import written_aside
-    from msggen.recordings import plot
+    from msggen.base.disk.staging import written_aside
+    from msggen.recordings.log import plot
 
     picture = plot.render(_drawn(options, log, series), ending)
     try:
@@ -125,6 +125,6 @@ def _show(options: argparse.Namespace, log: Log, series: Sequence[Series]) -> No
 
 
 def _drawn(options: argparse.Namespace, log: Log, series: Sequence[Series], figure: Any = None) -> Any:
-    from msggen.recordings import plot
+    from msggen.recordings.log import plot
 
     return plot.draw_series(log, series, start=options.start, stop=options.stop, figure=figure)

@@ -9,8 +9,8 @@ from contextlib import contextmanager
 from threading import Timer
 from typing import TYPE_CHECKING, Any, Protocol
 
-from msggen.diagnostics import printable
-from msggen.foreign import guard_output, unguarded, without_commands
+from msggen.base.diagnostics import printable
+from msggen.base.foreign import guard_output, unguarded, without_commands
 
 if TYPE_CHECKING:
     import argparse

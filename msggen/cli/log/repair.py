@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import argparse
 
+from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.cli.log.arguments import add_file, add_output
 from msggen.cli.log.opening import opened, written
 from msggen.cli.log.targets import check_mcap
 from msggen.cli.options import FAILED_CODES, Commands, add_command
-from msggen.exit_codes import DONE, FINDINGS
-from msggen.recordings.paths import stem_of
+from msggen.recordings.files.paths import stem_of
 
 
 def add_to(actions: Commands) -> None:

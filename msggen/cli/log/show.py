@@ -11,18 +11,18 @@ from itertools import islice
 from math import inf
 from typing import TYPE_CHECKING, Any
 
+from msggen.base.diagnostics import printable, suggestion
+from msggen.base.exit_codes import DONE, FINDINGS
+from msggen.base.foreign import Styled, safe_json
 from msggen.cli.log.arguments import CODES, add_fields, add_file, add_times, asked_time, convert_times
 from msggen.cli.log.opening import opened, print_notes, print_problems
 from msggen.cli.options import Commands, add_command, add_shared, non_empty, refuse
 from msggen.cli.values import convert_values, whole
-from msggen.diagnostics import printable, suggestion
-from msggen.exit_codes import DONE, FINDINGS
-from msggen.foreign import Styled, safe_json
-from msggen.report.json import dump
+from msggen.show.report.json import dump
 
 if TYPE_CHECKING:
     from msggen.recordings import Log, Samples, Topic
-    from msggen.recordings.source import Facts
+    from msggen.recordings.source.source import Facts
 
 _MOST = 10**9
 _PIECE = 50_000
@@ -125,7 +125,7 @@ def _topic(options: argparse.Namespace, log: Log) -> Topic:
 
     `--instance 1` and `sensor_gps[1]` are the same.
     """
-    from msggen.recordings.choice import split_instance
+    from msggen.recordings.topics.choice import split_instance
 
     name, dot, field = options.topic.partition(".")
     if dot and field and options.topic not in log:

@@ -6,7 +6,7 @@ import argparse
 import os
 
 from msggen.cli.options import refuse
-from msggen.recordings.paths import stem_of
+from msggen.recordings.files.paths import stem_of
 
 _MCAP = ".mcap"
 _FORMATS = {".csv": "csv", ".parquet": "parquet", ".arrow": "arrow", ".feather": "arrow", ".db3": "rosbag2"}

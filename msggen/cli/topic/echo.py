@@ -9,14 +9,14 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from msggen.base.diagnostics import counted
+from msggen.base.exit_codes import DONE, FINDINGS
+from msggen.base.foreign import Styled
 from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, non_empty, refuse
 from msggen.cli.topic.naming import add_topic, published
 from msggen.cli.values import convert_values, positive
 from msggen.cli.watching import add_limits, convert_limits, rounds, watching
-from msggen.diagnostics import counted
-from msggen.exit_codes import DONE, FINDINGS
-from msggen.foreign import Styled
 
 if TYPE_CHECKING:
     from msggen.live import Subscription, Vehicle

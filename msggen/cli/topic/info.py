@@ -7,12 +7,12 @@ from collections.abc import Iterator
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
+from msggen.base.exit_codes import DONE
 from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.options import Commands, add_command, add_shared
+from msggen.cli.printing import print_table
 from msggen.cli.topic.naming import add_topic, topic_of
-from msggen.cli.topic.tables import print_table
-from msggen.exit_codes import DONE
-from msggen.report.json import dump
+from msggen.show.report.json import dump
 
 if TYPE_CHECKING:
     from msggen.live.messages.lookup import Named

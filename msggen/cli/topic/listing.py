@@ -8,18 +8,17 @@ import sys
 import time
 from typing import TYPE_CHECKING, Any
 
+from msggen.base.exit_codes import DONE
 from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.options import Commands, add_command, add_shared, non_empty, refuse
-from msggen.cli.printing import number_of_bytes
-from msggen.cli.topic.tables import finite, print_table
+from msggen.cli.printing import finite, number_of_bytes, print_table
 from msggen.cli.values import convert_values, positive
 from msggen.cli.watching import add_window
-from msggen.exit_codes import DONE
-from msggen.report.json import dump
+from msggen.show.report.json import dump
 
 if TYPE_CHECKING:
     from msggen.live.messages.lookup import Named
-    from msggen.live.meter import Flow
+    from msggen.live.vehicle.meter import Flow
 
 _ENDED = 5.0
 """After how many times the time between samples a topic has ended."""
@@ -93,7 +92,7 @@ def _list(options: argparse.Namespace) -> int:
 
 def _flows(options: argparse.Namespace, found: Connection) -> dict[str, Flow]:
     """Listen for a while, and return what was heard by topic."""
-    from msggen.live.meter import Meter
+    from msggen.live.vehicle.meter import Meter
 
     meter = Meter(options.window)
     print(f"listening for {options.window:g} s", file=sys.stderr, flush=True)

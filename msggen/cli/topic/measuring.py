@@ -8,21 +8,20 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from msggen.base.exit_codes import DONE
+from msggen.base.foreign import Styled
 from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
-from msggen.cli.printing import number_of_bytes
+from msggen.cli.printing import finite, number_of_bytes, print_table
 from msggen.cli.topic.naming import add_topics, published
-from msggen.cli.topic.tables import finite, print_table
 from msggen.cli.values import convert_values, positive
 from msggen.cli.watching import add_limits, add_window, convert_limits, rounds, watching
-from msggen.exit_codes import DONE
-from msggen.foreign import Styled
-from msggen.report.json import dump
+from msggen.show.report.json import dump
 
 if TYPE_CHECKING:
     from msggen.live.link import Route
     from msggen.live.messages.packages import Message
-    from msggen.live.watch import Watcher
+    from msggen.live.vehicle.watch import Watcher
 
 _PERIOD = 1.0
 _CODES = f"Exit codes: 0 done, or ended by Ctrl-C, {FAILED_CODES}"
@@ -66,7 +65,7 @@ class _Rates(_Measure):
     """The values of a row, and the fields of Flow that have them."""
 
     def __init__(self, options: argparse.Namespace, _: Connection) -> None:
-        from msggen.live.meter import Meter
+        from msggen.live.vehicle.meter import Meter
 
         self.watcher = self._meter = Meter(options.window)
 
@@ -116,8 +115,8 @@ class _Delays(_Measure):
     heads = ("topic", "field", "delay", "min", "max", "std dev", "window")
 
     def __init__(self, options: argparse.Namespace, found: Connection) -> None:
-        from msggen.live.delay import Delays
         from msggen.live.messages.lookup import endpoint_at
+        from msggen.live.vehicle.delay import Delays
 
         def message_of(route: Route) -> type[Message] | None:
             endpoint = endpoint_at(found.package, route.name)

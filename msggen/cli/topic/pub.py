@@ -10,14 +10,14 @@ from contextlib import suppress
 from types import ModuleType
 from typing import TYPE_CHECKING
 
+from msggen.base.diagnostics import counted
+from msggen.base.exit_codes import DONE
 from msggen.cli.link import add_link, connection, given_package
 from msggen.cli.message import Values, add_values, read_values, settle
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, non_empty, refuse
 from msggen.cli.topic.naming import SPELLINGS_IN, add_topic
 from msggen.cli.values import convert_values, positive
 from msggen.cli.watching import add_limits, convert_limits, watching
-from msggen.diagnostics import counted
-from msggen.exit_codes import DONE
 
 if TYPE_CHECKING:
     from msggen.live.link import Route

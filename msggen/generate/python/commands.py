@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
+from msggen.definitions.model import Catalog, Message
+from msggen.definitions.parse.parameters import PREFIX, Parameter, commands, description, parameters
 from msggen.generate.python.formatting import documentation, literal, long_literal
 from msggen.generate.python.message import message_class
 from msggen.generate.python.names import free_name
-from msggen.model import Catalog, Message
-from msggen.parse.parameters import PREFIX, Parameter, commands, description, parameters
 
 _MESSAGE = "VehicleCommand"
 _EXAMPLE = "NAV_TAKEOFF"

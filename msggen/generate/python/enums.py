@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping
 from typing import NamedTuple
 
-from msggen.enumeration import Enumeration, enumerations
+from msggen.definitions.enumeration import Enumeration, enumerations
+from msggen.definitions.model import Message
 from msggen.generate.python.formatting import documentation
 from msggen.generate.python.names import enum_names, member_names
-from msggen.model import Message
 
 
 class EnumMember(NamedTuple):

@@ -11,7 +11,7 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 
-from msggen.text.words import paragraphs
+from msggen.generate.text.words import paragraphs
 
 _DANGEROUS_QUOTES = re.compile(r'"{2,}|"$')
 

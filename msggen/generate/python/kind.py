@@ -5,8 +5,8 @@ from __future__ import annotations
 from enum import Enum
 from functools import lru_cache
 
-from msggen.model import ArrayKind, FieldType
-from msggen.primitives import OCTETS, STRINGS
+from msggen.definitions.model import ArrayKind, FieldType
+from msggen.definitions.primitives import OCTETS, STRINGS
 
 ARRAY_FROM = 16
 """The length from which fixed arrays of numbers are held as array.array (docs/design.md has the measurements)."""

@@ -8,6 +8,11 @@ from operator import attrgetter
 from textwrap import wrap
 from typing import NamedTuple
 
+from msggen.definitions.identity import message_hash, type_hash
+from msggen.definitions.layout import Encoding, Layout, Leaf, is_static, lay_out, struct_format, struct_size
+from msggen.definitions.model import ArrayKind, Catalog, Comment, Field, FieldType, Message
+from msggen.definitions.primitives import PRIMITIVES
+from msggen.definitions.tags import UNIT
 from msggen.generate.python.enums import EnumClass, enum_classes
 from msggen.generate.python.formatting import documentation, literal, long_literal, wrapped
 from msggen.generate.python.kind import Kind, kind_of
@@ -15,11 +20,6 @@ from msggen.generate.python.names import attribute_names, class_name, module_nam
 from msggen.generate.python.static_codec import Codec, as_tuple
 from msggen.generate.python.stream_codec import Function, functions_of
 from msggen.generate.python.versions import AdjacentVersion, adjacent_versions
-from msggen.identity import message_hash, type_hash
-from msggen.layout import Encoding, Layout, Leaf, is_static, lay_out, struct_format, struct_size
-from msggen.model import ArrayKind, Catalog, Comment, Field, FieldType, Message
-from msggen.primitives import PRIMITIVES
-from msggen.tags import UNIT
 
 SPELLED_OUT_TO = 4
 """Tuples up to this length are spelled out in annotations."""

@@ -8,12 +8,12 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from msggen.enumeration import Enumeration, enumerations
+from msggen.definitions.enumeration import Enumeration, enumerations
+from msggen.definitions.identity import endpoints
+from msggen.definitions.model import Catalog, Message
+from msggen.definitions.parse.parameters import PREFIX, commands, parameters
 from msggen.generate.python.commands import command_message
 from msggen.generate.python.names import member_names
-from msggen.identity import endpoints
-from msggen.model import Catalog, Message
-from msggen.parse.parameters import PREFIX, commands, parameters
 
 
 def name_table(catalog: Catalog) -> str:

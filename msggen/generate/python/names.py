@@ -12,10 +12,10 @@ from functools import lru_cache
 from importlib.util import module_from_spec, spec_from_file_location
 from types import ModuleType
 
-from msggen.disk.resources import template_path
-from msggen.enumeration import Enumeration
-from msggen.identity import Endpoint
-from msggen.model import Message, Service, snake_case
+from msggen.base.disk.resources import template_path
+from msggen.definitions.enumeration import Enumeration
+from msggen.definitions.identity import Endpoint
+from msggen.definitions.model import Message, Service, snake_case
 
 _OF_TEMPLATE = ("classmethod", "downgrade", "self", "upgrade")
 """The names that the template of a class uses or defines, in addition to the members of the base class."""

@@ -8,8 +8,14 @@ from functools import cached_property, lru_cache, partial
 from operator import attrgetter
 from typing import TYPE_CHECKING, NamedTuple
 
-from msggen.diagnostics import Diagnostic, InputError
-from msggen.disk.resources import module_text, template_text
+from msggen.base.diagnostics import Diagnostic, InputError
+from msggen.base.disk.resources import module_text, template_text
+from msggen.base.location import Location
+from msggen.definitions.identity import Endpoint, endpoint_versions, endpoints, uorb_topics
+from msggen.definitions.layout import is_static
+from msggen.definitions.model import Catalog, Message, Service
+from msggen.definitions.model import Direction as BridgeDirection
+from msggen.definitions.tags import ATTRIBUTES
 from msggen.generate.python.commands import command_classes, example, has_commands
 from msggen.generate.python.formatting import (
     arguments,
@@ -24,13 +30,7 @@ from msggen.generate.python.message import message_class
 from msggen.generate.python.name_table import name_table
 from msggen.generate.python.names import class_name, endpoint_attributes, member_names, module_name
 from msggen.generate.python.versions import translation_table
-from msggen.identity import Endpoint, endpoint_versions, endpoints, uorb_topics
-from msggen.layout import is_static
-from msggen.location import Location
-from msggen.model import Catalog, Message, Service
-from msggen.model import Direction as BridgeDirection
-from msggen.tags import ATTRIBUTES
-from msggen.text.environment import make_environment
+from msggen.generate.text.environment import make_environment
 
 if TYPE_CHECKING:
     import jinja2
@@ -305,7 +305,7 @@ FILES = (
         lambda package: _render("translations", table=translation_table(package.catalog)),
         _HAS_VERSIONS,
     ),
-    _File("unit.py", lambda _: module_text("unit.py")),
+    _File("unit.py", lambda _: module_text("definitions/unit.py")),
     _support("units.py"),
     _support("versions.py", _HAS_VERSIONS),
 )

@@ -14,11 +14,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
+from msggen.definitions.model import ArrayKind, Catalog, FieldType, Message
+from msggen.definitions.primitives import PRIMITIVES
 from msggen.generate.python.formatting import joined_by, literal
 from msggen.generate.python.kind import Kind, kind_of
 from msggen.generate.python.names import attribute_names
-from msggen.model import ArrayKind, Catalog, FieldType, Message
-from msggen.primitives import PRIMITIVES
 
 ClassOf = Callable[[Message], str]
 """A function that returns the class name of a message in the module that nests it."""

@@ -11,12 +11,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from msggen.definitions.model import ArrayKind, Catalog, FieldType, Message, snake_case
+from msggen.definitions.primitives import PRIMITIVES, STRINGS
 from msggen.generate.python.formatting import literal
 from msggen.generate.python.kind import Kind, kind_of
 from msggen.generate.python.names import attribute_names
 from msggen.generate.python.static_codec import ClassOf, Names, Values
-from msggen.model import ArrayKind, Catalog, FieldType, Message, snake_case
-from msggen.primitives import PRIMITIVES, STRINGS
 
 _TAKEN = frozenset({"bytes", "message", "data", "parts", "at", "wire", "run", "error", "len", "name", "tuple", "type"})
 

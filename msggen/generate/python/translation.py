@@ -9,20 +9,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from itertools import chain, pairwise
 from typing import NamedTuple
 
-from msggen.generate.python.names import attribute_names
-from msggen.generate.python.translation_rules import (
-    EACH,
-    Computed,
-    Copied,
-    Part,
-    Rule,
-    Unread,
-    element_slice,
-    places_of,
-)
-from msggen.generate.python.translation_values import BOOL, FLOAT, INTEGER, KINDS, UnclearError, fitted, kind_of_value
-from msggen.model import ArrayKind, Catalog, Field, Message
-from msggen.translation import (
+from msggen.definitions.model import ArrayKind, Catalog, Field, Message
+from msggen.definitions.translation import (
     CHOICE,
     Assignment,
     Branch,
@@ -35,6 +23,18 @@ from msggen.translation import (
     Statement,
     Step,
 )
+from msggen.generate.python.names import attribute_names
+from msggen.generate.python.translation_rules import (
+    EACH,
+    Computed,
+    Copied,
+    Part,
+    Rule,
+    Unread,
+    element_slice,
+    places_of,
+)
+from msggen.generate.python.translation_values import BOOL, FLOAT, INTEGER, KINDS, UnclearError, fitted, kind_of_value
 
 _ZEROS: Mapping[str, bool | float] = {BOOL: False, INTEGER: 0, FLOAT: 0.0}
 _MAX_SIZE = 500

@@ -8,9 +8,9 @@ from contextlib import suppress
 from struct import pack, unpack
 from typing import NamedTuple
 
+from msggen.definitions.model import ArrayKind, FieldType, Value
+from msggen.definitions.translation import CHOICE, PREDICATES, Expression, Number, Operation, Place
 from msggen.generate.python.formatting import joined_by, literal, wrapped
-from msggen.model import ArrayKind, FieldType, Value
-from msggen.translation import CHOICE, PREDICATES, Expression, Number, Operation, Place
 
 EACH = "i"
 """The variable for the index of an element in the value of a part."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from struct import pack, unpack
 
-from msggen.model import Field, FieldType
-from msggen.primitives import FLOATS, INTEGERS, PRIMITIVES
-from msggen.translation import CHOICE, PREDICATES, Expression, Number, Operation, Place
+from msggen.definitions.model import Field, FieldType
+from msggen.definitions.primitives import FLOATS, INTEGERS, PRIMITIVES
+from msggen.definitions.translation import CHOICE, PREDICATES, Expression, Number, Operation, Place
 
 BOOL, INTEGER, FLOAT = "bool", "integer", "float"
 KINDS = {"bool": BOOL, **dict.fromkeys(INTEGERS, INTEGER), **dict.fromkeys(FLOATS, FLOAT)}

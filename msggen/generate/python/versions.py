@@ -6,14 +6,14 @@ from collections.abc import Iterable, Iterator
 from itertools import pairwise
 from typing import NamedTuple
 
+from msggen.definitions.model import DEFAULT_PACKAGE, Catalog, Message
 from msggen.generate.python.formatting import literal, wrapped
 from msggen.generate.python.names import class_name, module_name
-from msggen.model import DEFAULT_PACKAGE, Catalog, Message
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from msggen.definitions.translation import Statement
     from msggen.generate.python.translation_rules import Rule
-    from msggen.translation import Statement
 
 
 class Conversion(NamedTuple):

@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping
 from typing import NamedTuple
 from urllib.parse import parse_qsl, unquote
 
-from msggen.diagnostics import suggestion
+from msggen.base.diagnostics import suggestion
 from msggen.live.link import LinkError
 
 FORMS = {

@@ -15,7 +15,7 @@ from contextlib import suppress
 from queue import Empty, SimpleQueue
 from typing import Any
 
-from msggen.interpreter import command_of
+from msggen.base.interpreter import command_of
 from msggen.live.link import LinkError, Listener, Remote, Route, Service, Statistics
 from msggen.live.links.address import Address
 from msggen.live.links.guard import Guard

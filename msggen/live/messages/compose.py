@@ -8,7 +8,7 @@ from importlib import import_module
 from operator import or_
 from typing import TYPE_CHECKING, Any
 
-from msggen.diagnostics import suggestion
+from msggen.base.diagnostics import suggestion
 from msggen.live.messages.packages import package_of_class
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ import struct
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
-from msggen.diagnostics import suggestion
+from msggen.base.diagnostics import suggestion
 from msggen.live.messages.places import Enum, Place, PlaceError, place_of, places_of, text_of
 
 if TYPE_CHECKING:

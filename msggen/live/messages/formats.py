@@ -10,7 +10,7 @@ from itertools import chain
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
-from msggen.foreign import csv_text, escaped, safe_json
+from msggen.base.foreign import csv_text, escaped, safe_json
 from msggen.live.messages.places import Enum, Place, place_of, places_of, text_of
 
 if TYPE_CHECKING:

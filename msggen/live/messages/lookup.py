@@ -7,8 +7,7 @@ from collections.abc import Iterable, Sequence
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from msggen.live.errors import TopicError
-from msggen.live.link import Route
+from msggen.live.link import Route, TopicError
 from msggen.live.messages.names import is_named_after, is_topic, stem_of
 from msggen.live.messages.packages import endpoint_of
 

@@ -10,8 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, Protocol, TypeAlias, TypeVar
 
-from msggen.live.errors import FormatError, TopicError
-from msggen.live.link import Route
+from msggen.live.link import FormatError, Route, TopicError
 from msggen.live.messages.names import is_named_after, stem_of, version_of
 
 if TYPE_CHECKING:

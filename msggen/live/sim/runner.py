@@ -7,11 +7,13 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, Protocol
 
 from msggen.live.link import LinkError
 from msggen.live.links.address import Address
-from msggen.live.sim.transport import Transport, open_transport
+from msggen.live.sim.transport import DEFAULT_ADDRESS, Transport, open_transport, read_address
+from msggen.live.sim.vehicle import Options, SimulatedVehicle
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -157,3 +159,26 @@ class Runner:
         for transport in self._transports:
             transport.close()
         self._transports.clear()
+
+
+class Simulator(Runner):
+    """Vehicles that connect to one agent.
+
+        with Simulator(px4_types, "udp://127.0.0.1:8888") as simulator:
+            ...  # the vehicles run in a thread
+
+        Simulator(px4_types).serve(10.0)  # in this thread, for 10 s
+
+    `vehicles` tells their state. It changes while the thread runs.
+    """
+
+    def __init__(
+        self, package: ModuleType, address: str = DEFAULT_ADDRESS, options: Sequence[Options] = (Options(),)
+    ) -> None:
+        """Open the connections of a vehicle for each of `options`.
+
+        `package` is a package that msggen generated. Raises ValueError for an address that is none, and LinkError if
+        it cannot be opened.
+        """
+        self.vehicles = tuple(SimulatedVehicle(package, each) for each in options)
+        super().__init__(self.vehicles, read_address(address))

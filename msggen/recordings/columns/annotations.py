@@ -14,16 +14,16 @@ from functools import lru_cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
-from msggen.enumeration import Enumeration, enum_by_name, enumerations
-from msggen.firmware.embedded import all_releases, nearest_first
-from msggen.firmware.inferred import unit_in_sentences
-from msggen.model import DEFAULT_PACKAGE, Comment, Field, InferredTag, Message
-from msggen.parse.definition import parse_message
+from msggen.definitions.enumeration import Enumeration, enum_by_name, enumerations
+from msggen.definitions.model import DEFAULT_PACKAGE, Comment, Field, InferredTag, Message
+from msggen.definitions.parse.definition import parse_message
+from msggen.definitions.tags import ENUM, INHERITED, UNIT
 from msggen.recordings.decode.schemas import Schema, SchemaError, read_schema
-from msggen.tags import ENUM, INHERITED, UNIT
+from msggen.sources.embedded import all_releases, nearest_first
+from msggen.sources.inferred import unit_in_sentences
 
 if TYPE_CHECKING:
-    from msggen.recordings.topic import Topic
+    from msggen.recordings.topics.topic import Topic
 
 _INDEX = re.compile(r"\[\d+\]")
 

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from msggen.diagnostics import suggestion
-from msggen.nesting import MAX_TOTAL
-from msggen.recordings.source import RecordingError, UnknownFieldError
+from msggen.base.diagnostics import suggestion
+from msggen.definitions.nesting import MAX_TOTAL
+from msggen.recordings.source.source import RecordingError, UnknownFieldError
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator

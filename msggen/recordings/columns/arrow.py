@@ -12,8 +12,8 @@ import re
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
-from msggen.model import ArrayKind, FieldType, Message
-from msggen.primitives import PRIMITIVES
+from msggen.definitions.model import ArrayKind, FieldType, Message
+from msggen.definitions.primitives import PRIMITIVES
 from msggen.recordings.columns.annotations import Annotation, annotation_of
 from msggen.recordings.decode.schemas import read_schema
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from msggen.recordings.decode.schemas import Schema
-    from msggen.recordings.topic import Topic
+    from msggen.recordings.topics.topic import Topic
 
     Clocks = tuple[NDArray[np.int64], NDArray[np.int64] | None]
     """Log times, and publish times if the format has them."""

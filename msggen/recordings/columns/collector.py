@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from msggen.recordings.resident import large_empty
-from msggen.recordings.samples import Samples
-from msggen.recordings.topic import Topic
+from msggen.recordings.columns.samples import Samples
+from msggen.recordings.source.memory import large_empty
+from msggen.recordings.topics.topic import Topic
 
 _FEW = 1024
 _MOST = 64 << 20

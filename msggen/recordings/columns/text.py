@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from msggen.foreign import escaped
+from msggen.base.foreign import escaped
 from msggen.live.messages.formats import quoted_text, shortest, yaml_number
 from msggen.recordings.columns.annotations import UNKNOWN, Annotation, annotation_of, annotations_of, without_indices
 from msggen.recordings.decode.schemas import SchemaError, read_schema
@@ -15,10 +15,10 @@ from msggen.recordings.decode.schemas import SchemaError, read_schema
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from msggen.model import Message
+    from msggen.definitions.model import Message
+    from msggen.recordings.columns.samples import Samples
     from msggen.recordings.decode.schemas import Schema
-    from msggen.recordings.samples import Samples
-    from msggen.recordings.topic import Topic
+    from msggen.recordings.topics.topic import Topic
 
 
 class Printer:

@@ -6,17 +6,17 @@ import errno
 import os
 from typing import TYPE_CHECKING
 
-from msggen.disk.staging import check_writable, clear, locked, stage_beside, staging_folder
-from msggen.recordings.choice import check_times, listed
+from msggen.base.disk.staging import check_writable, clear, locked, stage_beside, staging_folder
 from msggen.recordings.convert.selection import EVERYTHING, Converted, Selection
-from msggen.recordings.source import RecordingError
+from msggen.recordings.source.source import RecordingError
+from msggen.recordings.topics.choice import check_times, listed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Sequence
     from contextlib import AbstractContextManager
 
-    from msggen.recordings.log import Key, Log
-    from msggen.recordings.topic import Topic
+    from msggen.recordings.log.log import Key, Log
+    from msggen.recordings.topics.topic import Topic
 
 __all__ = ["EVERYTHING", "FORMATS", "TABLES", "Converted", "Selection", "convert", "join"]
 

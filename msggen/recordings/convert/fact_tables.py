@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 from msggen.recordings.convert.facts import between
 from msggen.recordings.convert.names import DROPOUTS, PARAMETERS, TEXTS
-from msggen.recordings.source import FOREVER
+from msggen.recordings.source.source import FOREVER
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from msggen.recordings.log import Log
-    from msggen.recordings.source import Facts
+    from msggen.recordings.log.log import Log
+    from msggen.recordings.source.source import Facts
 
 
 def fact_tables(log: Log, low: int, high: int) -> Iterator[tuple[str, Any]]:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from operator import itemgetter
 from typing import TYPE_CHECKING, TypeVar
 
-from msggen.recordings.origin import vehicle_of
+from msggen.recordings.log.origin import vehicle_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from msggen.recordings.source import Facts
+    from msggen.recordings.source.source import Facts
 
     _Value = TypeVar("_Value")
 

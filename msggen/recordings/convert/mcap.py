@@ -27,12 +27,12 @@ from mcap.records import (
 from mcap.records import Channel as ChannelRecord
 from mcap.writer import MCAP0_MAGIC
 
-from msggen import __version__
+from msggen.base.version import __version__
 from msggen.recordings.files.mcap_channels import IS_LENT
 from msggen.recordings.files.mcap_records import ATTACHMENT, METADATA, RECORD
-from msggen.recordings.gather import at, groups
-from msggen.recordings.qos import QOS, QOS_VERSION, numbered
-from msggen.recordings.source import RawSchema, RecordingError
+from msggen.recordings.files.qos import QOS, QOS_VERSION, numbered
+from msggen.recordings.source.gather import at, groups
+from msggen.recordings.source.source import RawSchema, RecordingError
 from msggen.recordings.writer import CHUNK
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from msggen.recordings.convert.payloads import Block
-    from msggen.recordings.source import Attached
+    from msggen.recordings.source.source import Attached
 
 _MESSAGE, _CHUNK, _MESSAGE_INDEX = 5, 6, 7
 _HEAD = np.dtype(

@@ -14,7 +14,7 @@ from msggen.live.messages.names import is_named_after, stem_of
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
-    from msggen.recordings.topic import Topic
+    from msggen.recordings.topics.topic import Topic
 
 PARAMETERS, TEXTS, DROPOUTS = "ulog_parameters", "ulog_texts", "ulog_dropouts"
 FACT_TABLES = (PARAMETERS, TEXTS, DROPOUTS)

@@ -9,22 +9,22 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from msggen.layout import lay_out
+from msggen.definitions.layout import lay_out
 from msggen.recordings.decode.layouts import USUAL, wire_of
 from msggen.recordings.decode.schemas import Schema, read_schema
-from msggen.recordings.gather import at
-from msggen.recordings.resident import Octets
+from msggen.recordings.source.gather import at
+from msggen.recordings.source.memory import Octets
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
-    from msggen.layout import Path
-    from msggen.recordings.rows import Layout
-    from msggen.recordings.samples import Samples
-    from msggen.recordings.source import Part
-    from msggen.recordings.topic import Topic
+    from msggen.definitions.layout import Path
+    from msggen.recordings.columns.samples import Samples
+    from msggen.recordings.source.rows import Layout
+    from msggen.recordings.source.source import Part
+    from msggen.recordings.topics.topic import Topic
 
 WAITING = 32 << 20
 """The bytes of samples that wait for earlier ones. Formats write samples at most a few MB out of order."""

@@ -4,28 +4,31 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import replace
+from functools import lru_cache
 from hashlib import sha256
 from itertools import chain
 from typing import TYPE_CHECKING, NamedTuple
 
-from msggen.diagnostics import counted, few
+from msggen.base.diagnostics import counted, few
 from msggen.recordings.convert.facts import between, joined, shifted
 from msggen.recordings.convert.mcap import McapWriter, Target
 from msggen.recordings.convert.payloads import blocks_of_parts, blocks_of_ulog, merged, ordered
 from msggen.recordings.convert.selection import Converted, Selection, Share
 from msggen.recordings.convert.types import TypeNames
 from msggen.recordings.convert.ulog import blocks_of_texts
-from msggen.recordings.definitions.restored import restored
-from msggen.recordings.metadata import LENT, NAMES, records_of
-from msggen.recordings.source import NO_FACTS, Problem, RecordingError
+from msggen.recordings.decode.schemas import content_of, read_schema
+from msggen.recordings.files.metadata import LENT, NAMES, records_of
+from msggen.recordings.source.source import NO_FACTS, SEPARATOR, Problem, RecordingError
+from msggen.sources.embedded import all_releases, nearest_first
+from msggen.sources.released import Released, released_as
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from msggen.recordings.convert.payloads import Block
-    from msggen.recordings.log import Key, Log
-    from msggen.recordings.source import Facts
-    from msggen.recordings.topic import Topic
+    from msggen.recordings.log.log import Key, Log
+    from msggen.recordings.source.source import Facts
+    from msggen.recordings.topics.topic import Topic
 
 _OURS = ("rosbag2", *NAMES)
 """The names of metadata records that are not copied, but written anew."""
@@ -291,3 +294,31 @@ def _blocks(each: _Input, selection: Selection, channels: _Channels) -> Iterator
     topics = [topic for topic in each.topics if topic.definition]
     channels.reserve(topics)
     yield from blocks_of_ulog(each.log.batches(topics, **limits), channels.of_ulog, offset)
+
+
+@lru_cache(1024)
+def restored(ros_type: str, definition: str, firmware: str) -> str:
+    """Return the text of an embedded release with the same fields in its own order, "" if none has them.
+
+    `firmware` is the version that the log tells (`v1.16.1`), or "". Of several releases with these fields, the nearest
+    one is taken, or the newest one, because their constants differ. Raises SchemaError.
+    """
+    schema = read_schema(ros_type, definition)
+    content = content_of(schema.catalog, schema.message)
+    for release in nearest_first(firmware):
+        found = _in_release(release, schema.message.package, schema.message.name)
+        if found is not None and content_of(*found) == content:
+            return _text(release, found)
+    return ""
+
+
+def _text(release: str, found: Released) -> str:
+    """Return a definition with its comments and constants, and those that it nests."""
+    texts = {each.key: all_releases().file(release, f"{each.name}.msg")[1] for each in found.catalog.messages.values()}
+    own = texts.pop(found.message.key)
+    return own + "".join(f"{SEPARATOR}\nMSG: {key}\n{text}" for key, text in texts.items())
+
+
+@lru_cache(1024)
+def _in_release(release: str, package: str, name: str) -> Released | None:
+    return released_as(all_releases(), release, name, package)

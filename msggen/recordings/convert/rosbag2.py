@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from msggen.recordings.convert.mcap import McapWriter
     from msggen.recordings.convert.selection import Selection
-    from msggen.recordings.log import Log
+    from msggen.recordings.log.log import Log
 
 _VERSION = 8
 """The version of the metadata, in which qualities of service are numbers, as `offered_qos_profiles` of our channels."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from msggen.recordings.source import FOREVER
+from msggen.recordings.source.source import FOREVER
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Sequence
@@ -12,9 +12,9 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from msggen.recordings.log import Key
-    from msggen.recordings.source import Problem
-    from msggen.recordings.topic import Topic
+    from msggen.recordings.log.log import Key
+    from msggen.recordings.source.source import Problem
+    from msggen.recordings.topics.topic import Topic
 
 _LONGEST = FOREVER / 1e9
 """The longest time in s."""

@@ -9,9 +9,9 @@ from contextlib import ExitStack
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from msggen.diagnostics import suggestion
-from msggen.foreign import csv_text, safe_json
-from msggen.nesting import MAX_TOTAL
+from msggen.base.diagnostics import suggestion
+from msggen.base.foreign import csv_text, safe_json
+from msggen.definitions.nesting import MAX_TOTAL
 from msggen.recordings.columns.arrays import count_of, has_field, names_of
 from msggen.recordings.columns.arrow import table_of
 from msggen.recordings.columns.collector import Collector
@@ -19,15 +19,15 @@ from msggen.recordings.columns.text import json_value
 from msggen.recordings.convert.fact_tables import fact_tables
 from msggen.recordings.convert.names import file_names
 from msggen.recordings.convert.selection import Converted, Selection, Share
-from msggen.recordings.source import Problem, UnknownFieldError
+from msggen.recordings.source.source import Problem, UnknownFieldError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
     from typing import IO
 
-    from msggen.recordings.log import Log
-    from msggen.recordings.samples import Samples
-    from msggen.recordings.topic import Topic
+    from msggen.recordings.columns.samples import Samples
+    from msggen.recordings.log.log import Log
+    from msggen.recordings.topics.topic import Topic
 
 _TIME = "timestamp"
 _WAITING = 64 << 20

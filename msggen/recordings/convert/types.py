@@ -7,13 +7,13 @@ from functools import lru_cache, partial
 from itertools import count
 from typing import TYPE_CHECKING
 
-from msggen.identity import type_hash
+from msggen.definitions.identity import type_hash
 from msggen.recordings.decode.schemas import SchemaError, key_of, read_schema
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from msggen.recordings.topic import Topic
+    from msggen.recordings.topics.topic import Topic
 
 
 class TypeNames:

@@ -11,14 +11,14 @@ import numpy as np
 from msggen.recordings.convert.mcap import Target
 from msggen.recordings.convert.payloads import Block
 from msggen.recordings.decode.layouts import USUAL
-from msggen.recordings.source import SEPARATOR
+from msggen.recordings.source.source import SEPARATOR
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from msggen.recordings.convert.selection import Selection
-    from msggen.recordings.log import Log
-    from msggen.recordings.source import Text
+    from msggen.recordings.log.log import Log
+    from msggen.recordings.source.source import Text
 
 _ROSOUT = Target(
     "/rosout",

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from msggen.recordings.decode import values
 from msggen.recordings.decode.layouts import ENCODINGS, HEADER, USUAL, layout_of, wire_of
-from msggen.recordings.rows import Layout
 from msggen.recordings.decode.left_out import Missing, leave_out
 from msggen.recordings.decode.schemas import SchemaError, read_schema
-from msggen.recordings.gather import at
-from msggen.recordings.resident import Octets
-from msggen.recordings.source import Channel, Part
+from msggen.recordings.source.gather import at
+from msggen.recordings.source.memory import Octets
+from msggen.recordings.source.rows import Layout
+from msggen.recordings.source.source import Channel, Part
 
 Rows = NDArray[Any]
 DECODED = ("cdr", "ulog")

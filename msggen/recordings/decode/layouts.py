@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from msggen.layout import DelimiterHeader, Encoding, Leaf, lay_out
-from msggen.model import ArrayKind
-from msggen.primitives import PRIMITIVES
+from msggen.definitions.layout import DelimiterHeader, Encoding, Leaf, lay_out
+from msggen.definitions.model import ArrayKind
+from msggen.definitions.primitives import PRIMITIVES
 from msggen.recordings.decode.schemas import Schema, read_schema
-from msggen.recordings.rows import Layout, bools_at, joined
+from msggen.recordings.source.rows import Layout, bools_at, joined
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence

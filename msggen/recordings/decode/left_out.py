@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from msggen.recordings.source import Problem
+from msggen.recordings.source.source import Problem
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

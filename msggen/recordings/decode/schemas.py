@@ -8,14 +8,14 @@ from functools import cached_property, lru_cache
 from itertools import chain
 from typing import TYPE_CHECKING
 
-from msggen.diagnostics import Level
-from msggen.identity import message_hash, type_hash
-from msggen.layout import is_static
-from msggen.model import Catalog, Conventions, Message
-from msggen.nesting import Extent, cycles, too_large
-from msggen.parse.definition import parse_message
-from msggen.primitives import OCTETS
-from msggen.recordings.source import SEPARATOR
+from msggen.base.diagnostics import Level
+from msggen.definitions.identity import message_hash, type_hash
+from msggen.definitions.layout import is_static
+from msggen.definitions.model import Catalog, Conventions, Message
+from msggen.definitions.nesting import Extent, cycles, too_large
+from msggen.definitions.parse.definition import parse_message
+from msggen.definitions.primitives import OCTETS
+from msggen.recordings.source.source import SEPARATOR
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

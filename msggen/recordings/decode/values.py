@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from msggen.layout import Encoding, is_static, padding_before
-from msggen.model import ArrayKind, Field, Message
-from msggen.primitives import PRIMITIVES
+from msggen.definitions.layout import Encoding, is_static, padding_before
+from msggen.definitions.model import ArrayKind, Field, Message
+from msggen.definitions.primitives import PRIMITIVES
 from msggen.recordings.decode.layouts import ENCODINGS, HEADER, SURPLUS
 
 if TYPE_CHECKING:

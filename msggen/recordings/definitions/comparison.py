@@ -9,15 +9,15 @@ from functools import lru_cache
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from msggen.compare.comparison import Comparison, Side
-from msggen.compare.rules import CHECKED, find
-from msggen.finding import Category, Finding, Reader
+from msggen.check.compare.comparison import Comparison, Side
+from msggen.check.compare.rules import CHECKED, find
+from msggen.check.finding import Category, Finding, Reader
+from msggen.definitions.model import Catalog
 from msggen.live.messages.packages import package_of_class, packages_of
-from msggen.model import Catalog
 from msggen.recordings.decode.schemas import Schema, SchemaError, content_of, hash_of, key_of, read_schema
 
 if TYPE_CHECKING:
-    from msggen.recordings.topic import Topic
+    from msggen.recordings.topics.topic import Topic
 
 _HASH = "RIHS01_"
 

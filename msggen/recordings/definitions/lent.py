@@ -15,15 +15,15 @@ from itertools import islice
 from types import ModuleType
 from typing import TYPE_CHECKING, NamedTuple
 
-from msggen.diagnostics import InputError, few
+from msggen.base.diagnostics import InputError, few
 from msggen.live.messages.names import version_of
 from msggen.live.messages.packages import classes_of, packages_of
 from msggen.recordings.decode.decoder import Decoder
 from msggen.recordings.decode.schemas import SchemaError, definition_of, read_schema, type_hash_of
-from msggen.recordings.source import Channel, Part, Source
+from msggen.recordings.source.source import Channel, Part, Source
 
 if TYPE_CHECKING:
-    from msggen.model import Catalog
+    from msggen.definitions.model import Catalog
 
 Definitions = ModuleType | str | os.PathLike[str]
 """A generated package; a folder of definitions or a firmware, as `msggen.read` takes it; or a release: "v1.17"."""
@@ -222,8 +222,8 @@ def _of_package(package: ModuleType) -> Lender:
 @lru_cache(16)
 def _of_catalog(source: str) -> Lender:
     """Return the definitions of a source of `msggen.read`. Raises InputError."""
-    from msggen.firmware.read import read
-    from msggen.live.firmware import releases
+    from msggen.live.vehicle.firmware import releases
+    from msggen.sources.read import read
 
     try:
         catalog = read(source, archived=True)
@@ -259,7 +259,7 @@ def _can_be_read(ros_type: str, definition: str) -> bool:
 
 def _releases(wanted: Sequence[_Wanted]) -> list[Lender]:
     """Return the embedded releases, the newest first, or none if they cannot have any of the types."""
-    from msggen.firmware.embedded import EMBEDDED
+    from msggen.sources.embedded import EMBEDDED
 
     has_any = any(each.channel.ros_type.startswith("px4_msgs/") for each in wanted)
     return [_of_catalog(release) for release in EMBEDDED] if has_any else []

@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
-from msggen.diagnostics import counted
-from msggen.firmware.embedded import EMBEDDED, all_releases
-from msggen.firmware.released import released_as
-from msggen.identity import type_hash
-from msggen.model import DEFAULT_PACKAGE
+from msggen.base.diagnostics import counted
+from msggen.definitions.identity import type_hash
+from msggen.definitions.model import DEFAULT_PACKAGE
 from msggen.recordings.decode.schemas import SchemaError, content_of, read_schema
+from msggen.sources.embedded import EMBEDDED, all_releases
+from msggen.sources.released import released_as
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from msggen.recordings.topic import Topic
+    from msggen.recordings.topics.topic import Topic
 
 _SHOWN = 3
 

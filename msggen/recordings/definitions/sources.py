@@ -5,45 +5,46 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from msggen.diagnostics import Diagnostic, input_error
-from msggen.firmware.catalog import COMPARABLE, read_catalog
-from msggen.firmware.file import File, read_file
-from msggen.firmware.sources import Sources, find_sources
-from msggen.firmware.tree import Snapshot
-from msggen.identity import type_hash
-from msggen.location import Location
-from msggen.model import DEFAULT_PACKAGE, Catalog, Message
+from msggen.base.diagnostics import Diagnostic, input_error
+from msggen.base.location import Location
+from msggen.definitions.identity import type_hash
+from msggen.definitions.model import DEFAULT_PACKAGE, Catalog, Message
 from msggen.recordings.decode.schemas import content_of, definitions_in, read_schema
 from msggen.recordings.definitions.comparison import is_of_ulog
+from msggen.sources.catalog import COMPARABLE, read_catalog
+from msggen.sources.file import File, read_file
+from msggen.sources.sources import Sources, find_sources
+from msggen.sources.tree import Snapshot
 
 if TYPE_CHECKING:
-    from msggen.recordings.log import Log
-    from msggen.recordings.topic import Topic
+    from collections.abc import Iterable
+
+    from msggen.recordings.topics.topic import Topic
 
 _NOT_COMPARED = "R141"
 
 
-def sources_of(log: Log, other: Sources | None = None) -> Sources:
-    """Return the definitions of a recording, with the paths `flight.mcap/msg/VehicleStatus.msg`.
+def sources_of(topics: Iterable[Topic], path: str, other: Sources | None = None) -> Sources:
+    """Return the definitions of the recording at `path`, with the paths `flight.mcap/msg/VehicleStatus.msg`.
 
     `other` is what they are compared with. A definition whose type hash is that of `other` is taken from there if the
     recording does not have its text, and so are the constants and the order of fields of a ULog, which has neither.
     Notices are about topics without a definition, and about second definitions of a message. Raises InputError.
     """
-    found = _Found(log.path, _Other.of(other))
-    for topic in log.topics:
+    found = _Found(path, _Other.of(other))
+    for topic in topics:
         found.add(topic)
     package = found.package
     if not any(key.startswith(f"{package}/") for key in found.texts):
-        raise input_error(log.path, "S102", "the recording has no definitions of PX4's messages", 0)
-    sources = _sources(log.path, package, found.texts)
+        raise input_error(path, "S102", "the recording has no definitions of PX4's messages", 0)
+    sources = _sources(path, package, found.texts)
     return sources._replace(is_partial=True, notices=(*sources.notices, *found.notices))
 
 
-def sources_of_package(package: Any, log: Log) -> Sources:
-    """Return the definitions of a generated package for the types of a recording. Raises InputError."""
+def sources_of_package(package: Any, topics: Iterable[Topic]) -> Sources:
+    """Return the definitions of a generated package for the types of topics. Raises InputError."""
     texts: dict[str, str] = {}
-    for ros_type in {topic.ros_type for topic in log.topics}:
+    for ros_type in {topic.ros_type for topic in topics}:
         try:
             info = package.by_type(ros_type).__msg__
         except KeyError:

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeGuard
 
 import numpy as np
 
-from msggen.diagnostics import InputError, few
-from msggen.disk.output import link_in
-from msggen.disk.reading import read_bytes
+from msggen.base.diagnostics import InputError, few
+from msggen.base.disk.output import link_in
+from msggen.base.disk.reading import read_bytes
 from msggen.recordings.files.compression import LARGEST, CompressionError, decompress_file, decompress_frame, limit_of
-from msggen.recordings.paths import METADATA, is_bag
-from msggen.recordings.source import (
+from msggen.recordings.files.paths import METADATA, is_bag
+from msggen.recordings.source.source import (
     FOREVER,
     Attached,
     Channel,
@@ -315,7 +315,7 @@ def _metadata_of(folder: str, problems: list[Problem]) -> Metadata | None:
 
 def _read_metadata(text: bytes) -> Metadata:
     """Return what a metadata.yaml says. Raises ValueError, and RecordingError for a storage that is not known."""
-    from msggen.parse.yaml_nodes import read_yaml, value_of
+    from msggen.definitions.parse.yaml_nodes import read_yaml, value_of
 
     try:
         root = read_yaml(text, METADATA)

@@ -13,8 +13,8 @@ from msggen.recordings.files.mapped import MappedFile
 from msggen.recordings.files.mcap_channels import definition_in, ros_type_of, type_hash_in
 from msggen.recordings.files.sqlite import ERRORS, Column, Statements, columns_of, has_log, settle
 from msggen.recordings.files.sqlite_pages import Pages, Rows, is_integer, sizes_of
-from msggen.recordings.gather import groups
-from msggen.recordings.source import (
+from msggen.recordings.source.gather import groups
+from msggen.recordings.source.source import (
     FOREVER,
     NO_CHECKSUMS,
     NO_FACTS,

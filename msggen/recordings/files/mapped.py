@@ -11,10 +11,10 @@ from weakref import ref
 
 import numpy as np
 
-from msggen.recordings.source import RecordingError
+from msggen.recordings.source.source import RecordingError
 
 if TYPE_CHECKING:
-    from msggen.recordings.resident import Octets
+    from msggen.recordings.source.memory import Octets
 
 _MOST = 32
 """How many files are mapped at a time. Each map has a descriptor, of which a process may have 256 or fewer."""

@@ -30,16 +30,16 @@ from msggen.recordings.files.mcap_records import (
 )
 from msggen.recordings.files.mcap_scan import scan
 from msggen.recordings.files.mcap_summary import read_summary
-from msggen.recordings.metadata import facts_of, notes_of
-from msggen.recordings.resident import drop_pages
-from msggen.recordings.source import FOREVER, Attached, Channel, Checksums, Facts, Part, Problem, RecordingError
+from msggen.recordings.files.metadata import facts_of, notes_of
+from msggen.recordings.source.memory import drop_pages
+from msggen.recordings.source.source import FOREVER, Attached, Channel, Checksums, Facts, Part, Problem, RecordingError
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
-    from msggen.recordings.resident import Octets
+    from msggen.recordings.source.memory import Octets
 
 _GROUP = 3 << 20
 """The bytes of chunks that are read at a time: many, as each step costs; few enough for the processor's large cache."""

@@ -6,8 +6,8 @@ import struct
 from typing import TYPE_CHECKING
 
 from msggen.recordings.files.mcap_records import CHANNEL, FRONT, LAST_OPCODE, METADATA, SCHEMA, bytes_at, text_at
-from msggen.recordings.metadata import NAMES
-from msggen.recordings.source import Channel, Problem, RawSchema
+from msggen.recordings.files.metadata import NAMES
+from msggen.recordings.source.source import Channel, Problem, RawSchema
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

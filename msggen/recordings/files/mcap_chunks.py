@@ -17,13 +17,13 @@ from msggen.recordings.files.compression import (
     prefix_of,
 )
 from msggen.recordings.files.mcap_records import Chunk, Loose
-from msggen.recordings.resident import drop_pages, large_empty
+from msggen.recordings.source.memory import drop_pages, large_empty
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Sequence
 
     from msggen.recordings.files.mcap_channels import Described
-    from msggen.recordings.resident import Octets
+    from msggen.recordings.source.memory import Octets
 
 _FEW = 3
 """The number of items below which a thread costs more than it saves."""

@@ -21,9 +21,9 @@ from msggen.recordings.files.mcap_records import (
     opcodes_of,
     times_of,
 )
-from msggen.recordings.gather import at, groups, walk
-from msggen.recordings.resident import Octets, Places
-from msggen.recordings.source import FOREVER, Part
+from msggen.recordings.source.gather import at, groups, walk
+from msggen.recordings.source.memory import Octets, Places
+from msggen.recordings.source.source import FOREVER, Part
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator, Sequence

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from msggen.recordings.files.compression import LARGEST
-from msggen.recordings.gather import at
-from msggen.recordings.resident import Octets, Places
-from msggen.recordings.source import Attached
+from msggen.recordings.source.gather import at
+from msggen.recordings.source.memory import Octets, Places
+from msggen.recordings.source.source import Attached
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping, Sequence

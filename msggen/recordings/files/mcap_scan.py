@@ -33,8 +33,8 @@ from msggen.recordings.files.mcap_records import (
     statistics_of,
     steps,
 )
-from msggen.recordings.gather import at, walk
-from msggen.recordings.resident import Octets, drop_pages
+from msggen.recordings.source.gather import at, walk
+from msggen.recordings.source.memory import Octets, drop_pages
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from msggen.recordings.files.mcap_channels import Described
-    from msggen.recordings.source import Channel
+    from msggen.recordings.source.source import Channel
 
 _SIZES = {DATA_END: 4, FOOTER: 20}
 

@@ -24,7 +24,7 @@ from msggen.recordings.files.mcap_records import (
     statistics_of,
     steps,
 )
-from msggen.recordings.resident import drop_pages
+from msggen.recordings.source.memory import drop_pages
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

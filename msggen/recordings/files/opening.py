@@ -5,10 +5,10 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING
 
-from msggen.recordings.source import RecordingError
+from msggen.recordings.source.source import RecordingError
 
 if TYPE_CHECKING:
-    from msggen.recordings.source import Source
+    from msggen.recordings.source.source import Source
 
 _MCAP = b"\x89MCAP0\r\n"
 _ULOG = b"ULog\x01\x12\x35"

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from msggen.recordings.resident import Octets, Places
+    from msggen.recordings.source.memory import Octets, Places
 
 _BATCH = 8 << 20
 """The bytes of rows that are read at a time."""

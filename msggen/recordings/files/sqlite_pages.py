@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
-from msggen.recordings.gather import at
-from msggen.recordings.resident import Octets, Places, drop_pages
-from msggen.recordings.source import RecordingError
+from msggen.recordings.source.gather import at
+from msggen.recordings.source.memory import Octets, Places, drop_pages
+from msggen.recordings.source.source import RecordingError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -18,9 +18,9 @@ from msggen.recordings.files.ulog_formats import FORMAT, FRONT, NUMBERS, PAYLOAD
 from msggen.recordings.files.ulog_messages import DATA, HEAD, SMALLEST, Messages, kinds_of, sizes_of
 from msggen.recordings.files.ulog_notes import LARGEST_TIME, Notes
 from msggen.recordings.files.ulog_topics import Topic, Topics
-from msggen.recordings.gather import at, groups
-from msggen.recordings.resident import Octets, Places, drop_pages
-from msggen.recordings.source import (
+from msggen.recordings.source.gather import at, groups
+from msggen.recordings.source.memory import Octets, Places, drop_pages
+from msggen.recordings.source.source import (
     FOREVER,
     NO_CHECKSUMS,
     Attached,

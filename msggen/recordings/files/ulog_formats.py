@@ -8,9 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from msggen.recordings.rows import Layout, bools_at
-from msggen.recordings.source import SEPARATOR
-from msggen.recordings.source import RecordingError
+from msggen.recordings.source.rows import Layout, bools_at
+from msggen.recordings.source.source import SEPARATOR, RecordingError
 
 FRONT = 3
 """The size of what is before the content of a message: its size and its kind."""

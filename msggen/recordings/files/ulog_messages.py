@@ -13,9 +13,9 @@ import numpy as np
 
 from msggen.recordings.files.ulog_formats import FRONT, NUMBERS, PAYLOAD, parse_fields
 from msggen.recordings.files.ulog_notes import Notes
-from msggen.recordings.gather import WINDOW, at, walk
-from msggen.recordings.resident import Octets, Places
-from msggen.recordings.source import Problem
+from msggen.recordings.source.gather import WINDOW, at, walk
+from msggen.recordings.source.memory import Octets, Places
+from msggen.recordings.source.source import Problem
 
 if TYPE_CHECKING:
     import mmap

@@ -7,7 +7,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from msggen.recordings.source import Dropout, Facts, Text
+from msggen.recordings.source.source import Dropout, Facts, Text
 
 _Kind = TypeVar("_Kind")
 LEVELS = ("emergency", "alert", "critical", "error", "warning", "notice", "info", "debug")

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from msggen.recordings.files.ulog_formats import FRONT, NUMBERS, PAYLOAD, FormatError, Formats, timestamp_of
-from msggen.recordings.source import FOREVER, Channel
+from msggen.recordings.source.source import FOREVER, Channel
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from msggen.recordings.resident import Places
+    from msggen.recordings.source.memory import Places
 
 
 class Topic(NamedTuple):

@@ -7,7 +7,7 @@ import os
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from msggen.recordings.paths import is_bag, is_named_as_recording, is_named_as_ulog
+from msggen.recordings.files.paths import is_bag, is_named_as_recording, is_named_as_ulog
 
 _BLOCK = 1 << 20
 

@@ -10,12 +10,12 @@ from datetime import date, datetime, timezone
 from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.recordings.convert.names import Place, place_of
-from msggen.recordings.origin import gps_offset_of
-from msggen.recordings.paths import stem_of
+from msggen.recordings.files.paths import stem_of
+from msggen.recordings.log.origin import gps_offset_of
 
 if TYPE_CHECKING:
-    from msggen.recordings.log import Log
-    from msggen.recordings.topic import Topic
+    from msggen.recordings.log.log import Log
+    from msggen.recordings.topics.topic import Topic
 
 VERSION = 3
 """The version of the layout. A fleet has only files of one."""

@@ -14,12 +14,12 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from typing import Any, NamedTuple
 
-from msggen.disk.output import check_links, link_in
-from msggen.disk.reading import read_bytes
-from msggen.disk.staging import locked, make_folder, write_if_changed
+from msggen.base.disk.output import check_links, link_in
+from msggen.base.disk.reading import read_bytes
+from msggen.base.disk.staging import locked, make_folder, write_if_changed
 from msggen.recordings.fleet.finding import State
 from msggen.recordings.fleet.layout import DIGITS, KEYS, ORIGINS, VERSION
-from msggen.recordings.source import RecordingError
+from msggen.recordings.source.source import RecordingError
 
 
 class FleetError(RecordingError):

@@ -10,7 +10,7 @@ from contextlib import suppress
 from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any
 
-from msggen.interpreter import command_of
+from msggen.base.interpreter import command_of
 from msggen.recordings.fleet.single import Outcome, Task, convert_one
 
 _PATIENCE = 10
@@ -88,7 +88,7 @@ class _Worker:
         self._kill()
 
     def _start(self) -> subprocess.Popen[bytes]:
-        command = command_of("msggen.worker")
+        command = command_of("msggen.base.worker")
         process = self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)  # noqa: S603
         if self._is_ended:
             self._kill()

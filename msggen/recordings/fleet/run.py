@@ -9,14 +9,14 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from msggen.disk.staging import clear, write_if_changed
+from msggen.base.disk.staging import clear, write_if_changed
 from msggen.recordings.fleet import pools
 from msggen.recordings.fleet.finding import find_recordings, state_of
 from msggen.recordings.fleet.layout import KEYS
 from msggen.recordings.fleet.ledger import REPORT, Ledger, Record, original_of
 from msggen.recordings.fleet.single import STAGE, Outcome, Task
 from msggen.recordings.fleet.table import write_table
-from msggen.recordings.source import RecordingError
+from msggen.recordings.source.source import RecordingError
 
 if TYPE_CHECKING:
     from msggen.recordings.fleet.pools import Pool

@@ -10,12 +10,12 @@ import os
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
-from msggen.diagnostics import InputError
+from msggen.base.diagnostics import InputError
 from msggen.recordings.fleet.finding import State, digest_of, state_of
 from msggen.recordings.fleet.ledger import Ledger, Record
 
 if TYPE_CHECKING:
-    from msggen.recordings.source import Problem
+    from msggen.recordings.source.source import Problem
 
 STAGE = ".stage"
 """The suffix of a folder in which a recording is converted."""
@@ -78,13 +78,13 @@ def _convert(task: Task) -> Outcome:
 
 def _write(task: Task, ledger: Ledger, name: str, digest: str, state: State) -> Record:
     """Write the files of a recording. Return its record."""
-    from msggen.disk.files import flush
-    from msggen.disk.output import check_links
-    from msggen.disk.staging import make_folder, staging_folder
+    from msggen.base.disk.files import flush
+    from msggen.base.disk.output import check_links
+    from msggen.base.disk.staging import make_folder, staging_folder
     from msggen.recordings.convert import convert
     from msggen.recordings.convert.names import FACT_TABLES, file_names
-    from msggen.recordings.files import open_log
     from msggen.recordings.fleet.layout import date_of, is_utc, place_of_facts, places_of, vehicle_of
+    from msggen.recordings.log.opening import open_log
 
     # copies of a recording have the same name, and may be converted at the same time
     aside = hashlib.sha256(task.path.encode(errors="surrogateescape")).hexdigest()[:8]

@@ -8,8 +8,8 @@ from contextlib import suppress
 from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
-from msggen.disk.reading import read_bytes
-from msggen.disk.staging import written_aside
+from msggen.base.disk.reading import read_bytes
+from msggen.base.disk.staging import written_aside
 from msggen.recordings.fleet.ledger import original_of
 
 if TYPE_CHECKING:

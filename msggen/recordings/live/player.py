@@ -11,17 +11,17 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import count
 from typing import NamedTuple
 
-from msggen.live.firmware import REQUEST, RESPONSE, Known, answer_of, releases
 from msggen.live.messages.names import stem_of, without_namespace
+from msggen.live.vehicle.firmware import REQUEST, RESPONSE, Known, answer_of, releases
 from msggen.live.xrce import client as xrce
 from msggen.live.xrce.client_entities import Reader, Settings, Sync, Writer
 from msggen.live.xrce.session import Limits
 from msggen.live.xrce.wire import ENCAPSULATION
-from msggen.recordings.choice import Choice
 from msggen.recordings.decode.schemas import hash_of
-from msggen.recordings.log import Log
-from msggen.recordings.payloads import Sample
-from msggen.recordings.topic import Topic
+from msggen.recordings.log.log import Log
+from msggen.recordings.log.payloads import Sample
+from msggen.recordings.topics.choice import Choice
+from msggen.recordings.topics.topic import Topic
 
 _OUT = re.compile(r"(?:/([A-Za-z0-9_/]+))?/fmu/out/[A-Za-z0-9_/]+")
 _TYPE = re.compile(r"[A-Za-z0-9_]+(/[A-Za-z0-9_]+){2}")

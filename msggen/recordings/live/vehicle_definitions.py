@@ -8,9 +8,9 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 from msggen.live import NotConnectedError
-from msggen.live.firmware import releases
 from msggen.live.messages.names import version_of
 from msggen.live.messages.packages import classes_of
+from msggen.live.vehicle.firmware import releases
 
 if TYPE_CHECKING:
     from msggen.live import Vehicle

@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 import yaml
 
+from msggen.definitions.model import ArrayKind, Catalog, Message
+from msggen.definitions.parse.yaml_nodes import read_yaml, value_of
 from msggen.live.messages.compose import ValuesError, compose
-from msggen.model import ArrayKind, Catalog, Message
-from msggen.parse.yaml_nodes import read_yaml, value_of
 from support.reference import serialize
 from support.samples import values_by_chance
 

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 import yaml
 
-from msggen.foreign import escaped
+from msggen.base.foreign import escaped
 from msggen.live.messages.formats import csv_header, csv_writer, json_writer, member_name, shortest, text_writer
 from msggen.live.messages.places import PlaceError, place_of
 

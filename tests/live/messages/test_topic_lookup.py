@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msggen.live import TopicError
-from msggen.live.delay import Delays, offsets_of
 from msggen.live.link import Route
 from msggen.live.messages.lookup import all_topics, endpoint_at, message_named, named_topic
+from msggen.live.vehicle.delay import Delays, offsets_of
 from support.fake_link import routes_of
 
 SECOND = 1_000_000_000

@@ -294,7 +294,7 @@ def test_the_example_with_a_virtual_clock_prints_what_the_page_shows(
 
 
 def test_the_example_with_a_vehicle_works(px4_types: Any, capsys: pytest.CaptureFixture[str]) -> None:
-    pytest.importorskip("msggen.live.vehicle")
+    pytest.importorskip("msggen.live.vehicle.vehicle")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind(("127.0.0.1", 0))
         port = str(free.getsockname()[1])

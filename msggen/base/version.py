@@ -1,0 +1,3 @@
+"""The version of msggen."""
+
+__version__ = "0.1.0"

@@ -1,0 +1,138 @@
+"""A build of a site, which reads the sources and updates the pages on disk."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from hashlib import sha256
+from typing import NamedTuple
+
+from msggen.base.diagnostics import Diagnostic, Level, counted, input_error
+from msggen.base.disk.fingerprint import Fingerprint, digest_record, read_fingerprint, write_fingerprint
+from msggen.base.disk.names import too_long
+from msggen.base.disk.output import OutputPlan, locked_output, plan_output, write_output
+from msggen.base.disk.reading import read_bytes
+from msggen.base.disk.record import read_record
+from msggen.base.foreign import escaped
+from msggen.sources.digest import digest_files, digest_inputs
+from msggen.sources.sources import Sources, read_files
+
+
+class Outcome(NamedTuple):
+    """The result: one line about the definitions, the number of files, and the plan, None if nothing changed.
+
+    `notices` are the warnings and notes about the sources.
+    """
+
+    summary: str
+    number: int
+    plan: OutputPlan | None = None
+    notices: tuple[Diagnostic, ...] = ()
+
+
+class SiteBuild:
+    """A build of the site in `folder`, in one of the formats of `site.py`.
+
+    The pages show the changes since `against`, and the site has the Markdown pages of the folder `project`.
+    """
+
+    def __init__(
+        self, sources: Sources, against: Sources | None, folder: str, format_: str, project: str | None
+    ) -> None:
+        self.sources = sources
+        self.against = against
+        self.folder = folder
+        self.format = format_
+        self.project = project
+        self.record = read_record(folder)
+        self.last = read_fingerprint(folder)
+        self.contents = read_files(sources)
+        self.inputs = self._digest_inputs()
+
+    def run(self, *, write: bool) -> Outcome:
+        """Update the site. If `write` is false, only plan the update.
+
+        Raises InputError for errors in definitions and for files that msggen did not write, and OSError if the folder
+        cannot be written.
+        """
+        if self.last.matches(self.folder, self.record, self.inputs) and not self.last.has_warnings:
+            return Outcome(self.last.summary, len(self.record.files))
+        from msggen.sources.overlap import check_apart
+
+        check_apart(self.folder, self.sources, "--output")
+        files, summary, notices = self._render()
+        for _, text in too_long(self.folder, ["", *files]):
+            raise input_error("--output", "S125", f"{text}: choose a shorter --output", 0)
+        if not write:
+            plan = plan_output(self.folder, files, self.record)
+        else:
+            with locked_output(self.folder):
+                plan, record = write_output(self.folder, files)
+                has_warnings = any(each.level is Level.WARNING for each in notices)
+                write_fingerprint(self.folder, Fingerprint(self.inputs, digest_record(record), summary, has_warnings))
+        return Outcome(summary, len(files), plan, notices)
+
+    def _render(self) -> tuple[dict[str, str], str, tuple[Diagnostic, ...]]:
+        """Return the files, the summary and the notices."""
+        from msggen.generate.site.changes import changes_since
+        from msggen.generate.site.pages import render_site
+        from msggen.generate.site.prose import read_documents
+        from msggen.generate.site.site import Project, Site
+        from msggen.sources.catalog import read_catalog
+        from msggen.sources.inferred import with_inferred
+
+        catalog = read_catalog(self.sources, self.contents)
+        changes = (
+            changes_since(self.against, title_of_previous(self.against), self.sources, catalog)
+            if self.against
+            else None
+        )
+        project = Project(self.project, read_documents(self.project)) if self.project else None
+        complete = with_inferred(catalog, self.sources)
+        site = Site(complete, title_of(self.sources), self.format, changes, project)
+        counts = (
+            counted(len(site.messages), "message"),
+            counted(len(site.services), "service"),
+            counted(len(site.endpoints), "topic"),
+            counted(len(site.enums), "enum"),
+        )
+        since = f"; changes since {changes.previous}" if changes else ""
+        return render_site(site), f"{site.title}, {', '.join(counts)}{since}", catalog.notices
+
+    def _digest_inputs(self) -> str:
+        """Return a digest of everything that the site depends on."""
+        others = sha256()
+        if self.against:
+            others.update(digest_files(self.against, read_files(self.against)))
+        for path in self._project_files():
+            data = read_bytes(path)
+            others.update(b"%s\0%d\0" % (os.fsencode(path), len(data)) + data)
+        named = (title_of(self.sources), title_of_previous(self.against) if self.against else "", self.project or "")
+        return digest_inputs(
+            self.sources, self.contents, (self.format, *named, others.hexdigest()), "generate.site", "site"
+        )
+
+    def _project_files(self) -> Iterator[str]:
+        """Yield the pages and the pictures of the project."""
+        if not self.project:
+            return
+        yield from filter(os.path.isfile, [os.path.join(self.project, "README.md")])
+        for folder, folders, names in os.walk(os.path.join(self.project, "docs")):
+            folders.sort()
+            yield from (os.path.join(folder, name) for name in sorted(names) if name.endswith((".md", ".svg", ".png")))
+
+
+def title_of(sources: Sources) -> str:
+    """Return a name of the definitions, without the folders that they are in: `PX4 v1.18` or `PX4-Autopilot`.
+
+    A folder `msg` has the name of the folder that it is in.
+    """
+    if sources.embedded or not sources.root:
+        return f"PX4 {sources.embedded}"
+    folder, name = os.path.split(os.path.abspath(sources.root.path))
+    return escaped((os.path.basename(folder) or name) if name == "msg" else name)
+
+
+def title_of_previous(sources: Sources) -> str:
+    """Return a name of previous definitions: as `title_of`, or the revision."""
+    return title_of(sources) if sources.embedded else escaped(os.path.basename(os.path.normpath(sources.label)))

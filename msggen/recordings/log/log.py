@@ -1,0 +1,472 @@
+"""A recording in any format: its topics, and their samples as arrays."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from math import inf
+from typing import TYPE_CHECKING, Any, overload
+
+import numpy as np
+
+from msggen.base.diagnostics import counted
+from msggen.recordings.columns.arrays import check_fields
+from msggen.recordings.columns.collector import Collector
+from msggen.recordings.columns.samples import Samples
+from msggen.recordings.decode.decoder import Rows
+from msggen.recordings.definitions.lent import Lender
+from msggen.recordings.log.origin import Firmware, firmware_of, gps_offset_of, utc_offset_of, vehicle_of
+from msggen.recordings.log.payloads import Sample
+from msggen.recordings.log.reader import Reader
+from msggen.recordings.source.source import (
+    FOREVER,
+    NO_FACTS,
+    Attached,
+    Checksums,
+    Dropout,
+    Facts,
+    Part,
+    Problem,
+    RecordingError,
+    Source,
+    Text,
+)
+from msggen.recordings.topics.choice import check_times, checked_time, listed
+from msggen.recordings.topics.find import Key, find, is_pattern, matching
+from msggen.recordings.topics.topic import Topic
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+    from types import ModuleType
+    from typing import Literal, TypeVar
+
+    from numpy.typing import NDArray
+    from typing_extensions import Self
+
+    from msggen.recordings.definitions.comparison import Compared
+    from msggen.recordings.definitions.release import Release
+    from msggen.recordings.log.align import Aligned, Direction
+
+    MessageT = TypeVar("MessageT")
+
+__all__ = ["Key", "Log"]
+
+_PLAUSIBLE = 1e6
+"""The largest time in s that may be behind a recording. Larger ones are in another unit, or since 1970."""
+
+
+class Log:
+    """A recording. `recordings.open` makes it; a `with` statement closes it.
+
+    `log["vehicle_odometry"]` and `log["sensor_gps", 1]` are structured arrays of all samples of a topic. Topics have
+    all their names: `/fmu/out/vehicle_status_v4`, `vehicle_status`, `VehicleStatus`.
+    """
+
+    def __init__(self, sources: Sequence[Source], lender: Lender | None = None, path: str = "") -> None:
+        self._reader = Reader(sources, lender, path or sources[0].path)
+        self._sources = sources
+
+    def __enter__(self) -> Self:
+        """Return the log."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close the files."""
+        self.close()
+
+    def close(self) -> None:
+        """Close the files. Arrays that were read stay valid, and reading further raises RecordingError."""
+        self._reader.close()
+
+    # what there is
+
+    @property
+    def path(self) -> str:
+        """The path of the recording."""
+        return self._reader.path
+
+    @property
+    def kind(self) -> str:
+        """The format: `mcap`, `ulog`, `db3`."""
+        return self._sources[0].kind
+
+    @property
+    def start(self) -> int:
+        """The log time in ns at which the recording starts, 0 without samples.
+
+        That is its first sample. A ULog, and an MCAP file made of one, have the time in the ULog's header: some samples
+        are older, as they were published before, some with the time 0.
+        """
+        start = self.facts.start
+        if start is not None and 0 < start <= self.end:
+            return start
+        return min((source.span[0] for source in self._sources if source.span), default=0)
+
+    @property
+    def end(self) -> int:
+        """The log time of the last sample in ns, 0 without samples."""
+        return max((source.span[1] for source in self._sources if source.span), default=0)
+
+    @property
+    def duration(self) -> float:
+        """The time from the start to the last sample in s."""
+        return (self.end - self.start) / 1e9
+
+    @property
+    def topics(self) -> tuple[Topic, ...]:
+        """The topics, by name and instance. A topic whose definition changes is several topics: `/a#1` and `/a#2`."""
+        return self._reader.topics
+
+    @property
+    def facts(self) -> Facts:
+        """What only a ULog has, and an MCAP file made of one: parameters, information, texts and dropouts."""
+        return self._reader.facts
+
+    @property
+    def has_facts(self) -> bool:
+        """Whether the recording is a ULog, or an MCAP file made of one."""
+        return self.facts is not NO_FACTS
+
+    @property
+    def parameters(self) -> Mapping[str, int | float]:
+        """The parameters of the vehicle at the start of a ULog. `facts` has those that changed, and the defaults."""
+        return self.facts.parameters
+
+    @property
+    def information(self) -> Mapping[str, object]:
+        """Information about the vehicle in a ULog, such as `sys_name` and `ver_sw`."""
+        return self.facts.information
+
+    @property
+    def texts(self) -> Sequence[Text]:
+        """The lines of the vehicle's log in a ULog."""
+        return self.facts.texts
+
+    @property
+    def dropouts(self) -> Sequence[Dropout]:
+        """The periods in which the logger of a ULog lost samples."""
+        return self.facts.dropouts
+
+    @cached_property
+    def utc_offset(self) -> int | None:
+        """The offset in ns from log time to UTC: 0 if log times are already UTC, None if unknown."""
+        return utc_offset_of(self.start, self.kind, self.information, lambda: gps_offset_of(self.topics, self.samples))
+
+    @property
+    def vehicle(self) -> str:
+        """The unique number of the vehicle's board in a ULog, "" if it is not known."""
+        return vehicle_of(self.information)
+
+    @property
+    def firmware(self) -> Firmware:
+        """The release and the commit of the firmware that wrote a ULog, each "" if it is not known."""
+        return firmware_of(self.information)
+
+    @property
+    def problems(self) -> list[Problem]:
+        """The problems found so far. Reading samples can find more."""
+        return self._reader.problems
+
+    def release(self) -> Release:
+        """Return the embedded release of PX4 that the recording is from, by its definitions and what a ULog tells."""
+        from msggen.recordings.definitions.release import release_of
+
+        return release_of(self.topics, self.firmware.release)
+
+    @property
+    def notes(self) -> list[str]:
+        """Where the definitions of topics that have none in the recording are from, a line each."""
+        return [*(note for source in self._reader.sources for note in source.notes), *self._reader.lent.notes]
+
+    def topic(self, key: Key | Topic, instance: int | None = None) -> Topic:
+        """Return the topic with a name, in any spelling. Raises RecordingError if there is none, or several.
+
+        `sensor_gps[1]` is the instance 1 of `sensor_gps`, and so is `sensor_gps_1` if no topic has this name.
+        """
+        return find(self._reader.by_name, key, instance)
+
+    def __repr__(self) -> str:
+        """Return path, format, duration and number of topics."""
+        topics = {(each.topic, each.instance) for source in self._sources for each in source.channels.values()}
+        return f"<Log {self.path!r}: {self.kind}, {self.duration:.3f} s, {counted(len(topics), 'topic')}>"
+
+    # samples
+
+    def keys(self) -> list[Key]:
+        """Return the topics as keys: a name, or a name and the number of an instance that is not 0."""
+        return [topic.key for topic in self.topics]
+
+    def __iter__(self) -> Iterator[Key]:
+        """Iterate over the keys."""
+        return iter(self.keys())
+
+    def __len__(self) -> int:
+        """Return the number of topics."""
+        return len(self.topics)
+
+    def __getitem__(self, key: Key) -> Rows:
+        """Return all samples of a topic as a structured array. Raises RecordingError."""
+        return self.samples(key).array
+
+    def __contains__(self, key: object) -> bool:
+        """Whether there is a topic with this name."""
+        try:
+            find(self._reader.by_name, key)  # type: ignore[arg-type]
+        except (RecordingError, TypeError):
+            return False
+        return True
+
+    def samples(
+        self,
+        key: Key | Topic,
+        *,
+        instance: int | None = None,
+        start: float | None = None,
+        stop: float | None = None,
+        fields: Collection[str] | None = None,
+    ) -> Samples:
+        """Return the samples of a topic, from `start` up to `stop`, in s after the start of the recording.
+
+        `start=0` includes the samples that are older than that. `instance=1` is the second instance, as in the key
+        `("sensor_gps", 1)`. `fields` are those that `columns`, `table` and `frame` give, in this order. Raises
+        RecordingError, also for samples that cannot be decoded at all: in another encoding, or without a definition.
+        """
+        topic = self.topic(key, instance)
+        if fields is not None:
+            check_fields(self.dtype(topic), listed(fields))
+        return self.load([topic], start=start, stop=stop)[topic.key].choose(fields)
+
+    def columns(  # noqa: PLR0913 - all but the key have defaults
+        self,
+        key: Key | Topic,
+        *,
+        instance: int | None = None,
+        start: float | None = None,
+        stop: float | None = None,
+        fields: Collection[str] | None = None,
+        times: bool = False,
+    ) -> dict[str, NDArray[Any]]:
+        """Return the columns of a topic by name, as `samples` and `Samples.columns` do."""
+        return self.samples(key, instance=instance, start=start, stop=stop, fields=fields).columns(times=times)
+
+    def table(  # noqa: PLR0913
+        self,
+        key: Key | Topic,
+        *,
+        instance: int | None = None,
+        start: float | None = None,
+        stop: float | None = None,
+        fields: Collection[str] | None = None,
+        times: bool = False,
+    ) -> Any:
+        """Return a topic as a table of Arrow, as `samples` and `Samples.table` do."""
+        return self.samples(key, instance=instance, start=start, stop=stop, fields=fields).table(times=times)
+
+    def frame(  # noqa: PLR0913
+        self,
+        key: Key | Topic,
+        library: str = "pandas",
+        *,
+        instance: int | None = None,
+        start: float | None = None,
+        stop: float | None = None,
+        fields: Collection[str] | None = None,
+    ) -> Any:
+        """Return a topic as a data frame of `pandas` or `polars` with log times, as `Samples.frame` does."""
+        return self.samples(key, instance=instance, start=start, stop=stop, fields=fields).frame(library)
+
+    def load(
+        self,
+        topics: Iterable[Key | Topic] | None = None,
+        *,
+        start: float | None = None,
+        stop: float | None = None,
+    ) -> dict[Key, Samples]:
+        """Return the samples of several topics by key, all read in one pass. Default: all topics.
+
+        Names can be patterns such as `sensor_*`. Topics that cannot be decoded are left out, and reported in
+        `problems`, unless they are named.
+        """
+        chosen = self.chosen(topics)
+        limited = start is not None or stop is not None
+        collected = {
+            topic.key: Collector(topic, self.dtype(topic), 0 if limited else topic.known_count or 0) for topic in chosen
+        }
+        for topic, rows, times, published in self._reader.rows(chosen, *self._limits(start, stop)):
+            collected[topic.key].add(rows, times, published)
+        return {key: collector.samples() for key, collector in collected.items()}
+
+    def batches(
+        self,
+        topics: Iterable[Key | Topic] | None = None,
+        *,
+        start: float | None = None,
+        stop: float | None = None,
+    ) -> Iterator[Samples]:
+        """Yield the samples of several topics piece by piece, in the order of the file, for files beyond the memory."""
+        for topic, rows, times, published in self._reader.rows(self.chosen(topics), *self._limits(start, stop)):
+            own = np.array(times), None if published is None else np.array(published)  # they can be the file's
+            yield Samples(topic.without_log, rows.view(self.dtype(topic)), *own)
+
+    def payloads(
+        self,
+        topics: Iterable[Key | Topic] | None = None,
+        *,
+        start: float | None = None,
+        stop: float | None = None,
+    ) -> Iterator[Sample]:
+        """Yield the samples of several topics as CDR, by log time. Default: all topics in CDR.
+
+        Topics without a definition are among them. Files of some size are not held in memory, and a file is begun when
+        its first sample is reached. Raises RecordingError for topics in another encoding, and for a recording without
+        CDR, such as a ULog.
+        """
+        chosen = [topic for topic in self.topics if topic.is_cdr] if topics is None else self._named(topics)
+        return self._reader.payloads(chosen or self.topics, *self._limits(start, stop))
+
+    def verify(self) -> Checksums:
+        """Compare the chunks of MCAP files with their checksums, and return how many have one.
+
+        `problems` has those that differ. rosbag2 writes no checksums by default, and other formats have none. Reading
+        samples does not compare them, as that takes a quarter longer.
+        """
+        return self._reader.verify()
+
+    def attached(self) -> Iterator[Attached]:
+        """Return the attachments and the metadata records of MCAP files."""
+        return self._reader.attached()
+
+    def align(  # noqa: PLR0913 - most have defaults
+        self,
+        first: Key | Topic,
+        *others: Key | Topic,
+        tolerance: float,
+        by: str | None = None,
+        direction: Direction = "latest",
+        start: float | None = None,
+        stop: float | None = None,
+    ) -> Aligned:
+        """Return each sample of the first topic with the sample that each other topic had at its time.
+
+        That is the `latest` one up to this time, or the `nearest` one; not more than `tolerance` s away. Samples of the
+        first topic for which a topic has no such sample are left out and counted. Times are those of the field `by`,
+        in us, or `log_time` or `publish_time`. Default: `timestamp` if all topics have it, otherwise `log_time`. All
+        topics are read into memory; `start` and `stop` limit the samples of the first one. Raises RecordingError.
+        """
+        from msggen.recordings.log.align import align, rows_of
+
+        chosen = [self.topic(each) for each in (first, *others)]
+        low, high = self._limits(start, stop)
+        checked_time("tolerance", tolerance)
+        earlier = later = None
+        if by == "log_time" and tolerance < inf:  # by other times, partners can have any log time
+            earlier = None if start is None else max(start - tolerance, 0.0)
+            later = None if stop is None else stop + tolerance
+        loaded = self.load(chosen, start=earlier, stop=later)
+        samples = [loaded[topic.key] for topic in chosen]
+        samples[0] = rows_of(samples[0], (samples[0].log_times >= low) & (samples[0].log_times < high))
+        return align(samples, tolerance, by, direction)
+
+    @overload
+    def messages(
+        self,
+        cls: type[MessageT],
+        *,
+        topic: Key | Topic | None = ...,
+        instance: int | None = ...,
+        start: float | None = ...,
+        stop: float | None = ...,
+        convert: bool = ...,
+        times: Literal[False] = ...,
+    ) -> Iterator[MessageT]: ...
+
+    @overload
+    def messages(
+        self,
+        cls: type[MessageT],
+        *,
+        topic: Key | Topic | None = ...,
+        instance: int | None = ...,
+        start: float | None = ...,
+        stop: float | None = ...,
+        convert: bool = ...,
+        times: Literal[True],
+    ) -> Iterator[tuple[int, MessageT]]: ...
+
+    def messages(  # noqa: PLR0913 - all but the class have defaults
+        self,
+        cls: type[MessageT],
+        *,
+        topic: Key | Topic | None = None,
+        instance: int | None = None,
+        start: float | None = None,
+        stop: float | None = None,
+        convert: bool = False,
+        times: bool = False,
+    ) -> Iterator[MessageT] | Iterator[tuple[int, MessageT]]:
+        """Yield the samples of a topic as messages of a generated class, in the order of their log times.
+
+        The topic is that of the class, unless it is named. The class must have the definition of the recording; with
+        `convert`, it can be another version of it, in a package that was built with archived versions. With `times`,
+        yield pairs of log time in ns and message. Raises RecordingError, which tells the difference and what to do, and
+        TypeError for another class. Samples that cannot be decoded are left out, and reported in `problems`.
+        """
+        from msggen.recordings.log.messages import messages_of, topic_of
+
+        chosen = topic_of(self.topics, cls, instance) if topic is None else self.topic(topic, instance)
+        found = messages_of(self._reader, chosen, cls, self._limits(start, stop), is_converted=convert)
+        return found if times else (message for _, message in found)
+
+    def compare(self, package: ModuleType) -> tuple[Compared, ...]:
+        """Compare the definition of each topic with that of its class in a generated package."""
+        from msggen.recordings.definitions.comparison import compare
+
+        return compare(self.topics, self.path, package)
+
+    def undecoded(
+        self,
+        topics: Iterable[Key | Topic] | None = None,
+        *,
+        start: float | None = None,
+        stop: float | None = None,
+    ) -> Iterator[tuple[Topic, Part]]:
+        """Yield the samples of several topics as they are in the files, in the order of the file. Default: all topics.
+
+        A part is valid until the next one.
+        """
+        chosen = self.topics if topics is None else self._named(topics)
+        yield from self._reader.undecoded(chosen, *self._limits(start, stop))
+
+    def chosen(self, topics: Iterable[Key | Topic] | None) -> list[Topic]:
+        """Return the topics that `topics` name, by default those that can be decoded. Raises RecordingError.
+
+        Patterns take topics that can be decoded.
+        """
+        if topics is not None:
+            return self._named(topics, self._reader.can_decode)
+        return [topic for topic in self.topics if self._reader.can_decode(topic)]
+
+    def dtype(self, key: Key | Topic) -> np.dtype[Any]:
+        """Return the dtype of the samples of a topic. Raises RecordingError."""
+        return self._reader.decoder(self.topic(key)).dtype
+
+    def _named(self, topics: Iterable[Key | Topic], is_taken: Callable[[Topic], bool] = lambda _: True) -> list[Topic]:
+        """Return topics by names and patterns, each once. Patterns take only topics for which `is_taken` is true."""
+        found: dict[Topic, None] = {}
+        for key in [topics] if isinstance(topics, Topic) else listed(topics):
+            own = filter(is_taken, matching(self.topics, key)) if is_pattern(key) else [self.topic(key)]
+            found.update(dict.fromkeys(own))
+        return list(found)
+
+    def _limits(self, start: float | None, stop: float | None) -> tuple[int, int]:
+        """Return log times in ns for times in s after the start. Raises RecordingError, and TypeError."""
+        check_times(start, stop)
+        if start is not None and start > max(self.duration, _PLAUSIBLE):
+            raise RecordingError(
+                f"start: expected a time in s after the start of the recording, got {start:g}: "
+                f"the recording lasts {self.duration:.3f} s"
+            )
+        # samples can be older than the start
+        return self._log_time(start) if start else 0, FOREVER if stop is None else self._log_time(stop)
+
+    def _log_time(self, seconds: float) -> int:
+        return min(self.start + round(min(seconds * 1e9, FOREVER)), FOREVER)

@@ -1,0 +1,35 @@
+"""Recordings, opened by their path."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from msggen.recordings.definitions.lent import Definitions
+    from msggen.recordings.log.log import Log
+
+
+def open_log(path: str | os.PathLike[str], definitions: Definitions | None = None) -> Log:
+    """Return the recording at `path`: an MCAP file, a ULog, a db3 file or a folder of rosbag2.
+
+    `definitions` are for topics that have none in the recording: a generated package, an embedded release such as
+    "v1.17", or what else `msggen.read` takes. Without them, those of the embedded release that fits best are used.
+    `Log.notes` tells which. Raises RecordingError, InputError for `definitions`, and OSError.
+    """
+    try:
+        import numpy  # noqa: F401, ICN001
+        import zstandard  # noqa: F401
+    except ModuleNotFoundError as error:
+        text = f"the package {error.name} is not installed: pip install 'msggen[recordings]'"
+        raise ModuleNotFoundError(text, name=error.name) from None
+    from msggen.recordings.definitions.lent import lender_of
+    from msggen.recordings.files.opening import open_sources
+    from msggen.recordings.log.log import Log
+
+    lender = None if definitions is None else lender_of(definitions)
+    place = os.fsdecode(path)
+    return Log(open_sources(place), lender, place)
+
+
+open = open_log  # noqa: A001 - users write recordings.open

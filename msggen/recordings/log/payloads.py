@@ -1,0 +1,109 @@
+"""The samples of several topics as bytes, in the order of their log times."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections import deque
+from heapq import heapify, heappop, heappush, heapreplace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from msggen.recordings.source.source import FOREVER
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping
+
+    from numpy.typing import NDArray
+
+    from msggen.recordings.source.open_file import OpenFile
+
+
+class Sample(NamedTuple):
+    """A sample of a recording."""
+
+    topic: str
+    time: int
+    """The time at which it was recorded, in ns since 1970."""
+    payload: bytes
+    """CDR with its header."""
+
+
+def merged(streams: Iterable[tuple[int, Iterator[Sample]]]) -> Iterator[Sample]:
+    """Yield the samples of several streams by time. Each stream comes with a time before which it has no sample.
+
+    It is begun when this time is reached, since each stream that was begun has samples in memory. Samples of one time
+    are in the order of the streams.
+    """
+    coming = deque(sorted((first, number, stream) for number, (first, stream) in enumerate(streams)))
+    found: list[tuple[int, int, Sample, Iterator[Sample]]] = []
+    sample: Sample | None
+    while coming or found:
+        if coming and not (found and found[0][0] < coming[0][0]):
+            _, number, stream = coming.popleft()
+            sample = next(stream, None)
+            if sample is not None:
+                heappush(found, (sample.time, number, sample, stream))
+            continue
+        _, number, sample, stream = found[0]
+        yield sample
+        if len(found) == 1 and not coming:
+            yield from stream  # as fast as the stream alone
+            return
+        sample = next(stream, None)
+        if sample is None:
+            heappop(found)
+        else:
+            heapreplace(found, (sample.time, number, sample, stream))
+
+
+def in_order(source: OpenFile, names: Mapping[int, str], start: int, stop: int) -> Iterator[Sample]:
+    """Yield the samples of channels, whose topics are `names`, by log time. Those of one time are in the file's order.
+
+    A part is kept until no earlier sample can follow it, as the times of all samples tell.
+    """
+    coming = {number: _Coming(times, start, stop) for number, times in source.times(names.keys()).items()}
+    waiting: list[tuple[int, int, int, Sample]] = []
+    """Samples after their time, the number of their buffer, and their place in it."""
+    queue = [(each.earliest, number) for number, each in coming.items()]
+    heapify(queue)
+    reached, buffer = start, 0
+    of_buffer: set[int] = set()
+    for part in source.parts(names.keys(), start, stop):
+        if part.channel in of_buffer:
+            buffer += 1
+            of_buffer.clear()
+        of_buffer.add(part.channel)
+        topic, data = names[part.channel], part.buffer.data
+        for time, place, size in zip(part.log_times.tolist(), part.starts.tolist(), part.sizes.tolist(), strict=True):
+            waiting.append((time, buffer, place, Sample(topic, time, bytes(data[place : place + size]))))
+        coming[part.channel].take(part.log_times)
+        while queue[0][0] < coming[queue[0][1]].earliest:  # these times only grow
+            heapreplace(queue, (coming[queue[0][1]].earliest, queue[0][1]))
+        if queue[0][0] > reached:
+            reached = queue[0][0]
+            waiting.sort()
+            count = bisect_left(waiting, (reached,))
+            yield from (sample for *_, sample in waiting[:count])
+            del waiting[:count]
+    yield from (sample for *_, sample in sorted(waiting))
+
+
+class _Coming:
+    """The times of a channel, in the order of the file, and how many of them were read."""
+
+    def __init__(self, times: NDArray[np.int64], start: int, stop: int) -> None:
+        self._times = times[(times >= start) & (times < stop)]
+        self._lowest = np.minimum.accumulate(self._times[::-1])[::-1]
+        self._count = 0
+
+    @property
+    def earliest(self) -> int:
+        """The earliest time that is still to come."""
+        return int(self._lowest[self._count]) if self._count < len(self._lowest) else FOREVER
+
+    def take(self, times: NDArray[np.int64]) -> None:
+        """Count the samples of a part. Those that a damaged file has lost before its last sample are skipped."""
+        last = self._count + len(times) - 1
+        found = np.flatnonzero(self._times[last:] == times[-1])[:1].tolist()
+        self._count = last + 1 + sum(found)

@@ -1,0 +1,245 @@
+"""The files of a recording, read as one: their topics, and the samples of topics between two log times."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter, defaultdict
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from msggen.definitions.nesting import MAX_TOTAL
+from msggen.recordings.decode.decoder import Decoder
+from msggen.recordings.decode.left_out import LeftOut
+from msggen.recordings.decode.schemas import SchemaError, nested_values
+from msggen.recordings.definitions.lent import Lender, Lent, lend
+from msggen.recordings.log.origin import firmware_of
+from msggen.recordings.log.payloads import in_order, merged
+from msggen.recordings.source.open_file import OpenFile
+from msggen.recordings.source.source import (
+    NO_FACTS,
+    Attached,
+    Channel,
+    Checksums,
+    Facts,
+    Part,
+    Problem,
+    RecordingError,
+    Source,
+)
+from msggen.recordings.topics.find import by_name, topics_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from msggen.recordings.decode.decoder import Rows
+    from msggen.recordings.log.payloads import Sample
+    from msggen.recordings.topics.find import Topics
+    from msggen.recordings.topics.topic import Topic
+
+    Times = NDArray[np.int64]
+    Numbers = tuple[int, int]
+    """The numbers of a file and of a channel in it."""
+
+
+class Reader:
+    """The files of a recording, whose path is `path`."""
+
+    def __init__(self, sources: Sequence[Source], lender: Lender | None, path: str) -> None:
+        self.sources = sources
+        self.path = path
+        self.left_out = LeftOut()
+        self._lender = lender
+        self._decoders: dict[Numbers, Decoder | SchemaError] = {}
+        self._files = [OpenFile(source, path) for source in sources]
+        self._left_out_definitions: list[Problem] = []
+        self._is_closed = False
+
+    def close(self) -> None:
+        """Close the files. Can be repeated."""
+        self._is_closed = True
+        for file in self._files:
+            file.close()
+
+    @cached_property
+    def topics(self) -> tuple[Topic, ...]:
+        """The topics, by name and instance."""
+        channels = [
+            (number, self._described(number, channel))
+            for number, source in enumerate(self.sources)
+            for channel in source.channels.values()
+        ]
+        return topics_of(self._within_limits(channels), self._times, firmware_of(self.facts.information).release)
+
+    @cached_property
+    def by_name(self) -> Topics:
+        """The topics by name and instance."""
+        return by_name(self.topics)
+
+    @cached_property
+    def facts(self) -> Facts:
+        """What only a ULog has, and an MCAP file made of one."""
+        return next((source.facts for source in self.sources if source.facts is not NO_FACTS), NO_FACTS)
+
+    @cached_property
+    def lent(self) -> Lent:
+        """The definitions of channels that have none."""
+        return lend(self.sources, self._lender, self._files[0].check_open)
+
+    @property
+    def problems(self) -> list[Problem]:
+        """The problems found so far."""
+        return [
+            *(self._placed(source, problem) for source in self.sources for problem in source.problems),
+            *self._left_out_definitions,
+            *self.left_out.problems,
+            *self._not_decoded(),
+        ]
+
+    # samples
+
+    def payloads(self, topics: Iterable[Topic], low: int, high: int) -> Iterator[Sample]:
+        """Return the samples of topics in CDR, by log time. Raises RecordingError for topics without CDR."""
+        names: dict[int, dict[int, str]] = defaultdict(dict)
+        for topic in topics:
+            if not topic.is_cdr:
+                raise RecordingError(f"{topic.name} has samples in '{topic.channels[0][1].encoding}', expected cdr")
+            for number, channel in topic.channels:
+                names[number][channel.number] = topic.name
+        self._files[0].check_open()
+        streams = []
+        for number, own in sorted(names.items()):
+            span = self.sources[number].span
+            streams.append((span[0] if span else low, in_order(self._files[number], own, low, high)))
+        return merged(streams)
+
+    def undecoded(self, topics: Iterable[Topic], low: int, high: int) -> Iterator[tuple[Topic, Part]]:
+        """Yield the samples of topics as they are in the files, in the order of the files."""
+        wanted = {(number, channel.number): topic for topic in topics for number, channel in topic.channels}
+        yield from ((wanted[number, part.channel], part) for number, part in self._parts(wanted, low, high))
+
+    def rows(self, topics: Iterable[Topic], low: int, high: int) -> Iterator[tuple[Topic, Rows, Times, Times | None]]:
+        """Yield rows as decoders give them, with log times and publish times. Raises RecordingError.
+
+        Channels of the same name that cannot be decoded are reported.
+        """
+        wanted: dict[Numbers, tuple[Topic, Decoder]] = {}
+        for topic in topics:
+            self.decoder(topic)
+            for number, channel in topic.channels:
+                decoder = self._tried(number, channel)
+                if isinstance(decoder, Decoder):
+                    wanted[number, channel.number] = topic, decoder
+        names = {(topic.recorded_name, topic.instance) for topic, _ in wanted.values()}
+        for topic in self.topics:
+            if (topic.recorded_name, topic.instance) in names:
+                self.can_decode(topic)
+        with self.left_out.reading() as missing:
+            for number, part in self._parts(wanted, low, high):
+                topic, decoder = wanted[number, part.channel]
+                rows, kept = decoder.rows(part, missing[topic.name, topic.instance])
+                times, published = part.log_times, part.publish_times
+                if kept is not None:
+                    times, published = times[kept], None if published is None else published[kept]
+                if len(rows):
+                    yield topic, rows, times, published
+
+    def decoder(self, topic: Topic) -> Decoder:
+        """Return the decoder of a topic. Raises RecordingError."""
+        found = self._tried(*topic.channels[0])
+        if isinstance(found, SchemaError):
+            raise RecordingError(f"{topic.name} cannot be decoded: {found}")
+        return found
+
+    def can_decode(self, topic: Topic) -> bool:
+        """Whether a topic has samples that can be decoded."""
+        return isinstance(self._tried(*topic.channels[0]), Decoder)
+
+    def verify(self) -> Checksums:
+        """Compare the chunks of the files with their checksums, and return how many have one."""
+        self._files[0].check_open()
+        found = [source.verify() for source in self.sources]
+        return Checksums(sum(each.compared for each in found), sum(each.missing for each in found))
+
+    def attached(self) -> Iterator[Attached]:
+        """Yield the attachments and the metadata records of the files."""
+        for file, source in zip(self._files, self.sources, strict=True):
+            file.check_open()
+            yield from source.attached()
+
+    # files
+
+    def _parts(self, wanted: Iterable[Numbers], low: int, high: int) -> Iterator[tuple[int, Part]]:
+        """Yield the samples of channels with the numbers of their files."""
+        channels: dict[int, list[int]] = defaultdict(list)
+        for number, channel in wanted:
+            channels[number].append(channel)
+        for number, own in sorted(channels.items()):
+            yield from ((number, part) for part in self._files[number].parts(own, low, high))
+
+    def _times(self, channels: Sequence[tuple[int, Channel]]) -> Times:
+        """Return the log times of channels, in the order of the files."""
+        return np.concatenate(
+            [self._files[number].times([channel.number])[channel.number] for number, channel in channels]
+        )
+
+    def _count(self, number: int, channel: Channel) -> int:
+        """Return the number of samples of a channel, 0 if it is not known and the files are closed."""
+        if channel.sample_count is not None or self._is_closed:
+            return channel.sample_count or 0
+        return len(self._times([(number, channel)]))
+
+    # definitions and problems
+
+    def _described(self, number: int, channel: Channel) -> Channel:
+        """Return a channel with a definition, if it has none and there is one elsewhere."""
+        key = number, channel.number
+        definition = self.lent.definitions.get(key)
+        if definition is None:
+            return channel
+        return channel._replace(definition=definition, is_lent=key not in self.lent.recorded)
+
+    def _within_limits(self, channels: Iterable[tuple[int, Channel]]) -> Iterator[tuple[int, Channel]]:
+        """Yield channels, without the definitions that have too many values together, which are reported."""
+        values = 0
+        is_kept: dict[tuple[str, str], bool] = {}
+        for number, channel in channels:
+            key = channel.ros_type, channel.definition
+            if key not in is_kept:
+                values += 0 if channel.layout is not None else nested_values(*key)
+                is_kept[key] = values <= MAX_TOTAL
+                if not is_kept[key]:
+                    text = f"a definition is left out: all have more than {MAX_TOTAL} values together"
+                    self._left_out_definitions.append(Problem(text, topic=channel.topic))
+            yield number, channel if is_kept[key] else channel._replace(definition="")
+
+    def _tried(self, number: int, channel: Channel) -> Decoder | SchemaError:
+        """Return the decoder of a channel, or the reason why there is none."""
+        key = number, channel.number
+        if key not in self._decoders:
+            try:
+                self._decoders[key] = Decoder(channel)
+            except SchemaError as error:
+                self._decoders[key] = error
+        return self._decoders[key]
+
+    def _not_decoded(self) -> Iterator[Problem]:
+        """Yield the channels that cannot be decoded, as far as that was tried."""
+        counts: Counter[tuple[Topic, str]] = Counter()
+        for topic in self.topics if self._decoders else ():
+            for number, channel in topic.channels:
+                error = self._decoders.get((number, channel.number))
+                if isinstance(error, SchemaError):
+                    counts[topic, str(error)] += self._count(number, channel)
+        for (topic, reason), count in counts.items():
+            text = f"{topic.name} is not decoded: {reason}"
+            yield Problem(text, samples=count, topic=topic.name, instance=topic.instance)
+
+    def _placed(self, source: Source, problem: Problem) -> Problem:
+        """Return a problem with the name of its file, if there are several and it has a place in one of them."""
+        if problem.offset is None or len(self.sources) == 1:
+            return problem
+        return problem._replace(text=f"{os.path.basename(source.path)}: {problem.text}")

@@ -1,0 +1,158 @@
+"""The rows of the table: a topic each, measured, with the rate limit of the firmware's dds_topics.yaml."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from types import ModuleType
+from typing import Any, NamedTuple
+
+from msggen.live.link import Route
+from msggen.live.messages.names import stem_of, without_namespace
+from msggen.live.vehicle.meter import Flow
+
+_REGULAR = 5
+"""A topic with this many samples,"""
+_PATIENCE = 2.0
+"""over this time in s, has a usual interval."""
+_LATE = 5.0
+"""A topic is late after this many of its usual intervals, and after the time above."""
+_PAUSE = 1.0
+"""A topic has no rate after this time in s without a sample, and after two of its longest intervals: it has paused."""
+
+
+class Row(NamedTuple):
+    """A topic. Numbers are NaN where there is nothing to measure."""
+
+    topic: str
+    """The name in ROS 2, with the namespace and the version."""
+    message: str
+    """The name of the message: `VehicleStatus`."""
+    rate: float
+    """Samples a second, NaN also for a topic that has paused."""
+    limit: float
+    """The rate limit in dds_topics.yaml in Hz, NaN if it has none."""
+    age: float
+    """The time since the newest sample in s."""
+    bandwidth: float
+    """Bytes a second."""
+    size: float
+    """The bytes of the newest sample."""
+    samples: int
+    longest: float
+    """The longest time between two samples in s."""
+    state: str
+    """`silent` without a sample, `late` after several intervals without one, else ""."""
+    flow: Flow | None
+    route: Route
+
+
+class Table(NamedTuple):
+    """All topics that a vehicle publishes, in the order of their names."""
+
+    rows: tuple[Row, ...]
+    label: str
+    """The firmware and the link, for people."""
+    trouble: str = ""
+    """Why nothing arrives, or "" as long as the vehicle is connected."""
+    lost: int = 0
+    """Samples that did not arrive."""
+    notice: str = ""
+    """The newest warning about the link."""
+
+    @property
+    def summary(self) -> str:
+        """Return a line about all topics."""
+        heard = sum(row.flow is not None for row in self.rows)
+        late = sum(row.state == "late" for row in self.rows)
+        parts = [
+            f"{len(self.rows)} topics",
+            f"{heard} heard",
+            *([f"{late} late"] if late else []),
+            f"{_sum(row.rate for row in self.rows):.0f} samples/s",
+            f"{_sum(row.bandwidth for row in self.rows) / 1000:.1f} kB/s",
+            f"{self.lost} lost",
+        ]
+        return ", ".join(parts)
+
+
+def rows_of(
+    routes: Iterable[Route], flows: Iterable[Flow], limits: Mapping[str, float], namespace: str, now: int
+) -> tuple[Row, ...]:
+    """Return the rows of all topics that a vehicle has or was heard on. `now` is of `time.time_ns`."""
+    heard = {flow.route.name: flow for flow in flows}
+    known = {route.name: route for route in routes if route.direction == "out"}
+    every = {**known, **{name: flow.route for name, flow in heard.items()}}
+    return tuple(
+        _row(every[name], heard.get(name), limits.get(stem_of(without_namespace(name, namespace)), math.nan), now)
+        for name in sorted(every)
+    )
+
+
+def _row(route: Route, flow: Flow | None, limit: float, now: int) -> Row:
+    nan = math.nan
+    age = nan if flow is None else max(0.0, (now - flow.last) / 1e9)
+    runs = flow is not None and age <= max(_PAUSE, 2 * flow.longest)
+    return Row(
+        topic=route.name,
+        message=route.ros_type.rpartition("/")[2],
+        rate=flow.rate if flow and runs else nan,
+        limit=limit,
+        age=age,
+        bandwidth=flow.bandwidth if flow and runs else nan,
+        size=flow.size if flow else nan,
+        samples=flow.samples if flow else 0,
+        longest=flow.longest if flow else nan,
+        state="silent" if flow is None else "late" if age > _longest_age(flow) else "",
+        flow=flow,
+        route=route,
+    )
+
+
+def _longest_age(flow: Flow) -> float:
+    """Return the age in s after which a topic is late. Answers to something come when there is something."""
+    seconds = (flow.last - flow.first) / 1e9
+    if flow.samples < _REGULAR or seconds < _PATIENCE:
+        return math.inf
+    return max(_PATIENCE, _LATE * seconds / (flow.samples - 1))
+
+
+def limits_of(package: ModuleType) -> dict[str, float]:
+    """Return the rate limits in Hz that the package's dds_topics.yaml sets, by names without version."""
+    endpoints: Any = package.topics.ENDPOINTS
+    return {
+        stem_of(endpoint.ros_name): endpoint.rate_limit_hz
+        for endpoint in endpoints
+        if endpoint.direction == "out" and endpoint.rate_limit_hz
+    }
+
+
+def as_document(table: Table) -> dict[str, Any]:
+    """Return the table for JSON: units are in the keys, and None stands for what is not known."""
+    return {
+        "vehicle": table.label,
+        "lost": table.lost,
+        "topics": [
+            {
+                "topic": row.topic,
+                "message": row.message,
+                "rate_hz": _known(row.rate),
+                "limit_hz": _known(row.limit),
+                "age_s": _known(row.age),
+                "bandwidth_bytes_per_s": _known(row.bandwidth),
+                "size_bytes": _known(row.size),
+                "samples": row.samples,
+                "longest_interval_s": _known(row.longest),
+                "state": row.state,
+            }
+            for row in table.rows
+        ],
+    }
+
+
+def _known(number: float) -> float | None:
+    return None if math.isnan(number) else number
+
+
+def _sum(numbers: Iterable[float]) -> float:
+    return sum(number for number in numbers if not math.isnan(number))

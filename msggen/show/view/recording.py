@@ -1,0 +1,147 @@
+"""Shows a recording in Foxglove."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+from foxglove.websocket import PlaybackCommand, PlaybackState, PlaybackStatus, ServerListener
+
+from msggen.recordings.log.log import Log
+from msggen.recordings.log.payloads import Sample
+from msggen.show.view.playback import Playback, State
+from msggen.show.view.scene import KINDS, Scene
+from msggen.show.view.server import Channel
+
+if TYPE_CHECKING:
+    from foxglove.websocket import PlaybackControlRequest
+
+    from msggen.recordings.topics.topic import Topic
+    from msggen.show.view.server import Server
+
+TELL_NS = 200_000_000
+"""How often Foxglove is told where the playback is."""
+
+
+class UnviewableRecordingError(ValueError):
+    """A recording without anything that can be shown."""
+
+
+def channels_of(recording: Log) -> list[Channel]:
+    """Return the topics with definitions. Raises UnviewableRecordingError if there is none."""
+    found = [Channel(topic.name, topic.ros_type, topic.definition) for topic in _shown(recording)]
+    if not found or not recording.end:
+        if recording.kind == "ulog":
+            raise UnviewableRecordingError("is a ULog, which cannot be viewed: convert it to MCAP first")
+        raise UnviewableRecordingError("has no samples with definitions of ROS 2 (ros2msg)")
+    return found
+
+
+def _shown(recording: Log) -> list[Topic]:
+    return [topic for topic in recording.topics if topic.is_cdr and topic.definition]
+
+
+def package_for(recording: Log, packages: Iterable[ModuleType]) -> ModuleType | None:
+    """Return the first package whose messages with the vehicle's place have the definitions of the recording."""
+    needed = {each.ros_type: _fields(each.definition) for each in _shown(recording) if each.ros_type in KINDS}
+    for package in packages if needed else ():
+        with suppress(KeyError):
+            own = {name: _fields(package.by_type(name).__msg__.definition) for name in needed}
+            if own == needed:
+                return package
+    return None
+
+
+def _fields(definition: str) -> list[str]:
+    """Return the lines of a definition without comments and spaces."""
+    lines = ("".join(line.partition("#")[0].split()) for line in definition.splitlines())
+    return [line for line in lines if line]
+
+
+class Controls(ServerListener):
+    """Foxglove's playback controls: a listener for the server, whose thread calls it."""
+
+    def __init__(self) -> None:
+        self.answer: Callable[[PlaybackControlRequest], PlaybackState] | None = None
+
+    def on_playback_control_request(self, request: PlaybackControlRequest) -> PlaybackState | None:
+        """Do what the controls ask for, and return where the playback is then."""
+        return self.answer(request) if self.answer else None
+
+
+class RecordingView:
+    """Gives the samples of a recording to a server. Call `advance` often, from one thread.
+
+    `package` is that of `package_for`, which decodes the messages with the vehicle's place.
+    """
+
+    def __init__(self, server: Server, recording: Log, controls: Controls, package: ModuleType | None) -> None:
+        channels = channels_of(recording)
+        self._server, self._log, self._package = server, recording, package
+        self._types = {channel.topic: channel.ros_type for channel in channels}
+        self._scene = Scene(package) if package else None
+        self._playback = Playback(self._read, recording.start, recording.end, time.monotonic_ns())
+        self._lock = threading.Lock()
+        """Guards the playback: the controls are called by the thread of the server."""
+        self._told = 0
+        self.samples = 0
+        for channel in channels:
+            server.add(channel)
+        controls.answer = self._answer
+
+    def _read(self, start: int) -> Iterator[Sample]:
+        """Yield the samples from a time on."""
+        seconds = max(start - self._log.start, 0) / 1e9
+        return self._log.payloads(self._types, start=seconds or None)  # some samples are older than the start
+
+    def advance(self) -> State:
+        """Send the samples that are due, and return where the playback is."""
+        now = time.monotonic_ns()
+        with self._lock:
+            samples, state = list(self._playback.due(now)), self._playback.state(now)
+        for sample in samples:
+            self._server.sample(sample.topic, sample.payload, sample.time)
+            self._draw(sample)
+        self.samples += len(samples)
+        if now - self._told >= TELL_NS:
+            self._told = now
+            self._server.draw_model(state.time)
+            self._server.set_playback(_told(state))
+        return state
+
+    def _draw(self, sample: Sample) -> None:
+        ros_type = self._types[sample.topic]
+        if self._scene is None or self._package is None or ros_type not in KINDS:
+            return
+        with suppress(ValueError):  # a damaged sample
+            message = self._package.by_type(ros_type).decode(sample.payload)
+            found = self._scene.feed(ros_type, message, sample.time)
+            if found is not None:
+                self._server.draw(found, sample.time)
+
+    def _answer(self, request: PlaybackControlRequest) -> PlaybackState:
+        now = time.monotonic_ns()
+        with self._lock:
+            self._playback.control(
+                now,
+                is_playing=request.playback_command == PlaybackCommand.Play,
+                speed=request.playback_speed,
+                seek=request.seek_time,
+            )
+            state = self._playback.state(now)
+        return _told(state, request)
+
+
+def _told(state: State, request: PlaybackControlRequest | None = None) -> PlaybackState:
+    running = PlaybackStatus.Playing if state.is_playing else PlaybackStatus.Paused
+    return PlaybackState(
+        PlaybackStatus.Ended if state.is_ended else running,
+        state.time,
+        state.speed,
+        request is not None and request.seek_time is not None,
+        request.request_id if request else None,
+    )

@@ -1,0 +1,60 @@
+"""The definitions of the embedded releases, one by one, and their comparison with archived versions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from types import MappingProxyType
+from typing import NamedTuple
+
+from msggen.base.diagnostics import Diagnostic
+from msggen.definitions.identity import message_hash
+from msggen.definitions.model import DEFAULT_PACKAGE, Catalog, Message
+from msggen.definitions.parse.definition import parse_message
+from msggen.sources.conventions import CONVENTIONS
+from msggen.sources.embedded import EMBEDDED, PREFIX, Releases
+
+_VERSIONED = "msg/versioned/"
+
+
+def check_archived(catalog: Catalog) -> Iterator[Diagnostic]:
+    """Yield a warning for each archived version that has other fields than the release in which it was current."""
+    releases = Releases()
+    for archived in catalog.archived.values():
+        name = archived.released_as[1]
+        for release in EMBEDDED:
+            found = released_as(releases, release, name) if _is_versioned(releases, release, name) else None
+            if (
+                found
+                and found.message.message_version == archived.message_version
+                and message_hash(catalog, archived) != message_hash(*found)
+            ):
+                text = f"'{archived.name}' differs from version {archived.message_version} in PX4 {release}"
+                yield Diagnostic(archived.location, "M410", f"{text}: build a package of {release} for its samples")
+
+
+class Released(NamedTuple):
+    """A message of an embedded release, in a catalog of it and what it nests."""
+
+    catalog: Catalog
+    message: Message
+
+
+def released_as(releases: Releases, release: str, name: str, package: str = DEFAULT_PACKAGE) -> Released | None:
+    """Return the message `name` of a release as one of `package`, None if the release does not have it."""
+    found: dict[str, Message] = {}
+    waiting = [f"{package}/{name}"]
+    while waiting:
+        key = waiting.pop()
+        stem = key.rpartition("/")[2]
+        path, text = releases.file(release, f"{stem}.msg")
+        if not path:
+            return None
+        found[key], _ = parse_message(text, f"{PREFIX}{release}/{path}", stem, package)
+        nested = (found[key].key_of(field.type) for field in found[key].fields if not field.type.is_primitive)
+        waiting += [inner for inner in nested if inner not in found]
+    catalog = Catalog(MappingProxyType(found), (), (), CONVENTIONS[release], package)
+    return Released(catalog, found[f"{package}/{name}"])
+
+
+def _is_versioned(releases: Releases, release: str, name: str) -> bool:
+    return releases.file(release, f"{name}.msg")[0].startswith(_VERSIONED)
