@@ -39,7 +39,7 @@ OF_VEHICLES = (Category.LINK, Category.SESSION, Category.NAME, Category.DEFINITI
 """The categories of what is wrong with a running vehicle. Their findings are about no lines of a file."""
 
 
-class Reader(Enum):
+class Node(Enum):
     """The nodes that decode samples of the other side: those built with the previous or the current definition."""
 
     OLD = "old"
@@ -106,7 +106,7 @@ class Finding:
 
     rule: Rule
     change: Change
-    silent_for: tuple[Reader, ...] = ()
+    silent_for: tuple[Node, ...] = ()
     is_handled: bool = False
     remedy: str = ""
     rank: int = 0

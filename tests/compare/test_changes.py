@@ -9,7 +9,7 @@ from typing import NamedTuple
 import pytest
 
 from msggen.check.compare.rules import BREAKING
-from msggen.check.finding import Finding, Reader, Rule
+from msggen.check.finding import Finding, Node, Rule
 from msggen.check.run import breaking
 from msggen.show.report.table import named
 from msggen.sources.sources import find_sources
@@ -443,7 +443,7 @@ def told(findings: tuple[Finding, ...]) -> set[tuple[str, str]]:
     return {(each.rule.id, each.change.subject) for each in findings}
 
 
-def misread_by(findings: tuple[Finding, ...], *readers: Reader) -> list[str]:
+def misread_by(findings: tuple[Finding, ...], *readers: Node) -> list[str]:
     """Return the subjects that exactly these readers misread."""
     return sorted({each.change.subject for each in findings if each.silent_for == readers})
 
@@ -453,9 +453,9 @@ def test_a_change_is_what_it_is_and_nothing_else(name: str, tmp_path: Path) -> N
     case = CASES[name]
     found = run(tmp_path, case)
     assert told(found) == case.found
-    assert misread_by(found, Reader.OLD, Reader.NEW) == sorted(case.silent)
-    assert misread_by(found, Reader.OLD) == sorted(case.for_old)
-    assert misread_by(found, Reader.NEW) == sorted(case.for_new)
+    assert misread_by(found, Node.OLD, Node.NEW) == sorted(case.silent)
+    assert misread_by(found, Node.OLD) == sorted(case.for_old)
+    assert misread_by(found, Node.NEW) == sorted(case.for_new)
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -468,9 +468,9 @@ def test_the_way_back_is_the_same_seen_from_the_other_side(name: str, tmp_path: 
     assert {(rule, subject) for rule, subject in told(found) if rule in fields} == {
         (back.get(rule, rule), subject) for rule, subject in case.found if rule in fields
     }
-    assert misread_by(found, Reader.OLD, Reader.NEW) == sorted(case.silent)
-    assert misread_by(found, Reader.OLD) == sorted(case.for_new)
-    assert misread_by(found, Reader.NEW) == sorted(case.for_old)
+    assert misread_by(found, Node.OLD, Node.NEW) == sorted(case.silent)
+    assert misread_by(found, Node.OLD) == sorted(case.for_new)
+    assert misread_by(found, Node.NEW) == sorted(case.for_old)
 
 
 @pytest.mark.parametrize("pattern", ["SetRpm", "Set*", "SetRpm_Request"])

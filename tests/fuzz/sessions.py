@@ -17,7 +17,7 @@ from msggen.live.xrce import client as genuine
 from msggen.live.xrce import entities, wire
 from msggen.live.xrce.agent import DEFAULTS, Address, Agent, Connected, Disconnected, Event, Replied, Sample
 from msggen.live.xrce.client_entities import Reader, Server, Settings, Writer
-from msggen.live.xrce.entities import LARGEST_NUMBER, Group, Participant, Topic, object_id
+from msggen.live.xrce.entities import LARGEST_NUMBER, Group, Participant, TopicEntity, object_id
 from msggen.live.xrce.wire import Create, Delete
 from support.xrce_client import PARTICIPANT, Client
 from support.xrce_garbage import check as check_limits
@@ -107,7 +107,7 @@ def name(client: Client, chance: Random, _: bytes) -> None:
     """Give hostile names."""
     text = chance.choice(("/", "a", "/a", "px4_micro_xrce_dds", "\0")) * chance.randrange(1, 3800 // 18)
     client.create(PARTICIPANT, Participant(text + chance.choice(("", "px4_micro_xrce_dds"))))
-    client.create(object_id(1, entities.TOPIC), Topic("rt/" + text, text, PARTICIPANT))
+    client.create(object_id(1, entities.TOPIC), TopicEntity("rt/" + text, text, PARTICIPANT))
 
 
 def acknowledge(client: Client, chance: Random, _: bytes) -> None:

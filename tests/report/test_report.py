@@ -19,7 +19,7 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from msggen.base.location import Location
-from msggen.check.finding import Category, Change, Excerpt, Finding, Reader, Report
+from msggen.check.finding import Category, Change, Excerpt, Finding, Node, Report
 from msggen.cli import main
 from msggen.cli.printing import terminal_width
 from msggen.show.report import FORMATS, render
@@ -48,7 +48,7 @@ MOVED = replace(
         excerpt(OLD, "msg/versioned/VehicleAttitude.msg", 9, "uint64 timestamp_sample"),
         excerpt(NEW, "msg/VehicleAttitude.msg", 8, "uint64 timestamp_sample"),
     ),
-    silent_for=(Reader.OLD, Reader.NEW),
+    silent_for=(Node.OLD, Node.NEW),
 )
 RENAMED = finding(
     "FIELD_RENAMED",
@@ -87,7 +87,7 @@ HANDLED = replace(
         None,
         excerpt(NEW, "msg/VehicleStatus.msg", 140, "uint8 more"),
     ),
-    silent_for=(Reader.NEW,),
+    silent_for=(Node.NEW,),
     is_handled=True,
 )
 SLOWER = finding(
@@ -210,14 +210,14 @@ def test_only_what_nothing_takes_care_of_is_listed_as_silent() -> None:
 
 
 ONE_WAY = {
-    (Reader.OLD,): "silent for old readers: they decode wrong values without an error",
-    (Reader.NEW,): "silent for new readers: they decode wrong values without an error",
-    (Reader.OLD, Reader.NEW): "silent both ways: readers decode wrong values without an error",
+    (Node.OLD,): "silent for old readers: they decode wrong values without an error",
+    (Node.NEW,): "silent for new readers: they decode wrong values without an error",
+    (Node.OLD, Node.NEW): "silent both ways: readers decode wrong values without an error",
 }
 
 
 @pytest.mark.parametrize("readers", ONE_WAY, ids=str)
-def test_every_format_says_who_misreads(readers: tuple[Reader, ...]) -> None:
+def test_every_format_says_who_misreads(readers: tuple[Node, ...]) -> None:
     report = replace(REPORT, findings=(replace(MOVED, silent_for=readers),))
     sentence = ONE_WAY[readers]
     words = sentence.partition(":")[0]
@@ -232,8 +232,8 @@ def test_every_format_says_who_misreads(readers: tuple[Reader, ...]) -> None:
 def test_subjects_are_listed_by_who_misreads_them() -> None:
     added = replace(HANDLED, is_handled=False)
     *_, first, second, _ = rendered("full", replace(REPORT, findings=(MOVED, added))).splitlines()
-    assert first == f"{ONE_WAY[Reader.OLD, Reader.NEW]}: VehicleAttitude"
-    assert second == f"{ONE_WAY[Reader.NEW,]}: VehicleStatus"
+    assert first == f"{ONE_WAY[Node.OLD, Node.NEW]}: VehicleAttitude"
+    assert second == f"{ONE_WAY[Node.NEW,]}: VehicleStatus"
 
 
 def test_brackets_are_no_markup() -> None:

@@ -9,7 +9,7 @@ from dataclasses import replace
 import pytest
 
 from msggen.base.location import Location
-from msggen.check.finding import Change, Finding, Reader, Report, Rule, Severity
+from msggen.check.finding import Change, Finding, Node, Report, Rule, Severity
 from msggen.cli import main, parser_for
 from msggen.show.report.line import mark
 from msggen.show.report.rules import MARKS
@@ -49,7 +49,7 @@ def test_the_texts_name_commands_that_exist() -> None:
 
 
 def test_every_mark_of_a_finding_has_a_text() -> None:
-    readers = [(), (Reader.OLD,), (Reader.NEW,), (Reader.OLD, Reader.NEW)]
+    readers = [(), (Node.OLD,), (Node.NEW,), (Node.OLD, Node.NEW)]
     found = Finding(RULES[0], Change("Rpm", "x", Location("Rpm.msg", 1)))
     warning = replace(RULES[0], severity=Severity.WARNING)
     findings = [

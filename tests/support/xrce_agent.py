@@ -24,7 +24,7 @@ class SmallAgent:
     def reset(self) -> None:
         self.is_in_session = False
         self.participant = ""
-        self.topics: dict[bytes, entities.Topic] = {}
+        self.topics: dict[bytes, entities.TopicEntity] = {}
         self.names: dict[bytes, str] = {}
         self.reads: set[bytes] = set()
         self.samples: list[tuple[str, bytes]] = []
@@ -145,7 +145,7 @@ class SmallAgent:
         found = entities.parse(create)
         if isinstance(found, entities.Participant):
             self.participant = found.name
-        elif isinstance(found, entities.Topic):
+        elif isinstance(found, entities.TopicEntity):
             self.topics[create.object_id] = found
         elif isinstance(found, entities.Endpoint):
             assert isinstance(found.topic, bytes)

@@ -62,7 +62,7 @@ class Client:
         """Create a writer, or a reader."""
         group = entities.PUBLISHER if kind == entities.WRITER else entities.SUBSCRIBER
         topic, parent = entities.object_id(number, entities.TOPIC), entities.object_id(number, group)
-        self.create(topic, entities.Topic(f"rt/{name}", "px4_msgs::msg::dds_::A_", PARTICIPANT))
+        self.create(topic, entities.TopicEntity(f"rt/{name}", "px4_msgs::msg::dds_::A_", PARTICIPANT))
         self.create(parent, entities.Group(group, PARTICIPANT))
         self.create(entities.object_id(number, kind), entities.Endpoint(kind, topic, parent))
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from msggen.base.location import Location
 from msggen.check.compare.renaming import Candidates, is_renamed, nearest_message
-from msggen.check.finding import Reader
+from msggen.check.finding import Node
 from msggen.definitions.layout import Layout, Path, is_static, lay_out
 from msggen.definitions.model import VERSION, Catalog, Constant, Field, FieldType, Message, Value
 from msggen.definitions.primitives import OCTETS
@@ -148,7 +148,7 @@ class MessagePair:
         return _layout(self._current_catalog, self.current)
 
     @cached_property
-    def misread_by(self) -> tuple[Reader, ...]:
+    def misread_by(self) -> tuple[Node, ...]:
         """The readers that decode wrong values from samples of the other side, without an error.
 
         Samples arrive padded to a multiple of 4 bytes, so sizes are rounded up before they are compared. A value is
@@ -161,7 +161,7 @@ class MessagePair:
             return ()
         before = {(self._current_path(path), *value) for path, *value in _values(self.previous_layout)}
         after = set(_values(self.current_layout))
-        misread = {Reader.OLD: before - after, Reader.NEW: after - before}
+        misread = {Node.OLD: before - after, Node.NEW: after - before}
         return tuple(reader for reader, values in misread.items() if values)
 
     @cached_property

@@ -80,7 +80,7 @@ Target: TypeAlias = type[Message] | Endpoint[Any] | str
 Way: TypeAlias = Literal["in", "out"]
 
 
-class Topic(NamedTuple):
+class NamedTopic(NamedTuple):
     """A topic that the user has named."""
 
     stem: str
@@ -137,7 +137,7 @@ def package_of_class(cls: type) -> ModuleType:
     raise TypeError(f"expected the class of a message, got {cls.__name__}")
 
 
-def find_topic(target: Target, way: Way, packages: Packages) -> Topic:
+def find_topic(target: Target, way: Way, packages: Packages) -> NamedTopic:
     """Return the topic that a class, an endpoint or a name stands for.
 
     Raises TopicError, and TypeError if `target` is none of them.
@@ -153,10 +153,10 @@ def find_topic(target: Target, way: Way, packages: Packages) -> Topic:
     stem = stem_of(target.ros_name)
     plain = _plain_stem(package, stem)
     namespace = stem[: len(stem) - len(plain)].strip("/") if plain != stem else None
-    return Topic(plain, namespace, target.message, package, is_typed=True)
+    return NamedTopic(plain, namespace, target.message, package, is_typed=True)
 
 
-def _by_class(cls: type[Message], way: Way) -> Topic:
+def _by_class(cls: type[Message], way: Way) -> NamedTopic:
     package = package_of_class(cls)
     name = cls.__msg__.ros_type.rpartition("/")[2]
     every = [
@@ -171,7 +171,7 @@ def _by_class(cls: type[Message], way: Way) -> Topic:
     if len(named) == 1:
         found = named
     if len(found) == 1:
-        return Topic(stem_of(found[0].ros_name), None, cls, package, is_typed=True)
+        return NamedTopic(stem_of(found[0].ros_name), None, cls, package, is_typed=True)
     if found:
         names = ", ".join(f"'{endpoint.ros_name}'" for endpoint in found)
         how = "name one: subscribe(topics.out...)" if way == "out" else "name one with topic="
@@ -185,7 +185,7 @@ def _by_class(cls: type[Message], way: Way) -> Topic:
     raise TopicError(f"{text}, which can be built with that of your firmware: --px4 or --topics")
 
 
-def _by_name(name: str, way: Way, packages: Packages) -> Topic:
+def _by_name(name: str, way: Way, packages: Packages) -> NamedTopic:
     if not packages:
         raise TopicError(f"'{name}' is only a name: give the generated package, as in Vehicle(types=px4_types)")
     errors = []
@@ -198,11 +198,11 @@ def _by_name(name: str, way: Way, packages: Packages) -> Topic:
             _check_way(endpoint, way)
             stem, version = stem_of(endpoint.ros_name), version_of(name)
             if not version:
-                return Topic(stem, namespace, endpoint.message, package, is_typed=False)
+                return NamedTopic(stem, namespace, endpoint.message, package, is_typed=False)
             classes = [each.message for each in package.topics.versions_of(endpoint.ros_name)]
             for cls in classes:
                 if cls.__msg__.message_version == version:
-                    return Topic(stem, namespace, cls, package, is_typed=True)
+                    return NamedTopic(stem, namespace, cls, package, is_typed=True)
             have = ", ".join(str(cls.__msg__.message_version) for cls in classes)
             errors.append(
                 f"{package.__name__} has no version {version} of '{stem}', but {have}: leave the version out of the "
@@ -241,7 +241,7 @@ def _check_way(endpoint: Endpoint[Message], way: Way) -> None:
 
 
 def decoding_of(
-    topic: Topic, ros_name: str, packages: Packages, message_hash: int | None, *, is_converted: bool
+    topic: NamedTopic, ros_name: str, packages: Packages, message_hash: int | None, *, is_converted: bool
 ) -> Decoding:
     """Return how to decode the samples of a route with the name `ros_name`.
 
@@ -260,7 +260,7 @@ class UnknownFormatError(FormatError):
     """No given package has the vehicle's definition."""
 
 
-def _candidates(topic: Topic, packages: Packages) -> Iterator[tuple[type[Message], ModuleType]]:
+def _candidates(topic: NamedTopic, packages: Packages) -> Iterator[tuple[type[Message], ModuleType]]:
     """Yield the classes that a topic may have: the expected one, archived ones, and those of the other packages."""
     yield topic.message, topic.package
     for package in dict.fromkeys((topic.package, *packages)):
@@ -270,7 +270,9 @@ def _candidates(topic: Topic, packages: Packages) -> Iterator[tuple[type[Message
                     yield version.message, package
 
 
-def _accepted(topic: Topic, cls: type[Message], package: ModuleType, ros_name: str, *, is_converted: bool) -> Decoding:
+def _accepted(
+    topic: NamedTopic, cls: type[Message], package: ModuleType, ros_name: str, *, is_converted: bool
+) -> Decoding:
     if cls is topic.message or (not topic.is_typed and not is_converted):
         return Decoding(cls, cls.decode)
     if is_converted:
@@ -284,7 +286,7 @@ def _accepted(topic: Topic, cls: type[Message], package: ModuleType, ros_name: s
     )
 
 
-def _converter(topic: Topic, package: ModuleType) -> Callable[[Any, Any], Any]:
+def _converter(topic: NamedTopic, package: ModuleType) -> Callable[[Any, Any], Any]:
     for each in (topic.package, package):
         try:
             found: Callable[[Any, Any], Any] = each.versions.convert
@@ -294,7 +296,7 @@ def _converter(topic: Topic, package: ModuleType) -> Callable[[Any, Any], Any]:
     raise FormatError(f"convert=True needs archived versions: build {topic.package.__name__} with --archived")
 
 
-def _difference(topic: Topic, ros_name: str, message_hash: int | None) -> str:
+def _difference(topic: NamedTopic, ros_name: str, message_hash: int | None) -> str:
     info, name = topic.message.__msg__, f"{topic.package.__name__}.{topic.message.__name__}"
     if version_of(ros_name) != info.message_version:
         return f"the vehicle has '{ros_name}', and {name} is version {info.message_version}"
@@ -329,7 +331,7 @@ def check_sent(cls: type[Message], route: Route, known: int | None) -> None:
         raise FormatError(f"{difference(route.name, known, own, info.message_hash)}: publish a message of its release")
 
 
-def check_convertible(topic: Topic, packages: Packages) -> None:
+def check_convertible(topic: NamedTopic, packages: Packages) -> None:
     """Raise TopicError if no package has what `convert=True` needs."""
     if not any(hasattr(package, "versions") for package in (topic.package, *packages)):
         raise TopicError(f"convert=True needs archived versions: build {topic.package.__name__} with --archived")

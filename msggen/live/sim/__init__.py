@@ -1,6 +1,6 @@
 """Simulated vehicles: clients of DDS-XRCE that behave as PX4's, without PX4."""
 
-from msggen.live.sim.channel import Misbehaviour as Misbehaviour
+from msggen.live.sim.line import Misbehaviour as Misbehaviour
 from msggen.live.sim.runner import Simulator as Simulator
 from msggen.live.sim.vehicle import Options as Options
 from msggen.live.sim.vehicle import SimulatedVehicle as SimulatedVehicle

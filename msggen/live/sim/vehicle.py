@@ -19,7 +19,7 @@ from importlib import import_module
 from types import ModuleType
 from typing import Any, NamedTuple
 
-from msggen.live.sim.channel import Channel, Misbehaviour
+from msggen.live.sim.line import Line, Misbehaviour
 from msggen.live.sim.values import Clocks, Filler, Scene
 from msggen.live.sim.world import ACCEPTED, DENIED, TEMPORARILY_REJECTED, UNSUPPORTED, Home, World
 from msggen.live.xrce import client as xrce
@@ -111,8 +111,8 @@ class SimulatedVehicle:
         self._noise = random.Random(f"noise {options.seed} {options.key}")  # noqa: S311 - not for secrets
         self._clocks = Clocks()
         wrong = options.misbehaviour
-        self._to_agent = Channel(wrong, f"out {options.seed} {options.key}")
-        self._from_agent = Channel(wrong._replace(garbage=0.0), f"in {options.seed} {options.key}")
+        self._to_agent = Line(wrong, f"out {options.seed} {options.key}")
+        self._from_agent = Line(wrong._replace(garbage=0.0), f"in {options.seed} {options.key}")
         self._outgoing: list[tuple[bytes, int]] = []
         self._read_topics()
         self._due: list[tuple[int, int]] = []

@@ -9,7 +9,7 @@ from logging import getLogger
 from typing import Any, NamedTuple, TypeAlias
 
 from msggen.live.link import FormatError, LinkError
-from msggen.live.messages.packages import Decoding, Topic
+from msggen.live.messages.packages import Decoding, NamedTopic
 
 LOGGER = getLogger("msggen.live")
 
@@ -26,7 +26,9 @@ class Feed:
     sample is missed.
     """
 
-    def __init__(self, topic: Topic, size: int, callback: Callable[[Any], object] | None, options: Options) -> None:
+    def __init__(
+        self, topic: NamedTopic, size: int, callback: Callable[[Any], object] | None, options: Options
+    ) -> None:
         self.topic = topic
         self.options = options
         self.queue: deque[Item] = deque(maxlen=size)

@@ -9,7 +9,7 @@ from logging import getLogger
 
 from msggen.live.link import FormatError, Link, Remote, Route, Service
 from msggen.live.messages.names import is_topic, stem_of
-from msggen.live.messages.packages import Decoding, Packages, Topic, UnknownFormatError, decoding_of
+from msggen.live.messages.packages import Decoding, NamedTopic, Packages, UnknownFormatError, decoding_of
 from msggen.live.vehicle.calls import Calls
 from msggen.live.vehicle.feed import Feed, check_outside_callback
 from msggen.live.vehicle.firmware import RESPONSE, RETRY_NS, Firmware, FormatCheck, identify, releases
@@ -343,7 +343,7 @@ class Hub:
             text = "%s continues an earlier session, so its key and namespace are not known: select it by its address"
             LOGGER.warning(text, shown(remote))
 
-    def _is_route_of(self, topic: Topic, route: Route) -> bool:
+    def _is_route_of(self, topic: NamedTopic, route: Route) -> bool:
         return route.direction == "out" and is_topic(route.name, topic.stem, topic.namespace)
 
     def _connect(self, entry: Entry, route: Route) -> None:

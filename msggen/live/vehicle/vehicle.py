@@ -46,7 +46,7 @@ from msggen.live.vehicle.watch import Watch, Watcher
 if TYPE_CHECKING:
     from typing_extensions import Self
 
-    from msggen.live.messages.packages import Message, Packages, Target, Topic
+    from msggen.live.messages.packages import Message, NamedTopic, Packages, Target
     from msggen.live.vehicle.firmware import Firmware
 
 DEFAULT = "udp://127.0.0.1:8888"
@@ -412,7 +412,7 @@ class Vehicle:
             )
         return entry
 
-    def _check_namespace(self, topic: Topic) -> None:
+    def _check_namespace(self, topic: NamedTopic) -> None:
         own = self._member.selection.namespace
         if topic.namespace is not None and own is not None and topic.namespace != own:
             text = f"'/{topic.namespace}{topic.stem}' is a topic of another vehicle: this one has the namespace '{own}'"

@@ -22,7 +22,7 @@ from msggen.live.xrce.entities import (
     Group,
     Participant,
     Replier,
-    Topic,
+    TopicEntity,
     object_id,
 )
 
@@ -92,7 +92,7 @@ def create_reader(reader: Reader) -> list[Creation]:
     """Return topic, subscriber and reader."""
     topic, subscriber, identity = (object_id(reader.number, kind) for kind in (TOPIC, SUBSCRIBER, READER))
     return [
-        (topic, Topic(reader.name, reader.type, _PARTICIPANT_ID).pack()),
+        (topic, TopicEntity(reader.name, reader.type, _PARTICIPANT_ID).pack()),
         (subscriber, Group(SUBSCRIBER, _PARTICIPANT_ID).pack()),
         (identity, Endpoint(READER, topic, subscriber, QOS_KEEP_LAST, reader.depth).pack()),
     ]
@@ -102,7 +102,7 @@ def create_writer(writer: Writer) -> list[Creation]:
     """Return topic, publisher and writer."""
     topic, publisher, identity = (object_id(writer.number, kind) for kind in (TOPIC, PUBLISHER, WRITER))
     return [
-        (topic, Topic(writer.name, writer.type, _PARTICIPANT_ID).pack()),
+        (topic, TopicEntity(writer.name, writer.type, _PARTICIPANT_ID).pack()),
         (publisher, Group(PUBLISHER, _PARTICIPANT_ID).pack()),
         (identity, Endpoint(WRITER, topic, publisher, QOS_KEEP_LAST | QOS_TRANSIENT_LOCAL).pack()),
     ]

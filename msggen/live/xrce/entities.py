@@ -75,7 +75,7 @@ class Participant(NamedTuple):
         return text + bytes(len(text) & 1) + self.domain.to_bytes(2, "little", signed=True)
 
 
-class Topic(NamedTuple):
+class TopicEntity(NamedTuple):
     """A topic, with its names in DDS."""
 
     name: str
@@ -140,7 +140,7 @@ class Replier(NamedTuple):
         return _pack_binary(REPLIER, data, self.parent)
 
 
-Entity: TypeAlias = Participant | Topic | Group | Endpoint | Replier
+Entity: TypeAlias = Participant | TopicEntity | Group | Endpoint | Replier
 
 
 def parse(create: Create) -> Entity:
@@ -172,7 +172,7 @@ def _by_xml(kind: int, data: bytes) -> Entity:
     if kind in (PUBLISHER, SUBSCRIBER):
         return Group(kind, parent)
     if kind == TOPIC:
-        return Topic(_element(text, "topic", "name"), _element(text, "topic", "dataType"), parent)
+        return TopicEntity(_element(text, "topic", "name"), _element(text, "topic", "dataType"), parent)
     if kind in (WRITER, READER):
         flags = QOS_RELIABLE if "<kind>RELIABLE</kind>" in text else 0
         return Endpoint(kind, (_element(text, "topic", "name"), _element(text, "topic", "dataType")), parent, flags)
@@ -212,7 +212,7 @@ def _participant_name(data: bytes) -> str:
     return read_string(data, at + 1)[0] if _flag(data, at) else ""
 
 
-def _topic(data: bytes, parent: bytes) -> Topic:
+def _topic(data: bytes, parent: bytes) -> TopicEntity:
     name, at = read_string(data, 0)
     if _flag(data, at):
         _, at = read_string(data, at + 1)
@@ -220,7 +220,7 @@ def _topic(data: bytes, parent: bytes) -> Topic:
         at += 1
     if not _flag(data, at):
         raise WireError("topic without a type")
-    return Topic(name, read_string(data, at + 1)[0], parent)
+    return TopicEntity(name, read_string(data, at + 1)[0], parent)
 
 
 def _endpoint(kind: int, data: bytes, parent: bytes) -> Endpoint:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from msggen.live.link import Route, Service
 from msggen.live.xrce import entities, wire
-from msggen.live.xrce.entities import Endpoint, Entity, Participant, RefusedError, Replier, Topic
+from msggen.live.xrce.entities import Endpoint, Entity, Participant, RefusedError, Replier, TopicEntity
 from msggen.live.xrce.wire import WireError
 
 _NAME = re.compile(r"[A-Za-z0-9_/:~]+")
@@ -131,7 +131,7 @@ class Inventory:
         if isinstance(entity, Participant):
             if self.namespace is None:
                 self.namespace = _namespace(entity.name[: self._longest])
-        elif isinstance(entity, Topic):
+        elif isinstance(entity, TopicEntity):
             self._check(entity.name, entity.type)
         elif isinstance(entity, Replier):
             self._check(*entity[:5])
@@ -144,7 +144,7 @@ class Inventory:
         names = endpoint.topic
         if isinstance(names, bytes):
             topic = self._entities.get(names)
-            if not isinstance(topic, Topic):
+            if not isinstance(topic, TopicEntity):
                 raise RefusedError("endpoint of an unknown topic", wire.ERR_UNKNOWN_REFERENCE)
             names = topic.name, topic.type
         self._check(*names)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from msggen.check.compare.comparison import Comparison, Side
 from msggen.check.compare.rules import CHECKED, find
-from msggen.check.finding import Category, Finding, Reader
+from msggen.check.finding import Category, Finding, Node
 from msggen.definitions.model import Catalog
 from msggen.live.messages.packages import package_of_class, packages_of
 from msggen.recordings.decode.schemas import Schema, SchemaError, content_of, hash_of, key_of, read_schema
@@ -47,7 +47,7 @@ class Compared:
     @property
     def is_silent(self) -> bool:
         """Whether the class reads other values without an error, because the samples have the same size."""
-        return any(Reader.NEW in finding.silent_for for finding in self.findings)
+        return any(Node.NEW in finding.silent_for for finding in self.findings)
 
     def __str__(self) -> str:
         """Return one line for a user."""

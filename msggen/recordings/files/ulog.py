@@ -17,7 +17,7 @@ from msggen.recordings.files.mapped import MappedFile
 from msggen.recordings.files.ulog_formats import FORMAT, FRONT, NUMBERS, PAYLOAD, parse_fields
 from msggen.recordings.files.ulog_messages import DATA, HEAD, SMALLEST, Messages, kinds_of, sizes_of
 from msggen.recordings.files.ulog_notes import LARGEST_TIME, Notes
-from msggen.recordings.files.ulog_topics import Topic, Topics
+from msggen.recordings.files.ulog_topics import Subscribed, Topics
 from msggen.recordings.source.gather import at, groups
 from msggen.recordings.source.memory import Octets, Places, drop_pages
 from msggen.recordings.source.source import (
@@ -418,7 +418,7 @@ class UlogFile:
             times={channel: ((times - first) // 1000).astype(kind) for channel, (_, times) in timed.items()},
         )
 
-    def _fitting(self, topic: Topic, indices: Places, samples: Places, sizes: Places) -> Places:
+    def _fitting(self, topic: Subscribed, indices: Places, samples: Places, sizes: Places) -> Places:
         """Return the indices of the samples that have the size of their topic, and count the others."""
         given = sizes[indices]
         least, most = int(given.min()), int(given.max())

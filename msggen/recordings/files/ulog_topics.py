@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from msggen.recordings.source.memory import Places
 
 
-class Topic(NamedTuple):
+class Subscribed(NamedTuple):
     """The samples of an instance of a topic."""
 
     number: int
@@ -47,8 +47,8 @@ class Topics:
         """How many samples have a number that stands for no topic."""
         self._models: dict[str, Channel | FormatError] = {}
         """The channels of topics by name, for their instances."""
-        self._topics: dict[tuple[str, int], Topic] = {}
-        self._subscribed: dict[int, list[tuple[int, Topic | None]]] = defaultdict(list)
+        self._topics: dict[tuple[str, int], Subscribed] = {}
+        self._subscribed: dict[int, list[tuple[int, Subscribed | None]]] = defaultdict(list)
         """The topic that each number stands for, from an offset on; None for no topic any more."""
 
     def subscribe(self, place: int, number: int, name: str, instance: int) -> None:
@@ -64,7 +64,7 @@ class Topics:
         self.smallest[number], self.largest[number] = NUMBERS, 0
         self.limits[number] = NUMBERS - 1
 
-    def of(self, number: int, samples: Places, indices: Places) -> Iterator[tuple[Topic, Places]]:
+    def of(self, number: int, samples: Places, indices: Places) -> Iterator[tuple[Subscribed, Places]]:
         """Yield the topics that samples with a number are of, each with the indices of its samples.
 
         Count those that are of none.
@@ -84,19 +84,19 @@ class Topics:
                 yield topic, indices[low:high]
         del subscribed[:-1]
 
-    def _set(self, place: int, number: int, topic: Topic | None) -> None:
+    def _set(self, place: int, number: int, topic: Subscribed | None) -> None:
         subscribed = self._subscribed[number]
         if not subscribed or subscribed[-1][1] != topic:
             subscribed.append((place, topic))
 
-    def _topic(self, name: str, instance: int) -> Topic:
+    def _topic(self, name: str, instance: int) -> Subscribed:
         """Return an instance of a topic."""
         if (name, instance) not in self._topics:
             if name not in self._models:
                 self._models[name] = self._model(name)
             model = self._models[name]
             if isinstance(model, FormatError):
-                self._topics[name, instance] = Topic(-1, name, NUMBERS, 0, str(model), instance)
+                self._topics[name, instance] = Subscribed(-1, name, NUMBERS, 0, str(model), instance)
             else:
                 number, layout = len(self.channels), model.layout
                 assert layout is not None  # noqa: S101 - every channel of a ULog has one
@@ -105,7 +105,7 @@ class Topics:
                 if clock is not None:
                     self.clocks[number] = clock + PAYLOAD
                 size = layout.size + PAYLOAD - FRONT
-                self._topics[name, instance] = Topic(number, name, size, size + layout.surplus, "", instance)
+                self._topics[name, instance] = Subscribed(number, name, size, size + layout.surplus, "", instance)
         return self._topics[name, instance]
 
     def _model(self, name: str) -> Channel | FormatError:

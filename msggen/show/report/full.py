@@ -12,7 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from msggen.base.diagnostics import printable
-from msggen.check.finding import OF_VEHICLES, Excerpt, Finding, Reader, Report
+from msggen.check.finding import OF_VEHICLES, Excerpt, Finding, Node, Report
 from msggen.show.report.line import conclusion, is_misread, mark, remedies, silent_mark
 
 _DECODE = "decode wrong values without an error"
@@ -62,14 +62,14 @@ def _by_subject(findings: Sequence[Finding]) -> dict[str, list[Finding]]:
     return groups
 
 
-def _misread_subjects(findings: Sequence[Finding]) -> dict[tuple[Reader, ...], list[str]]:
+def _misread_subjects(findings: Sequence[Finding]) -> dict[tuple[Node, ...], list[str]]:
     """Return the subjects that readers misread silently, by the readers."""
     silent = [finding for finding in findings if is_misread(finding)]
     kinds = dict.fromkeys(finding.silent_for for finding in silent)
     return {kind: [*_by_subject([each for each in silent if each.silent_for == kind])] for kind in kinds}
 
 
-def _explain_silent(readers: Sequence[Reader]) -> str:
+def _explain_silent(readers: Sequence[Node]) -> str:
     return f"{silent_mark(readers)}: {'readers' if len(readers) > 1 else 'they'} {_DECODE}"
 
 

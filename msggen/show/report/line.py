@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable
 
 from msggen.base.diagnostics import printable
-from msggen.check.finding import Finding, Reader, Report, Severity
+from msggen.check.finding import Finding, Node, Report, Severity
 
 
 def write_concise(report: Report) -> str:
@@ -48,7 +48,7 @@ def mark(finding: Finding) -> str:
     return f"{words}: " if words else ""
 
 
-def silent_mark(readers: Collection[Reader]) -> str:
+def silent_mark(readers: Collection[Node]) -> str:
     """Return the mark of a silent finding, which names the affected readers."""
     return "silent both ways" if len(readers) > 1 else f"silent for {''.join(each.value for each in readers)} readers"
 

@@ -13,7 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from msggen.live.sim import Misbehaviour, Options, SimulatedVehicle
-from msggen.live.sim.channel import Channel
+from msggen.live.sim.line import Line
 from msggen.live.sim.values import VALUES, Filler, Scene
 from msggen.live.xrce import wire
 from msggen.live.xrce.agent import Agent, Sample
@@ -337,7 +337,7 @@ def test_the_same_seed_gives_the_same_datagrams(px4_types: Any) -> None:
 
 @pytest.mark.parametrize("share", ["drop", "reorder", "duplicate", "garbage"])
 def test_a_channel_does_its_share(share: str) -> None:
-    channel = Channel(Misbehaviour()._replace(**{share: 0.1}), "seed")  # type: ignore[arg-type]
+    channel = Line(Misbehaviour()._replace(**{share: 0.1}), "seed")  # type: ignore[arg-type]
     sent = [(bytes([number >> 8, number & 255]), 0) for number in range(10_000)]
     arrived = [each for datagram in sent for each in channel.carry([datagram])]
     genuine = {*sent}

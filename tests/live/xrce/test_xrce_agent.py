@@ -592,7 +592,7 @@ def test_everything_arrives_over_a_bad_network(seed: int) -> None:
 def test_a_fragmented_entity_is_created() -> None:
     world, client = connected()
     topic = entities.object_id(9, entities.TOPIC)
-    entity = entities.Topic("rt/" + "x" * 200, "px4_msgs::msg::dds_::A_", PARTICIPANT)
+    entity = entities.TopicEntity("rt/" + "x" * 200, "px4_msgs::msg::dds_::A_", PARTICIPANT)
     whole = wire.Create(b"\0\1", topic, entity.pack()).pack()
     parts = [whole[at : at + 50] for at in range(0, len(whole), 50)]
     for part in parts:
@@ -1012,7 +1012,7 @@ def test_entities_need_their_parents_and_topics() -> None:
 def test_replace_and_reuse() -> None:
     world, client = connected()
     topic = entities.object_id(1, entities.TOPIC)
-    same = entities.Topic("rt/fmu/out/a", "px4_msgs::msg::dds_::A_", PARTICIPANT)
+    same = entities.TopicEntity("rt/fmu/out/a", "px4_msgs::msg::dds_::A_", PARTICIPANT)
     for entity, flags in itertools.product((same, same._replace(name="rt/z")), (1, 1 | wire.REUSE, 1 | wire.REPLACE)):
         client.create(topic, entity, flags)
         world.settle()

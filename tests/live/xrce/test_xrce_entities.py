@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msggen.live.xrce import entities, wire
-from msggen.live.xrce.entities import Endpoint, Entity, Group, Participant, RefusedError, Replier, Topic
+from msggen.live.xrce.entities import Endpoint, Entity, Group, Participant, RefusedError, Replier, TopicEntity
 from support import xrce_reference as reference
 from support.xrce_captures import expected, sent
 
@@ -45,7 +45,7 @@ def test_captured_entities_are_those_of_the_other_decoder() -> None:
     for create, other in zip(found, expected()["entities"], strict=True):
         entity = entities.parse(create)
         assert entities.object_number(create.object_id) == other["id"]
-        if isinstance(entity, Topic):
+        if isinstance(entity, TopicEntity):
             assert entity[:2] == (other["name"], other["type"])
 
 
@@ -62,7 +62,7 @@ def test_a_captured_entity_is_packed_with_the_same_bytes_but_padding(name: str) 
 
 ENTITIES: st.SearchStrategy[tuple[int, Entity]] = st.one_of(
     st.tuples(st.just(1), st.builds(Participant, TEXTS, st.integers(-(2**15), 2**15 - 1))),
-    st.tuples(st.just(2), st.builds(Topic, TEXTS, TEXTS, PARENTS)),
+    st.tuples(st.just(2), st.builds(TopicEntity, TEXTS, TEXTS, PARENTS)),
     st.tuples(st.just(3), st.builds(Group, st.just(3), PARENTS)),
     st.tuples(st.just(4), st.builds(Group, st.just(4), PARENTS)),
     st.tuples(st.just(5), st.builds(Endpoint, st.just(5), PARENTS, PARENTS, st.integers(0, 63), st.none())),

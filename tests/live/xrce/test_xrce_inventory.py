@@ -8,7 +8,7 @@ import pytest
 
 from fuzz import runner
 from msggen.live.xrce import entities, wire
-from msggen.live.xrce.entities import Endpoint, Entity, Group, Participant, RefusedError, Topic, object_id
+from msggen.live.xrce.entities import Endpoint, Entity, Group, Participant, RefusedError, TopicEntity, object_id
 from msggen.live.xrce.inventory import Inventory
 
 PARTICIPANT = object_id(1, entities.PARTICIPANT)
@@ -65,7 +65,7 @@ def test_the_namespace_takes_linear_time(name: str) -> None:
 def test_a_participant_with_many_parts_is_removed_in_linear_time() -> None:
     inventory = Inventory(4 * MANY, 255)
     make(inventory, PARTICIPANT, Participant("/px4_micro_xrce_dds"))
-    make(inventory, object_id(1, entities.TOPIC), Topic("rt/a", "A", PARTICIPANT))
+    make(inventory, object_id(1, entities.TOPIC), TopicEntity("rt/a", "A", PARTICIPANT))
     for number in range(MANY):
         parent = object_id(number, entities.PUBLISHER)
         make(inventory, parent, Group(entities.PUBLISHER, PARTICIPANT))
@@ -89,7 +89,7 @@ def test_an_entity_is_removed_with_the_parent_that_it_had_last() -> None:
     inventory = Inventory(10, 255)
     make(inventory, PARTICIPANT, Participant("/px4_micro_xrce_dds"))
     topic, first, second = (object_id(1, 2), object_id(1, entities.PUBLISHER), object_id(2, entities.PUBLISHER))
-    make(inventory, topic, Topic("rt/a", "A", PARTICIPANT))
+    make(inventory, topic, TopicEntity("rt/a", "A", PARTICIPANT))
     for parent in (first, second):
         make(inventory, parent, Group(entities.PUBLISHER, PARTICIPANT))
         make(inventory, object_id(1, entities.WRITER), Endpoint(entities.WRITER, topic, parent))

@@ -34,7 +34,7 @@ class Misbehaviour(NamedTuple):
     """Whether the agent's answers to requests for the time are lost."""
 
 
-class Channel:
+class Line:
     """One direction. The same seed and the same datagrams give the same result."""
 
     def __init__(self, misbehaviour: Misbehaviour, seed: str) -> None:
