@@ -13,7 +13,7 @@ from msggen.check.finding import Change, Finding, Node, Report, Rule, Severity
 from msggen.cli import main, parser_for
 from msggen.show.report.line import mark
 from msggen.show.report.rules import MARKS
-from msggen.show.report.sarif import write_sarif
+from msggen.show.report.sarif import write_report
 from msggen.show.report.table import RULES
 
 each_rule = pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule.id)
@@ -36,7 +36,7 @@ def test_json_and_sarif_have_the_fixes(capsys: pytest.CaptureFixture[str]) -> No
     fixes = {rule.id: rule.fix for rule in RULES}
     assert main(["rules", "--output-format", "json"]) == 0
     assert {rule["id"]: rule["fix"] for rule in json.loads(capsys.readouterr().out)} == fixes
-    log = json.loads(write_sarif(Report("a", "b", RULES, (), 0, "")))
+    log = json.loads(write_report(Report("a", "b", RULES, (), 0, "")))
     for rule in log["runs"][0]["tool"]["driver"]["rules"]:
         assert rule["help"]["text"] == f"{fixes[rule['id']]} 'msggen explain {rule['id']}' shows an example."
 
