@@ -27,7 +27,7 @@ from msggen.sources.catalog import read_catalog
 from msggen.sources.sources import find_sources
 from support.repository import ROOT
 
-EXAMPLES = ROOT / "msggen" / "lint" / "examples"
+EXAMPLES = ROOT / "msggen" / "check" / "lint" / "examples"
 ALSO = {"ENUM_WITHOUT_CONSTANTS": {"CONSTANTS_UNUSED"}}
 """Other rules that report an example and cannot be avoided there."""
 
