@@ -30,7 +30,11 @@ class LinkType(NamedTuple):
     """The attributes of an `Address` that are the positional arguments of the class."""
     options: tuple[str, ...]
     """The keywords of the class, of `allow`, `keys`, `known` and `agent`."""
-    unheard: str
+    unheard: str = (
+        "no client has sent anything to UDP port {port} {wait}: check that it sends to this computer "
+        "(UXRCE_DDS_AG_IP) and port (UXRCE_DDS_PRT {port}), and the firewall; {status}. "
+        "Without a vehicle, `msggen sim udp://127.0.0.1:{port}` simulates one"
+    )
     """What the doctor says if nothing arrives, with `link`, `port`, `baud` and `domain` in braces, the time as `wait`,
     and `status` for how to see where PX4 sends."""
     silence: str = (
@@ -85,46 +89,27 @@ class LinkType(NamedTuple):
         return self.form.format(place="HOST:PORT", path="DEVICE", baud="N", agent="HOST:PORT", domain="DOMAIN")
 
 
-_NO_DATAGRAM = (
-    "no client has sent anything to UDP port {port} {wait}: check that it sends to this computer (UXRCE_DDS_AG_IP) and "
-    "port (UXRCE_DDS_PRT {port}), and the firewall; {status}. "
-    "Without a vehicle, `msggen sim udp://127.0.0.1:{port}` simulates one"
-)
-
 LINK_TYPES: Mapping[str, LinkType] = MappingProxyType(
     {
-        "udp": LinkType(
-            "udp://{place}",
-            "UdpLink",
-            ("host", "port"),
-            ("allow", "keys", "known"),
-            _NO_DATAGRAM,
-            has_clients=True,
-        ),
+        "udp": LinkType("udp://{place}", "UdpLink", ("host", "port"), ("allow", "keys", "known"), has_clients=True),
         "serial": LinkType(
             "serial://{path}?baud={baud}",
             "SerialLink",
             ("path", "baud"),
             ("keys", "known"),
-            "nothing has arrived from {link} {wait}: check the wires, that uxrce_dds_client runs on this port "
+            unheard="nothing has arrived from {link} {wait}: check the wires, that uxrce_dds_client runs on this port "
             "(UXRCE_DDS_CFG) with {baud} baud; {status}",
             has_clients=True,
         ),
-        "tap": LinkType(
-            "tap://{place}?agent={agent}",
-            "TapLink",
-            ("host", "port"),
-            ("agent", "allow", "known"),
-            _NO_DATAGRAM,
-        ),
+        "tap": LinkType("tap://{place}?agent={agent}", "TapLink", ("host", "port"), ("agent", "allow", "known")),
         "dds": LinkType(
             "dds://{domain}",
             "DdsLink",
             ("domain",),
             (),
-            "no vehicle is in DDS domain {domain} {wait}: check UXRCE_DDS_DOM_ID of the vehicle and ROS_DOMAIN_ID, and "
-            "that its agent runs on this computer",
-            "check that an agent runs in this domain (UXRCE_DDS_DOM_ID), and uxrce_dds_client on the vehicle",
+            unheard="no vehicle is in DDS domain {domain} {wait}: check UXRCE_DDS_DOM_ID of the vehicle and "
+            "ROS_DOMAIN_ID, and that its agent runs on this computer",
+            silence="check that an agent runs in this domain (UXRCE_DDS_DOM_ID), and uxrce_dds_client on the vehicle",
             first_s=10.0,  # discovery takes longer
         ),
     }
