@@ -21,13 +21,13 @@ from msggen.cli.packages import import_package, topics_of
 from msggen.cli.sources import settings_of
 from msggen.cli.values import convert_values, positive, whole
 from msggen.generate.cache import package_from, package_of, private_folder
+from msggen.live.links.link_types import DEFAULT, usages
 from msggen.sources.embedded import EMBEDDED
 from msggen.sources.sources import find_sources
 
 if TYPE_CHECKING:
     from msggen.live import LinkError, Vehicle
 
-DEFAULT = "udp://127.0.0.1:8888"
 PATIENCE = 30.0
 """How long to wait for a vehicle, in s: PX4's client takes up to 14 s to notice that a program has ended."""
 
@@ -69,8 +69,7 @@ def add_link(parser: argparse.ArgumentParser, *, has_types: bool = True) -> None
         "--link",
         metavar="URL",
         type=non_empty,
-        help="udp://HOST:PORT, serial://DEVICE?baud=N, tap://HOST:PORT?agent=HOST:PORT or dds://DOMAIN "
-        f"(default: the setting `link`, or {DEFAULT})",
+        help=f"{usages()} (default: the setting `link`, or {DEFAULT})",
     )
     if has_types:
         source = group.add_mutually_exclusive_group()

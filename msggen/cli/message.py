@@ -13,6 +13,7 @@ from msggen.base.diagnostics import Diagnostic, InputError, input_error
 from msggen.base.location import Location
 from msggen.cli.link import Connection
 from msggen.cli.options import local_path, non_empty, refuse
+from msggen.live.links.link_types import type_named
 
 if TYPE_CHECKING:
     from msggen.cli.names import Field, Names
@@ -107,7 +108,7 @@ def settle(found: Connection, cls: type[Message]) -> None:
         if firmware.is_complete or cls.__msg__.ros_type in firmware.hashes:
             break
         time.sleep(_SLICE)
-    if found.link.startswith("dds:"):
+    if type_named(found.link).has_domain:
         time.sleep(_DISCOVERY)
 
 

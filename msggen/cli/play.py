@@ -16,6 +16,7 @@ from msggen.cli.printing import terminal_width
 from msggen.cli.record import add_topics, check_packages
 from msggen.cli.values import convert_values, positive, seconds, whole
 from msggen.cli.watching import watching
+from msggen.live.links.link_types import CLIENTS, DEFAULT, usages
 
 if TYPE_CHECKING:
     from msggen.live.sim.runner import Runner
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from msggen.recordings.log.log import Log
     from msggen.recordings.topics.choice import Choice
 
-_ADDRESS = "udp://127.0.0.1:8888"
 _REFRESH = 0.5
 """The time in s after which news are printed."""
 _NOTICE = 2.0
@@ -49,8 +49,8 @@ def add_to(commands: Commands) -> None:
         "--to",
         metavar="ADDRESS",
         type=non_empty,
-        default=_ADDRESS,
-        help=f"of the agent: udp://HOST:PORT or serial://DEVICE?baud=N (default: {_ADDRESS})",
+        default=DEFAULT,
+        help=f"of the agent: {usages(CLIENTS)} (default: {DEFAULT})",
     )
     parser.add_argument("--rate", metavar="FACTOR", type=non_empty, default="1", help="speed (default: 1)")
     parser.add_argument("--loop", action="store_true", help="begin again at the end")

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from msggen.base.diagnostics import counted, few, input_error
 from msggen.base.exit_codes import DONE
 from msggen.base.foreign import Styled
+from msggen.base.recording_formats import MCAP
 from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, check_parent, local_path, non_empty
 from msggen.cli.packages import missing_extra
@@ -149,12 +150,12 @@ def check_packages(code: str) -> None:
 
 def _path(output: str | None) -> str:
     """Return the file to write."""
-    name = time.strftime("px4_%Y-%m-%d_%H-%M-%S.mcap")
+    name = time.strftime("px4_%Y-%m-%d_%H-%M-%S") + MCAP
     if output is None:
         return name
     if os.path.isdir(output) or output.endswith((os.sep, "/")):
         return os.path.join(output, name)
-    return output if os.path.splitext(output)[1] else f"{output}.mcap"
+    return output if os.path.splitext(output)[1] else output + MCAP
 
 
 def _first_file(output: str | None, options: argparse.Namespace) -> str:

@@ -19,12 +19,12 @@ from msggen.cli.printing import terminal_width
 from msggen.cli.values import convert_values, finite, positive, share, whole
 from msggen.cli.watching import watching
 from msggen.generate.cache import package_from
+from msggen.live.links.link_types import CLIENTS, DEFAULT, usages
 from msggen.sources.sources import find_sources
 
 if TYPE_CHECKING:
     from msggen.live.sim import Options, Simulator
 
-_ADDRESS = "udp://127.0.0.1:8888"
 _SYNCS = ("px4", "short", "off")
 _MOST_KEYS = 255
 """The largest key: it is also the system id of the vehicle, which is a uint8."""
@@ -51,8 +51,8 @@ def add_to(commands: Commands) -> None:
         metavar="ADDRESS",
         nargs="?",
         type=non_empty,
-        default=_ADDRESS,
-        help=f"of the agent: udp://HOST:PORT or serial://DEVICE?baud=N (default: {_ADDRESS})",
+        default=DEFAULT,
+        help=f"of the agent: {usages(CLIENTS)} (default: {DEFAULT})",
     )
     _add_vehicles(parser)
     _add_misbehaviour(parser)

@@ -8,6 +8,8 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
+from msggen.base.recording_formats import FORMATS
+from msggen.cli.log.targets import SUFFIXES
 from msggen.cli.options import FAILED_CODES, add_shared, local_path, non_empty
 from msggen.cli.values import convert_values, seconds
 
@@ -16,11 +18,8 @@ if TYPE_CHECKING:
 
 CODES = f"Exit codes: 0 done, 1 something cannot be read, or there is nothing of what was asked for, {FAILED_CODES}"
 """The exit codes for the help."""
-KINDS = "an MCAP file, a ULog, or a folder or database of rosbag2"
-
-
-_WRITTEN = (".mcap", ".parquet", ".arrow", ".csv", ".db3", ".ulg")
-"""The endings of what is written."""
+*_FILES, _DATABASE = [each.noun for each in FORMATS.values()]
+KINDS = f"{', '.join(_FILES)}, or a folder or {_DATABASE.removeprefix('a ')}"
 
 
 def add_file(parser: argparse.ArgumentParser) -> None:
@@ -100,7 +99,7 @@ def chosen_topics(options: argparse.Namespace, log: Log) -> Sequence[Topic] | No
             continue
         refuse_files(options, log)
         problem = Choice([word]).problem([(topic.name, topic.ros_type) for topic in log.topics])
-        if word.lower().endswith(_WRITTEN):
+        if word.lower().endswith(SUFFIXES):
             options.parser.error(f"argument TOPIC: {problem}: name what to write with -o {word}")
         options.parser.error(f"argument TOPIC: {problem}: `msggen log info {log.path}` lists them")
     return [topic for topic in log.topics if any(takes_instance(word, topic) for word in options.topics)]

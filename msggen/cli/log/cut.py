@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 
+from msggen.base.recording_formats import MCAP
 from msggen.cli.log.arguments import (
     CODES,
     add_file,
@@ -39,7 +40,7 @@ def _cut(options: argparse.Namespace) -> int:
     if options.start is None and options.stop is None and not options.topics:
         options.parser.error("nothing to cut: give --start, --stop or topics")
     check_mcap(options)
-    target = options.output or f"{stem_of(options.file)}.cut.mcap"
+    target = options.output or f"{stem_of(options.file)}.cut{MCAP}"
     with opened(options, options.file) as log:
         from msggen.recordings.convert import join
         from msggen.recordings.convert.selection import Selection

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from msggen.base.diagnostics import counted, printable
 from msggen.base.exit_codes import DONE, FINDINGS
+from msggen.base.recording_formats import FORMATS
 from msggen.cli.log.arguments import CODES, add_file
 from msggen.cli.log.contents import contents_of
 from msggen.cli.log.fields import field_objects, print_fields
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
 
 _BAD = ("emergency", "alert", "critical", "error", "warning")
 """The levels of texts that are counted."""
-_NAMES = {"mcap": "MCAP", "ulog": "ULog", "db3": "rosbag2 database", "rosbag2": "rosbag2"}
 
 
 def add_to(actions: Commands) -> None:
@@ -91,7 +91,8 @@ def _rows_on_contents(log: Log, checksums: Checksums | None) -> Iterator[tuple[s
 
 
 def _rows(path: str, log: Log) -> Iterator[tuple[str, str]]:
-    yield "file", f"{path}, {_NAMES.get(log.kind, log.kind)}, {number_of_bytes(_size(path))}"
+    format_ = FORMATS[log.kind].name if log.kind in FORMATS else log.kind
+    yield "file", f"{path}, {format_}, {number_of_bytes(_size(path))}"
     start = _start(log)
     yield "start", f"{start:%Y-%m-%d %H:%M:%S} UTC" if start else "unknown: the recording has no time of day"
     end = _time_of_day(log, log.end)
