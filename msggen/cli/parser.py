@@ -19,6 +19,7 @@ from msggen.base.location import Location
 from msggen.base.version import __version__
 from msggen.cli.options import FAILED_CODES
 from msggen.cli.printing import colour, print_document, terminal_width
+from msggen.cli.values import Deferred
 
 _MODULES = {
     "build": "build",
@@ -130,7 +131,17 @@ class _Parser(argparse.ArgumentParser):
         options, unknown = super().parse_known_args(args, namespace)
         if unknown:
             self._refuse(unknown[0], [str(getattr(options, action.dest, "")) for action in positional])
+        self._convert(options)
         return options, unknown
+
+    def _convert(self, options: argparse.Namespace) -> None:
+        """Convert the texts of options whose types are deferred."""
+        for action in self._actions:
+            if isinstance(action.type, Deferred):
+                try:
+                    setattr(options, action.dest, action.type.value(getattr(options, action.dest)))
+                except argparse.ArgumentTypeError as error:
+                    self.error(f"argument --{action.dest.replace('_', '-')}: {error}")
 
     def _check_stray(self, words: Sequence[str]) -> None:
         """Refuse a word that is neither an option nor a value of one."""

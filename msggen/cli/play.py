@@ -5,16 +5,15 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from msggen.base.diagnostics import counted, few, input_error, printable
 from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.base.foreign import Styled
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, local_path, non_empty
+from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
 from msggen.cli.printing import terminal_width
 from msggen.cli.record import add_topics, check_packages
-from msggen.cli.values import convert_values, positive, seconds, whole
+from msggen.cli.values import KEY, local_path, non_empty, positive, seconds
 from msggen.cli.watching import watching
 
 if TYPE_CHECKING:
@@ -52,26 +51,17 @@ def add_to(commands: Commands) -> None:
         default=_ADDRESS,
         help=f"of the agent: udp://HOST:PORT or serial://DEVICE?baud=N (default: {_ADDRESS})",
     )
-    parser.add_argument("--rate", metavar="FACTOR", type=non_empty, default="1", help="speed (default: 1)")
+    parser.add_argument("--rate", metavar="FACTOR", type=positive, default="1", help="speed (default: 1)")
     parser.add_argument("--loop", action="store_true", help="begin again at the end")
-    parser.add_argument("--start", metavar="SECONDS", type=non_empty, help="begin at this time of the recording")
+    parser.add_argument("--start", metavar="SECONDS", type=seconds, help="begin at this time of the recording")
     add_shared(parser, "--for")
     parser.add_argument(
-        "--key", metavar="N", type=non_empty, default="1", help="key of the client, as UXRCE_DDS_KEY (default: 1)"
+        "--key", metavar="N", type=KEY, default="1", help="key of the client, as UXRCE_DDS_KEY (default: 1)"
     )
     add_shared(parser, "-q, --quiet")
 
 
-_VALUES: Mapping[str, Callable[[str], Any]] = {
-    "rate": positive,
-    "start": seconds,
-    "for": positive,
-    "key": whole(1, (1 << 32) - 1),
-}
-
-
 def _play(options: argparse.Namespace) -> int:
-    convert_values(options, _VALUES)
     check_packages("R102")
     from msggen.recordings.live.player import Player, endpoints_of
     from msggen.recordings.source.source import RecordingError

@@ -8,18 +8,18 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from msggen.base.diagnostics import counted, few, input_error
 from msggen.base.exit_codes import DONE
 from msggen.base.foreign import Styled
 from msggen.cli.link import Connection, add_link, connection
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, check_parent, local_path, non_empty
+from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, check_parent
 from msggen.cli.packages import missing_extra
 from msggen.cli.printing import discard_output, number_of_bytes, terminal_width
-from msggen.cli.values import convert_values, positive
+from msggen.cli.values import Deferred, local_path, non_empty, positive
 from msggen.cli.watching import check_link, watching
 from msggen.show.report.json import dump
 
@@ -55,12 +55,12 @@ def add_to(commands: Commands) -> None:
         help="file to write, or folder for a file that is named after the time (default: the current folder)",
     )
     add_shared(parser, "--for")
-    parser.add_argument("--max-size", metavar="SIZE", type=non_empty, help="end at this size of all files, such as 2G")
+    parser.add_argument("--max-size", metavar="SIZE", type=_size, help="end at this size of all files, such as 2G")
     parser.add_argument(
-        "--split-size", metavar="SIZE", type=non_empty, help="continue in another file at this size, such as 500M"
+        "--split-size", metavar="SIZE", type=_size, help="continue in another file at this size, such as 500M"
     )
     parser.add_argument(
-        "--split-every", metavar="SECONDS", type=non_empty, help="continue in another file after this time"
+        "--split-every", metavar="SECONDS", type=positive, help="continue in another file after this time"
     )
     parser.add_argument(
         "--compression",
@@ -95,6 +95,7 @@ def add_topics(parser: argparse.ArgumentParser, verb: str) -> None:
     )
 
 
+@Deferred
 def _size(text: str) -> float:
     """Return the bytes in a text such as 500M."""
     number, unit = (text[:-1], text[-1].lower()) if text[-1].isalpha() else (text, "")
@@ -107,19 +108,10 @@ def _size(text: str) -> float:
     return found
 
 
-_VALUES: Mapping[str, Callable[[str], Any]] = {
-    "for": positive,
-    "max_size": _size,
-    "split_size": _size,
-    "split_every": positive,
-}
-
-
 def _record(options: argparse.Namespace) -> int:
     from msggen.recordings.live.vehicle_definitions import Definitions
     from msggen.recordings.topics.choice import Choice
 
-    convert_values(options, _VALUES)
     check_packages("R101")
     check_free(_first_file(options.output, options))
     choice = Choice(options.topics, options.exclude)

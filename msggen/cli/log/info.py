@@ -20,8 +20,9 @@ from msggen.cli.log.opening import (
     problem_object,
 )
 from msggen.cli.log.progress import busy_bar
-from msggen.cli.options import Commands, add_command, add_shared, non_empty
+from msggen.cli.options import Commands, add_command, add_shared
 from msggen.cli.printing import number_of_bytes, print_table
+from msggen.cli.values import non_empty
 from msggen.show.report.json import dump
 
 if TYPE_CHECKING:

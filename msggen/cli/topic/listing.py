@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from msggen.base.exit_codes import DONE
 from msggen.cli.link import Connection, add_link, connection
-from msggen.cli.options import Commands, add_command, add_shared, non_empty, refuse
+from msggen.cli.options import Commands, add_command, add_shared, refuse
 from msggen.cli.printing import finite, number_of_bytes, print_table
-from msggen.cli.values import convert_values, positive
+from msggen.cli.values import non_empty
 from msggen.cli.watching import add_window
 from msggen.show.report.json import dump
 
@@ -69,7 +69,6 @@ def _add_find(actions: Commands) -> None:
 def _list(options: argparse.Namespace) -> int:
     from msggen.live.messages.lookup import all_topics
 
-    convert_values(options, {"window": positive})
     with connection(options) as found:
         flows = _flows(options, found) if options.verbose else {}
         topics = [

@@ -14,8 +14,7 @@ from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
 from msggen.cli.printing import finite, number_of_bytes, print_table
 from msggen.cli.topic.naming import add_topics, published
-from msggen.cli.values import convert_values, positive
-from msggen.cli.watching import add_limits, add_window, convert_limits, rounds, watching
+from msggen.cli.watching import add_limits, add_window, rounds, watching
 from msggen.show.report.json import dump
 
 if TYPE_CHECKING:
@@ -197,8 +196,6 @@ def _add(actions: Commands, name: str, measure: type[_Measure], **about: Any) ->
 
 
 def _measure(options: argparse.Namespace, kind: type[_Measure]) -> int:
-    convert_limits(options)
-    convert_values(options, {"window": positive})
     with connection(options) as found:
         names = [topic.name for topic in published(options, found, options.topics)]
         measure, chosen = kind(options, found), frozenset(names)
