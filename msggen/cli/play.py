@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from typing import TYPE_CHECKING
 
 from msggen.base.diagnostics import counted, few, input_error, printable
 from msggen.base.exit_codes import DONE, FINDINGS
-from msggen.base.foreign import Styled
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
-from msggen.cli.printing import terminal_width
 from msggen.cli.record import add_topics, check_packages
+from msggen.cli.status import Status
 from msggen.cli.values import KEY, local_path, non_empty, positive, seconds
 from msggen.cli.watching import watching
 
@@ -153,7 +151,11 @@ def _run(runner: Runner, player: Player, options: argparse.Namespace) -> None:
     duration = getattr(options, "for")  # a keyword
     end = None if duration is None else runner.now + duration * 1e6
     notice = None if options.quiet else runner.now + _NOTICE * 1e6
-    is_terminal = not options.quiet and sys.stdout.isatty() and os.environ.get("TERM") != "dumb"
+    status = Status(is_quiet=options.quiet)
+
+    def elapsed() -> str:
+        return f"{(runner.now - runner.boot) / 1e6:8.2f} s"
+
     try:
         while not player.is_done and (end is None or runner.now < end):
             rest = _REFRESH if end is None else min(_REFRESH, (end - runner.now) / 1e6)
@@ -164,18 +166,9 @@ def _run(runner: Runner, player: Player, options: argparse.Namespace) -> None:
                 notice = None
                 text = f"no program answers at {options.to}: waiting for one, such as `msggen topic list`"
                 print(text, file=sys.stderr, flush=True)
-            if is_terminal:
-                print(Styled("\r\033[K"), end="")
-            while player.changes:
-                change = player.changes.popleft()
-                if not options.quiet:
-                    print(f"{(runner.now - runner.boot) / 1e6:8.2f} s  {change}")
-            if is_terminal:
-                text = f"{(runner.now - runner.boot) / 1e6:8.2f} s  {counted(player.sent, 'sample')} sent"
-                print(text[: terminal_width(80) - 1], end="")
-            print(end="", flush=True)
+            changes = [f"{elapsed()}  {player.changes.popleft()}" for _ in range(len(player.changes))]
+            status.show(*changes, state=lambda: f"{elapsed()}  {counted(player.sent, 'sample')} sent")
     except LinkError as error:
         raise input_error(options.to, "L102", str(error), 0) from None
     finally:
-        if is_terminal:
-            print(Styled("\r\033[K"), end="")
+        status.show()

@@ -134,11 +134,16 @@ def terminal_width(otherwise: int) -> int:
     return otherwise
 
 
+def is_terminal(stream: TextIO) -> bool:
+    """Whether a terminal shows `stream` and knows sequences for colours and the cursor."""
+    return os.environ.get("TERM") != "dumb" and stream.isatty()
+
+
 def colour(stream: TextIO) -> bool:
     """Whether to write colours to `stream`: decided by NO_COLOR, FORCE_COLOR, TERM and the terminal, as Python does."""
     if os.environ.get("NO_COLOR"):
         return False
-    return bool(os.environ.get("FORCE_COLOR")) or (os.environ.get("TERM") != "dumb" and stream.isatty())
+    return bool(os.environ.get("FORCE_COLOR")) or is_terminal(stream)
 
 
 def print_table(heads: Sequence[str], rows: Sequence[Sequence[str]], right: int) -> None:

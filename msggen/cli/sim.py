@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import argparse
-import os
 import re
-import sys
 from collections.abc import Iterator
 from types import ModuleType
 from typing import TYPE_CHECKING
 
 from msggen.base.diagnostics import counted, input_error, suggestion
 from msggen.base.exit_codes import DONE
-from msggen.base.foreign import Styled
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
 from msggen.cli.packages import import_package, topics_of
-from msggen.cli.printing import terminal_width
+from msggen.cli.status import Status
 from msggen.cli.values import Deferred, finite, local_path, non_empty, positive, share, whole
 from msggen.cli.watching import watching
 from msggen.generate.cache import package_from
@@ -168,46 +165,35 @@ def _run(simulator: Simulator, options: argparse.Namespace) -> None:
 
     seconds = getattr(options, "for")  # a keyword
     end = None if seconds is None else simulator.now + seconds * 1e6
-    output = None if options.quiet else _Output(simulator)
+    status, state = Status(is_quiet=options.quiet), _State(simulator)
     try:
         while end is None or simulator.now < end:
             simulator.serve(_REFRESH if end is None else min(_REFRESH, (end - simulator.now) / 1e6))
-            if output:
-                output.update()
+            status.show(*_changes(simulator), state=state.line)
     except LinkError as error:
         raise input_error(options.address, "L102", str(error), 0) from None
     finally:
-        if output:
-            output.clear()
+        status.show()
 
 
-class _Output:
-    """Lines that tell what has happened, and in a terminal a line below them with the present state."""
+def _changes(simulator: Simulator) -> Iterator[str]:
+    """Yield what has happened since the last call."""
+    for vehicle in simulator.vehicles:
+        name = f"  {vehicle.options.namespace}" if vehicle.options.namespace else ""
+        while vehicle.changes:
+            change = vehicle.changes.popleft()
+            yield f"{(change.time - simulator.boot) / 1e6:8.2f} s{name}  {change.text}"
+
+
+class _State:
+    """The present state of vehicles."""
 
     def __init__(self, simulator: Simulator) -> None:
         self._simulator = simulator
-        self._is_terminal = sys.stdout.isatty() and os.environ.get("TERM") != "dumb"
         self._counted = (simulator.now, 0, 0)
 
-    def update(self) -> None:
-        """Print what has happened since the last call. Lines are flushed, for programs that read them."""
-        self.clear()
-        start = self._simulator.boot
-        for vehicle in self._simulator.vehicles:
-            name = f"  {vehicle.options.namespace}" if vehicle.options.namespace else ""
-            while vehicle.changes:
-                change = vehicle.changes.popleft()
-                print(f"{(change.time - start) / 1e6:8.2f} s{name}  {change.text}")
-        if self._is_terminal:
-            print(self._state()[: terminal_width(80) - 1], end="")
-        print(end="", flush=True)
-
-    def clear(self) -> None:
-        """Remove the line with the state."""
-        if self._is_terminal:
-            print(Styled("\r\033[K"), end="")
-
-    def _state(self) -> str:
+    def line(self) -> str:
+        """Return the state in a line, with rates since the last call."""
         vehicles, before = self._simulator.vehicles, self._counted
         self._counted = now, sent, received = (self._simulator.now, *_totals(self._simulator))
         seconds = max(now - before[0], 1) / 1e6
