@@ -21,32 +21,12 @@ from msggen.cli.options import FAILED_CODES
 from msggen.cli.printing import colour, print_document, terminal_width
 from msggen.cli.values import Deferred
 
-_MODULES = {
-    "build": "build",
-    "sync": "sync",
-    "check": "check",
-    "breaking": "breaking",
-    "lint": "lint",
-    "bump": "bump",
-    "render": "render",
-    "docs": "docs",
-    "sim": "sim",
-    "topic": "topic",
-    "view": "view",
-    "top": "top",
-    "command": "command",
-    "call": "call",
-    "record": "record",
-    "play": "play",
-    "log": "log",
-    "doctor": "doctor",
-    "relay": "relay",
-    "px4-generate": "px4_generate",
-    "releases": "releases",
-    "rules": "rules",
-    "explain": "rules",
-    "completion": "completion",
-}
+_COMMANDS = (
+    *("build", "sync", "check", "breaking", "lint", "bump", "render", "docs"),
+    *("sim", "topic", "view", "top", "command", "call", "record", "play", "log", "doctor", "relay"),
+    *("px4-generate", "releases", "rules", "completion"),
+)
+_MODULES = {**{name: name.replace("-", "_") for name in _COMMANDS}, "explain": "rules"}
 """The module of each command."""
 
 _ACTIONS = {
