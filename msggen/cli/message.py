@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 from msggen.base.diagnostics import Diagnostic, InputError, input_error
 from msggen.base.location import Location
 from msggen.cli.link import Connection
-from msggen.cli.options import local_path, non_empty, refuse
+from msggen.cli.options import refuse
+from msggen.cli.values import local_path, positive
 from msggen.live.links.link_types import type_named
 
 if TYPE_CHECKING:
@@ -46,7 +47,7 @@ def add_timeout(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--timeout",
         metavar="SECONDS",
-        type=non_empty,
+        type=positive,
         default=f"{_TIMEOUT:g}",
         help=f"wait this long for an answer (default: {_TIMEOUT:g})",
     )

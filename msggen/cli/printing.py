@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, TextIO
 
-from msggen.base.diagnostics import Diagnostic, Level, counted, printable
+from msggen.base.diagnostics import Diagnostic, Level, counted
 from msggen.base.disk.reading import read_bytes
 from msggen.base.foreign import Styled, escaped, unguarded
 
@@ -134,32 +134,16 @@ def terminal_width(otherwise: int) -> int:
     return otherwise
 
 
+def is_terminal(stream: TextIO) -> bool:
+    """Whether a terminal shows `stream` and knows sequences for colours and the cursor."""
+    return os.environ.get("TERM") != "dumb" and stream.isatty()
+
+
 def colour(stream: TextIO) -> bool:
     """Whether to write colours to `stream`: decided by NO_COLOR, FORCE_COLOR, TERM and the terminal, as Python does."""
     if os.environ.get("NO_COLOR"):
         return False
-    return bool(os.environ.get("FORCE_COLOR")) or (os.environ.get("TERM") != "dumb" and stream.isatty())
-
-
-def print_table(heads: Sequence[str], rows: Sequence[Sequence[str]], right: int) -> None:
-    """Print rows under their heads, without empty columns. The last `right` columns are aligned at the right.
-
-    Cells are made `printable`, so that the columns stay aligned.
-    """
-    if not rows:
-        return
-    rows = [tuple(map(printable, row)) for row in rows]
-    kept = [index for index, column in enumerate(zip(*rows, strict=True)) if any(column)]
-    right = sum(index >= len(heads) - right for index in kept)
-    heads, *rows = [[row[index] for index in kept] for row in (heads, *rows)]
-    widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]
-    first = len(heads) - right
-    for row in (heads, *rows):
-        cells = [
-            cell.ljust(width) if index < first else cell.rjust(width)
-            for index, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ]
-        print("  ".join(cells).rstrip())
+    return bool(os.environ.get("FORCE_COLOR")) or is_terminal(stream)
 
 
 def finite(value: float) -> float | None:

@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any
 from msggen.base.diagnostics import counted, few, input_error, printable
 from msggen.base.exit_codes import DONE
 from msggen.cli.link import Connection, add_link, connection
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, non_empty
+from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
+from msggen.cli.values import non_empty
 from msggen.cli.watching import watching
 from msggen.generate.cache import package_of
 from msggen.live.link import NotConnectedError

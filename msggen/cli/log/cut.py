@@ -10,8 +10,8 @@ from msggen.cli.log.arguments import (
     add_file,
     add_output,
     add_topics,
+    check_times,
     chosen_topics,
-    convert_times,
 )
 from msggen.cli.log.opening import code_of, opened, written
 from msggen.cli.log.targets import check_mcap
@@ -36,7 +36,7 @@ def add_to(actions: Commands) -> None:
 
 
 def _cut(options: argparse.Namespace) -> int:
-    convert_times(options)
+    check_times(options)
     if options.start is None and options.stop is None and not options.topics:
         options.parser.error("nothing to cut: give --start, --stop or topics")
     check_mcap(options)

@@ -13,7 +13,8 @@ from msggen.base.recording_formats import MCAP
 from msggen.cli.log.arguments import CODES, KINDS, add_output
 from msggen.cli.log.opening import code_of, opened, written
 from msggen.cli.log.targets import check_mcap
-from msggen.cli.options import Commands, add_command, local_path
+from msggen.cli.options import Commands, add_command
+from msggen.cli.values import local_path
 
 if TYPE_CHECKING:
     from msggen.recordings import Log
