@@ -6,6 +6,7 @@ import gc
 import importlib
 import os
 import shutil
+import signal
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -24,6 +25,11 @@ from support.repository import ROOT
 # The duration of an example depends on the load of the machine.
 settings.register_profile("msggen", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("msggen")
+
+
+def pytest_configure() -> None:
+    """Let Ctrl-C reach the programs of tests: a shell starts a process in the background with SIGINT ignored."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
