@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, TextIO
 
 from msggen.base.diagnostics import Diagnostic, Level, counted
 from msggen.base.disk.reading import read_bytes
-from msggen.base.foreign import Styled, escaped, unguarded
+from msggen.base.foreign import Styled, escaped, unguarded, without_commands
 
 if TYPE_CHECKING:
     from msggen.base.disk.output import OutputPlan
@@ -56,17 +56,25 @@ def discard_output() -> None:
 
 
 def print_diff(path: str, before: bytes | None, after: bytes | None) -> None:
-    """Print the change of a file as a patch. None stands for a missing file."""
+    """Print the change of a file as a patch. None stands for a missing file.
+
+    Foreign text is escaped on a terminal. Elsewhere it stays as it is, except for commands of CI servers: a patch with
+    escapes does not apply.
+    """
     from difflib import unified_diff
     from io import StringIO
 
     old, new = (StringIO((data or b"").decode(errors="replace"), newline="\n").readlines() for data in (before, after))
     source, target = ("/dev/null" if data is None else escaped(path) for data in (before, after))
+    stream, is_shown = unguarded(sys.stdout), sys.stdout.isatty() or colour(sys.stdout)
     for line in unified_diff(old, new, source, target):
         whole, mark, _ = line.partition("\n")
         text = whole.removesuffix("\r")
         end = whole[len(text) :] + (mark or "\n\\ no newline at end of file\n")
-        print(Styled("\t".join(map(escaped, text.split("\t"))) + end), end="")
+        if is_shown:
+            print(Styled("\t".join(map(escaped, text.split("\t"))) + end), end="")
+        else:
+            print(without_commands(text) + end, end="", file=stream)
 
 
 def print_change(path: str, text: str | None) -> None:
