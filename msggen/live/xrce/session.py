@@ -24,10 +24,14 @@ REPETITIONS: Final = 4
 """The most messages that are sent again after an ACKNACK: as many as PX4's client keeps."""
 VEHICLE: Final = 32
 """Entities from which on a client keeps its place when others want it. PX4's client has 70 or more."""
+LOSSES: Final = 16
+"""The most missing messages that count for a message: the others count with those that follow. So what a forged session
+makes up is bounded by what it sends, and a burst of a vehicle that goes on is counted as a whole soon after it."""
 ABSENCE: Final = 1.0
 """Seconds of silence after which no HEARTBEAT is sent: its address may be a forged one."""
 
 _ANY: Final = 1 << 62
+_MOST_MISSING: Final = 0x8000  # of messages that are not counted yet: as many as a jump can be
 
 
 class Limits(NamedTuple):
@@ -98,6 +102,7 @@ class Session:
     def _reset(self) -> None:
         """Begin all streams."""
         self.best_effort = BestEffortInput(near=NEAR)
+        self._missing = 0  # messages of that stream, not counted yet
         self.input = ReliableInput()
         self._output = ReliableOutput()
         self._next = 0  # the number of the next best-effort message
@@ -135,6 +140,7 @@ class Session:
         self.remote = None
         self.fast_id = -1
         self.best_effort.last = None
+        self._missing = 0
 
     def continue_with(self, known: Iterable[Route]) -> None:
         """Continue a session that an earlier program began: docs/xrce.md, 10."""
@@ -272,13 +278,20 @@ class Session:
         return True
 
     def miss(self, count: int) -> None:
-        """Report missing messages of the best-effort stream."""
-        if count and self.remote is not None:
-            self._outbox.lost += count
-            self._outbox.events.append(Lost(self.remote, count))
+        """Take note of messages that are missing before one of the best-effort stream. Report up to LOSSES of all."""
+        if self.remote is None:
+            return
+        waiting = min(self._missing + count, _MOST_MISSING)
+        counted = min(waiting, LOSSES)
+        self._missing = waiting - counted
+        if counted:
+            self._outbox.lost += counted
+            self._outbox.events.append(Lost(self.remote, counted))
+        if self._missing:
+            self.fast_id = -1  # the next messages come to `_advance`
 
     def _open_fast_path(self) -> None:
-        if self.remote is not None and not self.key and self.best_effort.last is not None:
+        if self.remote is not None and not self.key and self.best_effort.last is not None and not self._missing:
             self.fast_id = self.session_id
 
     def _take(self, messages: list[bytes]) -> None:

@@ -10,7 +10,7 @@ import pytest
 from msggen.live.link import LinkError, Remote, Route, Service
 from msggen.live.xrce import entities, wire
 from msggen.live.xrce.agent import Agent, Connected, Disconnected, Limits, Lost, Opened, Replied, Sample, Warned
-from msggen.live.xrce.session import REPLIES, Session
+from msggen.live.xrce.session import LOSSES, REPLIES, Session
 from msggen.live.xrce.streams import OUTPUT_WINDOW
 from support.xrce_captures import sent
 from support.xrce_client import PARTICIPANT, SERVICE, Client, Network, World, connected, start
@@ -407,7 +407,53 @@ def test_numbers_that_are_near_and_newer_are_taken(ahead: int, arrives: bool, is
     client.write(1, b"b")
     world.settle()
     assert len(world.all(Sample)) == 1 + arrives
-    assert world.agent.lost == (ahead - 1 if arrives else 0)
+    assert world.agent.lost == (min(ahead - 1, LOSSES) if arrives else 0)
+
+
+@pytest.mark.parametrize("is_fast", [True, False])
+@pytest.mark.parametrize("gap", [LOSSES, LOSSES + 1, 500, 1022])
+def test_a_burst_is_counted_as_a_whole_when_the_vehicle_goes_on(gap: int, is_fast: bool) -> None:  # noqa: FBT001
+    world, client = connected()
+    client.write(1, b"a")
+    world.settle()
+    session = world.agent._sessions[client.address]
+    client.next += gap
+    for number in range(-(-gap // LOSSES)):
+        assert world.agent.lost == number * LOSSES
+        if not is_fast:
+            session.fast_id = -1
+        client.write(1, b"b")
+        world.settle()
+    assert world.agent.lost == sum(event.missing for event in world.all(Lost)) == gap
+    assert session.fast_id == client.session_id
+    assert len(world.all(Sample)) + gap == client.next
+
+
+@pytest.mark.parametrize("steps", [(1022,), (30000, 0), (1022, 0, 0)])
+@pytest.mark.parametrize("is_continued", [True, False])
+def test_forged_numbers_count_for_little_more_than_what_was_sent(
+    steps: tuple[int, ...],
+    is_continued: bool,  # noqa: FBT001
+) -> None:
+    world, client = newcomer() if is_continued else connected()
+    for number in (1, 2, 3, 4, 5):
+        client.write(number, bytes(4 * number))
+    for number in range(3000):
+        client.next = (client.next + steps[number % len(steps)]) % 65536
+        client.write(1, bytes(4))
+    world.settle()
+    assert len(world.all(Connected)) == 1
+    assert 3000 < world.agent.lost <= LOSSES * 3005
+
+
+def test_forged_numbers_count_for_little_more_when_the_vehicle_goes_on() -> None:
+    world, client = connected()
+    for number in range(4000):
+        client.next = (client.next + 30000 * (number % 2 and number < 200)) % 65536
+        client.write(1, bytes(4))
+    world.settle()
+    assert world.agent.lost <= 0x8000 + 200 * LOSSES
+    assert world.agent._sessions[client.address].fast_id == client.session_id
 
 
 @pytest.mark.parametrize("number", [1024, 20000, 32767, 40000, 60000])
@@ -440,10 +486,10 @@ def test_a_long_gap_is_counted_once_the_stream_goes_on(gap: int) -> None:
     world, client = connected()
     client.write(1, b"a")
     client.next += gap
-    for _ in range(5):
+    for _ in range(2000):
         client.write(1, b"b")
     world.settle()
-    assert len(world.all(Sample)) == 1 + 4
+    assert len(world.all(Sample)) == 1 + 1999
     assert len(world.all(Sample)) + world.agent.lost == client.next
 
 
