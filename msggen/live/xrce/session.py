@@ -9,7 +9,7 @@ from typing import ClassVar, Final, NamedTuple
 from msggen.live.link import LinkError, Remote, Route, Service
 from msggen.live.xrce import entities, wire
 from msggen.live.xrce.entities import RefusedError
-from msggen.live.xrce.events import Address, Connected, Disconnected, Lost, Opened, Outbox, Replied, Sample
+from msggen.live.xrce.events import Address, Connected, Disconnected, Lost, Opened, Outbox, Replied, Sample, host
 from msggen.live.xrce.inventory import Inventory, Reading
 from msggen.live.xrce.streams import NEAR, BestEffortInput, Fragments, ReliableInput, ReliableOutput
 from msggen.live.xrce.wire import BEST_EFFORT, RELIABLE, Submessage, WireError
@@ -24,6 +24,8 @@ REPETITIONS: Final = 4
 """The most messages that are sent again after an ACKNACK: as many as PX4's client keeps."""
 VEHICLE: Final = 32
 """Entities from which on a client keeps its place when others want it. PX4's client has 70 or more."""
+IDLE: Final = 0.5
+"""Seconds without a sample or a new entity after which it does not keep it. PX4's client sends some 100 in them."""
 LOSSES: Final = 16
 """The most missing messages that count for a message: the others count with those that follow. So what a forged session
 makes up is bounded by what it sends, and a burst of a vehicle that goes on is counted as a whole soon after it."""
@@ -69,14 +71,18 @@ class Session:
         """Begin the session that a CREATE_CLIENT asks for. `named` is called when the client has told its namespace."""
         self.create = create
         self.address = address
+        self.host = host(address)
         self.session_id = create.session_id
         self.remote: Remote | None = None
         """The vehicle, while it is reported as connected."""
         self.ended: str | None = None
         """The reason why the session has ended."""
         self.heard = True
-        """Whether a message has arrived since the agent has looked last."""
+        """Whether a message that is no sample has arrived since the agent has looked last."""
+        self.is_writing = False
+        """Whether the client has sent a sample or made an entity since then."""
         self.heard_at = 0.0
+        self.written_at = 0.0
         self.begun_at = 0.0
         self.follower: Session | None = None
         """A session with this key and namespace that began later, until it is known whether it replaces this one."""
@@ -115,15 +121,27 @@ class Session:
 
     def look(self, now: float) -> bool:
         """Take note of the time if a message has arrived since the last call. Return whether one has."""
-        heard, self.heard = self.heard, False
-        if heard:
+        is_heard = self.is_heard
+        if is_heard:
             self.heard_at = now
-        return heard
+        if self.is_writing:
+            self.written_at = now
+        self.heard = self.is_writing = False
+        return is_heard
+
+    @property
+    def is_heard(self) -> bool:
+        """Whether a message has arrived since the agent has looked last."""
+        return self.heard or self.is_writing
 
     @property
     def is_vehicle(self) -> bool:
-        """Whether the client has done as much as a vehicle does, and few others do."""
+        """Whether the client has the entities of a vehicle."""
         return self.continued or len(self.inventory) >= VEHICLE
+
+    def is_busy(self, now: float) -> bool:
+        """Whether the client does what a vehicle does all the time: it sends samples, or is about to."""
+        return self.is_writing or now - self.written_at < IDLE
 
     def connect(self, number: int, name: str, guid: bytes) -> None:
         """Report the client as connected, with the routes it has. `name` is its address as text."""
@@ -343,6 +361,7 @@ class Session:
         if self.remote is None or not is_known:
             raise WireError("data of an unknown entity")
         if route is not None:
+            self.is_writing = True
             payload = wire.ENCAPSULATION + sample.data
             self._outbox.events.append(Sample(self.remote, route, payload, self._time))
         elif service is not None:
@@ -360,6 +379,7 @@ class Session:
             self.ended = "the vehicle had not created all of its topics, so it has to connect again"
             return
         status = self._try(lambda: self._open(self.inventory.create(create)))
+        self.is_writing |= status == wire.OK
         self._send(self._stream, wire.Status(create.request_id, create.object_id, status).pack())
         if self.remote is None and self.inventory.namespace is not None:
             self._named(self)

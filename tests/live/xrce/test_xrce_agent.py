@@ -1010,6 +1010,132 @@ def test_a_vehicle_that_is_heard_keeps_its_place_and_one_that_sleeps_does_not() 
     assert first.all(wire.STATUS_AGENT)
 
 
+def crowd(count: int, network: str, *, is_writing: bool = True) -> World:
+    """Return an agent with clients that have the entities of a vehicle. Those of a network have the same host.
+
+    With "10.0.{}.1" each has a host of its own.
+    """
+    clients = [forge(40000 + number, 36) for number in range(count)]
+    for number, client in enumerate(clients):
+        client.address = network.format(number), client.key
+        if is_writing:
+            client.write(1, bytes(4))
+    world = World(Agent(0.0), *clients)
+    world.settle()
+    return world
+
+
+def go_on(world: World, rounds: int, *others: Client) -> None:
+    """Let all clients of a world send a sample every 0.1 s, and others send something."""
+    crowded = world.clients
+    world.clients = [*crowded, *others]
+    for _ in range(rounds):
+        for client in crowded:
+            client.write(1, bytes(4))
+        for client in others:
+            client.send(wire.NO_STREAM, wire.Timestamp(1).pack())
+        world.run(0.1)
+
+
+def test_a_vehicle_finds_a_place_among_forged_ones_that_only_keep_their_sessions() -> None:
+    world = crowd(64, "127.0.0.1", is_writing=False)
+    forged = world.clients
+    world.run(1)
+    vehicle = Client(50001)
+    vehicle.begin()
+    world.clients = [vehicle]
+    world.settle()
+    world.clients = [*forged, vehicle]
+    for time in range(100):
+        vehicle.send(wire.NO_STREAM, wire.Timestamp(1).pack())
+        for client in forged if time % 20 == 0 else ():
+            client.ping(in_session=True)
+            client.write(9, bytes(4))  # of no writer
+        world.run(0.1)
+    assert len(vehicle.all(wire.TIMESTAMP_REPLY)) == 100
+
+
+def test_a_vehicle_finds_a_place_among_continued_sessions_that_send_little() -> None:
+    forged = [Client(40000 + number) for number in range(64)]
+    world = World(Agent(0.0, known=FIVE), *forged)
+    for client in forged:
+        for number in (1, 2, 3, 4, 5):
+            client.write(number, bytes(4 * number))
+    world.settle()
+    assert len(world.all(Connected)) == 64
+    world.run(1)
+    vehicle = Client(50001)
+    vehicle.begin()
+    world.clients = [vehicle]
+    world.settle()
+    world.clients = [*forged, vehicle]
+    for time in range(100):
+        vehicle.send(wire.NO_STREAM, wire.Timestamp(1).pack())
+        for client in forged if time % 20 == 0 else ():
+            client.write(1, bytes(4))
+        world.run(0.1)
+    assert len(vehicle.all(wire.TIMESTAMP_REPLY)) == 100
+
+
+def test_a_host_leaves_eight_places_to_others() -> None:
+    world = crowd(64, "10.0.0.1")
+    forged = world.clients
+    vehicles = [Client(50001) for _ in range(8)]
+    for number, vehicle in enumerate(vehicles):
+        vehicle.address = f"10.0.1.{number}", 50001
+        vehicle.begin()
+    world.clients = vehicles
+    world.settle()
+    for time in range(60):
+        world.clients = forged
+        begins = Client(41000 + time)
+        begins.address = "10.0.0.1", 41000 + time
+        begins.begin()
+        go_on(world, 1, *vehicles, begins)
+    assert [len(vehicle.all(wire.TIMESTAMP_REPLY)) for vehicle in vehicles] == [60] * 8
+    hosts = [address[0] for address in world.agent._sessions]
+    assert hosts.count("10.0.0.1") == 56
+
+
+def test_a_fleet_on_one_host_keeps_its_places() -> None:
+    world = crowd(56, "10.0.0.1")
+    fleet = world.clients
+    for time in range(40):
+        strangers = [forge(41000 + number, 36) for number in range(5 * time, 5 * time + 5)]
+        for number, client in enumerate(strangers):
+            client.address = f"10.1.{time}.{number}", client.key
+        world.clients = fleet
+        go_on(world, 1, *strangers)
+    assert len(world.agent._sessions) == 64
+    assert {event.remote.address for event in world.all(Disconnected)}.isdisjoint(
+        f"{client.address[0]}:{client.address[1]}" for client in fleet
+    )
+
+
+def test_a_vehicle_of_another_host_keeps_its_place_before_it_has_entities() -> None:
+    """Of the clients with few entities, one of the host with the most sessions gives way."""
+    vehicle = Client(50001)
+    world = World(Agent(0.0), vehicle)
+    vehicle.begin()
+    world.settle()
+    for number in range(200):
+        client = Client(40000 + number)
+        client.address = "10.0.0.1", client.key
+        client.begin()
+        world.clients = [client]
+        world.settle()
+    assert vehicle.address in world.agent._sessions
+
+
+def test_vehicles_of_many_hosts_keep_their_places() -> None:
+    world = crowd(64, "10.0.{}.1")
+    vehicle = Client(50001)
+    vehicle.begin()
+    go_on(world, 20, vehicle)
+    assert world.all(Disconnected) == []
+    assert vehicle.all(wire.TIMESTAMP_REPLY) == []
+
+
 def test_entities_are_bounded() -> None:
     world, client = connected(limits=Limits(entities=10))
     for number in range(10, 15):
