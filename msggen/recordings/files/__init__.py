@@ -10,6 +10,7 @@ from msggen.recordings.source import RecordingError
 
 if TYPE_CHECKING:
     from msggen.recordings.definitions.lent import Definitions
+    from msggen.recordings.files.compression import Room
     from msggen.recordings.log import Log
     from msggen.recordings.source import Source
 
@@ -51,14 +52,14 @@ def open_sources(path: str) -> list[Source]:
     return [open_compressed(path, _open_file)]
 
 
-def _open_file(path: str) -> Source:
-    """Return a file that is not compressed. Raises RecordingError, and OSError."""
+def _open_file(path: str, room: Room) -> Source:
+    """Return a file that is not compressed, with the room for its chunks. Raises RecordingError, and OSError."""
     with builtins.open(path, "rb") as file:
         front = file.read(16)
     if front.startswith(_MCAP):
         from msggen.recordings.files.mcap import McapFile
 
-        return McapFile(path)
+        return McapFile(path, room)
     if front.startswith(_SQLITE):
         from msggen.recordings.files.db3 import Db3File
 
