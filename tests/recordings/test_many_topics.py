@@ -21,6 +21,7 @@ from msggen.recordings.convert.types import TypeNames
 from msggen.recordings.files.mcap import McapFile
 from msggen.recordings.files.mcap_channels import Described
 from msggen.recordings.files.mcap_records import chunk_or_message_from
+from msggen.recordings.files.ulog_formats import Formats
 from msggen.recordings.fleet.layout import places_of
 from msggen.recordings.payloads import in_order
 from msggen.recordings.reader import OpenFile
@@ -144,6 +145,24 @@ def test_chunks_behind_many_damaged_places_are_found() -> None:
         place = chunk_or_message_from(data, place + 1, ())
         found += 1
     assert found == MANY // 2
+
+
+def test_many_formats_of_a_ulog_have_the_same_fields() -> None:
+    formats = Formats()
+    names = [f"a_{number}" for number in range(MANY)]
+    for name in names:
+        formats.add(f"{name}:uint64_t timestamp;uint8_t x")
+    assert [formats.ros_type(name) for name in names] == [f"px4_msgs/msg/A{number}" for number in range(MANY)]
+    formats.add("a:uint64_t timestamp;uint8_t x")
+    assert {formats.ros_type(name) for name in names} == {"px4_msgs/msg/A"}
+
+
+def test_long_names_of_formats_with_the_same_fields_have_no_ends() -> None:
+    formats = Formats()
+    names = ["_" * 60_000 + str(number) for number in range(100)]
+    for name in names:
+        formats.add(f"{name}:uint8_t x")
+    assert len({formats.ros_type(name) for name in names}) == len(names)
 
 
 def test_a_name_with_many_parts_has_no_ends() -> None:
