@@ -28,6 +28,7 @@ from msggen.recordings.reader import OpenFile
 from msggen.recordings.samples import Topic
 from msggen.recordings.source import Channel, Part, Problem
 from msggen.recordings.topics import by_name, find
+from support.databases import Stored, write_database
 from support.log_files import Written, write_log
 
 resource = pytest.importorskip("resource")
@@ -163,6 +164,21 @@ def test_long_names_of_formats_with_the_same_fields_have_no_ends() -> None:
     for name in names:
         formats.add(f"{name}:uint8_t x")
     assert len({formats.ros_type(name) for name in names}) == len(names)
+
+
+def test_many_damaged_samples_are_counted_in_a_folder_with_many_problems(tmp_path: Path) -> None:
+    frame = b"\x28\xb5\x2f\xfd" + b"\xff" * 8
+    count = MANY // 3
+    rows = [(1, START + number, frame) for number in range(count)]
+    write_database(tmp_path / "a.db3", [Stored(1, "/t", "our_msgs/msg/A", "uint8[] x\n")], rows)
+    missing = "".join(f"  - m{number}.db3\n" for number in range(count))
+    (tmp_path / "metadata.yaml").write_text(
+        f"rosbag2_bagfile_information:\n  version: 5\n  relative_file_paths:\n  - a.db3\n{missing}", encoding="utf-8"
+    )
+    with recordings.open(tmp_path) as log:
+        assert not len(log["/t"])
+        assert len(log.problems) == count + 1
+        assert [problem.samples for problem in log.problems if problem.topic] == [count]
 
 
 def test_a_name_with_many_parts_has_no_ends() -> None:

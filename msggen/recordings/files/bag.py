@@ -194,6 +194,8 @@ class PackedFile:
         """The bytes that the samples of each channel have taken of the room. Reading them again takes nothing."""
         self._lost: set[tuple[int, int]] = set()
         """The channels and the log times of samples that cannot be decompressed, which are counted once."""
+        self._places: dict[str, int] = {}
+        """Where the problem with them is among all, by topic: a folder can have one for each name in metadata.yaml."""
 
     @property
     def channels(self) -> Mapping[int, Channel]:
@@ -294,14 +296,11 @@ class PackedFile:
             return
         self._lost.add((number, time))
         topic = self.channels[number].topic
-        for index, problem in enumerate(self.problems):
-            if problem.topic == topic and problem.text.startswith(_UNPACKED):
-                self.problems[index] = problem._replace(samples=problem.samples + 1)
-                return
-        self.problems.append(Problem(f"{_UNPACKED}: {text}", samples=1, topic=topic))
-
-
-_UNPACKED = "samples that cannot be decompressed"
+        place = self._places.setdefault(topic, len(self.problems))
+        if place == len(self.problems):
+            self.problems.append(Problem(f"samples that cannot be decompressed: {text}", topic=topic))
+        problem = self.problems[place]
+        self.problems[place] = problem._replace(samples=problem.samples + 1)
 
 
 def _part_of(part: Part, kept: list[int], samples: list[bytes]) -> Part:
