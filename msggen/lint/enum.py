@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from msggen.diagnostics import counted
-from msggen.enumeration import constant_prefixes, enumerations, integer_constants
+from msggen.enumeration import Prefixes, constant_prefixes, enumerations, integer_constants
 from msggen.finding import Change
 from msggen.lint.definition import Definition
 from msggen.model import Constant, Message
@@ -17,10 +17,10 @@ def find_unused(definition: Definition) -> Iterator[Change]:
     A group has the same first words. A constant alone is a limit or a size, not a value.
     """
     own = _own(definition)
-    prefixes = [prefix for each in enumerations(own) for prefix in each.prefixes]
+    used = Prefixes(prefix for each in enumerations(own) for prefix in each.prefixes)
     left: dict[str, list[Constant]] = {}
     for constant in integer_constants(own):
-        if not any(constant.name.startswith(f"{prefix}_") for prefix in prefixes):
+        if not used.longest(constant.name):
             left.setdefault(constant.name.partition("_")[0], []).append(constant)
     for constants in left.values():
         if len(constants) > 1:
