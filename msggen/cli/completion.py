@@ -12,6 +12,8 @@ from msggen.base.foreign import unguarded
 from msggen.cli.options import Commands, add_command
 
 _SHELLS = ("bash", "zsh", "fish")
+_CONTROL = frozenset(map(chr, (*range(0x20), *range(0x7F, 0xA0))))
+"""Control characters. Paths keep other characters that are not printable, such as the spaces that macOS writes."""
 
 
 def add_to(commands: Commands) -> None:
@@ -55,7 +57,12 @@ def complete() -> None:
                 action.completer = _names_or_paths(_NAMES[action.dest])  # type: ignore[attr-defined]
             elif action.metavar in ("DIR", "PKG"):
                 action.completer = DirectoriesCompleter()  # type: ignore[attr-defined]
-    argcomplete.autocomplete(parser, always_complete_options="long")
+    argcomplete.autocomplete(parser, always_complete_options="long", validator=_is_proposed)
+
+
+def _is_proposed(completion: str, prefix: str) -> bool:
+    """Whether a completion begins with `prefix`, and has no control character: the shell would print it as it is."""
+    return completion.startswith(prefix) and not any(map(_CONTROL.__contains__, completion))
 
 
 def _commands(parser: argparse.ArgumentParser) -> Iterable[argparse.ArgumentParser]:
@@ -75,7 +82,7 @@ def _live(names: Callable[[str, argparse.Namespace], Iterable[str]]) -> Callable
             found = dict.fromkeys(names(prefix, parsed_args))
         except (ImportError, InputError, KeyError, OSError, SystemExit, ValueError):  # also of a recording
             return []
-        return [name for name in found if name.lower().startswith(prefix.lower())]
+        return [name for name in found if name.lower().startswith(prefix.lower()) and name.isprintable()]
 
     return completer
 
@@ -89,10 +96,10 @@ def _names_or_paths(names: Callable[[argparse.Namespace], Iterable[str]]) -> Cal
     def completer(prefix: str, parsed_args: argparse.Namespace, **_: object) -> list[str]:
         done, comma, word = prefix.rpartition(",")
         try:
-            found = [f"{done}{comma}{name}" for name in names(parsed_args) if name.lower().startswith(word.lower())]
+            own = [name for name in names(parsed_args) if name.lower().startswith(word.lower()) and name.isprintable()]
         except (InputError, OSError):
-            found = []
-        return found or list(FilesCompleter()(prefix))
+            own = []
+        return [f"{done}{comma}{name}" for name in own] or list(FilesCompleter()(prefix))
 
     return completer
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import re
 from collections.abc import Callable
 from typing import Any, Final
 
-from msggen.base.diagnostics import input_error
+from msggen.base.disk.urls import refuse_url
+from msggen.base.location import Location
 
 _LARGEST = 1e6
 _LONGEST = 1e9
@@ -23,21 +23,9 @@ def non_empty(text: str) -> str:
     return text
 
 
-_URL = re.compile(r"(?:\w+=)?([A-Za-z][A-Za-z0-9+.-]+)://")
-"""The scheme at the beginning of a URL, also behind `PKG=`. A single letter is a drive of Windows."""
-
-
 def local_path(text: str) -> str:
     """Return `text`. Raise ArgumentTypeError as `non_empty` does, and InputError for a URL: it would name a folder."""
-    found = _URL.match(non_empty(text))
-    if found:
-        scheme = found[1].lower()
-        hint = f"copy files of {scheme}:// with another program, or mount it"
-        if scheme == "file":
-            from urllib.request import url2pathname
-
-            hint = f"name {url2pathname(text[found.end() :])}"
-        raise input_error(text, "S131", f"a URL, expected a path: {hint}", 0)
+    refuse_url(non_empty(text), Location(text, 0))
     return text
 
 

@@ -16,7 +16,9 @@ A field names its constants by prefix, in a tag of its own or in an inferred one
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from bisect import bisect_left
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 from msggen.definitions.model import SPECIAL, ArrayKind, Constant, Field, Message
@@ -82,9 +84,73 @@ def enumerations(message: Message) -> tuple[Enumeration, ...]:
         for tag in _OF_PARAMETER.findall(constant.comment.text):
             fields.setdefault(tag, [])
     prefixes = {tag: constant_prefixes(message, tag) for tag in fields}
-    owners = sorted({prefix for each in prefixes.values() for prefix in each}, key=len, reverse=True)
-    made = (_enumeration(message, tag, prefixes[tag], users, owners) for tag, users in fields.items())
+    owners = Prefixes(prefix for each in prefixes.values() for prefix in each)
+    owned: dict[str, list[tuple[int, Constant]]] = {}
+    for place, constant in enumerate(integer_constants(message)):
+        owned.setdefault(owners.longest(constant.name), []).append((place, constant))
+    made = (_enumeration(tag, prefixes[tag], users, _in_order(owned, prefixes[tag])) for tag, users in fields.items())
     return tuple(one for one in made if one.members)
+
+
+def _in_order(owned: Mapping[str, Sequence[tuple[int, Constant]]], prefixes: Iterable[str]) -> Iterator[Constant]:
+    """Yield the constants that prefixes own, in the order of the message. `owned` has their places, too."""
+    found = [one for prefix in prefixes for one in owned.get(prefix, ())]
+    yield from (constant for _, constant in sorted(found, key=lambda one: one[0]))
+
+
+class Prefixes:
+    """Prefixes of names, found without a step for each of them."""
+
+    def __init__(self, prefixes: Iterable[str]) -> None:
+        self._by_length: dict[int, set[str]] = {}
+        for prefix in prefixes:
+            self._by_length.setdefault(len(prefix), set()).add(prefix)
+
+    def longest(self, name: str) -> str:
+        """Return the longest of the prefixes with which `name` begins, and `_` behind it; "" if there is none."""
+        ends = [found.start() for found in re.finditer("_", name) if found.start() in self._by_length]
+        fronts = (name[:end] for end in reversed(ends))
+        return next((front for front in fronts if front in self._by_length[len(front)]), "")
+
+
+class _Named:
+    """The integers among constants, sorted by name to find those with a prefix."""
+
+    def __init__(self, constants: Iterable[Constant]) -> None:
+        self.integers = [each for each in constants if type(each.value) is int and each.name not in SPECIAL]
+        self._places = sorted(range(len(self.integers)), key=lambda place: self.integers[place].name)
+        self._names = [self.integers[place].name for place in self._places]
+        self.longest = max(map(len, self._names), default=0)
+
+    def has(self, prefix: str) -> bool:
+        """Whether the name of a constant begins with `prefix` and `_`."""
+        start = f"{prefix}_"
+        place = bisect_left(self._names, start)
+        return any(name.startswith(start) for name in self._names[place : place + 1])
+
+    def of(self, prefix: str) -> Iterator[Constant]:
+        """Yield the constants whose names begin with `prefix` and `_`, in their order."""
+        behind = chr(ord("_") + 1)
+        low, high = (bisect_left(self._names, f"{prefix}{end}") for end in ("_", behind))
+        yield from (self.integers[place] for place in sorted(self._places[low:high]))
+
+
+class _Same(NamedTuple):
+    """Constants, of which only the same tuple is equal: a look at each would take as long as the work that is saved."""
+
+    constants: tuple[Constant, ...]
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and self.constants is other.constants
+
+    def __hash__(self) -> int:
+        return id(self.constants)
+
+
+@lru_cache(512)
+def _named(of: _Same) -> _Named:
+    """Return the constants of a message by name, once for all of its fields."""
+    return _Named(of.constants)
 
 
 def is_integer(field: Field) -> bool:
@@ -94,31 +160,30 @@ def is_integer(field: Field) -> bool:
 
 def integer_constants(message: Message) -> list[Constant]:
     """Return the constants with integer values."""
-    return [each for each in message.constants if type(each.value) is int and each.name not in SPECIAL]
+    return list(_named(_Same(message.constants)).integers)
 
 
 def constant_prefixes(message: Message, tag: str) -> tuple[str, ...]:
     """Return the prefixes in the tag `[@enum ...]`, without leading words that no constant has."""
-    names = [constant.name for constant in integer_constants(message)]
-    found = (_prefix(prefix, names) for prefix in re.findall(r"\w+", tag))
+    named = _named(_Same(message.constants))
+    found = (_prefix(prefix, named) for prefix in re.findall(r"\w+", tag))
     return tuple(dict.fromkeys(prefix for prefix in found if prefix))
 
 
-def _prefix(prefix: str, names: Iterable[str]) -> str:
-    words = prefix.rstrip("_").split("_")
-    tails = ("_".join(words[start:]) for start in range(len(words)))
-    return next((tail for tail in tails if any(name.startswith(f"{tail}_") for name in names)), "")
+def _prefix(prefix: str, named: _Named) -> str:
+    whole = prefix.rstrip("_")
+    starts = (0, *(found.end() for found in re.finditer("_", whole)))
+    tails = (whole[start:] for start in starts if len(whole) - start < named.longest)
+    return next((tail for tail in tails if named.has(tail)), "")
 
 
 def _enumeration(
-    message: Message, tag: str, prefixes: tuple[str, ...], users: Sequence[Field], owners: Sequence[str]
+    tag: str, prefixes: tuple[str, ...], users: Sequence[Field], constants: Iterable[Constant]
 ) -> Enumeration:
     found: dict[str, Constant] = {}
-    for constant in integer_constants(message):
-        owner = next((prefix for prefix in owners if constant.name.startswith(f"{prefix}_")), "")
-        if owner in prefixes:
-            name = constant.name if len(prefixes) > 1 else constant.name[len(owner) + 1 :]
-            found[_identifier(name, constant.name)] = constant
+    for constant in constants:
+        name = constant.name if len(prefixes) > 1 else constant.name[len(prefixes[0]) + 1 :]
+        found[_identifier(name, constant.name)] = constant
     found = _without_end(found)
     values = [int(constant.value) for constant in found.values()]  # type: ignore[arg-type]  # checked above
     is_flags, has_bit_numbers = _kind(found, values, users)
@@ -139,9 +204,10 @@ def _identifier(name: str, whole: str) -> str:
 
 def _without_end(found: Mapping[str, Constant]) -> dict[str, Constant]:
     """Return the constants without those that count the others."""
+    values = sorted(int(one.value) for one in found.values())  # type: ignore[arg-type]  # integers
 
     def counts(name: str, value: int) -> bool:
-        others = [int(one.value) for other, one in found.items() if other != name]  # type: ignore[arg-type]  # integers
+        others = values[-2:-1] if value == values[-1] else values[-1:]
         largest = max(others, default=value)
         return bool((_COUNT.search(name) and value > largest) or (_LIMIT.search(name) and value == largest + 1))
 
@@ -178,7 +244,7 @@ def enum_by_name(message: Message, field: Field) -> str:
     prefix = field.name.upper()
     if field.type.array is not ArrayKind.SCALAR or not is_integer(field):
         return ""
-    named = _enumeration(message, prefix, (prefix,), [field], [prefix])
+    named = _enumeration(prefix, (prefix,), [field], _named(_Same(message.constants)).of(prefix))
     values = sorted({int(member.constant.value) for member in named.members})  # type: ignore[arg-type]
     is_dense = bool(values) and values[0] <= 1 and values == list(range(values[0], values[0] + len(values)))
     low, high = PRIMITIVES[field.type.name].integer_range

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, NoReturn
 from msggen.base.diagnostics import Diagnostic, input_error, suggestion
 from msggen.base.disk.ownership import is_own
 from msggen.base.disk.reading import read_text
+from msggen.base.disk.urls import refuse_url
 from msggen.base.location import Location
 from msggen.sources.embedded import names_release
 from msggen.sources.file import BoardOption
@@ -177,6 +178,8 @@ def _value(field: str, value: object, base: str, text: str, path: str) -> Any:
         return value
     if not isinstance(value, str) or not value:
         _fail(path, "C103", f"'{key}': expected a string, found {value!r}", *place)
+    if field in (*_PATHS, "board", "types"):
+        refuse_url(value, Location(path, *place), f"'{key}': ")
     joined = os.path.join(base, os.path.expanduser(value))
     return joined if _is_path(field, value, joined) else value
 
@@ -192,6 +195,7 @@ def _is_path(field: str, value: str, joined: str) -> bool:
 
 def _folder(text: str, base: str, place: Location) -> str:
     """Return a folder, or `PKG=DIR`, with a path relative to the current folder."""
+    refuse_url(text, place, "'msg-dir': ")
     package, folder = split_package(text, place)
     return join_package(package, os.path.join(base, os.path.expanduser(folder)))
 

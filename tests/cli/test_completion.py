@@ -12,6 +12,7 @@ import time
 from pathlib import Path
 
 import pytest
+from mcap.writer import Writer
 
 from support.catalogs import write_definitions
 from support.packages import committed, git
@@ -116,12 +117,9 @@ def environment(folder: Path) -> dict[str, str]:
     return {**kept, "PATH": path, "HOME": str(folder), "TERM": "xterm"}
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("line", CASES)
-def test_a_command_line_is_completed_with_the_names_that_it_can_have(line: str, folder: Path, tmp_path: Path) -> None:
+def proposed(line: str, folder: Path, tmp_path: Path) -> list[str]:
+    """Return the completions of a command line, as the shell gets them."""
     answer = tmp_path / "answer"
-    expected = CASES[line]
-    line = line.replace("TYPES", str(TYPES))
     asked = {
         "_ARGCOMPLETE": "1",
         "_ARGCOMPLETE_STDOUT_FILENAME": str(answer),
@@ -136,9 +134,39 @@ def test_a_command_line_is_completed_with_the_names_that_it_can_have(line: str, 
         command, cwd=folder, env={**environment(folder), **asked}, capture_output=True, check=False, timeout=60
     )
     assert (done.stdout, done.stderr) == (b"", b"")
-    names = answer.read_text().split("\n")
+    return answer.read_text(encoding="utf-8").split("\n")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("line", CASES)
+def test_a_command_line_is_completed_with_the_names_that_it_can_have(line: str, folder: Path, tmp_path: Path) -> None:
+    expected = CASES[line]
+    line = line.replace("TYPES", str(TYPES))
+    names = proposed(line, folder, tmp_path)
     options = line.rpartition(" ")[2].startswith("--")
     assert [name for name in names if name and (options or not name.startswith("--"))] == expected
+
+
+HOSTILE = ("a\nfake", "a\x1b[31mred", "a\x1b]0;title\x07", "a\u202eturned", "a\x9b31m")
+
+
+@pytest.mark.slow
+def test_names_that_are_not_printable_are_not_proposed(folder: Path, tmp_path: Path) -> None:
+    with (tmp_path / "a.mcap").open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        schema = writer.register_schema("mine/msg/M", "ros2msg", b"uint8 x\n")
+        for name in ("alright", *HOSTILE):
+            writer.add_message(writer.register_channel(f"/{name}", "cdr", schema), 5, b"\0\1\0\0\7", 5)
+        writer.finish()
+    for name in HOSTILE:
+        (tmp_path / f"{name}.j2").touch()
+    for words, expected in (("show", ["/alright"]), ("plot", ["/alright.x"])):
+        found = proposed(f"msggen log {words} {tmp_path}/a.mcap /", folder, tmp_path)
+        assert [name for name in found if name.startswith("/")] == expected
+    paths = proposed(f"msggen render --template {tmp_path}/a", folder, tmp_path)
+    assert any(name.endswith("a.mcap") for name in paths)
+    assert not re.search(r"[\x00-\x1f\x7f-\x9f]", "".join(paths))
 
 
 SHELLS = {

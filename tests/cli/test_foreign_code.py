@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import json
+import os
 import re
 import shutil
 import subprocess
@@ -127,15 +128,33 @@ def test_the_process_of_a_link_executes_no_code_of_the_current_folder(hostile: P
 # matplotlib
 
 
+STYLES = {
+    "LaTeX": b"text.usetex: True\ntext.latex.preamble: \\input{secret}\nfont.size: 1e9\n",
+    "a server": b"backend: webagg\nwebagg.address: 0.0.0.0\nwebagg.open_in_browser: False\n",
+    "a module": b"backend: module://stranger\n",
+    "no text": b"\xff\xfe\0",
+    "a pipe": None,
+}
+
+
 @pytest.mark.slow
-def test_the_style_of_the_current_folder_is_not_used(tmp_path: Path) -> None:
-    """It can have text typeset by LaTeX, with commands of its own."""
+@pytest.mark.parametrize("style", STYLES.values(), ids=STYLES)
+def test_the_style_of_the_current_folder_is_not_used(style: bytes | None, tmp_path: Path, marks: Path) -> None:
+    """It can have text typeset by LaTeX, listen on a port and import modules."""
     write_ulog(tmp_path / "flight.ulg")
-    (tmp_path / "matplotlibrc").write_text("text.usetex: True\ntext.latex.preamble: \\input{secret}\nfont.size: 1e9\n")
-    words = ["log", "plot", "flight.ulg", "sensor_gps.fix_type", "-o", "a.svg"]
-    done = done_in(tmp_path, [*write_program(tmp_path), *words])
+    (tmp_path / "stranger.py").write_text(code_that_marks(marks, "stranger"))
+    if style is None:
+        os.mkfifo(tmp_path / "matplotlibrc")
+    else:
+        (tmp_path / "matplotlibrc").write_bytes(style)
+    words = [*write_program(tmp_path), "log", "plot", "flight.ulg", "sensor_gps.fix_type"]
+    done = done_in(tmp_path, [*words, "-o", "a.svg"])
     assert (done.returncode, done.stderr) == (0, "")
     assert "fix_type" in (tmp_path / "a.svg").read_text(encoding="utf-8")
+    done = done_in(tmp_path, words, DISPLAY=":9", PYTHONPATH=str(tmp_path))
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "error: no window can be shown here" in done.stderr
+    assert not marked(marks)
 
 
 # TAB
@@ -245,7 +264,7 @@ STARTS = {"multiprocessing", "subprocess", "pty", "webbrowser", "runpy"}
 """Modules that start processes or programs."""
 
 STARTING = {
-    "disk/git.py": "the program git",
+    "base/disk/git.py": "the program git",
     "live/links/isolated.py": "the command of `command_of`",
     "recordings/fleet/pools.py": "the command of `command_of`",
 }

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from msggen.base.diagnostics import InputError
+from msggen.base.exit_codes import FAILED
 from msggen.cli import main
 from msggen.sources.settings import Settings, read_settings
 from support.catalogs import write_definitions
@@ -301,6 +302,20 @@ def test_a_setting_with_an_impossible_value_is_refused(
     assert main(["build"]) == 2
     assert f" {code} " in capsys.readouterr().err
     assert os.listdir() == ["pyproject.toml"]
+
+
+@pytest.mark.parametrize("key", ["px4", "msg-dir", "topics", "board", "output", "types"])
+@pytest.mark.parametrize("value", ["s3://bucket/gen", "px4_msgs=https://host/x", "file:///a"])
+def test_a_url_in_the_place_of_a_path_is_refused(key: str, value: str) -> None:
+    said = refused(f'[tool.msggen]\nstrict = true\n{key} = "{value}"\n')
+    assert said.startswith(f"pyproject.toml:3:1: S131 '{key}': a URL, expected a path: ")
+    assert main(["build"]) == FAILED
+    assert os.listdir() == ["pyproject.toml"]
+
+
+def test_a_folder_with_the_name_of_a_scheme_is_no_url() -> None:
+    settings_file('[tool.msggen]\noutput = "./s3://bucket"\nlink = "udp://127.0.0.1:9999"\n')
+    assert read_settings(".").output == "./s3://bucket"
 
 
 @pytest.mark.parametrize(

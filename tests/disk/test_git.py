@@ -65,6 +65,30 @@ def mark() -> Path:
     return program
 
 
+@pytest.mark.parametrize("way", ["", ".", "bin", "here"])
+def test_the_git_of_the_current_folder_does_not_run(way: str, mark: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On Windows, it would also run with no such folder on the PATH."""
+    for folder in (Path(), Path("bin")):
+        folder.mkdir(exist_ok=True)
+        shutil.copy(mark, folder / "git")
+        shutil.copy(mark, folder / "git.exe")
+    repository("firmware", {"msg/Lamp.msg": "uint64 timestamp\n"})
+    here = os.getcwd() if way == "here" else way
+    monkeypatch.setenv("PATH", here + os.pathsep + os.environ["PATH"])
+    assert len(commit_of("firmware", "HEAD")) == 40
+    assert not Path("ran").exists()
+
+
+def test_a_program_that_cannot_run_is_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("a", "b"):
+        Path(name).mkdir()
+    Path("a/git").write_text("")
+    Path("b/git").mkdir()
+    monkeypatch.setenv("PATH", os.pathsep.join(os.path.abspath(name) for name in ("a", "b", "c")))
+    with pytest.raises(GitError, match="the program 'git' is not installed"):
+        commit_of(".", "HEAD")
+
+
 def repository(folder: str, files: dict[str, str]) -> None:
     for name, text in files.items():
         Path(folder, name).parent.mkdir(parents=True, exist_ok=True)

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from msggen import read
-from msggen.definitions.enumeration import Enumeration, enumerations, integer_constants
+from msggen.definitions.enumeration import Enumeration, constant_prefixes, enum_by_name, enumerations, integer_constants
 from msggen.definitions.model import Catalog, Message
 from msggen.definitions.parse.definition import parse_message
+from msggen.generate.python.names import enum_names
 from support.repository import shared
+from support.slow_enums import SlowEnum, slow_enums, slow_prefixes
 
 LIST = Path(__file__).with_name("enums.txt")
 """Every enum and every other integer constant of the trees. This module writes it if it is run as a program."""
@@ -160,6 +164,65 @@ def test_a_name_is_an_enum_only_without_doubt(
     assert bool(enumerations(message)) is is_enum
     if is_enum:
         assert message.fields[1].comment.origin("enum") == "name"
+
+
+WORDS = st.sampled_from(["A", "B", "C", "MAX", "COUNT", "END"])
+NAMES = st.lists(WORDS, min_size=1, max_size=4).map("_".join)
+
+
+@given(
+    st.lists(st.tuples(NAMES, st.integers(0, 5)), max_size=12, unique_by=lambda each: each[0]),
+    st.lists(st.lists(NAMES, min_size=1, max_size=3).map(" ".join), max_size=6),
+)
+def test_enums_are_those_of_a_look_at_every_constant(constants: list[tuple[str, int]], tags: list[str]) -> None:
+    lines = [f"uint8 {name} = {value}" for name, value in constants]
+    lines += [f"uint8 x{number} # [@enum {tag}]" for number, tag in enumerate(tags)]
+    message = definition_of(lines)
+    found = [
+        SlowEnum(enum.tag, enum.prefixes, tuple(member.constant.name for member in enum.members))
+        for enum in enumerations(message)
+    ]
+    assert found == list(slow_enums(message))
+    integers = [constant.name for constant in integer_constants(message)]
+    for tag in tags:
+        assert constant_prefixes(message, tag) == slow_prefixes(tag, integers)
+
+
+def definition_of(lines: Iterable[str]) -> Message:
+    """Return a message of these lines."""
+    return parse_message("\n".join(["uint64 timestamp", *lines, ""]), "A.msg", "A", "p")[0]
+
+
+MANY = 8000
+
+
+@pytest.mark.parametrize("tag", [" # [@enum A{}]", ""])
+def test_many_enums_are_found(tag: str) -> None:
+    runner = pytest.importorskip("fuzz.runner")
+    lines = [f"uint8 A{number}_B = 1" for number in range(MANY)]
+    lines += [f"uint8 a{number}{tag.format(number)}" for number in range(MANY)]
+    message = definition_of(lines)
+    with runner.limited():
+        named = [enum_by_name(message, field) for field in message.fields]
+        found = enumerations(message)
+        assert len({*enum_names(found, ()).values()}) == len(found) == (MANY if tag else 0)
+    assert not any(named)
+
+
+def test_an_enum_can_have_many_constants() -> None:
+    runner = pytest.importorskip("fuzz.runner")
+    lines = [f"uint16 A_{number} = {number}" for number in range(2 * MANY)]
+    message = definition_of([*lines, "uint16 x # [@enum A]"])
+    with runner.limited():
+        (found,) = enumerations(message)
+    assert len(found.members) == 2 * MANY
+
+
+def test_a_tag_can_have_many_words() -> None:
+    runner = pytest.importorskip("fuzz.runner")
+    message = definition_of(f"uint8 B{number} = 1" for number in range(MANY))
+    with runner.limited():
+        assert constant_prefixes(message, "_".join("a" * MANY)) == ()
 
 
 if __name__ == "__main__":

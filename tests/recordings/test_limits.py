@@ -21,7 +21,8 @@ from msggen.recordings.convert.selection import Selection
 from msggen.recordings.decode.decoder import Decoder
 from msggen.recordings.decode.layouts import layout_of
 from msggen.recordings.decode.schemas import SchemaError, read_schema
-from msggen.recordings.files import compression, mcap
+from msggen.recordings.files import bag, compression, mcap
+from msggen.recordings.files.compression import CompressionError
 from msggen.recordings.files.mcap_records import Chunk
 from msggen.recordings.log.opening import open_log
 from msggen.recordings.source.source import Channel, RecordingError
@@ -234,6 +235,87 @@ def test_samples_with_compression_have_a_limit_together(tmp_path: Path, monkeypa
         assert len(log["/t"]) == limit // 400_004
         (problem,) = log.problems
         assert (problem.topic, problem.samples) == ("/t", 50 - limit // 400_004)
+
+
+@pytest.mark.parametrize("how", ["with its size", "without its size"])
+def test_samples_with_wrong_checksums_take_their_room(
+    how: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(compression, "_LEAST_LIMIT", 1 << 20)
+    size = 400_000
+    topics = [Stored(number, f"/t{number}", "mine/msg/M", f"uint8[{size - 4}] x\n") for number in range(1, 4)]
+    packer = zstandard.ZstdCompressor(write_checksum=True, write_content_size=how == "with its size")
+    frame = packer.compress(bytes(size))[:-4] + b"wron"
+    rows = [(1 + number % 3, START + number, frame) for number in range(30)]
+    path = write_database(tmp_path / "a.db3", topics, rows)
+    made = 0
+    decompress = compression.decompress_frame
+
+    def counting(data: bytes, limit: int) -> bytes:
+        nonlocal made
+        try:
+            return decompress(data, limit)
+        except CompressionError as error:
+            made += error.spent
+            raise
+
+    monkeypatch.setattr(bag, "decompress_frame", counting)
+    for _ in range(2):  # nor does reading them again, topic by topic
+        made = 0
+        with open_log(path) as log:
+            for topic in topics:
+                assert len(log[topic.name]) == 0
+            assert sum(problem.samples for problem in log.problems) == 30
+        assert size <= made <= 100 * path.stat().st_size
+
+
+def packed_files(folder: Path, count: int, size: int) -> Path:
+    """Write a folder with compressed files of a message each."""
+    folder.mkdir()
+    for number in range(count):
+        path = folder / f"{folder.name}_{number}.mcap"
+        with path.open("wb") as file:
+            writer = McapWriter(file, compression=CompressionType.NONE)
+            writer.start()
+            schema = writer.register_schema("mine/msg/M", "ros2msg", f"uint8[{size}] x\n".encode())
+            channel = writer.register_channel("/t", "cdr", schema)
+            writer.add_message(channel, number, b"\0\1\0\0" + bytes(size), number)
+            writer.finish()
+        zstd_of(path)
+    return folder
+
+
+def zstd_of(path: Path) -> Path:
+    """Compress a file as rosbag2 does."""
+    target = path.with_name(f"{path.name}.zstd")
+    target.write_bytes(zstandard.compress(path.read_bytes()))
+    path.unlink()
+    return target
+
+
+def test_a_folder_has_a_limit_without_its_compression(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compression, "_LEAST_LIMIT", 3 << 20)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    folder = packed_files(tmp_path / "bag", 30, 1 << 20)
+    with open_log(folder) as log:
+        written = sum(path.stat().st_size for path in tmp_path.glob("msggen-*/*"))
+        assert len(log["/t"]) == 2
+        assert written <= 3 << 20
+        texts = [problem.text for problem in log.problems if "left out" in problem.text]
+        assert len(texts) == 28
+        assert "the files have more than 3145728 bytes without their compression; MSGGEN_MAX_CONTENT sets" in texts[-1]
+    monkeypatch.setenv("MSGGEN_MAX_CONTENT", str(31 << 20))
+    with open_log(folder) as log:
+        assert len(log["/t"]) == 30
+        assert not any("left out" in problem.text for problem in log.problems)
+
+
+def test_chunks_of_a_compressed_file_share_its_room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compression, "_LEAST_LIMIT", 3 << 20)
+    data = zstandard.compress(bytes(2 << 20))
+    path = zstd_of(chunks_of(tmp_path / "a.mcap", data + bytes(1 << 20), 2 << 20, "zstd", 1))
+    with open_log(path) as log:
+        assert any("the file has more than 3145728 bytes without its" in problem.text for problem in log.problems)
 
 
 def test_messages_that_overlap_are_not_read_by_their_index(tmp_path: Path) -> None:

@@ -20,6 +20,7 @@ from msggen.recordings.convert.types import TypeNames
 from msggen.recordings.files.mcap import McapFile
 from msggen.recordings.files.mcap_channels import Described
 from msggen.recordings.files.mcap_records import chunk_or_message_from
+from msggen.recordings.files.ulog_formats import Formats
 from msggen.recordings.fleet.layout import places_of
 from msggen.recordings.log.payloads import in_order
 from msggen.recordings.source.open_file import OpenFile
@@ -27,6 +28,7 @@ from msggen.recordings.source.source import Channel, Part, Problem
 from msggen.recordings.topics.choice import names_of
 from msggen.recordings.topics.find import by_name, find
 from msggen.recordings.topics.topic import Topic
+from support.databases import Stored, write_database
 from support.log_files import Written, write_log
 
 resource = pytest.importorskip("resource")
@@ -144,6 +146,39 @@ def test_chunks_behind_many_damaged_places_are_found() -> None:
         place = chunk_or_message_from(data, place + 1, ())
         found += 1
     assert found == MANY // 2
+
+
+def test_many_formats_of_a_ulog_have_the_same_fields() -> None:
+    formats = Formats()
+    names = [f"a_{number}" for number in range(MANY)]
+    for name in names:
+        formats.add(f"{name}:uint64_t timestamp;uint8_t x")
+    assert [formats.ros_type(name) for name in names] == [f"px4_msgs/msg/A{number}" for number in range(MANY)]
+    formats.add("a:uint64_t timestamp;uint8_t x")
+    assert {formats.ros_type(name) for name in names} == {"px4_msgs/msg/A"}
+
+
+def test_long_names_of_formats_with_the_same_fields_have_no_ends() -> None:
+    formats = Formats()
+    names = ["_" * 60_000 + str(number) for number in range(100)]
+    for name in names:
+        formats.add(f"{name}:uint8_t x")
+    assert len({formats.ros_type(name) for name in names}) == len(names)
+
+
+def test_many_damaged_samples_are_counted_in_a_folder_with_many_problems(tmp_path: Path) -> None:
+    frame = b"\x28\xb5\x2f\xfd" + b"\xff" * 8
+    count = MANY // 3
+    rows = [(1, START + number, frame) for number in range(count)]
+    write_database(tmp_path / "a.db3", [Stored(1, "/t", "our_msgs/msg/A", "uint8[] x\n")], rows)
+    missing = "".join(f"  - m{number}.db3\n" for number in range(count))
+    (tmp_path / "metadata.yaml").write_text(
+        f"rosbag2_bagfile_information:\n  version: 5\n  relative_file_paths:\n  - a.db3\n{missing}", encoding="utf-8"
+    )
+    with recordings.open(tmp_path) as log:
+        assert not len(log["/t"])
+        assert len(log.problems) == count + 1
+        assert [problem.samples for problem in log.problems if problem.topic] == [count]
 
 
 def test_a_name_with_many_parts_has_no_ends() -> None:

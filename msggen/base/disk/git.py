@@ -12,6 +12,8 @@ from tempfile import TemporaryFile
 from threading import Timer
 from typing import IO
 
+from msggen.base.interpreter import program_at
+
 _OWN_REPOSITORY = {
     "GIT_ALTERNATE_OBJECT_DIRECTORIES",
     "GIT_COMMON_DIR",
@@ -56,11 +58,12 @@ def git(folder: str, *arguments: str, stdin: bytes = b"") -> bytes:
     """Run git in `folder` and return what it prints. No program of the repository runs. Raises GitError."""
     environment = {name: value for name, value in os.environ.items() if name not in _OWN_REPOSITORY}
     environment |= {"LC_ALL": "C", "GIT_OPTIONAL_LOCKS": "0", **_WITHOUT_PROGRAMS}
-    command = ["git", "-C", folder or ".", *_OPTIONS, *arguments]
+    options = ("-C", folder or ".", *_OPTIONS, *arguments)
     with TemporaryFile() as given, TemporaryFile() as errors:
         given.write(stdin)
         given.seek(0)
         try:
+            command = [program_at("git"), *options]
             process = subprocess.Popen(command, stdin=given, stdout=subprocess.PIPE, stderr=errors, env=environment)  # noqa: S603
         except FileNotFoundError:
             raise GitError("the program 'git' is not installed") from None

@@ -9,7 +9,7 @@ from msggen.base.diagnostics import counted, few
 from msggen.check.finding import Change
 from msggen.check.lint.definition import Definition
 from msggen.check.lint.joined import joined
-from msggen.definitions.enumeration import constant_prefixes, enumerations, integer_constants
+from msggen.definitions.enumeration import Prefixes, constant_prefixes, enumerations, integer_constants
 from msggen.definitions.layout import is_static, lay_out
 from msggen.definitions.model import Catalog, Constant, Field, Message
 from msggen.definitions.primitives import PRIMITIVES
@@ -32,10 +32,10 @@ def find_unused_constants(definition: Definition) -> Iterator[Change]:
     A group has the same first words. A constant alone is a limit or a size, not a value.
     """
     own = _own(definition)
-    prefixes = [prefix for each in enumerations(own) for prefix in each.prefixes]
+    used = Prefixes(prefix for each in enumerations(own) for prefix in each.prefixes)
     left: dict[str, list[Constant]] = {}
     for constant in integer_constants(own):
-        if not any(constant.name.startswith(f"{prefix}_") for prefix in prefixes):
+        if not used.longest(constant.name):
             left.setdefault(constant.name.partition("_")[0], []).append(constant)
     for constants in left.values():
         if len(constants) > 1:

@@ -5,9 +5,12 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from msggen.base.diagnostics import few, input_error, printable
+from msggen.base.disk.resources import resource
 from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.cli.log.arguments import CODES, add_file, add_times, asked_time, check_times
 from msggen.cli.log.opening import opened, print_notes, print_problems
@@ -58,13 +61,11 @@ def add_to(actions: Commands) -> None:
 def _plot(options: argparse.Namespace) -> int:
     check_times(options)
     try:
-        import matplotlib as mpl
-
+        with _elsewhere():
+            import matplotlib as mpl
         from msggen.recordings.log import plot
     except ImportError as error:
         raise missing_extra(error, "plot", "R102") from None
-    if os.path.isfile("matplotlibrc"):
-        mpl.rcdefaults()  # matplotlib has read that of the current folder, which can make it run LaTeX
     ending = os.path.splitext(options.output or "")[1].removeprefix(".").lower()
     if options.output and ending not in plot.ENDINGS:
         known = ", ".join(f".{each}" for each in plot.ENDINGS)
@@ -86,6 +87,26 @@ def _plot(options: argparse.Namespace) -> int:
         elif series:
             _show(options, log, series)
         return FINDINGS if empty or log.problems else DONE
+
+
+@contextmanager
+def _elsewhere() -> Iterator[None]:
+    """Stand in a folder of msggen without modules if the current folder has a matplotlibrc.
+
+    matplotlib reads it when it is imported, and with it would run LaTeX, listen on a port, import modules, or wait for
+    a pipe.
+    """
+    if not os.path.lexists("matplotlibrc"):
+        yield
+        return
+    here = os.getcwd()
+    for name in {"MATPLOTLIBRC", "MPLCONFIGDIR"} & os.environ.keys():
+        os.environ[name] = os.path.abspath(os.environ[name])
+    os.chdir(resource("templates"))
+    try:
+        yield
+    finally:
+        os.chdir(here)
 
 
 def _read(options: argparse.Namespace, log: Log) -> tuple[Sequence[Series], Sequence[str]]:

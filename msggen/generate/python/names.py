@@ -95,8 +95,10 @@ def attribute_names(message: Message, classes: Collection[str] = ()) -> Mapping[
 def enum_names(enums: Sequence[Enumeration], taken: Collection[str]) -> Mapping[Enumeration, str]:
     """Return the class of each of `enums` in the class of their message; `taken` are the other names there."""
     found: dict[Enumeration, str] = {}
+    used = {*taken, *reserved_attributes()}
     for enum in enums:
-        found[enum] = free_name(enum.name, {*taken, *found.values(), *reserved_attributes()})
+        found[enum] = free_name(enum.name, used)
+        used.add(found[enum])
     return found
 
 
@@ -112,11 +114,11 @@ def member_names(names: Collection[str]) -> Mapping[str, str]:
 def endpoint_attributes(endpoints: Sequence[Endpoint]) -> list[str]:
     """Return the attribute of each of `endpoints`, of one direction: the uORB topic and the instance, if it has one."""
     found: list[str] = []
+    used = {*keyword.kwlist}
     for endpoint in endpoints:
         instance = endpoint.entry.instance
-        found.append(
-            free_name(f"{endpoint.entry.uorb_topic}{'' if instance is None else instance}", {*keyword.kwlist, *found})
-        )
+        found.append(free_name(f"{endpoint.entry.uorb_topic}{'' if instance is None else instance}", used))
+        used.add(found[-1])
     return found
 
 

@@ -6,6 +6,7 @@ import ntpath
 import os
 import re
 import tempfile
+from collections import Counter
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeGuard
 
 import numpy as np
@@ -14,7 +15,7 @@ from msggen.base.diagnostics import InputError, either, few
 from msggen.base.disk.output import link_in
 from msggen.base.disk.reading import read_bytes
 from msggen.base.recording_formats import FORMATS, MCAP, PACKED, format_named, unpacked
-from msggen.recordings.files.compression import LARGEST, CompressionError, decompress_file, decompress_frame, limit_of
+from msggen.recordings.files.compression import LARGEST, CompressionError, Room, decompress_file, decompress_frame
 from msggen.recordings.files.paths import METADATA, is_always_whole, is_bag
 from msggen.recordings.source.source import (
     FOREVER,
@@ -29,7 +30,7 @@ from msggen.recordings.source.source import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -58,7 +59,7 @@ class Metadata(NamedTuple):
     problems: Sequence[str] = ()
 
 
-def open_folder(path: str, open_file: Callable[[str], Source]) -> list[Source]:
+def open_folder(path: str, open_file: Callable[[str, Room], Source]) -> list[Source]:
     """Return the files of a recording of rosbag2 in their order. `open_file` opens one, without compression.
 
     What is wrong with the folder is among the problems of the first file. Raises RecordingError, and OSError.
@@ -84,14 +85,15 @@ def open_folder(path: str, open_file: Callable[[str], Source]) -> list[Source]:
         text = "; ".join(problem.text for problem in problems)
         expected = either(sorted(_STORAGES.values()))
         raise RecordingError(f"{path} is not a recording: {text}, and there is no file {expected}")
-    sources = list(_opened(named, open_file, metadata, problems))
+    room = Room(sum(map(os.path.getsize, (*named, *further))))
+    sources = list(_opened(named, open_file, metadata, problems, room))
     is_whole = not missing and len(sources) == len(named)
     if metadata is not None and further:
         is_left_out = is_whole and _is_complete(metadata, sources)
         text = f"is not in {METADATA}, and is {'not read' if is_left_out else 'read too'}"
         problems += [Problem(f"{os.path.basename(each)} {text}") for each in further]
         further = [] if is_left_out else further
-    sources += _opened(further, open_file, metadata, problems)
+    sources += _opened(further, open_file, metadata, problems, room)
     if not sources:
         raise RecordingError("; ".join(problem.text for problem in problems))
     if metadata is not None:
@@ -101,12 +103,17 @@ def open_folder(path: str, open_file: Callable[[str], Source]) -> list[Source]:
 
 
 def _opened(
-    paths: Iterable[str], open_file: Callable[[str], Source], metadata: Metadata | None, problems: list[Problem]
+    paths: Iterable[str],
+    open_file: Callable[[str, Room], Source],
+    metadata: Metadata | None,
+    problems: list[Problem],
+    room: Room,
 ) -> Iterator[Source]:
-    """Open files, and add those that cannot be read to `problems`."""
+    """Open files, and add those that cannot be read to `problems`. `room` is for the contents of all."""
+    is_by_sample = metadata is not None and metadata.is_by_sample
     for path in paths:
         try:
-            source = open_compressed(path, open_file, is_by_sample=metadata is not None and metadata.is_by_sample)
+            source = open_compressed(path, open_file, room, is_by_sample=is_by_sample)
         except RecordingError as error:
             count = metadata.counts.get(os.path.basename(path), 0) if metadata else 0
             problems.append(Problem(f"a file is left out: {error}", samples=count))
@@ -137,20 +144,23 @@ def _check_one(folder: str, names: Sequence[str]) -> None:
         )
 
 
-def open_compressed(path: str, open_file: Callable[[str], Source], *, is_by_sample: bool = False) -> Source:
+def open_compressed(
+    path: str, open_file: Callable[[str, Room], Source], folder_room: Room | None = None, *, is_by_sample: bool = False
+) -> Source:
     """Return a file, which can be compressed, and so can its samples. Raises RecordingError, and OSError.
 
-    Samples are decompressed if `is_by_sample`, or if they are zstd frames.
+    Samples are decompressed if `is_by_sample`, or if they are zstd frames. `folder_room` is for all files of a folder.
     """
+    room = Room(os.path.getsize(path), folder_room)
     with open(path, "rb") as file:
         is_compressed = file.read(len(ZSTD)) == ZSTD
     if not is_compressed:
-        return PackedFile(open_file(path), path, is_by_sample=is_by_sample)
+        return PackedFile(open_file(path, room), path, room, is_by_sample=is_by_sample)
     folder = tempfile.TemporaryDirectory(prefix="msggen-", ignore_cleanup_errors=True)
     try:
         target = os.path.join(folder.name, unpacked(os.path.basename(path)))
-        cut = decompress_file(path, target)
-        source = open_file(target)
+        cut = decompress_file(path, target, room)
+        source = open_file(target, room)
     except RecordingError as error:
         folder.cleanup()
         raise RecordingError(str(error).replace(target, path)) from None
@@ -162,7 +172,7 @@ def open_compressed(path: str, open_file: Callable[[str], Source], *, is_by_samp
         raise
     if cut:
         source.problems.insert(0, Problem(f"the compressed file is damaged or cut off: {cut}"))
-    return PackedFile(source, path, folder, is_by_sample=is_by_sample)
+    return PackedFile(source, path, room, folder, is_by_sample=is_by_sample)
 
 
 class PackedFile:
@@ -172,6 +182,7 @@ class PackedFile:
         self,
         source: Source,
         path: str,
+        room: Room,
         folder: tempfile.TemporaryDirectory[str] | None = None,
         *,
         is_by_sample: bool = False,
@@ -184,9 +195,13 @@ class PackedFile:
         self._folder = folder
         self._is_by_sample = is_by_sample
         """Whether samples are compressed, as far as it is known yet."""
-        self._limit = limit_of(os.path.getsize(path))
+        self._room = room
+        self._taken: Counter[int] = Counter()
+        """The bytes that the samples of each channel have taken of the room. Reading them again takes nothing."""
         self._lost: set[tuple[int, int]] = set()
         """The channels and the log times of samples that cannot be decompressed, which are counted once."""
+        self._places: dict[str, int] = {}
+        """Where the problem with them is among all, by topic: a folder can have one for each name in metadata.yaml."""
 
     @property
     def channels(self) -> Mapping[int, Channel]:
@@ -211,12 +226,12 @@ class PackedFile:
 
     def parts(self, channels: Collection[int], start: int = 0, stop: int = FOREVER) -> Iterator[Part]:
         """See Source.parts."""
-        room = self._limit
+        used: Counter[int] = Counter()
         for part in self._source.parts(channels, start, stop):
             is_cdr = self.channels[part.channel].encoding == "cdr"  # others may be frames of their own
             self._is_by_sample = self._is_by_sample or (is_cdr and _begins_with_frame(part))
             if self._is_by_sample and is_cdr:
-                room = yield from self._unpacked(part, room)
+                yield from self._unpacked(part, used)
             else:
                 yield part
 
@@ -238,8 +253,8 @@ class PackedFile:
         if self._folder is not None:
             self._folder.cleanup()
 
-    def _unpacked(self, part: Part, room: int) -> Generator[Part, None, int]:
-        """Yield the samples of a part without compression, and return how much of `room` in bytes they leave.
+    def _unpacked(self, part: Part, used: Counter[int]) -> Iterator[Part]:
+        """Yield the samples of a part without compression. `used` counts the bytes of this reading by channel.
 
         Those without a frame of zstd stay as they are.
         """
@@ -251,8 +266,7 @@ class PackedFile:
             sample = bytes(data[start : start + length])
             if sample.startswith(ZSTD):
                 try:
-                    sample = decompress_frame(sample, min(room, LARGEST))
-                    room -= len(sample)
+                    sample = self._content(sample, part.channel, used)
                 except CompressionError as error:
                     self._leave_out(part.channel, int(part.log_times[index]), str(error))
                     continue
@@ -264,7 +278,23 @@ class PackedFile:
                 kept, samples, size = [], [], 0
         if kept:
             yield _part_of(part, kept, samples)
-        return room
+
+    def _content(self, frame: bytes, number: int, used: Counter[int]) -> bytes:
+        """Return a sample of a channel without its compression. Raises CompressionError."""
+        known = max(self._taken[number] - used[number], 0)
+        try:
+            content = decompress_frame(frame, min(self._room.left + known, LARGEST))
+        except CompressionError as error:
+            self._take(number, error.spent, used)
+            raise
+        self._take(number, len(content), used)
+        return content
+
+    def _take(self, number: int, size: int, used: Counter[int]) -> None:
+        """Take a sample of a channel from the room, if no reading before has taken it."""
+        used[number] += size
+        self._room.take(max(used[number] - self._taken[number], 0))
+        self._taken[number] = max(used[number], self._taken[number])
 
     def _leave_out(self, number: int, time: int, text: str) -> None:
         """Count a sample that cannot be decompressed."""
@@ -272,14 +302,11 @@ class PackedFile:
             return
         self._lost.add((number, time))
         topic = self.channels[number].topic
-        for index, problem in enumerate(self.problems):
-            if problem.topic == topic and problem.text.startswith(_UNPACKED):
-                self.problems[index] = problem._replace(samples=problem.samples + 1)
-                return
-        self.problems.append(Problem(f"{_UNPACKED}: {text}", samples=1, topic=topic))
-
-
-_UNPACKED = "samples that cannot be decompressed"
+        place = self._places.setdefault(topic, len(self.problems))
+        if place == len(self.problems):
+            self.problems.append(Problem(f"samples that cannot be decompressed: {text}", topic=topic))
+        problem = self.problems[place]
+        self.problems[place] = problem._replace(samples=problem.samples + 1)
 
 
 def _part_of(part: Part, kept: list[int], samples: list[bytes]) -> Part:

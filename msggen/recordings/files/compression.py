@@ -19,7 +19,11 @@ _STEP = 1 << 16
 
 
 class CompressionError(ValueError):
-    """A block that cannot be decompressed."""
+    """A block that cannot be decompressed. `spent` is how many bytes were made of it in vain."""
+
+    def __init__(self, text: str, spent: int = 0) -> None:
+        super().__init__(text)
+        self.spent = spent
 
 
 Data = Any
@@ -30,6 +34,37 @@ def limit_of(size: int) -> int:
     """Return how many bytes a file of a size may have without its compression."""
     told = os.environ.get(MAX_CONTENT, "")
     return int(told) if told.isdecimal() else max(_MOST * size, _LEAST_LIMIT)
+
+
+class Room:
+    """How many bytes a file of a size may still have without its compression.
+
+    A file of a folder takes from the room of the folder, too: many small files would have a large content together.
+    """
+
+    def __init__(self, size: int, folder: Room | None = None) -> None:
+        self.limit = limit_of(size)
+        self._left = self.limit
+        self._folder = folder
+
+    @property
+    def left(self) -> int:
+        """The bytes that are left."""
+        return self._left if self._folder is None else min(self._left, self._folder.left)
+
+    def take(self, size: int) -> None:
+        """Leave less room."""
+        self._left = max(self._left - size, 0)
+        if self._folder is not None:
+            self._folder.take(size)
+
+    def excess(self) -> str:
+        """Return what is wrong if a content has no room."""
+        if self._folder is None or self._left <= self._folder.left:
+            text = f"the file has more than {self.limit} bytes without its compression"
+        else:
+            text = f"the files have more than {self._folder.limit} bytes without their compression"
+        return f"{text}; {MAX_CONTENT} sets another limit"
 
 
 def decompress_into(kind: str, data: Data, target: memoryview) -> None:
@@ -120,14 +155,14 @@ def _lz4(data: Data, size: int) -> memoryview:
 _FRAME_HEADER = 18
 
 
-def decompress_file(path: str, target: str) -> str:
+def decompress_file(path: str, target: str, room: Room) -> str:
     """Decompress a file of zstd to another file, as much of it as can be. Return what is wrong with the rest, or "".
 
-    Raises CompressionError if nothing can be decompressed or the content is too large to be a recording, and OSError.
+    What is written takes from `room`. Raises CompressionError if nothing can be decompressed or there is too little
+    room for the content, and OSError.
     """
     import zstandard
 
-    limit = limit_of(os.path.getsize(path))
     written = 0
     with open(path, "rb") as source, open(target, "wb") as file:
         try:
@@ -146,8 +181,9 @@ def decompress_file(path: str, target: str) -> str:
             if not data:
                 break
             written += len(data)
-            if written > limit:
-                raise CompressionError(f"the content has more than {limit} bytes; {MAX_CONTENT} sets another limit")
+            if len(data) > room.left:
+                raise CompressionError(room.excess())
+            room.take(len(data))
             file.write(data)
     if not problem and written < promised:  # the reader ends without an error
         problem = f"expected {promised} bytes, got {written}"
@@ -160,16 +196,29 @@ def decompress_frame(data: bytes, limit: int) -> bytes:
     """Return the content of a frame of zstd, of up to `limit` bytes. Raises CompressionError."""
     import zstandard
 
+    size = 0
     try:
         size = zstandard.frame_content_size(data)
-        if size > limit:
-            raise CompressionError(f"a sample of {size} bytes")
-        if size >= 0:
+        if size < 0:
+            return _unsized(data, limit)
+        if size <= limit:
             return zstandard.ZstdDecompressor().decompress(data)
-        reader = zstandard.ZstdDecompressor().stream_reader(data)
-        found = reader.read(limit + 1)
+    except (zstandard.ZstdError, MemoryError) as error:  # a wrong checksum shows when all is decompressed
+        raise CompressionError(str(error), size) from None
+    raise CompressionError(f"a sample of {size} bytes")
+
+
+def _unsized(data: bytes, limit: int) -> bytes:
+    """Return the content of a frame that does not tell its size."""
+    import zstandard
+
+    reader = zstandard.ZstdDecompressor().stream_reader(data)
+    found = bytearray()
+    try:
+        while len(found) <= limit and (part := reader.read(min(_STEP, limit + 1 - len(found)))):
+            found += part
     except (zstandard.ZstdError, MemoryError) as error:
-        raise CompressionError(str(error)) from None
+        raise CompressionError(str(error), len(found)) from None
     if len(found) > limit:
-        raise CompressionError(f"a sample of more than {limit} bytes")
-    return found
+        raise CompressionError(f"a sample of more than {limit} bytes", limit)
+    return bytes(found)

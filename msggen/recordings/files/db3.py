@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from msggen.recordings.files.compression import Room
+
 _TIMES = ("timestamp", "recv_timestamp")
 """The names of the column of log times."""
 _SENT = "send_timestamp"
@@ -75,7 +77,7 @@ class Db3File:
     kind = "db3"
     notes: Sequence[str] = ()
 
-    def __init__(self, path: str, *, by_statements: bool = False) -> None:
+    def __init__(self, path: str, _: Room | None = None, *, by_statements: bool = False) -> None:
         self.path = path
         self.problems: list[Problem] = []
         self._reported: set[Problem] = set()

@@ -12,6 +12,7 @@ from zlib import crc32
 
 import numpy as np
 
+from msggen.recordings.files.compression import Room
 from msggen.recordings.files.mapped import MappedFile
 from msggen.recordings.files.mcap_channels import Described
 from msggen.recordings.files.mcap_chunks import Loaded, Loader, ahead, limited, records_of
@@ -46,11 +47,11 @@ _GROUP = 3 << 20
 
 
 class McapFile:
-    """A file. Raises RecordingError if it is not MCAP, and OSError."""
+    """A file, with the room for its content. Raises RecordingError if it is not MCAP, and OSError."""
 
     kind = "mcap"
 
-    def __init__(self, path: str) -> None:
+    def __init__(self, path: str, room: Room | None = None) -> None:
         self.path = path
         self.problems: list[Problem] = []
         self._described = Described(self.problems)
@@ -62,12 +63,13 @@ class McapFile:
         self._mapped = MappedFile(path)
         if bytes(self._file[: len(MAGIC)]) != MAGIC:
             raise RecordingError(f"{path} is not an MCAP file")
+        room = room or Room(self._file.size)
         summary = read_summary(self._file.data, self._described)
         self._stated = summary.counts
         if summary.chunks is None:
-            self._scan(is_damaged=summary.is_damaged)
+            self._scan(room, is_damaged=summary.is_damaged)
         else:
-            self._regions = limited(summary.chunks, self._file, self._described)
+            self._regions = limited(summary.chunks, room, self._described)
             self._described.set_counts(summary.counts)
             present = [chunk for chunk in summary.chunks if chunk.indexes]
             if present:
@@ -170,11 +172,11 @@ class McapFile:
                 found[number].append(chunk)
         return found
 
-    def _scan(self, *, is_damaged: bool) -> None:
+    def _scan(self, room: Room, *, is_damaged: bool) -> None:
         """Search the file, which has no index of all its messages. If `is_damaged`, so may be the message indexes."""
         summarized = self._described.channels
         self._described = Described(self.problems)
-        self._regions, self._times, found = scan(self._file, self._described, summarized, is_damaged=is_damaged)
+        self._regions, self._times, found = scan(self._file, self._described, summarized, room, is_damaged=is_damaged)
         self._stated = self._stated or found
         times = self.times(self.channels)
         counts = {number: len(of_channel) for number, of_channel in times.items()}

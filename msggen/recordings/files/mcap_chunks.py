@@ -10,10 +10,9 @@ import numpy as np
 
 from msggen.recordings.files.compression import (
     LARGEST,
-    MAX_CONTENT,
     CompressionError,
+    Room,
     decompress_into,
-    limit_of,
     prefix_of,
 )
 from msggen.recordings.files.mcap_records import Chunk, Loose
@@ -92,26 +91,27 @@ def ahead(load: Callable[[Item], Result], items: Sequence[Item]) -> Generator[tu
             yield item, loaded
 
 
-def limited(regions: Sequence[Chunk | Loose], file: Octets, described: Described) -> list[Chunk | Loose]:
-    """Return the regions of a file, of whose compressed chunks so many bytes are read as a file of its size may have.
+def limited(regions: Sequence[Chunk | Loose], room: Room, described: Described) -> list[Chunk | Loose]:
+    """Return the regions of a file, of whose compressed chunks so many bytes are read as there is room for.
 
     Those that are compressed the most are the first of which less is read: their sizes may be damaged.
     """
-    room = limit_of(file.size)
     found = list(regions)
     packed = [
         (region.size / max(region.stored, 1), index, region)
         for index, region in enumerate(found)
         if isinstance(region, Chunk) and region.kind
     ]
-    if sum(chunk.size for _, _, chunk in packed) <= room:
+    total = sum(chunk.size for _, _, chunk in packed)
+    if total <= room.left:
+        room.take(total)
         return found
-    text = f"the file has more than {room} bytes without its compression; {MAX_CONTENT} sets another limit"
+    text = room.excess()
     left_out = 0
     for _, index, chunk in sorted(packed, key=lambda each: each[:2]):
-        found[index] = chunk._replace(limit=min(room, LARGEST))
-        left_out += not room
-        room -= min(chunk.size, room)
+        found[index] = chunk._replace(limit=min(room.left, LARGEST))
+        left_out += not room.left
+        room.take(chunk.size)
     described.report(f"{text}, and {left_out} of its chunks are not read" if left_out else text)
     return [region for region in found if isinstance(region, Loose) or region.limit]
 

@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from msggen.recordings.files.compression import Room
     from msggen.recordings.files.mcap_channels import Described
     from msggen.recordings.source.source import Channel
 
@@ -57,7 +58,9 @@ class Scanned(NamedTuple):
     """The number of messages of each channel in the statistics, as far as there are any behind the messages."""
 
 
-def scan(file: Octets, described: Described, summarized: Mapping[int, Channel], *, is_damaged: bool) -> Scanned:
+def scan(
+    file: Octets, described: Described, summarized: Mapping[int, Channel], room: Room, *, is_damaged: bool
+) -> Scanned:
     """Find chunks, messages and channels. `summarized` has the channels of the summary, also those of lost chunks.
 
     If `is_damaged`, message indexes are not used: one may be missing.
@@ -65,7 +68,7 @@ def scan(file: Octets, described: Described, summarized: Mapping[int, Channel], 
     if is_damaged:
         described.report("the summary at the end is damaged or does not fit the file, which is searched instead")
     found = _Scan(file, described, uses_indexes=not is_damaged)
-    regions = limited(found.regions(), file, described)
+    regions = limited(found.regions(), room, described)
     for region in regions:
         if isinstance(region, Chunk) and not (region.indexes and region.indexes.keys() <= described.channels.keys()):
             _take_channels(file, region, described)

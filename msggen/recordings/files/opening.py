@@ -13,6 +13,7 @@ from msggen.recordings.source.source import RecordingError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from msggen.recordings.files.compression import Room
     from msggen.recordings.source.source import Source
 
 _PARQUET = b"PAR1"
@@ -29,14 +30,15 @@ def open_sources(path: str) -> list[Source]:
     return [open_compressed(path, _open_file)]
 
 
-def _open_file(path: str) -> Source:
-    """Return a file that is not compressed. Raises RecordingError, and OSError."""
+def _open_file(path: str, room: Room) -> Source:
+    """Return a file that is not compressed, with the room for its chunks. Raises RecordingError, and OSError."""
     with open(path, "rb") as file:
         front = file.read(16)
     for name, each in FORMATS.items():
         if front.startswith(each.front):
-            reader: Callable[[str], Source] = getattr(import_module(f"msggen.recordings.files.{name}"), each.reader)
-            return reader(path)
+            module = import_module(f"msggen.recordings.files.{name}")
+            reader: Callable[[str, Room], Source] = getattr(module, each.reader)
+            return reader(path, room)
     if not front:
         raise RecordingError(f"{path} is empty")
     if front.startswith(_PARQUET):

@@ -36,6 +36,8 @@ from msggen.recordings.source.source import (
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from msggen.recordings.files.compression import Room
+
 MAGIC = FORMATS["ulog"].front
 _HEADER = 16
 _FLAGS = struct.Struct("<8s8s3Q")
@@ -91,7 +93,7 @@ class UlogFile:
     kind = "ulog"
     notes: Sequence[str] = ()
 
-    def __init__(self, path: str) -> None:
+    def __init__(self, path: str, _: Room | None = None) -> None:
         self.path = path
         self.problems: list[Problem] = []
         self._topics = Topics()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -128,6 +127,8 @@ class Formats:
 
     def __init__(self) -> None:
         self._texts: dict[str, str] = {}
+        self._twins: dict[str, dict[int, set[str]]] = {}
+        """The names of formats by their fields, then by their length."""
         self._fields: dict[str, list[_Field]] = {}
         self._blocks: dict[str, _Block] = {}
         self._sum = 0
@@ -143,7 +144,10 @@ class Formats:
         A text that cannot be read matters only to the topics that need it.
         """
         name, _, fields = text.partition(":")
-        self._texts[name] = fields.strip(";")
+        if name in self._texts:
+            self._twins[self._texts[name]][len(name)].discard(name)
+        self._texts[name] = text = fields.strip(";")
+        self._twins.setdefault(text, {}).setdefault(len(name), set()).add(name)
 
     def layout(self, name: str) -> Layout:
         """Return the layout of the samples of a topic. Padding at their end can be missing. Raises FormatError."""
@@ -215,19 +219,11 @@ class Formats:
         """
         if name in MESSAGES:
             return MESSAGES[name]
-        for front in self._twins.get(self._texts.get(name, ""), ()):
-            if name.startswith(f"{front}_"):
-                name = front
-                break
+        twins = self._twins.get(self._texts.get(name, ""), {})
+        ends = (each.start() for each in re.finditer("_", name))
+        fronts = (name[:end] for end in ends if end in twins)
+        name = next((front for front in fronts if front in twins[len(front)]), name)
         return "".join(part[:1].upper() + part[1:] for part in name.split("_"))
-
-    @cached_property
-    def _twins(self) -> dict[str, list[str]]:
-        """The names of formats by their fields, the shortest first."""
-        found: dict[str, list[str]] = {}
-        for name in sorted(self._texts, key=len):
-            found.setdefault(self._texts[name], []).append(name)
-        return found
 
     def _block(self, name: str, outer: tuple[str, ...]) -> _Block:
         """Return the bytes of a format. Raises FormatError."""
