@@ -20,10 +20,14 @@ from msggen.base.disk import files
 from msggen.definitions.model import Catalog
 from msggen.sources.catalog import read_catalog
 from msggen.sources.sources import find_sources
+from support.examples import ALL_EXAMPLES
 from support.repository import ROOT
 
-# The duration of an example depends on the load of the machine.
-settings.register_profile("msggen", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+# The duration of an example depends on the load of the machine. The usual run takes a third of the examples, always the
+# same ones, so that a change is judged by itself; the night takes others, and prints what repeats a failure.
+_HASTY = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow], print_blob=True)
+settings.register_profile("msggen", _HASTY, max_examples=ALL_EXAMPLES // 3, derandomize=True)
+settings.register_profile("night", _HASTY, max_examples=ALL_EXAMPLES)
 settings.load_profile("msggen")
 
 
@@ -33,7 +37,13 @@ def pytest_configure() -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with the files that have slow tests, so that all workers end at about the same time."""
+    """Mark the tests of the night as slow, too, and begin with the files that have slow tests.
+
+    All workers end at about the same time then.
+    """
+    for item in items:
+        if item.get_closest_marker("night"):
+            item.add_marker("slow")
     slow = {item.path for item in items if item.get_closest_marker("slow")}
     items.sort(key=lambda item: item.path not in slow)
 
