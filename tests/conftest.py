@@ -20,6 +20,7 @@ from msggen.base.disk import files
 from msggen.definitions.model import Catalog
 from msggen.sources.catalog import read_catalog
 from msggen.sources.sources import find_sources
+from support.children import adopt_orphans, ended
 from support.examples import ALL_EXAMPLES
 from support.repository import ROOT
 
@@ -32,8 +33,12 @@ settings.load_profile("msggen")
 
 
 def pytest_configure() -> None:
-    """Let Ctrl-C reach the programs of tests: a shell starts a process in the background with SIGINT ignored."""
+    """Let Ctrl-C reach the programs of tests: a shell starts a process in the background with SIGINT ignored.
+
+    The programs that tests leave become children of this process, which ends them.
+    """
     signal.signal(signal.SIGINT, signal.default_int_handler)
+    adopt_orphans()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -60,6 +65,20 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
         for program in mark.args:
             if shutil.which(program) is None:
                 pytest.skip(f"needs {program}")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def programs_of_the_file() -> Iterator[None]:
+    """End the processes that the fixtures of a file have left."""
+    with ended():
+        yield
+
+
+@pytest.fixture(autouse=True)
+def programs_of_the_test() -> Iterator[None]:
+    """End the processes that a test has left."""
+    with ended():
+        yield
 
 
 @pytest.fixture(scope="session", autouse=True)
