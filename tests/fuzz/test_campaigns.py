@@ -122,7 +122,7 @@ PLANTED: dict[str, tuple[str, Any]] = {
 """An error for each campaign: the function or the number that is replaced, and by what."""
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.parametrize("name", NAMES)
 def test_each_campaign_finds_a_planted_error(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     payloads.targets()  # imports the package

@@ -25,7 +25,8 @@ def children() -> set[int]:
     if sys.platform != "linux" or not _has_children():
         return set()
     found = {int(pid) for pid in os.listdir("/proc") if pid.isdigit() and _parent(pid) == os.getpid()}
-    return found - {resource_tracker._resource_tracker._pid, forkserver._forkserver._forkserver_pid}
+    kept = (vars(resource_tracker._resource_tracker), vars(forkserver._forkserver))
+    return found - {kept[0]["_pid"], kept[1]["_forkserver_pid"]}
 
 
 def _has_children() -> bool:
