@@ -20,20 +20,35 @@ from msggen.base.disk import files
 from msggen.definitions.model import Catalog
 from msggen.sources.catalog import read_catalog
 from msggen.sources.sources import find_sources
+from support.children import adopt_orphans, ended
+from support.examples import ALL_EXAMPLES
 from support.repository import ROOT
 
-# The duration of an example depends on the load of the machine.
-settings.register_profile("msggen", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+# The duration of an example depends on the load of the machine. The usual run takes a third of the examples, always the
+# same ones, so that a change is judged by itself; the night takes others, and prints what repeats a failure.
+_HASTY = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow], print_blob=True)
+settings.register_profile("msggen", _HASTY, max_examples=ALL_EXAMPLES // 3, derandomize=True)
+settings.register_profile("night", _HASTY, max_examples=ALL_EXAMPLES)
 settings.load_profile("msggen")
 
 
 def pytest_configure() -> None:
-    """Let Ctrl-C reach the programs of tests: a shell starts a process in the background with SIGINT ignored."""
+    """Let Ctrl-C reach the programs of tests: a shell starts a process in the background with SIGINT ignored.
+
+    The programs that tests leave become children of this process, which ends them.
+    """
     signal.signal(signal.SIGINT, signal.default_int_handler)
+    adopt_orphans()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with the files that have slow tests, so that all workers end at about the same time."""
+    """Mark the tests of the night as slow, too, and begin with the files that have slow tests.
+
+    All workers end at about the same time then.
+    """
+    for item in items:
+        if item.get_closest_marker("night"):
+            item.add_marker("slow")
     slow = {item.path for item in items if item.get_closest_marker("slow")}
     items.sort(key=lambda item: item.path not in slow)
 
@@ -50,6 +65,20 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
         for program in mark.args:
             if shutil.which(program) is None:
                 pytest.skip(f"needs {program}")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def programs_of_the_file() -> Iterator[None]:
+    """End the processes that the fixtures of a file have left."""
+    with ended():
+        yield
+
+
+@pytest.fixture(autouse=True)
+def programs_of_the_test() -> Iterator[None]:
+    """End the processes that a test has left."""
+    with ended():
+        yield
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -23,6 +23,7 @@ from msggen.check.run import breaking, check
 from msggen.sources.sources import find_sources
 from support import comparison as slow
 from support.catalogs import write_definitions
+from support.examples import examples
 from support.repository import DEFINITIONS, shared
 
 RELEASES = ("v1.14", "v1.15", "v1.16", "v1.17", "v1.18", "main-2026-03")
@@ -219,7 +220,7 @@ def cosmetic_edits(draw: st.DrawFn) -> dict[str, str]:
 
 
 @pytest.mark.slow
-@settings(max_examples=60, suppress_health_check=list(HealthCheck))
+@settings(max_examples=examples(60), suppress_health_check=list(HealthCheck))
 @given(edited=cosmetic_edits())
 def test_comments_and_white_space_never_count(edited: dict[str, str], tmp_path_factory: pytest.TempPathFactory) -> None:
     real = write_definitions(tmp_path_factory.mktemp("real"), {f"msg/{name}.msg": TEXTS[name] for name in NAMES})
@@ -278,7 +279,7 @@ def edits(draw: st.DrawFn) -> Edited:
 
 
 @pytest.mark.slow
-@settings(max_examples=100, suppress_health_check=list(HealthCheck))
+@settings(max_examples=examples(100), suppress_health_check=list(HealthCheck))
 @given(edited=edits())
 def test_random_edits_are_found_if_and_only_if_they_change_something(
     edited: Edited, tmp_path_factory: pytest.TempPathFactory

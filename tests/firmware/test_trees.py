@@ -26,6 +26,7 @@ from msggen.sources.catalog import read_catalog
 from msggen.sources.history import read_history
 from msggen.sources.sources import find_sources, open_tree
 from support.catalogs import write_definitions
+from support.examples import examples
 from support.packages import BRIDGE_PLACE, committed, content, definition, firmware, git
 
 RPM = definition("Rpm")
@@ -623,7 +624,7 @@ DAMAGE = st.lists(st.tuples(st.floats(0, 0.999), st.integers(0, 255)), min_size=
         "zip",
     ],
 )
-@settings(max_examples=150, suppress_health_check=list(HealthCheck))
+@settings(max_examples=examples(150), suppress_health_check=list(HealthCheck))
 @given(damage=DAMAGE)
 @example(damage=[(0.0, 0)])
 def test_a_damaged_archive_is_read_or_refused(kind: str, damage: list[tuple[float, int]]) -> None:

@@ -138,7 +138,7 @@ def limited() -> Iterator[None]:
     handlers = {number: signal.signal(number, stop) for number in (signal.SIGPROF, signal.SIGALRM)}
     before = resource.getrlimit(resource.RLIMIT_AS)
     signal.setitimer(signal.ITIMER_PROF, CPU_SECONDS)
-    signal.setitimer(signal.ITIMER_REAL, SECONDS)
+    outer = signal.setitimer(signal.ITIMER_REAL, SECONDS)
     try:
         if sys.platform == "linux":
             pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
@@ -150,3 +150,4 @@ def limited() -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_AS, before)
         for number, handler in handlers.items():
             signal.signal(number, handler)
+        signal.setitimer(signal.ITIMER_REAL, *outer)  # the limit of the test, of pytest-timeout

@@ -803,7 +803,10 @@ FEW_FILES = ("__init__.py", "cdr.py", "orb_id.py", "py.typed", "topics.py")
 """Some files of each kind that do not belong to one definition: all are written alike, and each adds several kills."""
 
 
-@pytest.fixture(scope="module", params=["first build", "more", "less", "changed", "more without swap"])
+KILLED_AT_NIGHT = [pytest.param(name, marks=pytest.mark.night) for name in ("first build", "more", "less", "no swap")]
+
+
+@pytest.fixture(scope="module", params=["changed", *KILLED_AT_NIGHT])
 def killed(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Killed:
     """The kills at every step of a first build, and of builds after definitions were added, removed and changed."""
     if not hasattr(os, "fork"):
@@ -817,7 +820,7 @@ def killed(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
         old, new = {
             "first build": (few, many),
             "more": (few, many),
-            "more without swap": (few, many),
+            "no swap": (few, many),
             "less": (many, few),
             "changed": (few, {"msg/Lamp.msg": lamp + "uint8 COLD = 1\n"}),
         }[request.param]
@@ -827,7 +830,7 @@ def killed(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
         if request.param != "first build":
             build("-q", "--px4", "old", "-o", "before")
         build("-q", "--px4", "new", "-o", "after")
-        can_swap = request.param != "more without swap" and sys.platform == "linux"
+        can_swap = request.param != "no swap" and sys.platform == "linux"
         if not can_swap:
             patch.setattr(swap, "_renameat2", lambda: None)
         kills = list(kill_everywhere(Path("before"), "-q", "--px4", "new", "-o", "out"))

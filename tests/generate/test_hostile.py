@@ -29,6 +29,7 @@ from msggen.definitions.model import ArrayKind, Catalog, Message, snake_case
 from msggen.definitions.primitives import FLOATS, INTEGERS
 from msggen.generate.python.package import render_package
 from support.catalogs import catalog_of, import_package, write_definitions
+from support.examples import examples
 from support.reference import HEADERS, serialize, to_object, to_values
 
 STAMP = "uint64 timestamp\n"
@@ -224,7 +225,7 @@ COMMENTS = st.lists(PIECES, min_size=1, max_size=6).map("".join)
 
 
 @pytest.mark.slow
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(COMMENTS)
 def test_any_printable_comment_leaves_the_shape_of_the_code_as_it_is(comment: str) -> None:
     assert shapes(definitions(comment)) == harmless()
@@ -239,7 +240,7 @@ def docstrings(source: str) -> Iterator[str]:
 
 
 @pytest.mark.slow
-@settings(max_examples=200)
+@settings(max_examples=examples(200))
 @given(COMMENTS.filter(lambda comment: "[" not in comment))
 def test_every_word_of_a_comment_arrives_in_its_docstring(comment: str) -> None:
     """Compare words, because lines are wrapped; use no brackets, because tags are parsed."""
@@ -284,7 +285,7 @@ def test_a_string_constant_arrives_as_it_was_written(value: str, tmp_path: Path)
 
 
 @pytest.mark.slow
-@settings(max_examples=200)
+@settings(max_examples=examples(200))
 @given(PRINTABLE.filter(lambda value: not re.search(r"\\([\"'\\]|$)", value)))
 def test_any_printable_string_constant_is_one_literal(value: str) -> None:
     quoted = '"' + value.replace('"', '\\"') + '"'
@@ -592,7 +593,7 @@ TYPES = st.sampled_from(["uint8", "float32[2]", "float32[20]", "bool[2]", "char[
 
 
 @pytest.mark.slow
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(st.dictionaries(COLLIDING, TYPES, min_size=2))
 def test_fields_of_any_such_names_and_types_keep_apart(fields: dict[str, str]) -> None:
     text = STAMP + "".join(f"{type_} {name}\n" for name, type_ in fields.items())

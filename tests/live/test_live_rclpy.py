@@ -75,7 +75,7 @@ def test_the_page_shows_the_example() -> None:
     assert code in NODE.read_text(encoding="utf-8")
 
 
-@pytest.mark.slow  # installs ROS 2 in half a minute, and compiles for it
+@pytest.mark.night  # installs ROS 2 in half a minute, and compiles for it
 @pytest.mark.tools("g++")
 def test_the_node_reads_and_writes_topics(px4_types: Any, ros: Ros) -> None:
     domain = next(DOMAINS)
@@ -104,7 +104,7 @@ def programs() -> Iterator[list[Program]]:
         program.end()
 
 
-@pytest.mark.slow  # flies, in ROS 2
+@pytest.mark.night  # flies, in ROS 2
 @pytest.mark.tools("g++")
 def test_a_node_flies_through_the_relay(px4_types: Any, ros: Ros, programs: list[Program]) -> None:
     """A vehicle without an agent: its topics, a converted one, standard messages and TF arrive, and a node flies it."""
@@ -143,7 +143,7 @@ def test_a_node_flies_through_the_relay(px4_types: Any, ros: Ros, programs: list
     assert "not carried" not in relay.printed.rpartition("samples to ROS")[2]
 
 
-@pytest.mark.slow  # in ROS 2
+@pytest.mark.night  # in ROS 2
 @pytest.mark.tools("g++")
 def test_the_relay_names_both_definitions(px4_types: Any, ros: Ros, programs: list[Program]) -> None:
     address = f"udp://127.0.0.1:{free_port()}"

@@ -30,6 +30,7 @@ from msggen.definitions.model import Catalog
 from msggen.sources.catalog import read_catalog
 from msggen.sources.sources import find_sources
 from support.catalogs import catalog_of, import_package
+from support.examples import examples
 from support.reference import HEADERS
 from support.repository import ROOT, SOME, every_message, shared
 from support.samples import (
@@ -214,7 +215,7 @@ def test_the_samples_of_a_release_are_what_decode_gives(release: str, tmp_path: 
 
 
 @pytest.mark.slow
-@settings(max_examples=20, suppress_health_check=list(HealthCheck))
+@settings(max_examples=examples(20), suppress_health_check=list(HealthCheck))
 @given(definitions(), st.data())
 def test_random_messages_are_what_decode_gives(files: dict[str, str], data: st.DataObject) -> None:
     for cls, samples in random_packages(data, files):
@@ -761,7 +762,7 @@ GARBAGE = st.lists(PIECES, max_size=6).map(b"".join)
 
 
 @pytest.mark.slow
-@settings(max_examples=200)
+@settings(max_examples=examples(200))
 @given(st.lists(GARBAGE, min_size=1, max_size=4), st.sampled_from(["Even", "Uneven", "EndsEarly", "Bools"]))
 def test_random_bytes_are_read_as_decode_does_or_refused(made_up: MadeUp, samples: list[bytes], name: str) -> None:
     cls = made_up.cls(name)

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from msggen.definitions.model import ArrayKind, Catalog, Message
 from msggen.definitions.primitives import PRIMITIVES
 from support.catalogs import catalog_of, import_package
+from support.examples import examples
 from support.reference import HEADERS, serialize, to_object, to_values
 from support.repository import VECTORS
 from support.strategies import definitions, values_of
@@ -32,7 +33,7 @@ def bits(value: Any) -> Any:
 
 
 @pytest.mark.slow
-@settings(max_examples=150, suppress_health_check=list(HealthCheck))
+@settings(max_examples=examples(150), suppress_health_check=list(HealthCheck))
 @given(definitions(), st.data())
 def test_random_messages_equal_the_reference_in_every_encoding(files: dict[str, str], data: st.DataObject) -> None:
     with tempfile.TemporaryDirectory() as folder:

@@ -24,7 +24,8 @@ from support.nested_packages import sources
 
 
 def script(code: str, folder: Path = GENERATED) -> jedi.Script:
-    return jedi.Script(code, project=jedi.Project(folder, added_sys_path=[str(folder)], smart_sys_path=False))
+    project = jedi.Project(folder, added_sys_path=[str(folder)], smart_sys_path=False)
+    return jedi.Script(code, project=project, environment=jedi.InterpreterEnvironment())
 
 
 def completions(code: str, folder: Path = GENERATED) -> set[str]:

@@ -25,6 +25,7 @@ from msggen.definitions.model import Catalog
 from msggen.sources.catalog import read_catalog
 from msggen.sources.sources import find_sources
 from support.catalogs import catalog_of, import_package
+from support.examples import examples
 from support.repository import ROOT, SOME, every_message, shared
 from support.samples import (
     MADE_UP_NAMES,
@@ -90,7 +91,7 @@ def test_views_of_the_samples_of_a_release_equal_what_decode_gives(release: str,
 
 
 @pytest.mark.slow
-@settings(max_examples=15, suppress_health_check=list(HealthCheck))
+@settings(max_examples=examples(15), suppress_health_check=list(HealthCheck))
 @given(definitions(), st.data())
 def test_views_of_random_messages_equal_what_decode_gives(files: dict[str, str], data: st.DataObject) -> None:
     for cls, samples in random_packages(data, files):

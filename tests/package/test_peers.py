@@ -71,7 +71,7 @@ def check(codec: Codec, batch: Batch) -> None:
             assert repr(codec.decode(message, encoded[encoding])) == expected, story(message, encoding)
 
 
-@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 20))])
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.night) for seed in range(1, 20))])
 def test_all_codecs_agree_on_random_messages(seed: int, tmp_path: Path) -> None:
     batch = random_batch(tmp_path, seed, ALL_CAN)
     check(Rosbags(batch.catalog), batch)
@@ -81,7 +81,7 @@ def test_all_codecs_agree_on_random_messages(seed: int, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.night) for seed in range(1, 5))])
 def test_random_messages_that_no_peer_can_do_equal_the_reference(seed: int, tmp_path: Path) -> None:
     batch = random_batch(tmp_path, seed)
     with generated(batch.catalog, tmp_path) as ours:

@@ -31,6 +31,7 @@ from msggen.sources.catalog import read_catalog
 from msggen.sources.sources import find_sources, with_archived
 from support.catalogs import import_package, write_definitions
 from support.checkers import mypy
+from support.examples import examples
 from support.samples import plain
 from support.translations import HEADERS, class_of
 
@@ -570,7 +571,7 @@ def speed(tmp_path_factory: pytest.TempPathFactory) -> Catalog:
 
 
 @pytest.mark.slow
-@settings(max_examples=300)
+@settings(max_examples=examples(300))
 @given(data=st.data())
 def test_a_header_that_is_cut_or_garbled_gives_rules_that_python_reads(data: st.DataObject, speed: Catalog) -> None:
     start = data.draw(st.integers(0, len(WHOLE)))

@@ -49,7 +49,8 @@ def test_the_code_prints_what_the_page_shows(tmp_path: Path) -> None:
     assert done.stdout.split(f"{MARK}\n")[:-1] == [output for _, output in chosen], done.stderr
 
 
-@pytest.mark.slow  # starts the servers of Ray
+@pytest.mark.night  # starts the servers of Ray
+@pytest.mark.timeout(600)
 def test_ray_prints_what_the_page_shows(tmp_path: Path) -> None:
     """In a network of its own, because Ray listens on all interfaces."""
     if find_spec("ray") is None:

@@ -23,6 +23,7 @@ from msggen.recordings.files.db3 import Db3File
 from msggen.recordings.files.sqlite_pages import Pages
 from msggen.recordings.source.source import RecordingError
 from support.databases import MESSAGES, Sample, Stored, expected_of, insert, open_database, samples_of, write_database
+from support.examples import examples
 from support.recordings import START
 from support.scratch import scratch_folder
 
@@ -83,7 +84,7 @@ def test_all_readers_find_the_same_samples(page_size: int, tmp_path: Path) -> No
     check(plain, expected_of(TOPICS, rows))
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=examples(15))
 @given(
     st.sampled_from(PAGE_SIZES[:4]),
     st.sampled_from((0, 1, 2)),
@@ -114,7 +115,7 @@ def test_deleted_rows_are_not_read(page_size: int, auto_vacuum: int, seed: int, 
 
 
 @given(st.lists(st.integers(-(1 << 62), 1 << 62), min_size=1, max_size=30))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40))
 def test_integers_of_all_widths_are_read(times: list[int]) -> None:
     times += [0, 1, -1, 127, 128, -129, 1 << 15, -(1 << 23), 1 << 23, 1 << 31, 1 << 40, -(1 << 40), 1 << 47, 1 << 62]
     topics = [Stored(number, f"/{number}") for number in (-5, 0, 1, 200, 1 << 20, 1 << 45)]
@@ -127,7 +128,7 @@ def test_integers_of_all_widths_are_read(times: list[int]) -> None:
             source.close()
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=examples(30))
 @given(st.integers(0, 1 << 30), st.integers(-5, 310), st.integers(-5, 310), st.booleans())
 def test_times_limit_what_is_read(seed: int, first: int, last: int, is_shuffled: bool) -> None:  # noqa: FBT001 - hypothesis or a parameter
     rows = rows_of(300, seed, 900)

@@ -27,6 +27,7 @@ from msggen.recordings.files import mcap
 from msggen.recordings.log.log import Log
 from msggen.recordings.log.opening import open_log
 from msggen.recordings.source.source import Problem, RecordingError
+from support.examples import examples
 from support.log_files import Written, write_log
 from support.mcap_reference import Message, flat, messages
 from support.scratch import scratch_folder
@@ -121,7 +122,7 @@ def expected_of(whole: list[Message]) -> list[tuple[str, int, bytes]]:
     return sorted(chosen, key=lambda each: each[1])
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=examples(40))
 @given(st.integers(0, 120), st.integers(0, 1000), st.sampled_from([300, 5000, 1 << 20]), st.sampled_from(list(WAYS)))
 def test_all_messages_are_those_of_the_reference(px4_types: Any, count: int, seed: int, chunk: int, way: str) -> None:
     data = recording(px4_types, count, seed, chunk, **WAYS[way])

@@ -22,6 +22,7 @@ from matplotlib.text import Text
 from msggen import recordings
 from msggen.recordings.columns.annotations import Annotation
 from msggen.recordings.log import plot
+from support.examples import examples
 from support.repository import ROOT
 from support.ulog import UlogWriter
 from support.written import write_recording
@@ -361,7 +362,7 @@ def joined(values: Any) -> set[tuple[int, int]]:
     return {(low, low + 1) for low in range(len(values) - 1) if np.isfinite(values[low : low + 2]).all()}
 
 
-@settings(max_examples=20)
+@settings(max_examples=examples(20))
 @given(seed=st.integers(0, 2**32 - 1), share=st.sampled_from([0.0, 0.01, 0.5, 0.99, 1.0]))
 def test_thinned_lines_have_every_peak_and_every_gap(seed: int, share: float) -> None:
     random = np.random.default_rng(seed)

@@ -18,6 +18,7 @@ from rosbags.highlevel import AnyReader
 from msggen.recordings.log.opening import open_log
 from msggen.recordings.source.source import RecordingError
 from msggen.recordings.writer import COMPRESSIONS, Channel, Writer
+from support.examples import examples
 from support.recordings import START, Found, channel_of, check_decoded, check_read, read_mcap, read_ours, route_of
 from support.scratch import scratch_folder
 
@@ -46,7 +47,7 @@ def opened(path: Path, known: list[Channel], compression: str = "zstd") -> tuple
     return writer, {channel.topic: writer.add_channel(channel) for channel in known}
 
 
-@settings(deadline=None, max_examples=12)
+@settings(max_examples=examples(12))
 @given(
     st.lists(st.integers(0, 40), min_size=1, max_size=6),
     st.sampled_from(COMPRESSIONS),

@@ -382,7 +382,8 @@ TREE = ("benchmarks", "generated", "msg", "msggen", "releases", "srv", "template
 FILES = ("LICENSE", "README.md", "dds_topics.yaml", "pyproject.toml")
 
 
-@pytest.mark.slow
+@pytest.mark.night
+@pytest.mark.timeout(900)
 def test_the_command_runs_from_nothing_and_a_quick_run_writes_nothing(tmp_path: Path) -> None:
     """As on a fresh clone, with the peers from the package index."""
     for name in TREE:

@@ -140,14 +140,14 @@ def run_hooks(workspace: Path, cache: str) -> tuple[int, str]:
     return done.returncode, done.stdout
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.tools("git")
 def test_the_hooks_pass_what_is_in_step(workspace: Path, cache: str) -> None:
     code, output = run_hooks(workspace, cache)
     assert (code, output.count("...Passed")) == (0, 4), output
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.tools("git")
 def test_the_hooks_stop_a_silent_change(workspace: Path, cache: str) -> None:
     definition = workspace / "firmware" / "msg" / "VehicleAttitude.msg"
@@ -212,7 +212,7 @@ def checkout(tmp_path: Path) -> Path:
     return write_definitions(tmp_path, files)
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_the_action_annotates_what_differs_and_fails(runner: Path, checkout: Path) -> None:
     code, output = run_step(RUN, checkout, runner, {"arguments": "old 'my package'"})
     *annotations, summary = output.splitlines()
@@ -222,20 +222,20 @@ def test_the_action_annotates_what_differs_and_fails(runner: Path, checkout: Pat
     assert summary.startswith("my package differs from old: ")
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_the_action_passes_what_is_in_step(runner: Path, checkout: Path) -> None:
     code, output = run_step(RUN, checkout, runner, {"arguments": "old\nold\n"})
     assert (code, output) == (0, "old matches old: 1 message, 0 services\n")
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_the_action_runs_breaking(runner: Path, checkout: Path) -> None:
     inputs = {"command": "breaking", "arguments": "--px4 'my package' --against old"}
     code, output = run_step(RUN, checkout, runner, inputs)
     assert (code, output.splitlines()[0].partition(" ")[0]) == (1, "::error"), output
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
@@ -252,7 +252,7 @@ def test_the_action_tells_when_it_cannot_tell(runner: Path, checkout: Path, argu
     assert "Traceback" not in output
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.parametrize("hostile", ["$(touch pwned)", "old old; touch pwned", "`touch pwned`", "'\ntouch pwned\n'"])
 def test_the_action_takes_its_inputs_for_data(runner: Path, checkout: Path, hostile: str) -> None:
     for inputs in ({"arguments": hostile}, {"command": hostile, "arguments": "old old"}):
@@ -261,7 +261,7 @@ def test_the_action_takes_its_inputs_for_data(runner: Path, checkout: Path, host
     assert not (checkout / "pwned").exists()
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_the_action_is_not_led_astray_by_modules_of_the_checkout(runner: Path, checkout: Path) -> None:
     write_definitions(checkout, {"msggen.py": "raise SystemExit(7)\n", "yaml/__init__.py": "raise SystemExit(7)\n"})
     assert run_step(RUN, checkout, runner, {"arguments": "old old"})[0] == 0

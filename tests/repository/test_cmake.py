@@ -21,8 +21,11 @@ DEFINITIONS = {
 }
 MARKER = "__init__.py"
 
-GENERATORS = {"Unix Makefiles": "make", "Ninja": "ninja"}
-
+GENERATORS = [
+    pytest.param("Ninja", marks=pytest.mark.tools("cmake", "ninja")),
+    pytest.param("Unix Makefiles", marks=[pytest.mark.tools("cmake", "make"), pytest.mark.night]),
+]
+"""The programs for which CMake writes its files."""
 
 START = "cmake_minimum_required(VERSION 3.20)\nproject(all LANGUAGES NONE)\nfind_package(msggen REQUIRED)\n"
 """The beginning of a CMakeLists.txt."""
@@ -97,9 +100,7 @@ class Project:
         return {str(path.relative_to(self.package)): (path.stat().st_ino, path.stat().st_mtime_ns) for path in files}
 
 
-@pytest.fixture(
-    params=[pytest.param(name, marks=pytest.mark.tools("cmake", program)) for name, program in GENERATORS.items()]
-)
+@pytest.fixture(params=GENERATORS)
 def project(request: pytest.FixtureRequest, tmp_path: Path) -> Project:
     """A configured and built project, with all files one day old."""
     made = Project(tmp_path, request.param)
@@ -269,9 +270,7 @@ TEMPLATES = {
 }
 
 
-@pytest.fixture(
-    params=[pytest.param(name, marks=pytest.mark.tools("cmake", program)) for name, program in GENERATORS.items()]
-)
+@pytest.fixture(params=GENERATORS)
 def rendered(request: pytest.FixtureRequest, tmp_path: Path) -> Project:
     """A built project with the page's call of msggen_render and one of an EmPy template, and all files one day old."""
     made = Project(tmp_path, request.param)

@@ -120,7 +120,13 @@ def test_workflows_may_do_no_more_than_they_need(path: Path) -> None:
 
 def test_ci_runs_the_command_for_ci() -> None:
     runs = [step.get("run") for step in load(GITHUB / "workflows" / "ci.yml")["jobs"]["test"]["steps"]]
-    assert ".ci/run" in runs
+    assert ".ci/run $OPTIONS" in runs
+
+
+@pytest.mark.parametrize("workflow", ["nightly", "release"])
+def test_the_night_and_a_release_run_all_tests(workflow: str) -> None:
+    job = load(GITHUB / "workflows" / f"{workflow}.yml")["jobs"]["test"]
+    assert job == {"uses": "./.github/workflows/ci.yml", "with": {"options": "--all"}}
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="the campaigns need fork and limits of resources")

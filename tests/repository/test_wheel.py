@@ -75,7 +75,7 @@ def test_it_works_in_an_empty_environment(wheel: Path, tmp_path: Path) -> None:
         assert (tmp_path / "found" / "python" / "wheel_types" / "topics.py").is_file()
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.tools
 @pytest.mark.parametrize("version", [version for version in VERSIONS if version != OWN])
 def test_the_tool_works_on(version: str, wheel: Path, tmp_path: Path) -> None:

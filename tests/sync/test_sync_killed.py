@@ -39,7 +39,6 @@ from support.packages import (
 )
 from support.repository import ROOT
 
-KILLS = 200
 CHANGING = {
     f"os.{call}" for call in ("chmod", "link", "mkdir", "remove", "rename", "rmdir", "symlink", "truncate", "utime")
 }
@@ -142,7 +141,7 @@ def started() -> None:
     hand_made()
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_killed_before_any_call_a_package_is_wholly_old_or_wholly_new() -> None:
     firmware()
     newer_firmware(srv=False)
@@ -152,7 +151,7 @@ def test_killed_before_any_call_a_package_is_wholly_old_or_wholly_new() -> None:
     assert all(len(state) == 1 for state in states)
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_with_services_too_there_is_only_the_moment_between_the_two_swaps() -> None:
     firmware()
     newer_firmware(srv=True)
@@ -160,7 +159,7 @@ def test_with_services_too_there_is_only_the_moment_between_the_two_swaps() -> N
     assert states.count({"old", "new"}) == 1
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_where_a_call_fails_all_definitions_are_old_or_all_new_and_the_next_run_finishes() -> None:
     firmware()
     newer_firmware(srv=True)
@@ -179,7 +178,7 @@ def test_where_a_call_fails_all_definitions_are_old_or_all_new_and_the_next_run_
         assert content(PACKAGE) == final
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_killed_while_it_is_adopted_a_plain_package_is_wholly_old_or_wholly_new() -> None:
     def adoptable() -> None:
         plain_package()
@@ -192,7 +191,7 @@ def test_killed_while_it_is_adopted_a_plain_package_is_wholly_old_or_wholly_new(
     assert all(len(state) == 1 for state in states)
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_killed_before_any_call_a_new_package_is_there_as_a_whole_or_not_at_all() -> None:
     firmware()
     final = content(package("expected"))
@@ -206,7 +205,7 @@ def test_killed_before_any_call_a_new_package_is_there_as_a_whole_or_not_at_all(
     assert calls > len(final)
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_without_a_swap_every_file_is_whole_and_the_next_run_finishes(monkeypatch: pytest.MonkeyPatch) -> None:
     firmware()
     newer_firmware(srv=True)
@@ -262,7 +261,8 @@ def versioned_firmware(name: str) -> Path:
 
 
 @pytest.mark.slow
-def test_killed_at_random_moments_a_package_is_wholly_old_or_wholly_new() -> None:
+@pytest.mark.parametrize("count", [20, pytest.param(200, marks=pytest.mark.night)])
+def test_killed_at_random_moments_a_package_is_wholly_old_or_wholly_new(count: int) -> None:
     seed = time.time_ns()
     moments = random.Random(seed)  # noqa: S311
     older, newer = versioned_firmware("older"), versioned_firmware("newer")
@@ -280,7 +280,7 @@ def test_killed_at_random_moments_a_package_is_wholly_old_or_wholly_new() -> Non
     sync("-q", "--px4", "newer", PACKAGE)
     longest = time.perf_counter() - started
     kills = between = 0
-    while kills < KILLS:
+    while kills < count:
         found = definitions(PACKAGE)
         aim = older if found == states[newer] else newer
         process = multiprocessing.get_context("fork").Process(target=sync, args=("-q", "--px4", aim, PACKAGE))
@@ -291,7 +291,7 @@ def test_killed_at_random_moments_a_package_is_wholly_old_or_wholly_new() -> Non
         process.join()
         is_mixed = len(folder_states(states[older], states[newer])) == 2
         between += is_mixed and definitions(PACKAGE) != found  # else an earlier kill left it so
-    assert between <= 1, f"{between} of {KILLS} between two swaps, seed {seed}"
+    assert between <= 1, f"{between} of {count} between two swaps, seed {seed}"
     assert sync("-q", "--px4", "newer", PACKAGE) == 0
     assert content(PACKAGE) == content(package("fresh", "newer"))
 

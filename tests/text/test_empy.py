@@ -19,6 +19,7 @@ from hypothesis import strategies as st
 from msggen.base.diagnostics import CODES, Diagnostic, InputError
 from msggen.generate.text.empy import EmpyTemplate, importing_from
 from support.catalogs import write_definitions
+from support.examples import examples
 from support.px4_scripts import expand
 
 NAMES: Mapping[str, Any] = {
@@ -172,7 +173,7 @@ def test_a_template_comes_out_as_empy_has_it(text: str) -> None:
 
 @pytest.mark.slow
 @given(templates)
-@settings(max_examples=400)
+@settings(max_examples=examples(400))
 @example("@[for i in xs]@[try]@i@[finally]@[break]@[end try]@[end for]")
 def test_blocks_in_blocks_come_out_as_empy_has_them(text: str) -> None:
     expected = reference(text)

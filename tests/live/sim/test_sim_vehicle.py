@@ -18,6 +18,7 @@ from msggen.live.sim.values import VALUES, Filler, Scene
 from msggen.live.xrce import wire
 from msggen.live.xrce.agent import Agent, Sample
 from msggen.sources.embedded import EMBEDDED
+from support.examples import examples
 from support.simulation import NAN, SECOND, SHORT, Bench, built, fly, topics_of
 from support.xrce_agent import EPOCH
 
@@ -249,7 +250,7 @@ def test_a_heartbeat_with_times_of_another_clock_is_too_old(bench: Bench) -> Non
     assert bench.command(176, 1.0, 6.0) == 0
 
 
-@settings(max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=examples(20), suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.data())
 def test_no_sample_and_no_request_stops_a_vehicle(px4_types: Any, data: st.DataObject) -> None:
     """Any bytes as the content of any topic: the vehicle goes on, and its messages can be encoded."""

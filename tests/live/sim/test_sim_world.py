@@ -28,6 +28,7 @@ from msggen.live.sim.world import (
     Home,
     World,
 )
+from support.examples import examples
 
 SECOND = 1_000_000
 NOTHING = (NAN,) * 7
@@ -318,7 +319,7 @@ numbers = st.floats(width=32)
 vectors = st.tuples(numbers, numbers, numbers)
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(
     st.builds(Setpoint, vectors, vectors, vectors, numbers, numbers),
     st.builds(Controls, st.booleans(), st.booleans(), st.booleans()),
@@ -334,7 +335,7 @@ def test_no_setpoint_breaks_the_world(setpoint: Setpoint, controls: Controls) ->
     assert all(map(math.isfinite, (*pilot.world.flight.position, *pilot.world.flight.rates)))
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(st.lists(st.tuples(st.sampled_from([ARM_DISARM, SET_MODE, TAKEOFF, LAND, 5]), st.tuples(*[numbers] * 7))))
 def test_no_commands_break_the_world(commands: list[tuple[int, tuple[float, ...]]]) -> None:
     pilot = Pilot()
