@@ -1,4 +1,4 @@
-"""The constants of enums by the rules of msggen/definitions/enumeration.py, with a look at every constant for every tag."""
+"""The constants of enums by the rules of msggen/definitions/enumeration.py: each tag looks at every constant."""
 
 from __future__ import annotations
 
