@@ -21,7 +21,7 @@ from matplotlib.text import Text
 
 from msggen import recordings
 from msggen.recordings.columns.annotations import Annotation
-from msggen.recordings.log import plot
+from msggen.recordings.log import plot, series
 from support.examples import examples
 from support.repository import ROOT
 from support.ulog import UlogWriter
@@ -372,8 +372,8 @@ def test_thinned_lines_have_every_peak_and_every_gap(seed: int, share: float) ->
     values[random.uniform(size=count) < share] = NAN
     kept = plot.thinned(times, values)
     assert (np.diff(kept) > 0).all()
-    assert len(kept) <= 5 * plot._PIXELS
-    pixels = ((times - times[0]) * ((plot._PIXELS - 1) / (times[-1] - times[0]))).astype(int)
+    assert len(kept) <= 5 * series.PIXELS
+    pixels = ((times - times[0]) * ((series.PIXELS - 1) / (times[-1] - times[0]))).astype(int)
     for pixel in np.unique(pixels)[:: 1 + seed % 100]:
         whole, part = values[pixels == pixel], values[kept][pixels[kept] == pixel]
         if np.isfinite(whole).any():
@@ -438,9 +438,9 @@ def test_names_of_strangers_are_drawn_as_they_are(
         found = "".join(ET.fromstring(plot.render(figure, "svg")).itertext())  # noqa: S314 - our own
         assert plot.render(figure, "png")
         assert plot.render(figure, "pdf")
-    shown = plot._shown(name)
+    shown = series.shown(name)
     assert shown.isprintable()
-    for text in (f"{shown}a", f"{shown} (never a finite number)", f"[{shown}]", f"{plot._shown(name + '1')}"):
+    for text in (f"{shown}a", f"{shown} (never a finite number)", f"[{shown}]", f"{series.shown(name + '1')}"):
         if len(name) < 100:
             assert text in found
     assert found.count(shown[:18]) > 8
