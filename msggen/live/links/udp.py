@@ -12,9 +12,9 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from functools import lru_cache
 
-from msggen.live.link import LinkError, Listener, Route
-from msggen.live.links.agent_link import AgentLink, deliver
-from msggen.live.xrce.agent import Address
+from msggen.live.link import LinkError, Listener, Route, deliver
+from msggen.live.links.agent_link import AgentLink
+from msggen.live.xrce.outbox import Address
 
 PORT = 8888
 """The port of PX4's parameter UXRCE_DDS_PRT."""
