@@ -10,6 +10,7 @@ from collections.abc import Iterator
 
 from msggen.base.diagnostics import counted, input_error
 from msggen.base.disk.depfile import check_depfile, write_depfile
+from msggen.base.disk.incremental import Outcome
 from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.base.location import Location
 from msggen.cli.options import (
@@ -23,7 +24,7 @@ from msggen.cli.options import (
 )
 from msggen.cli.printing import print_notices, print_plan
 from msggen.cli.sources import settings_of, sources_of
-from msggen.generate.build import Build, Outcome
+from msggen.generate.build import Build
 from msggen.sources.settings import Settings
 from msggen.sources.sources import Sources, with_archived
 
