@@ -241,6 +241,11 @@ def few(names: Sequence[str]) -> str:
     return ", ".join(shown) + (f" and {len(names) - _FEW} more" if len(shown) < len(names) else "")
 
 
+def either(words: Sequence[str]) -> str:
+    """Return two or more words as alternatives: `a, b or c`."""
+    return f"{', '.join(words[:-1])} or {words[-1]}"
+
+
 def suggestion(wrong: str, known: Iterable[str]) -> str:
     """Return ", did you mean 'x'?" for the nearest name in `known`, or "" if no name is near."""
     from difflib import get_close_matches

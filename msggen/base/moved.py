@@ -33,7 +33,7 @@ MOVED: Mapping[str, str] = MappingProxyType(
         "msggen.top.view": "msggen.show.top.view",
     }
 )
-"""The documented modules of version 0.1 that have another place now. Version 0.3 will not have their old names."""
+"""Documented modules by their names before the rooms. Version 0.2 will not have the old names (CHANGELOG.md)."""
 
 _FOLDERS = {name.rpartition(".")[0] for name in MOVED} - {"msggen", "msggen.live"}
 

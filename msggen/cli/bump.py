@@ -8,9 +8,10 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from msggen.base.exit_codes import DONE, FINDINGS
-from msggen.cli.options import WRITING_CODES, Commands, add_command, add_shared, local_path, writes
+from msggen.cli.options import WRITING_CODES, Commands, add_command, add_shared, writes
 from msggen.cli.printing import print_diff, print_notices
 from msggen.cli.sources import check_setting, firmware_path, settings_of
+from msggen.cli.values import local_path
 
 if TYPE_CHECKING:
     from msggen.generate.bump.edits import Edits

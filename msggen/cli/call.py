@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 from msggen.base.exit_codes import DONE
 from msggen.cli.link import add_link, connection, expected_package
 from msggen.cli.message import add_timeout, add_values, read_values, settle
-from msggen.cli.options import FAILED_CODES, Commands, add_command, non_empty, refuse
-from msggen.cli.values import convert_values, positive
+from msggen.cli.options import FAILED_CODES, Commands, add_command, refuse
+from msggen.cli.values import non_empty
 
 if TYPE_CHECKING:
     from msggen.cli.names import Field, Names
@@ -39,7 +39,6 @@ def add_to(commands: Commands) -> None:
 
 
 def _call(options: argparse.Namespace) -> int:
-    convert_values(options, {"timeout": positive})
     if options.values is None and (options.service or "").startswith(("{", "-")):
         options.service, options.values = None, options.service
     values = read_values(options)

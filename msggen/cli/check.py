@@ -12,15 +12,7 @@ from msggen.base.disk.record import Record, digest
 from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.base.location import Location
 from msggen.cli.link import add_link
-from msggen.cli.options import (
-    COMPARING_CODES,
-    Commands,
-    add_command,
-    add_output_format,
-    add_shared,
-    add_sources,
-    local_path,
-)
+from msggen.cli.options import COMPARING_CODES, Commands, add_command, add_output_format, add_shared, add_sources
 from msggen.cli.printing import print_report
 from msggen.cli.sources import (
     board_of,
@@ -33,6 +25,7 @@ from msggen.cli.sources import (
     settings_of,
     shell_options,
 )
+from msggen.cli.values import local_path
 from msggen.sources.file import read_file
 from msggen.sources.overlap import KINDS
 from msggen.sources.settings import Settings

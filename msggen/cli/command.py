@@ -13,8 +13,8 @@ from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.cli.link import Connection, add_link, connection, expected_package, given_package
 from msggen.cli.message import add_timeout, settle
 from msggen.cli.names import names_of
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, non_empty, refuse
-from msggen.cli.values import convert_values, positive
+from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, refuse
+from msggen.cli.values import Deferred, non_empty
 from msggen.show.report.json import dump
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ def add_to(commands: Commands) -> None:
     parser.add_argument(
         "--target",
         metavar="SYSTEM[:COMPONENT]",
-        type=non_empty,
+        type=_target,
         help="ids of the vehicle, 0 for all (default: those in its VehicleStatus)",
     )
     add_timeout(parser)
@@ -75,7 +75,6 @@ def add_to(commands: Commands) -> None:
 
 
 def _command(options: argparse.Namespace) -> int:
-    convert_values(options, {"target": _target, "timeout": positive})
     if options.list or options.command is None:
         expected = expected_package(options)
         rows = _all(expected) if options.command is None else _one(_found(options, expected)[0])
@@ -150,6 +149,7 @@ def _details(answer: Any) -> str:
 # The command
 
 
+@Deferred
 def _target(text: str) -> tuple[int, int]:
     system, _, component = text.partition(":")
     ids = [system, component or "1"]

@@ -11,17 +11,10 @@ from msggen.base.diagnostics import counted, input_error
 from msggen.base.disk.incremental import Outcome
 from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.cli.breaking import previous_sources
-from msggen.cli.options import (
-    WRITING_CODES,
-    Commands,
-    add_command,
-    add_shared,
-    add_sources,
-    local_path,
-    writes,
-)
+from msggen.cli.options import WRITING_CODES, Commands, add_command, add_shared, add_sources, writes
 from msggen.cli.printing import print_notices, print_plan
 from msggen.cli.sources import settings_of, source_here, sources_of
+from msggen.cli.values import local_path
 from msggen.generate.site.build import SiteBuild
 from msggen.sources.embedded import EMBEDDED, PREFIX
 from msggen.sources.sources import Sources, find_sources

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 from msggen.base.diagnostics import input_error
 from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.cli.link import add_link, given_package, link_of
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_output_format, add_shared, non_empty
+from msggen.cli.options import FAILED_CODES, Commands, add_command, add_output_format, add_shared
 from msggen.cli.packages import import_package
 from msggen.cli.printing import print_report
 from msggen.cli.sources import settings_of
-from msggen.cli.values import convert_values, positive
+from msggen.cli.values import non_empty
 from msggen.sources.embedded import EMBEDDED
 
 if TYPE_CHECKING:
@@ -63,7 +63,6 @@ def _doctor(options: argparse.Namespace) -> int:
     from msggen.doctor.diagnose import diagnose
     from msggen.doctor.observe import look_around
 
-    convert_values(options, {"for": positive})
     options.output_format = "json" if options.json else options.output_format
     given = given_package(options)
     address = _address(options)

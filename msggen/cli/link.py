@@ -16,18 +16,18 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.base.diagnostics import few, input_error
 from msggen.base.location import Location
-from msggen.cli.options import add_shared, local_path, non_empty
+from msggen.cli.options import add_shared
 from msggen.cli.packages import import_package, topics_of
 from msggen.cli.sources import settings_of
-from msggen.cli.values import convert_values, positive, whole
+from msggen.cli.values import KEY, local_path, non_empty, positive
 from msggen.generate.cache import package_from, package_of, private_folder
+from msggen.live.links.link_types import DEFAULT, usages
 from msggen.sources.embedded import EMBEDDED
 from msggen.sources.sources import find_sources
 
 if TYPE_CHECKING:
     from msggen.live import LinkError, Vehicle
 
-DEFAULT = "udp://127.0.0.1:8888"
 PATIENCE = 30.0
 """How long to wait for a vehicle, in s: PX4's client takes up to 14 s to notice that a program has ended."""
 
@@ -69,8 +69,7 @@ def add_link(parser: argparse.ArgumentParser, *, has_types: bool = True) -> None
         "--link",
         metavar="URL",
         type=non_empty,
-        help="udp://HOST:PORT, serial://DEVICE?baud=N, tap://HOST:PORT?agent=HOST:PORT or dds://DOMAIN "
-        f"(default: the setting `link`, or {DEFAULT})",
+        help=f"{usages()} (default: the setting `link`, or {DEFAULT})",
     )
     if has_types:
         source = group.add_mutually_exclusive_group()
@@ -82,7 +81,7 @@ def add_link(parser: argparse.ArgumentParser, *, has_types: bool = True) -> None
             "that the vehicle has)",
         )
         add_shared(source, "--px4")
-    group.add_argument("--key", metavar="N", type=non_empty, help="key of the vehicle, its UXRCE_DDS_KEY")
+    group.add_argument("--key", metavar="N", type=KEY, help="key of the vehicle, its UXRCE_DDS_KEY")
     group.add_argument("--namespace", metavar="NAME", type=non_empty, help="namespace of the vehicle")
     group.add_argument(
         "--allow",
@@ -93,7 +92,7 @@ def add_link(parser: argparse.ArgumentParser, *, has_types: bool = True) -> None
         help="address of a vehicle that may connect, if the link is open to a network; repeatable",
     )
     group.add_argument(
-        "--wait", metavar="SECONDS", type=non_empty, help=f"wait this long for a vehicle (default: {PATIENCE:g})"
+        "--wait", metavar="SECONDS", type=positive, help=f"wait this long for a vehicle (default: {PATIENCE:g})"
     )
 
 
@@ -171,14 +170,13 @@ def _names_namespace(options: argparse.Namespace) -> bool:
 
 
 def link_of(options: argparse.Namespace) -> str:
-    """Convert the values of the options, and return the address of the link. A wrong value ends the process.
+    """Return the address of the link that the options or the settings name, or the default one.
 
     Raises InputError if the address is wrong.
     """
     from msggen.live.link import LinkError
     from msggen.live.links.address import parse_address
 
-    convert_values(options, {"key": whole(1, (1 << 32) - 1), "wait": positive})
     settings = settings_of(options)
     link = str(options.link or settings.link or DEFAULT)
     try:
@@ -191,7 +189,7 @@ def link_of(options: argparse.Namespace) -> str:
 def expected_package(options: argparse.Namespace) -> ModuleType:
     """Return the package that `connection` begins with: the given one, or that of the last vehicle on the link.
 
-    Raises InputError. A wrong value ends the process.
+    Raises InputError.
     """
     return given_package(options) or package_of(remembered_release(options))
 

@@ -8,17 +8,11 @@ from dataclasses import replace
 
 from msggen.base.diagnostics import input_error
 from msggen.base.exit_codes import DONE, FINDINGS
-from msggen.cli.options import (
-    FINDING_CODES,
-    Commands,
-    add_command,
-    add_output_format,
-    add_sources,
-    local_path,
-)
+from msggen.cli.options import FINDING_CODES, Commands, add_command, add_output_format, add_sources
 from msggen.cli.printing import print_report
 from msggen.cli.selection import add_selection, selected_rules, unmatched
 from msggen.cli.sources import settings_of, sources_of
+from msggen.cli.values import local_path
 from msggen.sources.tree import Folder
 from msggen.sources.tree_layout import find_definitions
 

@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 from msggen.base.diagnostics import Diagnostic, InputError, input_error
 from msggen.base.location import Location
 from msggen.cli.link import Connection
-from msggen.cli.options import local_path, non_empty, refuse
+from msggen.cli.options import refuse
+from msggen.cli.values import local_path, positive
+from msggen.live.links.link_types import type_named
 
 if TYPE_CHECKING:
     from msggen.cli.names import Field, Names
@@ -45,7 +47,7 @@ def add_timeout(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--timeout",
         metavar="SECONDS",
-        type=non_empty,
+        type=positive,
         default=f"{_TIMEOUT:g}",
         help=f"wait this long for an answer (default: {_TIMEOUT:g})",
     )
@@ -107,7 +109,7 @@ def settle(found: Connection, cls: type[Message]) -> None:
         if firmware.is_complete or cls.__msg__.ros_type in firmware.hashes:
             break
         time.sleep(_SLICE)
-    if found.link.startswith("dds:"):
+    if type_named(found.link).has_domain:
         time.sleep(_DISCOVERY)
 
 

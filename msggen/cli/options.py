@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import argparse
 import os
-import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NoReturn, TypeAlias
 
 from msggen.base.diagnostics import input_error
+from msggen.cli.values import local_path, non_empty, positive
 from msggen.show.report import FORMATS
 from msggen.sources.embedded import EMBEDDED
 
@@ -25,35 +25,6 @@ SOURCE_KINDS = (
     "a PX4-Autopilot tree, a px4_msgs package, a folder of .msg files, PATH@REVISION of one of these in git, "
     "an archive of one, or an embedded release such as v1.16"
 )
-
-
-def non_empty(text: str) -> str:
-    """Return `text`. Raise ArgumentTypeError if it is empty, as an unset variable in a script is, or no path at all."""
-    if not text:
-        raise argparse.ArgumentTypeError("expected a value, found an empty string")
-    if "\0" in text:
-        raise argparse.ArgumentTypeError(f"{text!r} contains a NUL character")
-    return text
-
-
-_URL = re.compile(r"(?:\w+=)?([A-Za-z][A-Za-z0-9+.-]+)://")
-"""The scheme at the beginning of a URL, also behind `PKG=`. A single letter is a drive of Windows."""
-
-
-def local_path(text: str) -> str:
-    """Return `text`. Raise ArgumentTypeError as `non_empty` does, and InputError for a URL: it would name a folder."""
-    found = _URL.match(non_empty(text))
-    if found:
-        from msggen.base.diagnostics import input_error
-
-        scheme = found[1].lower()
-        hint = f"copy files of {scheme}:// with another program, or mount it"
-        if scheme == "file":
-            from urllib.request import url2pathname
-
-            hint = f"name {url2pathname(text[found.end() :])}"
-        raise input_error(text, "S131", f"a URL, expected a path: {hint}", 0)
-    return text
 
 
 def check_parent(path: str) -> None:
@@ -112,7 +83,7 @@ SHARED: Mapping[str, Mapping[str, Any]] = {
         "help": "write a Makefile rule that lists all inputs, for CMake and Ninja",
     },
     "--list-outputs": {"action": "store_true", "help": "write nothing; list the output files"},
-    "--for": {"metavar": "SECONDS", "type": non_empty, "help": "end after this time"},
+    "--for": {"metavar": "SECONDS", "type": positive, "help": "end after this time"},
     "-q, --quiet": {"action": "store_true", "help": "print only errors and warnings"},
     "--quote-formulas": {
         "action": "store_true",

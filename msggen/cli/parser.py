@@ -19,33 +19,14 @@ from msggen.base.location import Location
 from msggen.base.version import __version__
 from msggen.cli.options import FAILED_CODES
 from msggen.cli.printing import colour, print_document, terminal_width
+from msggen.cli.values import Deferred
 
-_MODULES = {
-    "build": "build",
-    "sync": "sync",
-    "check": "check",
-    "breaking": "breaking",
-    "lint": "lint",
-    "bump": "bump",
-    "render": "render",
-    "docs": "docs",
-    "sim": "sim",
-    "topic": "topic",
-    "view": "view",
-    "top": "top",
-    "command": "command",
-    "call": "call",
-    "record": "record",
-    "play": "play",
-    "log": "log",
-    "doctor": "doctor",
-    "relay": "relay",
-    "px4-generate": "px4_generate",
-    "releases": "releases",
-    "rules": "rules",
-    "explain": "rules",
-    "completion": "completion",
-}
+_COMMANDS = (
+    *("build", "sync", "check", "breaking", "lint", "bump", "render", "docs"),
+    *("sim", "topic", "view", "top", "command", "call", "record", "play", "log", "doctor", "relay"),
+    *("px4-generate", "releases", "rules", "completion"),
+)
+_MODULES = {**{name: name.replace("-", "_") for name in _COMMANDS}, "explain": "rules"}
 """The module of each command."""
 
 _ACTIONS = {
@@ -130,7 +111,17 @@ class _Parser(argparse.ArgumentParser):
         options, unknown = super().parse_known_args(args, namespace)
         if unknown:
             self._refuse(unknown[0], [str(getattr(options, action.dest, "")) for action in positional])
+        self._convert(options)
         return options, unknown
+
+    def _convert(self, options: argparse.Namespace) -> None:
+        """Convert the texts of options whose types are deferred."""
+        for action in self._actions:
+            if isinstance(action.type, Deferred):
+                try:
+                    setattr(options, action.dest, action.type.value(getattr(options, action.dest)))
+                except argparse.ArgumentTypeError as error:
+                    self.error(f"argument --{action.dest.replace('_', '-')}: {error}")
 
     def _check_stray(self, words: Sequence[str]) -> None:
         """Refuse a word that is neither an option nor a value of one."""

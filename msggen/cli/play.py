@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from msggen.base.diagnostics import counted, few, input_error, printable
 from msggen.base.exit_codes import DONE, FINDINGS
-from msggen.base.foreign import Styled
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, local_path, non_empty
-from msggen.cli.printing import terminal_width
+from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
 from msggen.cli.record import add_topics, check_packages
-from msggen.cli.values import convert_values, positive, seconds, whole
+from msggen.cli.status import Status
+from msggen.cli.values import KEY, local_path, non_empty, positive, seconds
 from msggen.cli.watching import watching
+from msggen.live.links.link_types import CLIENTS, DEFAULT, usages
 
 if TYPE_CHECKING:
     from msggen.live.sim.runner import Runner
@@ -23,7 +21,6 @@ if TYPE_CHECKING:
     from msggen.recordings.log.log import Log
     from msggen.recordings.topics.choice import Choice
 
-_ADDRESS = "udp://127.0.0.1:8888"
 _REFRESH = 0.5
 """The time in s after which news are printed."""
 _NOTICE = 2.0
@@ -49,29 +46,20 @@ def add_to(commands: Commands) -> None:
         "--to",
         metavar="ADDRESS",
         type=non_empty,
-        default=_ADDRESS,
-        help=f"of the agent: udp://HOST:PORT or serial://DEVICE?baud=N (default: {_ADDRESS})",
+        default=DEFAULT,
+        help=f"of the agent: {usages(CLIENTS)} (default: {DEFAULT})",
     )
-    parser.add_argument("--rate", metavar="FACTOR", type=non_empty, default="1", help="speed (default: 1)")
+    parser.add_argument("--rate", metavar="FACTOR", type=positive, default="1", help="speed (default: 1)")
     parser.add_argument("--loop", action="store_true", help="begin again at the end")
-    parser.add_argument("--start", metavar="SECONDS", type=non_empty, help="begin at this time of the recording")
+    parser.add_argument("--start", metavar="SECONDS", type=seconds, help="begin at this time of the recording")
     add_shared(parser, "--for")
     parser.add_argument(
-        "--key", metavar="N", type=non_empty, default="1", help="key of the client, as UXRCE_DDS_KEY (default: 1)"
+        "--key", metavar="N", type=KEY, default="1", help="key of the client, as UXRCE_DDS_KEY (default: 1)"
     )
     add_shared(parser, "-q, --quiet")
 
 
-_VALUES: Mapping[str, Callable[[str], Any]] = {
-    "rate": positive,
-    "start": seconds,
-    "for": positive,
-    "key": whole(1, (1 << 32) - 1),
-}
-
-
 def _play(options: argparse.Namespace) -> int:
-    convert_values(options, _VALUES)
     check_packages("R102")
     from msggen.recordings.live.player import Player, endpoints_of
     from msggen.recordings.source.source import RecordingError
@@ -163,7 +151,11 @@ def _run(runner: Runner, player: Player, options: argparse.Namespace) -> None:
     duration = getattr(options, "for")  # a keyword
     end = None if duration is None else runner.now + duration * 1e6
     notice = None if options.quiet else runner.now + _NOTICE * 1e6
-    is_terminal = not options.quiet and sys.stdout.isatty() and os.environ.get("TERM") != "dumb"
+    status = Status(is_quiet=options.quiet)
+
+    def elapsed() -> str:
+        return f"{(runner.now - runner.boot) / 1e6:8.2f} s"
+
     try:
         while not player.is_done and (end is None or runner.now < end):
             rest = _REFRESH if end is None else min(_REFRESH, (end - runner.now) / 1e6)
@@ -174,18 +166,9 @@ def _run(runner: Runner, player: Player, options: argparse.Namespace) -> None:
                 notice = None
                 text = f"no program answers at {options.to}: waiting for one, such as `msggen topic list`"
                 print(text, file=sys.stderr, flush=True)
-            if is_terminal:
-                print(Styled("\r\033[K"), end="")
-            while player.changes:
-                change = player.changes.popleft()
-                if not options.quiet:
-                    print(f"{(runner.now - runner.boot) / 1e6:8.2f} s  {change}")
-            if is_terminal:
-                text = f"{(runner.now - runner.boot) / 1e6:8.2f} s  {counted(player.sent, 'sample')} sent"
-                print(text[: terminal_width(80) - 1], end="")
-            print(end="", flush=True)
+            changes = [f"{elapsed()}  {player.changes.popleft()}" for _ in range(len(player.changes))]
+            status.show(*changes, state=lambda: f"{elapsed()}  {counted(player.sent, 'sample')} sent")
     except LinkError as error:
         raise input_error(options.to, "L102", str(error), 0) from None
     finally:
-        if is_terminal:
-            print(Styled("\r\033[K"), end="")
+        status.show()

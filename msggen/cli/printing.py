@@ -10,9 +10,9 @@ from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, TextIO
 
-from msggen.base.diagnostics import Diagnostic, Level, counted, printable
+from msggen.base.diagnostics import Diagnostic, Level, counted
 from msggen.base.disk.reading import read_bytes
-from msggen.base.foreign import Styled, escaped, unguarded
+from msggen.base.foreign import Styled, escaped, unguarded, without_commands
 
 if TYPE_CHECKING:
     from msggen.base.disk.output import OutputPlan
@@ -56,17 +56,25 @@ def discard_output() -> None:
 
 
 def print_diff(path: str, before: bytes | None, after: bytes | None) -> None:
-    """Print the change of a file as a patch. None stands for a missing file."""
+    """Print the change of a file as a patch. None stands for a missing file.
+
+    Foreign text is escaped on a terminal. Elsewhere it stays as it is, except for commands of CI servers: a patch with
+    escapes does not apply.
+    """
     from difflib import unified_diff
     from io import StringIO
 
     old, new = (StringIO((data or b"").decode(errors="replace"), newline="\n").readlines() for data in (before, after))
     source, target = ("/dev/null" if data is None else escaped(path) for data in (before, after))
+    stream, is_shown = unguarded(sys.stdout), sys.stdout.isatty() or colour(sys.stdout)
     for line in unified_diff(old, new, source, target):
         whole, mark, _ = line.partition("\n")
         text = whole.removesuffix("\r")
         end = whole[len(text) :] + (mark or "\n\\ no newline at end of file\n")
-        print(Styled("\t".join(map(escaped, text.split("\t"))) + end), end="")
+        if is_shown:
+            print(Styled("\t".join(map(escaped, text.split("\t"))) + end), end="")
+        else:
+            print(without_commands(text) + end, end="", file=stream)
 
 
 def print_change(path: str, text: str | None) -> None:
@@ -134,32 +142,16 @@ def terminal_width(otherwise: int) -> int:
     return otherwise
 
 
+def is_terminal(stream: TextIO) -> bool:
+    """Whether a terminal shows `stream` and knows sequences for colours and the cursor."""
+    return os.environ.get("TERM") != "dumb" and stream.isatty()
+
+
 def colour(stream: TextIO) -> bool:
     """Whether to write colours to `stream`: decided by NO_COLOR, FORCE_COLOR, TERM and the terminal, as Python does."""
     if os.environ.get("NO_COLOR"):
         return False
-    return bool(os.environ.get("FORCE_COLOR")) or (os.environ.get("TERM") != "dumb" and stream.isatty())
-
-
-def print_table(heads: Sequence[str], rows: Sequence[Sequence[str]], right: int) -> None:
-    """Print rows under their heads, without empty columns. The last `right` columns are aligned at the right.
-
-    Cells are made `printable`, so that the columns stay aligned.
-    """
-    if not rows:
-        return
-    rows = [tuple(map(printable, row)) for row in rows]
-    kept = [index for index, column in enumerate(zip(*rows, strict=True)) if any(column)]
-    right = sum(index >= len(heads) - right for index in kept)
-    heads, *rows = [[row[index] for index in kept] for row in (heads, *rows)]
-    widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]
-    first = len(heads) - right
-    for row in (heads, *rows):
-        cells = [
-            cell.ljust(width) if index < first else cell.rjust(width)
-            for index, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ]
-        print("  ".join(cells).rstrip())
+    return bool(os.environ.get("FORCE_COLOR")) or is_terminal(stream)
 
 
 def finite(value: float) -> float | None:

@@ -6,7 +6,8 @@ import argparse
 import os
 
 from msggen.base.exit_codes import DONE
-from msggen.cli.options import Commands, add_command, local_path, non_empty
+from msggen.cli.options import Commands, add_command
+from msggen.cli.values import local_path, non_empty
 
 
 def add_to(commands: Commands) -> None:

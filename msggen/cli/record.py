@@ -10,16 +10,17 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from msggen.base.diagnostics import counted, few, input_error
 from msggen.base.exit_codes import DONE
-from msggen.base.foreign import Styled
+from msggen.base.recording_formats import MCAP
 from msggen.cli.link import Connection, add_link, connection
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, check_parent, local_path, non_empty
+from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, check_parent
 from msggen.cli.packages import missing_extra
-from msggen.cli.printing import discard_output, number_of_bytes, terminal_width
-from msggen.cli.values import convert_values, positive
+from msggen.cli.printing import discard_output, number_of_bytes
+from msggen.cli.status import Status
+from msggen.cli.values import Deferred, local_path, non_empty, positive
 from msggen.cli.watching import check_link, watching
 from msggen.show.report.json import dump
 
@@ -55,12 +56,12 @@ def add_to(commands: Commands) -> None:
         help="file to write, or folder for a file that is named after the time (default: the current folder)",
     )
     add_shared(parser, "--for")
-    parser.add_argument("--max-size", metavar="SIZE", type=non_empty, help="end at this size of all files, such as 2G")
+    parser.add_argument("--max-size", metavar="SIZE", type=_size, help="end at this size of all files, such as 2G")
     parser.add_argument(
-        "--split-size", metavar="SIZE", type=non_empty, help="continue in another file at this size, such as 500M"
+        "--split-size", metavar="SIZE", type=_size, help="continue in another file at this size, such as 500M"
     )
     parser.add_argument(
-        "--split-every", metavar="SECONDS", type=non_empty, help="continue in another file after this time"
+        "--split-every", metavar="SECONDS", type=positive, help="continue in another file after this time"
     )
     parser.add_argument(
         "--compression",
@@ -95,6 +96,7 @@ def add_topics(parser: argparse.ArgumentParser, verb: str) -> None:
     )
 
 
+@Deferred
 def _size(text: str) -> float:
     """Return the bytes in a text such as 500M."""
     number, unit = (text[:-1], text[-1].lower()) if text[-1].isalpha() else (text, "")
@@ -107,19 +109,10 @@ def _size(text: str) -> float:
     return found
 
 
-_VALUES: Mapping[str, Callable[[str], Any]] = {
-    "for": positive,
-    "max_size": _size,
-    "split_size": _size,
-    "split_every": positive,
-}
-
-
 def _record(options: argparse.Namespace) -> int:
     from msggen.recordings.live.vehicle_definitions import Definitions
     from msggen.recordings.topics.choice import Choice
 
-    convert_values(options, _VALUES)
     check_packages("R101")
     check_free(_first_file(options.output, options))
     choice = Choice(options.topics, options.exclude)
@@ -149,12 +142,12 @@ def check_packages(code: str) -> None:
 
 def _path(output: str | None) -> str:
     """Return the file to write."""
-    name = time.strftime("px4_%Y-%m-%d_%H-%M-%S.mcap")
+    name = time.strftime("px4_%Y-%m-%d_%H-%M-%S") + MCAP
     if output is None:
         return name
     if os.path.isdir(output) or output.endswith((os.sep, "/")):
         return os.path.join(output, name)
-    return output if os.path.splitext(output)[1] else f"{output}.mcap"
+    return output if os.path.splitext(output)[1] else output + MCAP
 
 
 def _first_file(output: str | None, options: argparse.Namespace) -> str:
@@ -217,14 +210,13 @@ class _Session:
         self._options, self._found = options, found
         self._recorder, self._definitions = recorder, definitions
         self._losses = _Losses(found.vehicle)
-        self._tells = not (options.quiet or options.json)
-        self._is_terminal = self._tells and sys.stdout.isatty() and os.environ.get("TERM") != "dumb"
+        self._status = Status(is_quiet=options.quiet or options.json)
         self._start = time.monotonic()
 
     def run(self) -> None:
         """Record until the end. Raises InputError if the disk fails."""
         recorder = self._recorder
-        self._say(f"recording {self._found.label} on {self._found.link} to {recorder.counts().files[0]}")
+        self._show(f"recording {self._found.label} on {self._found.link} to {recorder.counts().files[0]}")
         watch = self._found.vehicle.watch(recorder.take)
         try:
             with _interrupted_by_sigterm(), watching():
@@ -256,7 +248,7 @@ class _Session:
                     hashes = self._definitions.hashes
                     self._recorder.describe_again()
             is_connected = self._tell_connection(was_connected=is_connected)
-            self._show_state()
+            self._show(state=self._state)
 
     def _tell_connection(self, *, was_connected: bool) -> bool:
         """Tell when the vehicle disconnects and connects again. Return whether it is connected."""
@@ -265,27 +257,21 @@ class _Session:
         if not is_connected:
             check_link(vehicle)
         if is_connected and not was_connected:
-            self._say(f"{self._elapsed():8.1f} s  connected again")
+            self._show(f"{self._elapsed():8.1f} s  connected again")
         elif was_connected and not is_connected:
-            self._say(f"{self._elapsed():8.1f} s  disconnected: {vehicle.wait_disconnected(0)}")
+            self._show(f"{self._elapsed():8.1f} s  disconnected: {vehicle.wait_disconnected(0)}")
         return is_connected
 
     def _elapsed(self) -> float:
         return time.monotonic() - self._start
 
-    def _say(self, text: str) -> None:
-        if self._tells:
-            self._print(f"{text}\n")
+    def _state(self) -> str:
+        return f"{self._elapsed():8.1f} s  {_shown(self._recorder.counts(), self._losses.count)}"
 
-    def _show_state(self) -> None:
-        if self._is_terminal:
-            text = f"{self._elapsed():8.1f} s  {_shown(self._recorder.counts(), self._losses.count)}"
-            self._print(text[: terminal_width(80) - 1])
-
-    def _print(self, text: str) -> None:
-        """Print a text in place of the last state. The recording goes on if it cannot be printed."""
+    def _show(self, *lines: str, state: Callable[[], str] = str) -> None:
+        """Show lines and the state. The recording goes on if they cannot be printed."""
         try:
-            print(Styled("\r\033[K") if self._is_terminal else "", text, sep="", end="", flush=True)
+            self._status.show(*lines, state=state)
         except OSError:
             discard_output()
 
@@ -295,7 +281,7 @@ class _Session:
             return
         text = _shown(counts, self._losses.count)
         files = f", {len(counts.files)} files" if len(counts.files) > 1 else ""
-        self._say(f"{text}, in {seconds:.1f} s{files}")
+        self._show(f"{text}, in {seconds:.1f} s{files}")
         if counts.dropped:
             text = "were dropped, because the disk was too slow: record fewer topics, or on a faster disk"
             print(f"warning: {counted(counts.dropped, 'sample')} {text}", file=sys.stderr)

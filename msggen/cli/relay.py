@@ -15,10 +15,12 @@ from typing import TYPE_CHECKING, Any
 from msggen.base.diagnostics import counted, few, input_error, printable
 from msggen.base.exit_codes import DONE
 from msggen.cli.link import Connection, add_link, connection
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, non_empty
+from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
+from msggen.cli.values import non_empty
 from msggen.cli.watching import watching
 from msggen.generate.cache import package_of
 from msggen.live.link import NotConnectedError
+from msggen.live.links.link_types import type_named
 from msggen.sources.embedded import EMBEDDED
 
 if TYPE_CHECKING:
@@ -163,7 +165,7 @@ def _plan(options: argparse.Namespace, found: Connection) -> Plan:
         hashes = vehicle.firmware.hashes
     packages = (found.package, *((package_of(EMBEDDED[0]),) if options.translate else ()))
     topics = Topics(vehicle.routes, vehicle.remote.namespace, hashes, packages)
-    is_beside_agent = found.link.startswith(("tap:", "dds:"))
+    is_beside_agent = type_named(found.link).needs_agent
     wish = Wish(options.topics, options.translate, options.standard, is_beside_agent)
     try:
         plan = planned(topics, wish)

@@ -11,18 +11,10 @@ from msggen.base.diagnostics import OF_BOARDS, counted
 from msggen.base.disk.depfile import check_depfile, write_depfile
 from msggen.base.disk.output import stale_files, write_stale_files
 from msggen.base.exit_codes import DONE, FINDINGS
-from msggen.cli.options import (
-    WRITING_CODES,
-    Commands,
-    add_command,
-    add_shared,
-    add_sources,
-    local_path,
-    non_empty,
-    writes,
-)
+from msggen.cli.options import WRITING_CODES, Commands, add_command, add_shared, add_sources, writes
 from msggen.cli.printing import print_change, print_notices
 from msggen.cli.sources import settings_of, sources_of
+from msggen.cli.values import local_path, non_empty
 from msggen.generate.render import THINGS
 
 _STDOUT = "-"

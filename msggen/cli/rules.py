@@ -8,8 +8,9 @@ import sys
 from msggen.base.diagnostics import CODES, input_error, suggestion
 from msggen.base.exit_codes import DONE
 from msggen.base.foreign import Styled
-from msggen.cli.options import Commands, add_command, add_output_format, non_empty
+from msggen.cli.options import Commands, add_command, add_output_format
 from msggen.cli.printing import colour, width
+from msggen.cli.values import non_empty
 
 
 def add_to(commands: Commands) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from msggen.base.diagnostics import Diagnostic, InputError, sorted_out, suggestion
 from msggen.base.location import Location
-from msggen.cli.options import non_empty
+from msggen.cli.values import non_empty
 from msggen.sources.settings import Settings
 
 if TYPE_CHECKING:

@@ -3,28 +3,25 @@
 from __future__ import annotations
 
 import argparse
-import os
 import re
-import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from msggen.base.diagnostics import counted, input_error, suggestion
 from msggen.base.exit_codes import DONE
-from msggen.base.foreign import Styled
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, local_path, non_empty
+from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
 from msggen.cli.packages import import_package, topics_of
-from msggen.cli.printing import terminal_width
-from msggen.cli.values import convert_values, finite, positive, share, whole
+from msggen.cli.status import Status
+from msggen.cli.values import Deferred, finite, local_path, non_empty, positive, share, whole
 from msggen.cli.watching import watching
 from msggen.generate.cache import package_from
+from msggen.live.links.link_types import CLIENTS, DEFAULT, usages
 from msggen.sources.sources import find_sources
 
 if TYPE_CHECKING:
     from msggen.live.sim import Options, Simulator
 
-_ADDRESS = "udp://127.0.0.1:8888"
 _SYNCS = ("px4", "short", "off")
 _MOST_KEYS = 255
 """The largest key: it is also the system id of the vehicle, which is a uint8."""
@@ -51,8 +48,8 @@ def add_to(commands: Commands) -> None:
         metavar="ADDRESS",
         nargs="?",
         type=non_empty,
-        default=_ADDRESS,
-        help=f"of the agent: udp://HOST:PORT or serial://DEVICE?baud=N (default: {_ADDRESS})",
+        default=DEFAULT,
+        help=f"of the agent: {usages(CLIENTS)} (default: {DEFAULT})",
     )
     _add_vehicles(parser)
     _add_misbehaviour(parser)
@@ -66,18 +63,20 @@ def _add_vehicles(parser: argparse.ArgumentParser) -> None:
     source.add_argument(
         "--types", metavar="NAME|DIR", type=local_path, help="package that msggen has generated, instead of --px4"
     )
-    group.add_argument("--count", metavar="N", type=non_empty, default="1", help="number of vehicles (default: 1)")
     group.add_argument(
-        "--namespace", metavar="NAME", type=non_empty, help="namespace, NAME_1, NAME_2, ... of several (default: uav)"
+        "--count", metavar="N", type=whole(1, _MOST_KEYS), default="1", help="number of vehicles (default: 1)"
+    )
+    group.add_argument(
+        "--namespace", metavar="NAME", type=_namespace, help="namespace, NAME_1, NAME_2, ... of several (default: uav)"
     )
     group.add_argument(
         "--key",
         metavar="N",
-        type=non_empty,
+        type=whole(1, _MOST_KEYS),
         default="1",
         help="key of the first vehicle, as UXRCE_DDS_KEY (default: 1)",
     )
-    group.add_argument("--rate", metavar="HZ", type=non_empty, help="publish all topics at this rate")
+    group.add_argument("--rate", metavar="HZ", type=positive, help="publish all topics at this rate")
     group.add_argument(
         "--sync",
         choices=_SYNCS,
@@ -96,9 +95,9 @@ def _add_misbehaviour(parser: argparse.ArgumentParser) -> None:
         ("--duplicate", "repeat datagrams"),
         ("--garbage", "send damaged and random datagrams too"),
     ):
-        group.add_argument(option, metavar="SHARE", type=non_empty, default="0", help=text)
-    group.add_argument("--silent-after", metavar="SECONDS", type=non_empty, help="fall silent for good")
-    group.add_argument("--restart-every", metavar="SECONDS", type=non_empty, help="restart the client")
+        group.add_argument(option, metavar="SHARE", type=share, default="0", help=text)
+    group.add_argument("--silent-after", metavar="SECONDS", type=positive, help="fall silent for good")
+    group.add_argument("--restart-every", metavar="SECONDS", type=positive, help="restart the client")
     group.add_argument(
         "--wrong-hash",
         metavar="MESSAGE",
@@ -110,24 +109,28 @@ def _add_misbehaviour(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--version",
         metavar="MESSAGE=N",
-        type=non_empty,
+        type=_version,
         action="append",
         default=[],
         help="use another version suffix in the topics of a message; repeatable",
     )
     group.add_argument(
-        "--clock-off", metavar="SECONDS", type=non_empty, default="0", help="error of the timestamps of samples"
+        "--clock-off", metavar="SECONDS", type=finite, default="0", help="error of the timestamps of samples"
     )
     group.add_argument("--no-time-reply", action="store_true", help="lose the answers to requests for the time")
-    group.add_argument("--seed", metavar="N", type=non_empty, default="0", help="of all that is random (default: 0)")
+    group.add_argument(
+        "--seed", metavar="N", type=whole(0, 2**32), default="0", help="of all that is random (default: 0)"
+    )
 
 
+@Deferred
 def _namespace(text: str) -> str:
     if not _NAMESPACE.fullmatch(text) or len(text) > _LONGEST_NAMESPACE:
         raise argparse.ArgumentTypeError(f"expected a name such as uav_1, found {text!r}")
     return text
 
 
+@Deferred
 def _version(text: str) -> tuple[str, int]:
     name, mark, number = text.partition("=")
     if not (mark and name and number.isascii() and number.isdecimal()):
@@ -135,29 +138,10 @@ def _version(text: str) -> tuple[str, int]:
     return name, int(number)
 
 
-_VALUES: Mapping[str, Callable[[str], Any]] = {
-    "count": whole(1, _MOST_KEYS),
-    "key": whole(1, _MOST_KEYS),
-    "namespace": _namespace,
-    "rate": positive,
-    "for": positive,
-    "drop": share,
-    "reorder": share,
-    "duplicate": share,
-    "garbage": share,
-    "silent_after": positive,
-    "restart_every": positive,
-    "seed": whole(0, 2**32),
-    "version": _version,
-    "clock_off": finite,
-}
-
-
 # The run
 
 
 def _sim(options: argparse.Namespace) -> int:
-    convert_values(options, _VALUES)
     package, label = _package(options)
     _check_messages(options, package)
     simulator = _open(options, package)
@@ -181,46 +165,35 @@ def _run(simulator: Simulator, options: argparse.Namespace) -> None:
 
     seconds = getattr(options, "for")  # a keyword
     end = None if seconds is None else simulator.now + seconds * 1e6
-    output = None if options.quiet else _Output(simulator)
+    status, state = Status(is_quiet=options.quiet), _State(simulator)
     try:
         while end is None or simulator.now < end:
             simulator.serve(_REFRESH if end is None else min(_REFRESH, (end - simulator.now) / 1e6))
-            if output:
-                output.update()
+            status.show(*_changes(simulator), state=state.line)
     except LinkError as error:
         raise input_error(options.address, "L102", str(error), 0) from None
     finally:
-        if output:
-            output.clear()
+        status.show()
 
 
-class _Output:
-    """Lines that tell what has happened, and in a terminal a line below them with the present state."""
+def _changes(simulator: Simulator) -> Iterator[str]:
+    """Yield what has happened since the last call."""
+    for vehicle in simulator.vehicles:
+        name = f"  {vehicle.options.namespace}" if vehicle.options.namespace else ""
+        while vehicle.changes:
+            change = vehicle.changes.popleft()
+            yield f"{(change.time - simulator.boot) / 1e6:8.2f} s{name}  {change.text}"
+
+
+class _State:
+    """The present state of vehicles."""
 
     def __init__(self, simulator: Simulator) -> None:
         self._simulator = simulator
-        self._is_terminal = sys.stdout.isatty() and os.environ.get("TERM") != "dumb"
         self._counted = (simulator.now, 0, 0)
 
-    def update(self) -> None:
-        """Print what has happened since the last call. Lines are flushed, for programs that read them."""
-        self.clear()
-        start = self._simulator.boot
-        for vehicle in self._simulator.vehicles:
-            name = f"  {vehicle.options.namespace}" if vehicle.options.namespace else ""
-            while vehicle.changes:
-                change = vehicle.changes.popleft()
-                print(f"{(change.time - start) / 1e6:8.2f} s{name}  {change.text}")
-        if self._is_terminal:
-            print(self._state()[: terminal_width(80) - 1], end="")
-        print(end="", flush=True)
-
-    def clear(self) -> None:
-        """Remove the line with the state."""
-        if self._is_terminal:
-            print(Styled("\r\033[K"), end="")
-
-    def _state(self) -> str:
+    def line(self) -> str:
+        """Return the state in a line, with rates since the last call."""
         vehicles, before = self._simulator.vehicles, self._counted
         self._counted = now, sent, received = (self._simulator.now, *_totals(self._simulator))
         seconds = max(now - before[0], 1) / 1e6

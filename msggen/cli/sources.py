@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from msggen.base.diagnostics import Diagnostic, InputError, input_error
 from msggen.base.location import Location
+from msggen.base.recording_formats import format_named
 from msggen.cli.printing import print_notices
 from msggen.sources.embedded import names_release, near_release, unknown_release
 from msggen.sources.file import BoardOption
@@ -62,7 +63,7 @@ def is_recording(path: str) -> bool:
         from msggen.recordings.files.paths import is_bag
 
         return os.access(path, os.R_OK) and is_bag(path)
-    return path.lower().endswith((".mcap", ".ulg", ".db3")) and os.path.isfile(path)
+    return format_named(path) is not None and os.path.isfile(path)
 
 
 def recorded(options: argparse.Namespace, path: str, other: Sources | None = None) -> Sources:

@@ -9,19 +9,10 @@ from typing import TYPE_CHECKING
 from msggen.base.diagnostics import counted
 from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.base.location import Location
-from msggen.cli.options import (
-    WRITING_CODES,
-    Commands,
-    add_command,
-    add_option,
-    add_shared,
-    add_sources,
-    local_path,
-    non_empty,
-    writes,
-)
+from msggen.cli.options import WRITING_CODES, Commands, add_command, add_option, add_shared, add_sources, writes
 from msggen.cli.printing import print_diff, print_notices
 from msggen.cli.sources import firmware_of, is_named, settings_of
+from msggen.cli.values import local_path, non_empty
 from msggen.sources.settings import Settings
 
 if TYPE_CHECKING:

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 from msggen.base.exit_codes import DONE
 from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
-from msggen.cli.values import convert_values, positive
 from msggen.cli.watching import add_window, watching
 from msggen.show.report.json import dump
 
@@ -47,7 +46,6 @@ def add_to(commands: Commands) -> None:
 
 
 def _top(options: argparse.Namespace) -> int:
-    convert_values(options, {"window": positive})
     with connection(options) as found:
         from msggen.live.vehicle.meter import Meter
 

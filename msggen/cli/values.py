@@ -1,25 +1,79 @@
-"""Values of options that are numbers. The parser takes them as texts, and converts them after it has seen all."""
+"""The types of arguments: which texts they accept, and the values that are made of them."""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Mapping
-from typing import Any
+import re
+from collections.abc import Callable
+from typing import Any, Final
+
+from msggen.base.diagnostics import input_error
 
 _LARGEST = 1e6
 _LONGEST = 1e9
 """30 years in s."""
 
 
-def whole(least: int, most: int) -> Callable[[str], int]:
-    """Return a converter of texts to integers in a range. It raises ArgumentTypeError for any other text."""
+def non_empty(text: str) -> str:
+    """Return `text`. Raise ArgumentTypeError if it is empty, as an unset variable in a script is, or no path at all."""
+    if not text:
+        raise argparse.ArgumentTypeError("expected a value, found an empty string")
+    if "\0" in text:
+        raise argparse.ArgumentTypeError(f"{text!r} contains a NUL character")
+    return text
 
+
+_URL = re.compile(r"(?:\w+=)?([A-Za-z][A-Za-z0-9+.-]+)://")
+"""The scheme at the beginning of a URL, also behind `PKG=`. A single letter is a drive of Windows."""
+
+
+def local_path(text: str) -> str:
+    """Return `text`. Raise ArgumentTypeError as `non_empty` does, and InputError for a URL: it would name a folder."""
+    found = _URL.match(non_empty(text))
+    if found:
+        scheme = found[1].lower()
+        hint = f"copy files of {scheme}:// with another program, or mount it"
+        if scheme == "file":
+            from urllib.request import url2pathname
+
+            hint = f"name {url2pathname(text[found.end() :])}"
+        raise input_error(text, "S131", f"a URL, expected a path: {hint}", 0)
+    return text
+
+
+class Deferred:
+    """A type whose texts are converted when all arguments have been parsed, so that other errors come first.
+
+    `convert` raises ArgumentTypeError for a text that has no value.
+    """
+
+    def __init__(self, convert: Callable[[str], Any]) -> None:
+        self.convert: Final = convert
+
+    def __call__(self, text: str) -> str:
+        """Return `text`. Raise ArgumentTypeError as `non_empty` does."""
+        return non_empty(text)
+
+    def value(self, given: Any) -> Any:
+        """Return the value of an argument: None if it is not given, a list if it is repeatable."""
+        return [self.convert(each) for each in given] if isinstance(given, list) else given and self.convert(given)
+
+
+def whole(least: int, most: int) -> Deferred:
+    """Return the type of integers in a range."""
+
+    @Deferred
     def convert(text: str) -> int:
         if not (text.isascii() and text.isdecimal()) or not least <= int(text) <= most:
             raise argparse.ArgumentTypeError(f"expected a number from {least} to {most}, found {text!r}")
         return int(text)
 
     return convert
+
+
+COUNT = whole(1, 10**9)
+KEY = whole(1, (1 << 32) - 1)
+"""The key of a client, UXRCE_DDS_KEY."""
 
 
 def _number(text: str) -> float:
@@ -29,6 +83,7 @@ def _number(text: str) -> float:
         raise argparse.ArgumentTypeError(f"expected a number, found {text!r}") from None
 
 
+@Deferred
 def finite(text: str) -> float:
     """Return the number in a text. Raise ArgumentTypeError for any other text."""
     found = _number(text)
@@ -37,6 +92,7 @@ def finite(text: str) -> float:
     return found
 
 
+@Deferred
 def positive(text: str) -> float:
     """Return the number above 0 in a text. Raise ArgumentTypeError for any other text."""
     found = _number(text)
@@ -46,6 +102,7 @@ def positive(text: str) -> float:
     return found
 
 
+@Deferred
 def seconds(text: str) -> float:
     """Return the time in s in a text, 0 or more. Raise ArgumentTypeError for any other text."""
     try:
@@ -58,20 +115,10 @@ def seconds(text: str) -> float:
     return found
 
 
+@Deferred
 def share(text: str) -> float:
     """Return the number from 0 to 1 in a text. Raise ArgumentTypeError for any other text."""
     found = _number(text)
     if not 0.0 <= found <= 1.0:
         raise argparse.ArgumentTypeError(f"expected a share from 0 to 1, found {text!r}")
     return found
-
-
-def convert_values(options: argparse.Namespace, values: Mapping[str, Callable[[str], Any]]) -> None:
-    """Convert the values of options, by their names. A wrong one ends the process."""
-    for name, convert in values.items():
-        given = getattr(options, name)
-        try:
-            converted = [convert(each) for each in given] if isinstance(given, list) else given and convert(given)
-        except argparse.ArgumentTypeError as error:
-            options.parser.error(f"argument --{name.replace('_', '-')}: {error}")
-        setattr(options, name, converted)

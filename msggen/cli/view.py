@@ -14,9 +14,9 @@ from msggen.base.diagnostics import counted, input_error
 from msggen.base.exit_codes import DONE
 from msggen.base.foreign import escaped
 from msggen.cli.link import add_link, connection, given_package
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, local_path, non_empty
+from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
 from msggen.cli.packages import missing_extra
-from msggen.cli.values import convert_values, positive, whole
+from msggen.cli.values import local_path, non_empty, whole
 from msggen.cli.watching import rounds, watching
 from msggen.generate.cache import package_of
 from msggen.sources.embedded import EMBEDDED
@@ -53,14 +53,13 @@ def add_to(commands: Commands) -> None:
     )
     group = parser.add_argument_group("server")
     group.add_argument("--host", metavar="ADDRESS", type=non_empty, help=f"address to serve on (default: {_HOST})")
-    group.add_argument("--port", metavar="N", type=non_empty, help=f"port to serve on (default: {_PORT})")
+    group.add_argument("--port", metavar="N", type=whole(0, 65535), help=f"port to serve on (default: {_PORT})")
     add_shared(group, "--for")
     add_shared(parser, "-q, --quiet")
     add_link(parser)
 
 
 def _view(options: argparse.Namespace) -> int:
-    convert_values(options, {"port": whole(0, 65535), "for": positive})
     try:
         from msggen.show.view import recording
     except ImportError as error:

@@ -11,14 +11,13 @@ from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
 from msggen.cli.interrupts import is_interrupt
-from msggen.cli.options import add_shared, non_empty
+from msggen.cli.options import add_shared
 from msggen.cli.printing import discard_output
-from msggen.cli.values import convert_values, positive, whole
+from msggen.cli.values import COUNT, positive
 
 if TYPE_CHECKING:
     from msggen.live import Vehicle
 
-_MOST = 10**9
 _WINDOW = 3.0
 
 
@@ -27,7 +26,7 @@ def add_window(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--window",
         metavar="SECONDS",
-        type=non_empty,
+        type=positive,
         default=f"{_WINDOW:g}",
         help=f"report on the samples of this time (default: {_WINDOW:g})",
     )
@@ -35,13 +34,8 @@ def add_window(parser: argparse.ArgumentParser) -> None:
 
 def add_limits(parser: argparse.ArgumentParser) -> None:
     """Add the options that end a command: a number of results, or a time."""
-    parser.add_argument("-n", "--count", metavar="N", type=non_empty, help="end after N messages, or reports")
+    parser.add_argument("-n", "--count", metavar="N", type=COUNT, help="end after N messages, or reports")
     add_shared(parser, "--for")
-
-
-def convert_limits(options: argparse.Namespace) -> None:
-    """Convert the values of `add_limits`. A wrong one ends the process."""
-    convert_values(options, {"count": whole(1, _MOST), "for": positive})
 
 
 @contextmanager

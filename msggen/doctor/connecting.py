@@ -8,6 +8,7 @@ from msggen.base.diagnostics import counted, few
 from msggen.check.finding import Change
 from msggen.doctor.case import Case
 from msggen.doctor.observation import SIM, Observation
+from msggen.live.links.link_types import AGENT_PORT, PORT
 from msggen.live.vehicle.selection import shown
 from msggen.live.xrce.agent import Client
 
@@ -32,12 +33,12 @@ def find_taken(case: Case) -> Iterator[Change]:
         text = f"{place} is in use by {names}: end it (`kill {pids}`)"
     else:
         text = f"{place} is in use by a process of another user: `sudo {_search(seen)}` shows it, end it"
-    other = "" if seen.scheme == "serial" else ", or use another port here and at the vehicle (UXRCE_DDS_PRT)"
+    other = "" if seen.link_type.is_device else ", or use another port here and at the vehicle (UXRCE_DDS_PRT)"
     yield case.change(place, text + other)
 
 
 def _search(seen: Observation) -> str:
-    return f"fuser -v {_place(seen)}" if seen.scheme == "serial" else f"ss -ulpn sport = :{seen.port}"
+    return f"fuser -v {_place(seen)}" if seen.link_type.is_device else f"ss -ulpn sport = :{seen.port}"
 
 
 def find_busy_agent(case: Case) -> Iterator[Change]:
@@ -45,7 +46,7 @@ def find_busy_agent(case: Case) -> Iterator[Change]:
     seen = case.seen
     cure = (
         "use --link dds://0 beside it, or end the agent, or start it on another port and use a tap (docs/links.md)"
-        if seen.scheme != "dds"
+        if not seen.link_type.has_domain
         else f"its DDS domain is not that of {seen.link}: compare UXRCE_DDS_DOM_ID, and the networks that both use"
     )
     for agent in seen.agents:
@@ -71,9 +72,9 @@ def find_idle_agent(case: Case) -> Iterator[Change]:
 def find_no_agent(case: Case) -> Iterator[Change]:
     """Find that a link that needs an agent has none."""
     seen = case.seen
-    if seen.scheme in ("tap", "dds") and seen.has_asked_agents and not seen.agents and not case.vehicles:
-        where = seen.link.partition("?agent=")[2] or "UDP ports 8888 and 8889 of this computer"
-        port = where.rpartition(":")[2] if seen.scheme == "tap" else "8888"
+    if seen.link_type.needs_agent and seen.has_asked_agents and not seen.agents and not case.vehicles:
+        where = seen.link.partition("?agent=")[2] or f"UDP ports {PORT} and {AGENT_PORT} of this computer"
+        port = where.rpartition(":")[2] if seen.link_type.has_agent else PORT
         yield case.change(seen.link, f"no agent answers at {where}: start it with `MicroXRCEAgent udp4 -p {port}`")
 
 
@@ -99,29 +100,14 @@ def find_no_client(case: Case) -> Iterator[Change]:
         or any(list(find(case)) for find in (find_busy_agent, find_elsewhere, find_garbled))
     ):
         return
-    wait = f"in {seen.waited:.0f} s"
-    if seen.scheme == "dds":
-        text = (
-            f"no vehicle is in DDS domain {seen.link.rpartition('/')[2]} {wait}: check UXRCE_DDS_DOM_ID of the vehicle "
-            "and ROS_DOMAIN_ID, and that its agent runs on this computer"
-        )
-    elif seen.scheme == "serial":
-        text = (
-            f"nothing has arrived from {seen.link} {wait}: check the wires, that uxrce_dds_client runs on this port "
-            f"(UXRCE_DDS_CFG) with {seen.baud} baud; {_STATUS}"
-        )
-    else:
-        text = (
-            f"no client has sent anything to UDP port {seen.port} {wait}: check that it sends to this computer "
-            f"(UXRCE_DDS_AG_IP) and port (UXRCE_DDS_PRT {seen.port}), and the firewall; {_STATUS}. "
-            f"Without a vehicle, `{SIM} udp://127.0.0.1:{seen.port}` simulates one"
-        )
+    facts = {"link": seen.link, "port": seen.port, "baud": seen.baud, "domain": seen.link.rpartition("/")[2]}
+    text = seen.link_type.unheard.format(**facts, wait=f"in {seen.waited:.0f} s", status=_STATUS)
     yield case.change(seen.link, text)
 
 
 def find_garbled(case: Case) -> Iterator[Change]:
     """Find a serial line with another speed or protocol."""
-    if case.seen.scheme == "serial" and not case.seen.vehicles:
+    if case.seen.link_type.is_device and not case.seen.vehicles:
         for text in case.seen.warnings:
             if "no intact frame" in text:
                 yield case.change(case.seen.link, text)
@@ -164,7 +150,7 @@ def _waits_for_time(case: Case, client: Client) -> bool:
 def find_unready(case: Case) -> Iterator[Change]:
     """Find clients that send, but create no topics."""
     seen = case.seen
-    has_arrived = seen.statistics.received + seen.statistics.refused > 0 and seen.scheme != "dds"
+    has_arrived = seen.statistics.received + seen.statistics.refused > 0 and not seen.link_type.has_domain
     if not has_arrived or any(each.routes for each in seen.vehicles):
         return
     if not any(list(find(case)) for find in (find_no_time, find_refused, find_garbled)):
@@ -228,4 +214,5 @@ def find_wrong_key(case: Case) -> Iterator[Change]:
 
 
 def _place(seen: Observation) -> str:
-    return seen.link.partition("?")[0].removeprefix("serial://") if seen.scheme == "serial" else f"UDP port {seen.port}"
+    device = seen.link.partition("://")[2].partition("?")[0]
+    return device if seen.link_type.is_device else f"UDP port {seen.port}"

@@ -152,7 +152,7 @@ def find_lost(case: Case) -> Iterator[Change]:
             share = vehicle.lost / (vehicle.lost + vehicle.samples)
             cure = (
                 "check the wires, and the ground between both sides"
-                if case.seen.scheme == "serial"
+                if case.seen.link_type.is_device
                 else "the network loses datagrams: use a cable, or lower rates with rate_limit in dds_topics.yaml"
             )
             yield case.of(
@@ -180,7 +180,7 @@ def _line_use(case: Case, vehicle: VehicleSeen) -> float:
     """Return the share of a serial line that the samples of a vehicle take, 0 for other links."""
     return (
         sum(_costs(vehicle).values()) / (case.seen.baud / 10)
-        if case.seen.scheme == "serial" and case.seen.baud
+        if case.seen.link_type.is_device and case.seen.baud
         else 0.0
     )
 
@@ -211,7 +211,7 @@ def find_small_buffer(case: Case) -> Iterator[Change]:
 
 def _kernel_drops(case: Case) -> bool:
     statistics = case.seen.statistics
-    return case.seen.scheme in ("udp", "tap") and _is_much(statistics.dropped, statistics.received)
+    return case.seen.link_type.has_port and _is_much(statistics.dropped, statistics.received)
 
 
 def _is_much(lost: int, arrived: int) -> bool:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from msggen.live.link import Remote, Route, Statistics
+from msggen.live.links.link_types import LINK_TYPES, LinkType
 from msggen.live.xrce.agent import Client
 
 NOTHING = Statistics(received=0, sent=0, refused=0, dropped=0, lost=0, receive_buffer=0)
@@ -124,3 +125,8 @@ class Observation(NamedTuple):
     warnings: tuple[str, ...] = ()
     buffer_limit: int = 0
     """The largest receive buffer that the kernel grants, 0 if it is not known."""
+
+    @property
+    def link_type(self) -> LinkType:
+        """The type of the link."""
+        return LINK_TYPES[self.scheme]

@@ -13,17 +13,14 @@ from msggen.doctor.agents import find_agents, find_senders
 from msggen.doctor.observation import Observation, ReaderSeen, Sender, TopicSeen, VehicleSeen
 from msggen.doctor.sockets import buffer_limit, owners_of
 from msggen.live.link import Link, LinkError, Remote, Route
-from msggen.live.links.address import PORT, Address
+from msggen.live.links.address import Address
 from msggen.live.links.agent_link import AgentLink
+from msggen.live.links.link_types import AGENT_PORT, PORT
 from msggen.live.links.opening import open_link
 from msggen.live.vehicle.hub import Entry, Hub
 from msggen.live.vehicle.meter import Meter
 from msggen.live.xrce.agent import Client
 
-_FIRST_S = 5.0
-"""How long to wait for the first sign of a client: PX4's client asks for an agent once a second."""
-_FIRST_DDS_S = 10.0
-"""The same for DDS, whose discovery takes longer."""
 _SETTLED_S = 1.0
 """How long to look for further vehicles after one is ready."""
 _FURTHER_S = 10.0
@@ -78,14 +75,14 @@ def look_around(seen: Observation, address: Address, domain: int = 0) -> Observa
 
     `domain` is the DDS domain in which to look for vehicles behind an agent.
     """
-    is_serial = address.scheme == "serial"
+    link_type = address.link_type
     if any(each.routes for each in seen.vehicles):
         return seen
     if seen.is_taken:
         seen = seen._replace(owners=owners_of(address))
-    if is_serial or (seen.owners and not any("agent" in owner.name.lower() for owner in seen.owners)):
+    if link_type.is_device or (seen.owners and not any("agent" in owner.name.lower() for owner in seen.owners)):
         return seen  # another program of msggen answers as an agent does
-    senders = find_senders(address.port) if address.scheme != "dds" and not seen.is_taken else ()
+    senders = find_senders(address.port) if link_type.has_port and not seen.is_taken else ()
     agents = find_agents(_places(seen, address, senders), domain)
     return seen._replace(senders=senders, agents=agents, has_asked_agents=True)
 
@@ -94,11 +91,11 @@ def _places(seen: Observation, address: Address, senders: Sequence[Sender]) -> l
     """Return the addresses at which an agent may be."""
     if seen.is_taken:
         return [("127.0.0.1" if address.host == "0.0.0.0" else address.host, address.port)]  # noqa: S104
-    if address.scheme == "tap":
+    if address.link_type.has_agent:
         return [address.agent]
-    own = address.port if address.scheme == "udp" else 0
+    own = address.port if address.link_type.has_port else 0
     ports = [int(sender.address.rpartition(":")[2]) for sender in senders]
-    return [("127.0.0.1", port) for port in (*ports, PORT, PORT + 1) if port != own]
+    return [("127.0.0.1", port) for port in (*ports, PORT, AGENT_PORT) if port != own]
 
 
 class _Observer(Hub):
@@ -161,7 +158,7 @@ class _Observer(Hub):
 def _wait(observer: _Observer, address: Address, plan: Plan, told: Callable[[], None]) -> None:
     """Wait until all clients that are there have created their topics."""
     start = time.monotonic()
-    first = min(plan.wait, _FIRST_DDS_S if address.scheme == "dds" else _FIRST_S)
+    first = min(plan.wait, address.link_type.first_s)
     settled: float | None = None
     has_told = False
     while (now := time.monotonic()) < start + plan.wait:
@@ -197,7 +194,7 @@ def _watch(observer: _Observer, address: Address, plan: Plan, stack: ExitStack) 
     if not observer.entries:
         return ()
     discovery = None
-    if address.scheme == "dds":
+    if address.link_type.has_domain:
         from msggen.doctor.discovery import Discovery
 
         discovery = Discovery(address.domain)

@@ -55,7 +55,7 @@ def _place(text: str) -> tuple[str, int]:
 
 def owners_of(address: Address) -> tuple[Process, ...]:
     """Return the processes that have the port or the device of a link, as far as this user may know."""
-    return owners_of_device(address.path) if address.scheme == "serial" else owners_of_port(address.port)
+    return owners_of_device(address.path) if address.link_type.is_device else owners_of_port(address.port)
 
 
 def owners_of_port(port: int) -> tuple[Process, ...]:

@@ -16,14 +16,11 @@ from msggen.base.diagnostics import input_error
 from msggen.base.disk.ownership import has_others, problem_of
 from msggen.base.version import __version__
 from msggen.generate.build import Build
-from msggen.sources.embedded import unknown_release
+from msggen.sources.embedded import ARCHIVED, unknown_release
 from msggen.sources.sources import Sources, find_sources, with_archived
 
 _ANY = "vehicle_types"
 """The name of packages that are not of an embedded release."""
-
-_ARCHIVED_SINCE = "v1.16"
-"""The first release that has archived versions."""
 
 
 def package_of(release: str) -> ModuleType:
@@ -54,7 +51,8 @@ def package_from(sources: Sources) -> ModuleType:
 def folder_of(release: str) -> str:
     """Return the folder of the package of an embedded release, without an import. Raises OSError as `package_of`."""
     sources = find_sources(release)
-    return _built(with_archived(sources) if release >= _ARCHIVED_SINCE else sources, _name_of(release))
+    has_archived = sources.root is not None and sources.root.names(ARCHIVED)
+    return _built(with_archived(sources) if has_archived else sources, _name_of(release))
 
 
 def folder_from(sources: Sources) -> str:

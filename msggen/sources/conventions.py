@@ -1,5 +1,7 @@
 """The conventions of the firmware's releases in one table, and functions that recognise the conventions of a tree.
 
+A release needs a row only if its conventions are not those of the release before; `tests/support/embed.py` tells.
+
 A tree may be of a commit between two releases. The sources of the bridge's client (`src/modules/uxrce_dds_client`)
 therefore take priority over the release. Without them, the definitions show the release.
 """
@@ -7,38 +9,58 @@ therefore take priority over the release. Without them, the definitions show the
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 from msggen.definitions.model import BridgeEntry, Conventions, Message
 from msggen.sources.embedded import EMBEDDED
 
-_V1_14 = Conventions(
-    "v1.14",
-    first_subscription_id=1000,
-    full_topic_path=False,
-    version_suffix=False,
-    default_interval_ms=10,
-    exact_intervals=False,
-)
-_V1_15 = _V1_14._replace(release="v1.15", first_subscription_id=2048, full_topic_path=True)
-_V1_16 = _V1_15._replace(release="v1.16", version_suffix=True)
-_V1_17 = _V1_16._replace(release="v1.17")
-_V1_18 = _V1_17._replace(release="v1.18", default_interval_ms=4, exact_intervals=True)
-_MAIN = _V1_18._replace(release="main")
 
-CONVENTIONS: Mapping[str, Conventions] = MappingProxyType(
-    {each.release: each for each in (_V1_14, _V1_15, _V1_16, _V1_17, _V1_18, _MAIN)}
+class _Row(NamedTuple):
+    """What a release changed: the names that show it in a tree, any of which is enough, and the conventions."""
+
+    marks: frozenset[str]
+    changes: Mapping[str, Any]
+
+
+_VERSIONS, _ROUTES = "MESSAGE_VERSION", "route_field"
+"""Names that stand for versioned messages, and for entries of the bridge with an instance or a route."""
+
+_ROWS = MappingProxyType(
+    {
+        "v1.14": _Row(
+            frozenset({"VehicleStatus"}),
+            {
+                "first_subscription_id": 1000,
+                "full_topic_path": False,
+                "version_suffix": False,
+                "default_interval_ms": 10,
+                "exact_intervals": False,
+            },
+        ),
+        "v1.15": _Row(
+            frozenset({"RegisterExtComponentRequest"}), {"first_subscription_id": 2048, "full_topic_path": True}
+        ),
+        "v1.16": _Row(frozenset({_VERSIONS}), {"version_suffix": True}),
+        "v1.18": _Row(frozenset({"SetpointConfig", _ROUTES}), {"default_interval_ms": 4, "exact_intervals": True}),
+    }
 )
-"""The conventions of each release, in order (docs/wire.md, 11, 12 and 15)."""
+"""The releases that changed conventions, the oldest first (docs/wire.md, 11, 12 and 15)."""
+
+
+def _each() -> Iterator[tuple[str, Conventions]]:
+    values: dict[str, Any] = {}
+    for release in (*reversed(EMBEDDED), "main"):
+        values |= _ROWS[release].changes if release in _ROWS else {}
+        yield release, Conventions(release, **values)
+
+
+CONVENTIONS: Mapping[str, Conventions] = MappingProxyType(dict(_each()))
+"""The conventions of each release, in order."""
 
 NEWEST = EMBEDDED[0]
 """The newest embedded release. Only `main` is newer."""
-
-_SINCE_V1_18 = "SetpointConfig"
-_SINCE_V1_15 = "RegisterExtComponentRequest"
-"""Messages that a release added; the name of the constant has the release."""
 
 _DEFAULT_INTERVAL = re.compile(r"#define\s+UXRCE_DEFAULT_POLL_\w+\s+(\d+)")
 _FIRST_ID = re.compile(r"case @\(idx\)\s*\+\s*(?:(\d+)|\(65535U / 32U\) \+ 1)")
@@ -51,15 +73,13 @@ def recognise(messages: Collection[Message], bridge: Collection[BridgeEntry], *,
     `route_field`. The conventions of v1.16 and v1.17 are the same. Definitions that are not the firmware's, such as a
     folder of the user's own messages, get the newest conventions.
     """
-    names = {message.name for message in messages}
-    is_newer = any(entry.instance is not None or entry.route_field for entry in bridge)
-    if "VehicleStatus" not in names:
+    shown = {message.name for message in messages}
+    shown |= {_VERSIONS} if has_versions else set()
+    shown |= {_ROUTES} if any(entry.instance is not None or entry.route_field for entry in bridge) else set()
+    if "VehicleStatus" not in shown:
         return CONVENTIONS["main"]
-    if is_newer or _SINCE_V1_18 in names:
-        return CONVENTIONS[NEWEST]
-    if has_versions:
-        return CONVENTIONS["v1.16"]
-    return CONVENTIONS["v1.15" if _SINCE_V1_15 in names else "v1.14"]
+    *_, found = (release for release, row in _ROWS.items() if not row.marks.isdisjoint(shown))
+    return CONVENTIONS[NEWEST if found == [*_ROWS][-1] else found]
 
 
 def as_shown(conventions: Conventions, header: str, utilities: str) -> Conventions:

@@ -122,6 +122,13 @@ class Releases:
             different[release] = len(known.symmetric_difference(names))
         return min(different, key=different.__getitem__)
 
+    @property
+    def definitions(self) -> frozenset[str]:
+        """The definitions of all releases by kind, such as `msg/Rpm.msg`, without the archived versions."""
+        changed = (path for release in EMBEDDED for path, _ in self._changes_of(release).values())
+        folders = [os.path.split(path) for path in (*self._paths.values(), *changed) if not path.startswith(ARCHIVED)]
+        return frozenset(f"{folder.partition('/')[0]}/{name}" for folder, name in folders if folder)
+
     def _versions(self, release: str, name: str) -> list[tuple[str, str]]:
         """Return the paths and texts of a file in the releases before the newest that change it, down to `release`."""
         earlier = EMBEDDED[: EMBEDDED.index(release) + 1]

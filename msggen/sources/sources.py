@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 from msggen.base.diagnostics import Diagnostic, input_error, suggestion
 from msggen.base.location import Location
+from msggen.base.recording_formats import format_named
 from msggen.definitions.parse.package_xml import package_name
 from msggen.sources.embedded import EMBEDDED, PREFIX, names_release, near_release, open_release
 from msggen.sources.file import BoardOption, File, read_file
@@ -115,10 +116,6 @@ class Sources(NamedTuple):
         return (*self.messages, *self.services, *single, *self.manifests, *versions, *self.client, *board)
 
 
-_RECORDINGS = (".mcap", ".ulg", ".db3")
-"""The endings of recordings."""
-
-
 def open_tree(text: str) -> Tree:
     """Return the tree that `text` names: a folder, `folder@revision`, an archive or an embedded release.
 
@@ -143,7 +140,7 @@ def open_tree(text: str) -> Tree:
         from msggen.base.disk.names import path_hint
 
         name = text.partition("@")[0] or text
-        kind = "file" if text.endswith(_RECORDINGS) else "folder"
+        kind = "file" if format_named(text) else "folder"
         hint = near_release(text) or path_hint(name, is_meant=_is_source)
         raise input_error(name, "S101", f"no such {kind}{hint}", 0)
     return read_revision(folder, revision)
@@ -384,4 +381,4 @@ def _fail_without_definitions(root: Tree) -> NoReturn:
 
 def _is_source(path: str) -> bool:
     """Whether a path can be meant: a folder or a recording."""
-    return os.path.isdir(path) or path.endswith(_RECORDINGS)
+    return os.path.isdir(path) or format_named(path) is not None

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from msggen.cli import FAILED, main, parser_for
-from msggen.cli.options import local_path
+from msggen.cli.values import local_path
 from msggen.live import LinkError
 from support.catalogs import write_definitions
 from support.commands import COMMANDS, run

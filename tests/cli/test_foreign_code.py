@@ -275,7 +275,7 @@ def modules_with(pattern: str) -> set[str]:
 
 
 def test_one_module_makes_the_command_of_a_process_of_python() -> None:
-    assert modules_with(r"sys\.executable") == {"interpreter.py"}
+    assert modules_with(r"sys\.executable") == {"base/interpreter.py"}
     assert modules_with(rf"({'|'.join(STARTS)})\b") == STARTING.keys()
     assert not modules_with(r"concurrent\.futures\.(process|ProcessPoolExecutor)\b")
     assert not modules_with(r"os\.(system|popen|fork|posix_spawn|startfile|exec[lv]|spawn)")

@@ -13,7 +13,6 @@ import pytest
 
 from msggen.cli import parser_for
 from msggen.cli.link import (
-    DEFAULT,
     Memory,
     _remember,
     _remembered,
@@ -24,6 +23,7 @@ from msggen.cli.link import (
 )
 from msggen.generate.cache import cache_folder, package_of
 from msggen.live import Vehicle
+from msggen.live.links.link_types import DEFAULT
 from msggen.live.sim import Options, Simulator
 from msggen.sources.embedded import EMBEDDED
 from support.commands import run

@@ -16,7 +16,7 @@ from msggen.show.report.table import RULES as ALL
 from msggen.sources.sources import find_sources
 from support.repository import ROOT
 
-EXAMPLES = ROOT / "msggen" / "compare" / "examples"
+EXAMPLES = ROOT / "msggen" / "check" / "compare" / "examples"
 ALSO = {
     "NESTED_LAYOUT_CHANGED": {"FIELD_ADDED"},
     "NESTED_NAME_CHANGED": {"FIELD_RENAMED"},

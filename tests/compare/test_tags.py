@@ -32,7 +32,7 @@ def checkout(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name in ("msggen", "templates", "releases", "msg", "srv"):
         shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(ROOT / "dds_topics.yaml", folder)
-    table = folder / "msggen" / "tags.py"
+    table = folder / "msggen" / "definitions" / "tags.py"
     text = table.read_text(encoding="utf-8")
     assert text.count(LAST_ROW) == 1
     table.write_text(text.replace(LAST_ROW, NEW_ROW + LAST_ROW), encoding="utf-8")

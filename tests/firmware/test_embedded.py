@@ -7,8 +7,11 @@ exists.
 from __future__ import annotations
 
 import json
+import os
 import re
+import shutil
 import subprocess
+import sys
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -18,11 +21,11 @@ import pytest
 
 from msggen.check.run import breaking, check
 from msggen.cli import main
-from msggen.definitions.model import Catalog, Comment, Message
+from msggen.definitions.model import Catalog, Comment, Conventions, Message
 from msggen.definitions.tags import INHERITED
 from msggen.definitions.unit import normalized_unit
 from msggen.sources.catalog import read_catalog
-from msggen.sources.embedded import EMBEDDED, PREFIX, comments_in, embedded_tree
+from msggen.sources.embedded import ARCHIVED, EMBEDDED, PREFIX, comments_in, embedded_tree
 from msggen.sources.inferred import with_inferred
 from msggen.sources.sources import Sources, find_sources, with_archived
 from support import embed, facts
@@ -31,7 +34,7 @@ from support.identities import assert_same_endpoints, dds_of, rihs01_of, uorb_of
 from support.repository import ROOT, VECTORS, shared
 
 NEWEST, *EARLIER = EMBEDDED
-ARCHIVING = ("v1.18", "v1.17", "v1.16")
+ARCHIVING = [release for release in EMBEDDED if embedded_tree(release).names(ARCHIVED)]
 """The releases that keep earlier versions of messages."""
 
 SERVICES = {release: ["VehicleCommand"] for release in EMBEDDED} | {"v1.14": []}
@@ -136,7 +139,7 @@ def test_an_embedded_release_has_its_conventions(release: str) -> None:
 @pytest.mark.parametrize("release", ARCHIVING)
 def test_archived_versions_are_read(release: str) -> None:
     archived = read_catalog(with_archived(sources_of(release))).archived
-    assert len(archived) == {"v1.18": 19, "v1.17": 9, "v1.16": 1}[release]
+    assert len(archived) == len(embedded_tree(release).names(ARCHIVED))
 
 
 def test_conditional_messages_are_messages() -> None:
@@ -229,8 +232,8 @@ def test_files_lie_where_the_firmware_keeps_them(release: str) -> None:
 @pytest.mark.parametrize("release", ARCHIVING)
 def test_archived_versions_equal_the_firmware(release: str) -> None:
     root, tree = shared(f"firmware/{release}"), embedded_tree(release)
-    for name in tree.names(embed.ARCHIVE):
-        path = embed.ARCHIVE + name
+    for name in tree.names(ARCHIVED):
+        path = ARCHIVED + name
         assert embed.lines_of(tree.read(path).decode()) == embed.lines_of((root / path).read_text()), path
 
 
@@ -377,7 +380,8 @@ def test_a_new_release_is_embedded(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr("msggen.sources.embedded.embedded_root", lambda: str(root))
     older = {release: embed.files_of(embedded_tree(release)) for release in ("v1.18", "v1.17")}
 
-    missing = embed.embed(str(tmp_path / "firmware"), "v1.19")
+    found = embed.files_of_firmware(str(tmp_path / "firmware"), "v1.19")
+    missing = embed.uncommented(embed.store(embed.files_of(embedded_tree("v1.18")), found, "v1.19"))
 
     monkeypatch.setattr("msggen.sources.embedded.EMBEDDED", ("v1.19", "v1.18", "v1.17"))
     assert (root / "msg/versioned/Rpm.msg").read_text() == (
@@ -396,6 +400,62 @@ def test_a_new_release_is_embedded(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         for name in found.keys() - {embed.BRIDGE}:
             assert comments_in(found[name][1]) == comments_in(expected[name][1]), (release, name)
             assert embed.lines_of(found[name][1]) == embed.lines_of(expected[name][1]), (release, name)
+
+
+@pytest.mark.parametrize("release", ["v1.16", "v1.15", "v1.14"])
+def test_the_identities_of_a_release_are_written_as_they_were(release: str) -> None:
+    """Those of later releases were measured, and have columns that the firmware's tools alone compute."""
+    assert embed.vectors(embed.files_of(embedded_tree(release)), release) == (VECTORS / f"{release}.json").read_text()
+
+
+@pytest.mark.slow
+def test_a_release_is_added_by_embedding_it_alone(tmp_path: Path) -> None:
+    """A copy of this checkout knows v1.19, which has a new message and another default, and needs no other edit."""
+    copy, tree = tmp_path / "copy", tmp_path / "PX4-Autopilot"
+    for folder in ("msggen", "templates", "msg", "srv", "releases", "tests/support", "tests/vectors"):
+        shutil.copytree(ROOT / folder, copy / folder, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / embed.BRIDGE, copy)
+    client = tree / "src" / "modules" / "uxrce_dds_client"
+    client.mkdir(parents=True)
+    for folder in ("msg", "srv"):
+        shutil.copytree(ROOT / folder, tree / folder)
+    shutil.copy(ROOT / embed.BRIDGE, client)
+    (client / "dds_topics.h.em").write_text("#define UXRCE_DEFAULT_POLL_INTERVAL_MS 7\n['publish_interval_ms']")
+    (client / "utilities.hpp").write_text("")
+    (tree / "msg" / "Novelty.msg").write_text("uint64 timestamp\n")
+
+    def run(*words: str) -> str:
+        environment = {**os.environ, "PYTHONPATH": str(copy)}
+        return subprocess.run(
+            [sys.executable, *words], cwd=copy, env=environment, capture_output=True, text=True, check=False
+        ).stdout
+
+    missing = run("tests/support/embed.py", str(tree), "v1.19").splitlines()
+    assert [line for line in missing if "Novelty.msg:" in line] == [
+        "msg/Novelty.msg: what the message is for",
+        "msg/Novelty.msg: uint64 timestamp",
+    ]
+    assert [line for line in missing if not line.startswith(("msg/", "srv/"))] == [
+        f"msggen/sources/conventions.py: a row, if v1.19 changed {', '.join(Conventions._fields[1:])}",
+        "msggen/sources/conventions.py: a row for v1.19 with {'default_interval_ms': 7}",
+        "tests/vectors/cdr.json: the firmware's samples of Novelty.msg",
+    ]
+    heading, newest, second, *_ = run("-m", "msggen", "releases").splitlines()
+    assert heading.split()[0] == "release"
+    assert newest.split() == ["v1.19", "260", "1", "332", "69", "default"]
+    assert second.split() == ["v1.18", "259", "1", "331", "69"]
+    assert "from the embedded PX4 v1.19: 260 messages" in run("-m", "msggen", "build", "--px4", "v1.19", "-o", "new")
+    assert "the embedded PX4 v1.18: 259 messages" in run("-m", "msggen", "build", "--px4", "v1.18", "-o", "old")
+    assert "the embedded PX4 v1.19 does not break the embedded PX4 v1.18" in run(
+        "-m", "msggen", "breaking", "--px4", "v1.19", "--against", "v1.18"
+    )
+    table = json.loads((copy / "msggen/live/releases.json").read_text())
+    assert list(table) == ["v1.19", *EMBEDDED]
+    assert table["v1.19"].keys() == table["v1.18"].keys()
+    lists = (ROOT / "msg/CMakeLists.txt").read_text()
+    assert (copy / "msg/CMakeLists.txt").read_text().split("\n")[1] == lists.split("\n")[1]
+    vectors = json.loads((copy / "tests/vectors/v1.19.json").read_text())
+    assert len(vectors["messages"]) == 260
 
 
 # Command line

@@ -12,7 +12,7 @@ import sys
 import tarfile
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from random import Random
@@ -22,11 +22,13 @@ from typing import Any
 import pytest
 
 from fuzz import __main__ as command
-from fuzz import arguments, faults, payloads, recordings, runner, strangers
+from fuzz import arguments, faults, payloads, recordings, runner, sessions, strangers
 from fuzz.runner import NAMES, SEED, Failure, find, run
 from msggen.base.disk import git
 from msggen.base.disk.output import OutputPlan
 from msggen.base.disk.record import Record, digest, read_record, write_record
+from msggen.live.xrce import inventory
+from msggen.live.xrce.session import Session
 from msggen.recordings import writer
 from msggen.sources.tree import Snapshot
 from support import disk_tasks
@@ -134,6 +136,52 @@ def test_each_campaign_finds_a_planted_error(name: str, monkeypatch: pytest.Monk
     monkeypatch.undo()
     faults.calls_of.cache_clear()
     _, failure = run(name, SEED, [failure.index])
+    assert failure is None, "it fails without the error too"
+
+
+def slow_namespace(name: str) -> str:
+    """Look for a namespace with an expression whose time is cubic."""
+    found = re.fullmatch(r"/*([A-Za-z0-9_/]*?)/*px4_micro_xrce_dds", name)
+    return found[1] if found else ""
+
+
+def delete_slowly(self: inventory.Inventory, object_id: bytes) -> None:
+    """Look for each part among all entities."""
+    for part in [part for part, entity in self._entities.items() if inventory._parent(entity) == object_id]:
+        delete_slowly(self, part)
+    self._entities.pop(object_id, None)
+
+
+def first_without_entities(sessions: Iterable[Session], *_: object) -> Session | None:
+    """Let only clients give way that have few entities, or are silent."""
+    return next((each for each in sessions if not each.is_vehicle or each.remote is None), None)
+
+
+OLD = {
+    "a cubic expression": ("name", "msggen.live.xrce.inventory._namespace", slow_namespace),
+    "a quadratic deletion": ("storm", "msggen.live.xrce.inventory.Inventory.delete", delete_slowly),
+    "any number of replies": ("ask", "msggen.live.xrce.session.REPLIES", 4096),
+    "any number of repetitions": ("repeat", "msggen.live.xrce.session.REPETITIONS", 16),
+    "numbers that are far away": ("displace", "msggen.live.xrce.session.NEAR", 0x8000),
+    "any number of lost samples": ("jump", "msggen.live.xrce.session.LOSSES", 0x10000),
+    "the oldest gives way": ("begin", "msggen.live.xrce.agent.find_least", lambda sessions, *_: next(iter(sessions))),
+    "vehicles never give way": ("resemble", "msggen.live.xrce.agent.find_least", first_without_entities),
+}
+"""Errors that sessions had: the act that shows each, the function or the number that is replaced, and by what."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("error", OLD)
+def test_the_campaign_of_sessions_finds_what_was_wrong_before(error: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    act, place, wrong = OLD[error]
+    cases = [sessions.case(Random(f"sessions {SEED} {index}")) for index in range(300)]  # noqa: S311
+    indices = [index for index, case in enumerate(cases) if act in case.acts]
+    indices.sort(key=lambda index: (-cases[index].clients, len(cases[index].acts)))  # the largest crowds first
+    monkeypatch.setattr(place, wrong)
+    _, failure = run("sessions", SEED, indices[:20])
+    assert failure is not None
+    monkeypatch.undo()
+    _, failure = run("sessions", SEED, [failure.index])
     assert failure is None, "it fails without the error too"
 
 

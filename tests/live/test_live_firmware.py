@@ -13,10 +13,9 @@ from msggen.live import FormatError, TopicError, Vehicle
 from msggen.live.link import Route
 from msggen.live.messages.names import is_topic, stem_of, version_of, without_namespace
 from msggen.live.vehicle.firmware import PROTOCOL_VERSION, REQUEST, RESPONSE, identify, releases
+from msggen.sources.embedded import EMBEDDED
 from support.fake_link import FakeLink, routes_of
 from support.live_releases import TABLE, table
-
-RELEASES = ("v1.18", "v1.17", "v1.16", "v1.15", "v1.14")
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +71,7 @@ def test_the_names_of_topics() -> None:
 
 
 @pytest.mark.parametrize("namespace", ["", "uav_1"])
-@pytest.mark.parametrize("release", RELEASES)
+@pytest.mark.parametrize("release", EMBEDDED)
 def test_each_release_is_recognized(release: str, namespace: str) -> None:
     routes = known(release, namespace)
     without_ids = [route._replace(object_id=-1) for route in routes]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import runpy
 from dataclasses import replace
 
 import pytest
@@ -13,8 +14,9 @@ from msggen.check.finding import Change, Finding, Node, Report, Rule, Severity
 from msggen.cli import main, parser_for
 from msggen.show.report.line import mark
 from msggen.show.report.rules import MARKS
-from msggen.show.report.sarif import write_sarif
+from msggen.show.report.sarif import write_report
 from msggen.show.report.table import RULES
+from support.repository import ROOT
 
 each_rule = pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule.id)
 
@@ -36,7 +38,7 @@ def test_json_and_sarif_have_the_fixes(capsys: pytest.CaptureFixture[str]) -> No
     fixes = {rule.id: rule.fix for rule in RULES}
     assert main(["rules", "--output-format", "json"]) == 0
     assert {rule["id"]: rule["fix"] for rule in json.loads(capsys.readouterr().out)} == fixes
-    log = json.loads(write_sarif(Report("a", "b", RULES, (), 0, "")))
+    log = json.loads(write_report(Report("a", "b", RULES, (), 0, "")))
     for rule in log["runs"][0]["tool"]["driver"]["rules"]:
         assert rule["help"]["text"] == f"{fixes[rule['id']]} 'msggen explain {rule['id']}' shows an example."
 
@@ -73,3 +75,15 @@ def test_explain_knows_marks_in_any_case(name: str, capsys: pytest.CaptureFixtur
 def test_explain_suggests_marks(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["explain", "handeld"]) == 2
     assert "unknown rule 'handeld', did you mean 'handled'?" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("page", ["check.md", "doctor.md", "lint.md"])
+def test_the_tables_of_a_page_are_current(page: str) -> None:
+    script = runpy.run_path(str(ROOT / "docs" / "write_rules.py"))
+    current = (ROOT / "docs" / page).read_text(encoding="utf-8")
+    assert script["page"](page, current) == current, "run `python docs/write_rules.py`"
+
+
+def test_every_rule_is_in_a_table() -> None:
+    tables = "".join(runpy.run_path(str(ROOT / "docs" / "write_rules.py"))["TABLES"].values())
+    assert sorted(re.findall(r"(?m)^\| `?([A-Z]+_[A-Z_]+)`? \|", tables)) == sorted(rule.id for rule in RULES)

@@ -65,7 +65,8 @@ def test_public_names_exist(module: str) -> None:
 @pytest.mark.parametrize("facade", FACADES)
 def test_the_modules_of_the_names_are_those_that_type_checkers_see(facade: str) -> None:
     package = importlib.import_module(facade)
-    block = Path(str(package.__file__)).read_text(encoding="utf-8").partition("\nif not TYPE_CHECKING")[0]
+    text = Path(str(package.__file__)).read_text(encoding="utf-8")
+    block = text.partition("\nif TYPE_CHECKING")[2].partition("\nif not TYPE_CHECKING")[0]
     imports = re.findall(r"^    from (\S+) import (?:\(([^)]*)\)|([^#\n]*))", block, re.MULTILINE)
     typed = {
         module: {each.split()[0] for each in (several or line).split(",") if each.strip()}

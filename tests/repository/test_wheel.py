@@ -14,6 +14,7 @@ import pytest
 from msggen.base.diagnostics import CODES
 from msggen.check.finding import Category
 from msggen.show.report.table import RULES
+from msggen.sources.embedded import EMBEDDED
 from support.interpreters import VERSIONS, environment, interpreter
 from support.repository import ROOT
 
@@ -43,14 +44,10 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_wheel_brings_templates_and_the_embedded_set(wheel: Path) -> None:
     names = set(zipfile.ZipFile(wheel).namelist())
     assert {"msggen/templates/python/message.py.j2", "msggen/embedded/dds_topics.yaml"} <= names
-    assert {
-        "msggen/generate/sync/names.txt",
-        "msggen/templates/ros2/package.xml.j2",
-        "msggen/show/report/errors.yaml",
-    } <= names
+    assert {"msggen/templates/ros2/package.xml.j2", "msggen/show/report/errors.yaml"} <= names
     messages = [name for name in names if name.startswith("msggen/embedded/msg/") and "px4_msgs_old" not in name]
     assert len([name for name in messages if name.endswith(".msg")]) == 259
-    assert {f"msggen/embedded/releases/v1.{number}.msgs" for number in range(14, 18)} <= names
+    assert {f"msggen/embedded/releases/{release}.msgs" for release in EMBEDDED[1:]} <= names
     assert "msggen/embedded/msg/CMakeLists.txt" in names
     assert any(name.endswith(".data/data/share/cmake/msggen/msggenConfig.cmake") for name in names)
     assert {name.split("/")[0].split("-")[0] for name in names} == {"msggen"}

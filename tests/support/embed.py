@@ -1,29 +1,44 @@
 """Embeds a new release of PX4: `python tests/support/embed.py PX4-Autopilot v1.19`.
 
 `msg/`, `srv/` and `dds_topics.yaml` become those of the firmware, without its comments. Our comments stay with each
-field or constant that stays, and those without a comment are listed. The previously newest release becomes a file in
-`releases/` with its differences; the other files there do not change. `releases/README.md` has the steps before and
-after.
+field or constant that stays. The previously newest release becomes a file in `releases/` with its differences; the
+other files there do not change. All else that follows from the definitions is written too, and what does not follow is
+listed: `releases/README.md` has both.
 """
 
 from __future__ import annotations
 
+import json
 import re
+import subprocess
 import sys
 from collections.abc import Iterator, Mapping
 from difflib import SequenceMatcher
 from pathlib import Path
+from textwrap import wrap
 from typing import Any, TypeAlias
 
 import yaml
 
-from msggen.sources.embedded import EMBEDDED, FOLDERS, comments_in, head_of, is_of_release
-from msggen.sources.sources import find_sources, with_archived
-from msggen.sources.tree import Folder, Tree
-
 ROOT = Path(__file__).resolve().parents[2]
+sys.path[0:0] = [str(ROOT / folder) for folder in ("tests", "")]  # this file is a program too
+
+from msggen.definitions.parse.cmake import parse_lists  # noqa: E402
+from msggen.sources.conventions import CONVENTIONS, as_shown  # noqa: E402
+from msggen.sources.embedded import (  # noqa: E402
+    ARCHIVED,
+    EMBEDDED,
+    FOLDERS,
+    comments_in,
+    head_of,
+    is_of_release,
+)
+from msggen.sources.sources import find_sources, with_archived  # noqa: E402
+from msggen.sources.tree import Folder, Tree  # noqa: E402
+from msggen.sources.tree_layout import CLIENT_SOURCES, LISTS  # noqa: E402
+from support import facts  # noqa: E402
+
 BRIDGE = "dds_topics.yaml"
-ARCHIVE = "msg/px4_msgs_old/msg/"
 
 Files: TypeAlias = dict[str, tuple[str, str]]
 """Paths and texts by file name, which is unique in the firmware."""
@@ -43,7 +58,7 @@ def files_of_firmware(path: str, release: str) -> Files:
     """Return the files of a firmware tree, without its comments."""
     sources = find_sources(path)
     root = sources.root
-    if root and root.is_folder(ARCHIVE):
+    if root and root.is_folder(ARCHIVED):
         sources = with_archived(sources)
     found = {
         Path(file.path).name: (file.name, "\n".join(lines_of(file.tree.read(file.name).decode())))
@@ -144,8 +159,23 @@ def merged(old: str, new: str) -> str:
 
 
 def embed(firmware: str, release: str) -> list[str]:
-    """Make `firmware` the newest embedded release; return the fields and constants without a comment."""
+    """Make `firmware` the newest embedded release, and write all that follows from it; return what is missing."""
+    if release in EMBEDDED:
+        raise SystemExit(f"{release} is embedded already")
     older, found = files_of(Folder(str(ROOT))), files_of_firmware(firmware, release)
+    root = find_sources(firmware).root
+    newer = store(older, found, release)
+    (ROOT / LISTS).write_text(lists_text(root.read(LISTS).decode() if root and root.is_file(LISTS) else "", release))
+    (ROOT / "tests" / "vectors" / f"{release}.json").write_text(vectors(newer, release))
+    module = ROOT / "msggen" / "sources" / "embedded.py"
+    module.write_text(module.read_text().replace("\nEMBEDDED = (", f'\nEMBEDDED = ("{release}", '))
+    table = ROOT / "tests" / "support" / "live_releases.py"
+    subprocess.run([sys.executable, str(table)], check=True)  # which imports the new EMBEDDED
+    return [*uncommented(newer), *_other_conventions(root, release), *_other_samples(older, newer)]
+
+
+def store(older: Files, found: Files, release: str) -> Files:
+    """Replace the files of the newest release, `older`, with those in `found`, and return them with our comments."""
     newer = {name: (path, _newest(name, text, release, older)) for name, (path, text) in found.items()}
     last = EMBEDDED[0]
     (ROOT / "releases" / f"{last}.msgs").write_text(earlier_release(last, older, newer, {}))
@@ -154,7 +184,7 @@ def embed(firmware: str, release: str) -> list[str]:
     for path, text in newer.values():
         (ROOT / path).parent.mkdir(parents=True, exist_ok=True)
         (ROOT / path).write_text(text)
-    return [missing for name, (path, text) in sorted(newer.items()) for missing in _missing(path, name, text)]
+    return newer
 
 
 def _newest(name: str, text: str, release: str, older: Files) -> str:
@@ -163,12 +193,74 @@ def _newest(name: str, text: str, release: str, older: Files) -> str:
     return merged(older[name][1], text) if name in older else text + "\n"
 
 
+def uncommented(files: Files) -> list[str]:
+    """Return the messages, fields and constants without a comment."""
+    return [missing for name, (path, text) in sorted(files.items()) for missing in _missing(path, name, text)]
+
+
 def _missing(path: str, name: str, text: str) -> Iterator[str]:
-    if name != BRIDGE and not path.startswith(ARCHIVE):
+    if name != BRIDGE and not path.startswith(ARCHIVED):
         if not head_of(text):
             yield f"{path}: what the message is for"
         known = comments_in(text)
         yield from (f"{path}: {line}" for line in lines_of(text) if _name(line) and _name(line) not in known)
+
+
+def lists_text(text: str, release: str) -> str:
+    """Return `msg/CMakeLists.txt` of a release: the messages that the firmware's lists have under a condition."""
+    listed: dict[str, list[str]] = {}
+    for name, entry in sorted(parse_lists(text, LISTS).listed.items()):
+        if entry.condition:
+            listed.setdefault(entry.condition, []).append(name)
+    others = "All others are built for every board, and are not listed here."
+    lines = [f"# The messages of PX4 {release} that only some boards build. {others}"]
+    for condition, names in listed.items():
+        appended = [f"    list(APPEND msg_files {names})" for names in wrap(" ".join(names), 90)]
+        lines += [f"if({condition})", *appended, "endif()"]
+    return "\n".join(lines) + "\n"
+
+
+def vectors(files: Files, release: str) -> str:
+    """Return the identities of messages and endpoints, computed by a reader that shares no code with msggen."""
+    texts = {Path(name).stem: text for name, (path, text) in sorted(files.items()) if _is_message(path)}
+    known = {name: facts.facts_in(text, name) for name, text in texts.items()}
+    messages = facts.messages(known)
+    endpoints = facts.endpoints(known, files[BRIDGE][1], release)
+    rows = ",\n  ".join(f"{json.dumps(name)}: {json.dumps([*row.values()])}" for name, row in messages.items())
+    entries = ",\n  ".join(json.dumps([*row.values()]) for row in endpoints)
+    parts = {
+        "message_columns": json.dumps([*next(iter(messages.values()))]),
+        "messages": f"{{\n  {rows}\n }}",
+        "endpoint_columns": json.dumps([*endpoints[0]]),
+        "endpoints": f"[\n  {entries}\n ]",
+    }
+    return "{\n" + ",\n".join(f' "{name}": {text}' for name, text in parts.items()) + "\n}\n"
+
+
+def _is_message(path: str) -> bool:
+    return path.endswith(".msg") and not path.startswith(ARCHIVED)
+
+
+def _other_samples(older: Files, newer: Files) -> Iterator[str]:
+    """Yield the messages whose samples in `tests/vectors` are those of an older definition, or missing."""
+    before, after = (
+        {name: lines_of(text) for name, (path, text) in files.items() if _is_message(path)} for files in (older, newer)
+    )
+    changed = sorted(name for name in {*before, *after} if before.get(name) != after.get(name))
+    if changed:
+        yield f"tests/vectors/cdr.json: the firmware's samples of {', '.join(changed)}"
+
+
+def _other_conventions(root: Tree | None, release: str) -> Iterator[str]:
+    """Yield the conventions that the sources of the firmware's client show, if they are not those of main."""
+    texts = [root.read(name).decode() if root and root.is_file(name) else "" for name in CLIENT_SOURCES]
+    known = CONVENTIONS["main"]
+    if not all(texts):
+        yield f"msggen/sources/conventions.py: a row, if {release} changed {', '.join(known._fields[1:])}"
+    shown = as_shown(known, *texts)
+    changes = {name: value for name, value in shown._asdict().items() if value != getattr(known, name)}
+    if changes:
+        yield f"msggen/sources/conventions.py: a row for {release} with {changes}"
 
 
 if __name__ == "__main__":

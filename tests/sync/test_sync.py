@@ -18,9 +18,12 @@ from pathlib import Path
 import pytest
 
 from msggen.base.disk import staging, swap
+from msggen.base.disk.record import NO_RECORD
 from msggen.cli import main
+from msggen.generate.sync import plan
 from msggen.generate.sync.change import describe_change
 from msggen.sources.catalog import read_catalog
+from msggen.sources.embedded import EMBEDDED, PREFIX
 from msggen.sources.sources import find_sources
 from support.catalogs import write_definitions
 from support.packages import (
@@ -237,6 +240,15 @@ def test_a_plain_package_is_adopted() -> None:
     assert definitions(PACKAGE) == expected
     assert (PACKAGE / "CMakeLists.txt").read_text() == "# mine\n"
     assert (PACKAGE / "README.md").read_text() == "mine\n"
+
+
+@pytest.mark.parametrize("release", EMBEDDED)
+def test_without_a_record_what_any_release_has_is_px4s(release: str) -> None:
+    sources = find_sources(PREFIX + release)
+    names = {f"{file.name[:3]}/{Path(file.name).name}" for file in (*sources.messages, *sources.services)}
+    owned = plan.owned_names(NO_RECORD)
+    assert names <= set(owned)
+    assert not any(f"msg/{name}.msg" in names for name in plan._FORMER.split())
 
 
 def test_what_is_not_the_firmwares_keeps_its_place_and_its_inode() -> None:

@@ -4,23 +4,22 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from msggen.cli.options import FAILED_CODES, add_shared, local_path, non_empty
-from msggen.cli.values import convert_values, seconds
+from msggen.base.recording_formats import FORMATS
+from msggen.cli.log.targets import SUFFIXES
+from msggen.cli.options import FAILED_CODES, add_shared
+from msggen.cli.values import local_path, non_empty, seconds
 
 if TYPE_CHECKING:
     from msggen.recordings import Log, Topic
 
 CODES = f"Exit codes: 0 done, 1 something cannot be read, or there is nothing of what was asked for, {FAILED_CODES}"
 """The exit codes for the help."""
-KINDS = "an MCAP file, a ULog, or a folder or database of rosbag2"
-
-
-_WRITTEN = (".mcap", ".parquet", ".arrow", ".csv", ".db3", ".ulg")
-"""The endings of what is written."""
+*_FILES, _DATABASE = [each.noun for each in FORMATS.values()]
+KINDS = f"{', '.join(_FILES)}, or a folder or {_DATABASE.removeprefix('a ')}"
 
 
 def add_file(parser: argparse.ArgumentParser) -> None:
@@ -46,11 +45,11 @@ def add_times(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--start",
         metavar="SECONDS",
-        type=non_empty,
+        type=seconds,
         help="begin so long after the start of the recording; 0 includes older samples",
     )
     parser.add_argument(
-        "--stop", metavar="SECONDS", type=non_empty, help="end before this time after the start of the recording"
+        "--stop", metavar="SECONDS", type=seconds, help="end before this time after the start of the recording"
     )
 
 
@@ -71,12 +70,8 @@ def add_output(parser: argparse.ArgumentParser, text: str, metavar: str = "FILE"
     add_shared(parser, "--json", "-q, --quiet")
 
 
-_VALUES: Mapping[str, Callable[[str], Any]] = {"start": seconds, "stop": seconds}
-
-
-def convert_times(options: argparse.Namespace) -> None:
-    """Convert the times in the options. Wrong ones end the process."""
-    convert_values(options, _VALUES)
+def check_times(options: argparse.Namespace) -> None:
+    """End the process if the times in the options are in the wrong order."""
     if options.start is not None and options.stop is not None and options.stop <= options.start:
         options.parser.error(f"argument --stop: {options.stop:g} is not after --start {options.start:g}")
 
@@ -100,7 +95,7 @@ def chosen_topics(options: argparse.Namespace, log: Log) -> Sequence[Topic] | No
             continue
         refuse_files(options, log)
         problem = Choice([word]).problem([(topic.name, topic.ros_type) for topic in log.topics])
-        if word.lower().endswith(_WRITTEN):
+        if word.lower().endswith(SUFFIXES):
             options.parser.error(f"argument TOPIC: {problem}: name what to write with -o {word}")
         options.parser.error(f"argument TOPIC: {problem}: `msggen log info {log.path}` lists them")
     return [topic for topic in log.topics if any(takes_instance(word, topic) for word in options.topics)]

@@ -8,6 +8,7 @@ from contextlib import suppress
 from typing import NamedTuple
 
 from msggen.base.diagnostics import counted
+from msggen.base.recording_formats import MCAP
 
 
 class Contents(NamedTuple):
@@ -35,7 +36,7 @@ def contents_of(path: str) -> Contents | None:
     from mcap.reader import make_reader
 
     names = sorted(os.listdir(path)) if os.path.isdir(path) else []
-    files = [os.path.join(path, name) for name in names if name.endswith(".mcap")] if names else [path]
+    files = [os.path.join(path, name) for name in names if name.endswith(MCAP)] if names else [path]
     files = list(filter(os.path.isfile, files))
     chunks = attachments = metadata = 0
     kinds: set[str] = set()

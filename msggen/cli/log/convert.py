@@ -11,8 +11,8 @@ from msggen.cli.log.arguments import (
     add_file,
     add_output,
     add_topics,
+    check_times,
     chosen_topics,
-    convert_times,
     decoded_topics,
 )
 from msggen.cli.log.fleet import add_fleet, convert_fleet, is_fleet, refuse_fleet
@@ -54,7 +54,7 @@ def add_to(actions: Commands) -> None:
 
 
 def _convert(options: argparse.Namespace) -> int:
-    convert_times(options)
+    check_times(options)
     if is_fleet(options.file):
         return convert_fleet(options)
     refuse_fleet(options)

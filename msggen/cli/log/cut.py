@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import argparse
 
+from msggen.base.recording_formats import MCAP
 from msggen.cli.log.arguments import (
     CODES,
     add_file,
     add_output,
     add_topics,
+    check_times,
     chosen_topics,
-    convert_times,
 )
 from msggen.cli.log.opening import code_of, opened, written
 from msggen.cli.log.targets import check_mcap
@@ -35,11 +36,11 @@ def add_to(actions: Commands) -> None:
 
 
 def _cut(options: argparse.Namespace) -> int:
-    convert_times(options)
+    check_times(options)
     if options.start is None and options.stop is None and not options.topics:
         options.parser.error("nothing to cut: give --start, --stop or topics")
     check_mcap(options)
-    target = options.output or f"{stem_of(options.file)}.cut.mcap"
+    target = options.output or f"{stem_of(options.file)}.cut{MCAP}"
     with opened(options, options.file) as log:
         from msggen.recordings.convert import join
         from msggen.recordings.convert.selection import Selection

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from msggen.base.diagnostics import few
-from msggen.cli.printing import print_table
+from msggen.cli.table import Column, objects_of, print_table
 
 if TYPE_CHECKING:
     from msggen.definitions.model import Message
@@ -22,29 +22,30 @@ class _Field(NamedTuple):
     about: Annotation
 
 
+def _values(field: _Field) -> dict[str, str]:
+    return {str(value): name for value, name in sorted(field.about.members.items())}
+
+
+_COLUMNS: Sequence[Column[_Field]] = (
+    Column("name", "  name", lambda field: field.name, "  {}".format),
+    Column("type", "type", lambda field: field.type),
+    Column("unit", "unit", lambda field: "" if field.about.unit == "-" else field.about.unit),
+    Column("frame", "frame", lambda field: field.about.frame),
+    Column("values", "values", _values, lambda values: few([" ".join(each) for each in values.items()])),
+    Column("flags", "", lambda field: field.about.is_flags),
+)
+
+
 def print_fields(topic: Topic) -> None:
     """Print the fields of a topic with types, units, frames and the names of values. Raises RecordingError."""
-    rows = [
-        (f"  {each.name}", each.type, _unit(each.about), each.about.frame, few(_values(each.about)))
-        for each in _fields_of(topic)
-    ]
+    fields = _fields_of(topic)
     print("fields")
-    print_table(("  name", "type", "unit", "frame", "values"), rows, right=0)
+    print_table(_COLUMNS, fields)
 
 
 def field_objects(topic: Topic) -> list[dict[str, Any]]:
     """Return the fields of a topic as objects of JSON. Raises RecordingError."""
-    return [
-        {
-            "name": each.name,
-            "type": each.type,
-            "unit": _unit(each.about),
-            "frame": each.about.frame,
-            "values": {str(value): name for value, name in sorted(each.about.members.items())},
-            "flags": each.about.is_flags,
-        }
-        for each in _fields_of(topic)
-    ]
+    return objects_of(_COLUMNS, _fields_of(topic))
 
 
 def _fields_of(topic: Topic) -> list[_Field]:
@@ -70,11 +71,3 @@ def _fields(topic: Topic, schema: Schema, message: Message, front: str) -> Itera
         if not field.type.is_primitive:
             inner = f"{name}{indices.get(field.type.array, '[]')}."
             yield from _fields(topic, schema, schema.catalog.nested(message, field.type), inner)
-
-
-def _unit(about: Annotation) -> str:
-    return "" if about.unit == "-" else about.unit
-
-
-def _values(about: Annotation) -> list[str]:
-    return [f"{value} {name}" for value, name in sorted(about.members.items())]

@@ -15,10 +15,10 @@ from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.cli.log.opening import counted_samples
 from msggen.cli.log.progress import Show, progress_bar
 from msggen.cli.log.targets import check_folder
-from msggen.cli.options import non_empty, refuse
+from msggen.cli.options import refuse
 from msggen.cli.packages import missing_extra
 from msggen.cli.printing import number_of_bytes
-from msggen.cli.values import convert_values, whole
+from msggen.cli.values import non_empty, whole
 from msggen.recordings.files.paths import is_bag
 from msggen.show.report.json import dump
 
@@ -54,7 +54,7 @@ def add_fleet(parser: argparse.ArgumentParser) -> None:
         help="what folders are named after: vehicle,date, or one of these (default: vehicle,date)",
     )
     group.add_argument(
-        "--jobs", metavar="N", type=non_empty, help="number of processes (default: that of the processors)"
+        "--jobs", metavar="N", type=whole(1, _MOST_JOBS), help="number of processes (default: that of the processors)"
     )
     group.add_argument(
         "--dask", metavar="ADDRESS", type=non_empty, help="scheduler of Dask, tcp://HOST:PORT, whose workers convert"
@@ -78,7 +78,6 @@ def is_fleet(path: str) -> bool:
 
 def convert_fleet(options: argparse.Namespace) -> int:
     """Convert the recordings below a folder that the fleet does not have yet. Return the exit code."""
-    convert_values(options, {"jobs": whole(1, _MOST_JOBS)})
     for name, spelling in _SINGLE.items():
         if getattr(options, name) not in (None, [], False):
             refuse(options, f"argument {spelling}: a folder of recordings becomes Parquet as a whole: leave it out")

@@ -6,10 +6,11 @@ import argparse
 import os
 from collections.abc import Iterator, Sequence
 from datetime import datetime, timezone
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from msggen.base.diagnostics import counted, printable
 from msggen.base.exit_codes import DONE, FINDINGS
+from msggen.base.recording_formats import FORMATS
 from msggen.cli.log.arguments import CODES, add_file
 from msggen.cli.log.contents import contents_of
 from msggen.cli.log.fields import field_objects, print_fields
@@ -20,8 +21,10 @@ from msggen.cli.log.opening import (
     problem_object,
 )
 from msggen.cli.log.progress import busy_bar
-from msggen.cli.options import Commands, add_command, add_shared, non_empty
-from msggen.cli.printing import number_of_bytes, print_table
+from msggen.cli.options import Commands, add_command, add_shared
+from msggen.cli.printing import number_of_bytes
+from msggen.cli.table import Column, objects_of, print_table
+from msggen.cli.values import non_empty
 from msggen.show.report.json import dump
 
 if TYPE_CHECKING:
@@ -30,7 +33,6 @@ if TYPE_CHECKING:
 
 _BAD = ("emergency", "alert", "critical", "error", "warning")
 """The levels of texts that are counted."""
-_NAMES = {"mcap": "MCAP", "ulog": "ULog", "db3": "rosbag2 database", "rosbag2": "rosbag2"}
 
 
 def add_to(actions: Commands) -> None:
@@ -91,7 +93,8 @@ def _rows_on_contents(log: Log, checksums: Checksums | None) -> Iterator[tuple[s
 
 
 def _rows(path: str, log: Log) -> Iterator[tuple[str, str]]:
-    yield "file", f"{path}, {_NAMES.get(log.kind, log.kind)}, {number_of_bytes(_size(path))}"
+    format_ = FORMATS[log.kind].name if log.kind in FORMATS else log.kind
+    yield "file", f"{path}, {format_}, {number_of_bytes(_size(path))}"
     start = _start(log)
     yield "start", f"{start:%Y-%m-%d %H:%M:%S} UTC" if start else "unknown: the recording has no time of day"
     end = _time_of_day(log, log.end)
@@ -183,7 +186,8 @@ def _time_of_day(log: Log, time: int) -> datetime | None:
 def _print_topic(options: argparse.Namespace, log: Log, topic: Topic) -> None:
     """Print a topic with its fields."""
     if options.json:
-        print(dump({**_topic_object(log, topic), "fields": field_objects(topic)}))
+        (made,) = objects_of(_COLUMNS, [_row(log, topic)])
+        print(dump({**made, "fields": field_objects(topic)}))
         return
     for name, text in _topic_rows(log, topic):
         print(f"{name:<11} {printable(text)}")
@@ -195,11 +199,13 @@ def _topic_rows(log: Log, topic: Topic) -> Iterator[tuple[str, str]]:
     yield "topic", topic.label
     yield "type", topic.ros_type
     if topic.count:
-        _, _, samples, _, rate, first, last, gaps = _row(log, topic)
-        yield "samples", f"{samples}, {rate or 0} Hz, from {first} to {last} s" + (f", gaps {gaps}" if gaps else "")
-        size = _sample_size(topic)
-        if size is not None:
-            yield "size", f"{number_of_bytes(size)} each, {number_of_bytes(size * topic.count)} in all"
+        row = _row(log, topic)
+        cells = {column.heading: column.text(row) for column in _COLUMNS}
+        gaps = f", gaps {cells['gaps']}" if row.gaps else ""
+        times = f"from {cells['first']} to {cells['last']} s"
+        yield "samples", f"{cells['samples']}, {cells['rate'] or 0} Hz, {times}{gaps}"
+        if row.sample_size is not None:
+            yield "size", f"{number_of_bytes(row.sample_size)} each, {cells['size']} in all"
     else:
         yield "samples", "0"
     for note in log.notes if topic.is_lent else ():
@@ -207,25 +213,53 @@ def _topic_rows(log: Log, topic: Topic) -> Iterator[tuple[str, str]]:
 
 
 def _print_topics(log: Log) -> None:
-    rows = [_row(log, topic) for topic in log.topics if topic.count]
     print()
-    print_table(("topic", "type", "samples", "size", "rate", "first", "last", "gaps"), rows, right=6)
+    print_table(_COLUMNS, [_row(log, topic) for topic in log.topics if topic.count])
 
 
-def _row(log: Log, topic: Topic) -> tuple[str, ...]:
-    names = topic.label, topic.ros_type.rpartition("/")[2]
-    gaps = topic.gaps
+class _Row(NamedTuple):
+    """A topic of a recording that begins at `start`, in ns."""
+
+    topic: Topic
+    start: int
+    gaps: Sequence[tuple[int, int]]
+    sample_size: int | None
+    """The bytes of each sample, None if they differ or the definition is not known."""
+
+    @property
+    def size(self) -> int | None:
+        """The bytes of all samples."""
+        return None if self.sample_size is None else self.sample_size * self.topic.count
+
+    def seconds(self, time: int) -> float | None:
+        """Return a log time in s after the start, None for a topic without samples."""
+        return (time - self.start) / 1e9 if self.topic.count else None
+
+
+_COLUMNS: Sequence[Column[_Row]] = (
+    Column("name", "", lambda row: row.topic.name),
+    Column("instance", "", lambda row: row.topic.instance),
+    Column("", "topic", lambda row: row.topic.label),
+    Column("type", "type", lambda row: row.topic.ros_type, lambda name: name.rpartition("/")[2]),
+    Column("samples", "samples", lambda row: row.topic.count, "{:,}".format, ">"),
+    Column("sample_size", "", lambda row: row.sample_size),
+    Column("size", "size", lambda row: row.size, number_of_bytes, ">"),
+    Column("rate", "", lambda row: round(row.topic.rate, 3)),
+    Column("", "rate", lambda row: f"{row.topic.rate:.1f}" if row.topic.rate else "", align=">"),
+    Column("first", "first", lambda row: row.seconds(row.topic.first), "{:.3f}".format, ">"),
+    Column("last", "last", lambda row: row.seconds(row.topic.last), "{:.3f}".format, ">"),
+    Column("gaps", "", lambda row: [tuple(map(row.seconds, gap)) for gap in row.gaps]),
+    Column("", "gaps", lambda row: _gaps(row.gaps), align=">"),
+)
+
+
+def _row(log: Log, topic: Topic) -> _Row:
+    return _Row(topic, log.start, topic.gaps, _sample_size(topic))
+
+
+def _gaps(gaps: Sequence[tuple[int, int]]) -> str:
     longest = max((after - before for before, after in gaps), default=0) / 1e9
-    size = _sample_size(topic)
-    return (
-        *names,
-        f"{topic.count:,}",
-        "" if size is None else number_of_bytes(size * topic.count),
-        f"{topic.rate:.1f}" if topic.rate else "",
-        f"{(topic.first - log.start) / 1e9:.3f}",
-        f"{(topic.last - log.start) / 1e9:.3f}",
-        f"{len(gaps)} ({longest:.3f})" if gaps else "",
-    )
+    return f"{len(gaps)} ({longest:.3f})" if gaps else ""
 
 
 def _sample_size(topic: Topic) -> int | None:
@@ -260,7 +294,7 @@ def _object(path: str, log: Log) -> dict[str, Any]:
         "firmware": str(log.release()),
         "commit": log.firmware.commit,
         "samples": sum(topic.count for topic in log.topics),
-        "topics": [_topic_object(log, topic) for topic in log.topics],
+        "topics": objects_of(_COLUMNS, [_row(log, topic) for topic in log.topics]),
         "notes": log.notes,
         "problems": [problem_object(each) for each in log.problems],
     }
@@ -278,22 +312,3 @@ def _object(path: str, log: Log) -> dict[str, Any]:
             {"time": (each.time - log.start) / 1e9, "duration": each.duration / 1e9} for each in facts.dropouts
         ]
     return made
-
-
-def _topic_object(log: Log, topic: Topic) -> dict[str, Any]:
-    def seconds(time: int) -> float | None:
-        return (time - log.start) / 1e9 if topic.count else None
-
-    size = _sample_size(topic)
-    return {
-        "name": topic.name,
-        "instance": topic.instance,
-        "type": topic.ros_type,
-        "samples": topic.count,
-        "sample_size": size,
-        "size": None if size is None else size * topic.count,
-        "rate": round(topic.rate, 3),
-        "first": seconds(topic.first),
-        "last": seconds(topic.last),
-        "gaps": [[seconds(before), seconds(after)] for before, after in topic.gaps],
-    }

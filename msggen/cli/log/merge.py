@@ -9,10 +9,12 @@ from collections.abc import Iterable
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
+from msggen.base.recording_formats import MCAP
 from msggen.cli.log.arguments import CODES, KINDS, add_output
 from msggen.cli.log.opening import code_of, opened, written
 from msggen.cli.log.targets import check_mcap
-from msggen.cli.options import Commands, add_command, local_path
+from msggen.cli.options import Commands, add_command
+from msggen.cli.values import local_path
 
 if TYPE_CHECKING:
     from msggen.recordings import Log
@@ -36,7 +38,7 @@ def add_to(actions: Commands) -> None:
 
 def _merge(options: argparse.Namespace) -> int:
     check_mcap(options)
-    target = options.output or "merged.mcap"
+    target = options.output or f"merged{MCAP}"
     if len(options.files) == 1:
         options.parser.error("expected several recordings, found one")
     twice = [path for path, count in Counter(map(os.path.realpath, options.files)).items() if count > 1]

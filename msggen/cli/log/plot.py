@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 from msggen.base.diagnostics import few, input_error, printable
 from msggen.base.exit_codes import DONE, FINDINGS
-from msggen.cli.log.arguments import CODES, add_file, add_times, asked_time, convert_times
+from msggen.cli.log.arguments import CODES, add_file, add_times, asked_time, check_times
 from msggen.cli.log.opening import opened, print_notes, print_problems
 from msggen.cli.log.progress import busy_bar
-from msggen.cli.options import Commands, add_command, add_shared, check_parent, local_path, non_empty, refuse
+from msggen.cli.options import Commands, add_command, add_shared, check_parent, refuse
 from msggen.cli.packages import missing_extra
 from msggen.cli.printing import number_of_bytes
+from msggen.cli.values import local_path, non_empty
 from msggen.recordings.files.paths import stem_of
 
 if TYPE_CHECKING:
@@ -55,7 +56,7 @@ def add_to(actions: Commands) -> None:
 
 
 def _plot(options: argparse.Namespace) -> int:
-    convert_times(options)
+    check_times(options)
     try:
         import matplotlib as mpl
 

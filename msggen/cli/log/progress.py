@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 import time
 from contextlib import contextmanager
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from msggen.base.diagnostics import printable
 from msggen.base.foreign import guard_output, unguarded, without_commands
+from msggen.cli.printing import is_terminal
 
 if TYPE_CHECKING:
     import argparse
@@ -63,7 +63,7 @@ def busy_bar(options: argparse.Namespace, text: str) -> Iterator[None]:
 def _is_shown(options: argparse.Namespace) -> bool:
     """Whether a bar can be seen, and is wanted."""
     is_unwanted = getattr(options, "quiet", False) or getattr(options, "json", False)
-    return sys.stderr.isatty() and os.environ.get("TERM") != "dumb" and not is_unwanted
+    return not is_unwanted and is_terminal(sys.stderr)
 
 
 class _Bar:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 
 from msggen.base.exit_codes import DONE, FINDINGS
+from msggen.base.recording_formats import MCAP
 from msggen.cli.log.arguments import add_file, add_output
 from msggen.cli.log.opening import opened, written
 from msggen.cli.log.targets import check_mcap
@@ -29,7 +30,7 @@ def add_to(actions: Commands) -> None:
 
 def _repair(options: argparse.Namespace) -> int:
     check_mcap(options)
-    target = options.output or f"{stem_of(options.file)}.repaired.mcap"
+    target = options.output or f"{stem_of(options.file)}.repaired{MCAP}"
     with opened(options, options.file) as log:
         from msggen.recordings.convert import join
 

@@ -5,32 +5,30 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from fnmatch import fnmatchcase
 from itertools import islice
 from math import inf
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from msggen.base.diagnostics import printable, suggestion
 from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.base.foreign import Styled, safe_json
-from msggen.cli.log.arguments import CODES, add_fields, add_file, add_times, asked_time, convert_times
+from msggen.cli.log.arguments import CODES, add_fields, add_file, add_times, asked_time, check_times
 from msggen.cli.log.opening import opened, print_notes, print_problems
-from msggen.cli.options import Commands, add_command, add_shared, non_empty, refuse
-from msggen.cli.values import convert_values, whole
+from msggen.cli.options import Commands, add_command, add_shared, refuse
+from msggen.cli.values import COUNT, non_empty, whole
 from msggen.show.report.json import dump
 
 if TYPE_CHECKING:
     from msggen.recordings import Log, Samples, Topic
     from msggen.recordings.source.source import Facts
 
-_MOST = 10**9
 _PIECE = 50_000
 """The samples that are read at a time."""
 _FARTHEST = 10**15
 """The time in ns after the start, 11 days, up to which a number of s has each ns."""
 _INSTANCES = 255
-_VALUES: Mapping[str, Callable[[str], Any]] = {"count": whole(1, _MOST), "instance": whole(0, _INSTANCES)}
 
 
 def add_to(actions: Commands) -> None:
@@ -53,7 +51,7 @@ def add_to(actions: Commands) -> None:
         help="topic, such as vehicle_status, VehicleStatus or /fmu/out/vehicle_status_v4, or a field of one, such as "
         "vehicle_attitude.q; with --params a parameter, or several, such as 'MPC_*'",
     )
-    parser.add_argument("--instance", metavar="N", type=non_empty, help="of the topic (default: 0)")
+    parser.add_argument("--instance", metavar="N", type=whole(0, _INSTANCES), help="of the topic (default: 0)")
     parser.add_argument("--params", action="store_true", help="print the parameters of a ULog")
     parser.add_argument(
         "--changed",
@@ -62,14 +60,13 @@ def add_to(actions: Commands) -> None:
     )
     parser.add_argument("--texts", action="store_true", help="print the lines of the vehicle's log in a ULog")
     add_times(parser)
-    parser.add_argument("-n", "--count", metavar="N", type=non_empty, help="end after so many samples, or lines")
+    parser.add_argument("-n", "--count", metavar="N", type=COUNT, help="end after so many samples, or lines")
     add_fields(parser, "field to print")
     add_shared(parser, "--json")
 
 
 def _show(options: argparse.Namespace) -> int:
-    convert_times(options)
-    convert_values(options, _VALUES)
+    check_times(options)
     _check(options)
     with opened(options, options.file) as log:
         if not options.topic and not log.has_facts:
@@ -156,7 +153,7 @@ def _samples(options: argparse.Namespace, log: Log, topic: Topic) -> Iterator[st
     from msggen.recordings.columns.text import Printer
 
     printer = Printer(topic)
-    left = options.count or _MOST
+    left = options.count or sys.maxsize
     for piece in _pieces(log, topic, options.start, options.stop, min(left, _PIECE)):
         samples = _first(piece, left).choose(options.field)
         seconds = ((samples.log_times - log.start) / 1e9).tolist()

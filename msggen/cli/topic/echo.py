@@ -13,10 +13,10 @@ from msggen.base.diagnostics import counted
 from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.base.foreign import Styled
 from msggen.cli.link import Connection, add_link, connection
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, non_empty, refuse
+from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, refuse
 from msggen.cli.topic.naming import add_topic, published
-from msggen.cli.values import convert_values, positive
-from msggen.cli.watching import add_limits, convert_limits, rounds, watching
+from msggen.cli.values import non_empty, positive
+from msggen.cli.watching import add_limits, rounds, watching
 
 if TYPE_CHECKING:
     from msggen.live import Subscription, Vehicle
@@ -58,7 +58,7 @@ def add_to(actions: Commands) -> None:
         help="print only this value: nav_state, position[2], esc[0].esc_rpm; repeatable",
     )
     parser.add_argument("--once", action="store_true", help="end after the first message")
-    parser.add_argument("--every", metavar="SECONDS", type=non_empty, help="print at most one message in this time")
+    parser.add_argument("--every", metavar="SECONDS", type=positive, help="print at most one message in this time")
     add_limits(parser)
     group = parser.add_mutually_exclusive_group()
     add_shared(group, "--json")
@@ -68,8 +68,6 @@ def add_to(actions: Commands) -> None:
 
 
 def _echo(options: argparse.Namespace) -> int:
-    convert_limits(options)
-    convert_values(options, {"every": positive})
     if options.quote_formulas and not options.csv:
         refuse(options, "argument --quote-formulas: only with --csv")
     if options.once:

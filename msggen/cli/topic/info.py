@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from msggen.base.exit_codes import DONE
 from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.options import Commands, add_command, add_shared
-from msggen.cli.printing import print_table
+from msggen.cli.table import Column, objects_of, print_table
 from msggen.cli.topic.naming import add_topic, topic_of
 from msggen.show.report.json import dump
 
@@ -40,10 +41,11 @@ def _info(options: argparse.Namespace) -> int:
     with connection(options) as found:
         topic = topic_of(options, options.topic, found, "out")
         hashed = _vehicle_hash(found, topic)
+        facts = list(_facts(topic, hashed, found.label))
         if options.json:
-            print(dump(_object(topic, hashed)))
+            print(dump({key: value for fact in facts for key, value in fact.values.items()} | _definition(topic)))
         else:
-            _print(topic, hashed, found.label)
+            _print(facts, topic.message)
     return DONE
 
 
@@ -60,53 +62,56 @@ def _vehicle_hash(found: Connection, topic: Named) -> int | None:
     return None
 
 
-def _print(topic: Named, hashed: int | None, label: str) -> None:
-    for name, text in _rows(topic, hashed, label):
-        print(f"{name:<13} {text}")
-    message = topic.message
-    if message is None:
-        return
-    print("fields")
-    rows = [(f"  {field.name}", field.type, *_about(message, field)) for field in message.__msg__.fields]
-    print_table(("  name", "type", "unit", "frame", "enum"), rows, right=0)
-    for name, members in _enums(message).items():
-        print(f"enum {name}")
-        print(*(f"  {value:>5} {member}" for member, value in members.items()), sep="\n")
+class _Fact(NamedTuple):
+    """A line of text, None if only JSON has the fact, and its values in JSON."""
+
+    name: str
+    text: str | None
+    values: Mapping[str, object] = MappingProxyType({})
 
 
-def _rows(topic: Named, hashed: int | None, label: str) -> Iterator[tuple[str, str]]:
+def _facts(topic: Named, hashed: int | None, label: str) -> Iterator[_Fact]:
     endpoint: Any = topic.endpoint
     route = topic.route
-    yield "topic", topic.name if route else f"{topic.name}, which the vehicle does not have"
-    yield "direction", "out: PX4 publishes it" if topic.direction == "out" else "in: PX4 reads it"
+    known = route.ros_type if route else ""
+    name = topic.name if route else f"{topic.name}, which the vehicle does not have"
+    way = "out: PX4 publishes it" if topic.direction == "out" else "in: PX4 reads it"
+    yield _Fact("topic", name, {"topic": topic.name})
+    yield _Fact("direction", way, {"direction": topic.direction, "on_vehicle": route is not None, "type": known})
     if endpoint is None:
-        yield "type", f"{route.ros_type if route else ''}, of which {label} has no definition: name the firmware, --px4"
+        yield _Fact("type", f"{known}, of which {label} has no definition: name the firmware, --px4")
         return
-    info = endpoint.message.__msg__
-    yield "message", f"{info.name}, version {info.message_version}"
-    yield "type", info.ros_type
-    yield "size", f"{info.cdr_size} bytes and a header of 4"
-    yield "message hash", f"{info.message_hash:#010x}{_comparison(info.message_hash, hashed)}"
-    yield "type hash", info.type_hash
-    yield "uORB topic", endpoint.uorb_topic
-    yield "object id", str(endpoint.object_id)
-    if endpoint.publish_interval_ms is not None:
-        yield "rate limit", _limit(endpoint)
+    yield from _facts_of_message(endpoint.message.__msg__, hashed)
+    yield _Fact("uORB topic", endpoint.uorb_topic, {"uorb_topic": endpoint.uorb_topic})
+    yield _Fact("object id", str(endpoint.object_id), {"object_id": endpoint.object_id})
+    rates = {name: getattr(endpoint, name) for name in ("rate_limit_hz", "publish_interval_ms")}
+    yield _Fact("rate limit", _limit(endpoint), rates)
     if endpoint.route_field:
-        yield "instances", f"one for each value of '{endpoint.route_field}', up to {endpoint.max_instances}"
-    yield "QoS", f"PX4 {_qos(endpoint, of_px4=True)}; for others {_qos(endpoint, of_px4=False)}"
-    yield "in ROS 2", ros_command(topic)
+        yield _Fact("instances", f"one for each value of '{endpoint.route_field}', up to {endpoint.max_instances}")
+    both = f"PX4 {_qos(endpoint, of_px4=True)}; for others {_qos(endpoint, of_px4=False)}"
+    yield _Fact("QoS", both, {"qos": {name: _qos_object(getattr(endpoint.qos, name)) for name in ("writer", "reader")}})
+    yield _Fact("in ROS 2", ros_command(topic))
 
 
-def _comparison(own: int, theirs: int | None) -> str:
+def _facts_of_message(info: Any, hashed: int | None) -> Iterator[_Fact]:
+    version = {"message": info.name, "message_version": info.message_version}
+    yield _Fact("message", f"{info.name}, version {info.message_version}", version)
+    yield _Fact("type", info.ros_type, {"type": info.ros_type})
+    yield _Fact("size", f"{info.cdr_size} bytes and a header of 4", {"size": info.cdr_size})
+    own, theirs = f"{info.message_hash:#010x}", None if hashed is None else f"{hashed:#010x}"
+    yield _Fact("message hash", f"{own}{_comparison(own, theirs)}", {"message_hash": own, "vehicle_hash": theirs})
+    yield _Fact("type hash", info.type_hash, {"type_hash": info.type_hash})
+
+
+def _comparison(own: str, theirs: str | None) -> str:
     if theirs is None:
         return ", which the vehicle has not confirmed"
-    return ", as on the vehicle" if own == theirs else f", but {theirs:#010x} on the vehicle: name its firmware, --px4"
+    return ", as on the vehicle" if own == theirs else f", but {theirs} on the vehicle: name its firmware, --px4"
 
 
-def _limit(endpoint: Any) -> str:
-    if endpoint.publish_interval_ms == 0:
-        return "none"
+def _limit(endpoint: Any) -> str | None:
+    if not endpoint.publish_interval_ms:
+        return None if endpoint.publish_interval_ms is None else "none"
     limit = f"{endpoint.rate_limit_hz:g} Hz" if endpoint.rate_limit_hz else "none in dds_topics.yaml"
     return f"{limit}, at least {endpoint.publish_interval_ms} ms between samples"
 
@@ -128,9 +133,20 @@ def ros_command(topic: Named) -> str:
     return f"ros2 topic echo {qos} {topic.name} {ros_type}"
 
 
-def _about(message: Any, field: Any) -> tuple[str, str, str]:
-    enum = message.__msg__.enum(field.name)
-    return field.unit if field.unit != "-" else "", field.frame, enum.__name__ if enum else ""
+def _columns(info: Any) -> Sequence[Column[Any]]:
+    """Return what is told of the fields of a message."""
+
+    def enum_of(field: Any) -> str:
+        enum = info.enum(field.name)
+        return enum.__name__ if enum else ""
+
+    return (
+        Column("name", "  name", lambda field: field.name, "  {}".format),
+        Column("type", "type", lambda field: field.type),
+        Column("unit", "unit", lambda field: field.unit if field.unit != "-" else ""),
+        Column("frame", "frame", lambda field: field.frame),
+        Column("enum", "enum", enum_of),
+    )
 
 
 def _enums(message: Any) -> dict[str, dict[str, int]]:
@@ -139,42 +155,25 @@ def _enums(message: Any) -> dict[str, dict[str, int]]:
     return {enum.__name__: {name: int(member) for name, member in enum.__members__.items()} for enum in found}
 
 
-def _object(topic: Named, hashed: int | None) -> dict[str, Any]:
-    made: dict[str, Any] = {
-        "topic": topic.name,
-        "direction": topic.direction,
-        "on_vehicle": topic.route is not None,
-        "type": topic.route.ros_type if topic.route else "",
-    }
-    if topic.endpoint is None or topic.message is None:
-        return made
-    endpoint: Any = topic.endpoint
+def _print(facts: Sequence[_Fact], message: Any) -> None:
+    for name, text, _ in facts:
+        if text is not None:
+            print(f"{name:<13} {text}")
+    if message is None:
+        return
+    print("fields")
+    print_table(_columns(message.__msg__), message.__msg__.fields)
+    for name, members in _enums(message).items():
+        print(f"enum {name}")
+        print(*(f"  {value:>5} {member}" for member, value in members.items()), sep="\n")
+
+
+def _definition(topic: Named) -> dict[str, Any]:
+    """Return the fields and enums of a topic for JSON, nothing if they are not known."""
+    if topic.message is None:
+        return {}
     info = topic.message.__msg__
-    return made | {
-        "type": info.ros_type,
-        "message": info.name,
-        "message_version": info.message_version,
-        "size": info.cdr_size,
-        "message_hash": f"{info.message_hash:#010x}",
-        "vehicle_hash": None if hashed is None else f"{hashed:#010x}",
-        "type_hash": info.type_hash,
-        "uorb_topic": endpoint.uorb_topic,
-        "object_id": endpoint.object_id,
-        "rate_limit_hz": endpoint.rate_limit_hz,
-        "publish_interval_ms": endpoint.publish_interval_ms,
-        "qos": {name: _qos_object(getattr(endpoint.qos, name)) for name in ("writer", "reader")},
-        "fields": [
-            dict(
-                zip(
-                    ("name", "type", "unit", "frame", "enum"),
-                    (field.name, field.type, *_about(topic.message, field)),
-                    strict=True,
-                )
-            )
-            for field in info.fields
-        ],
-        "enums": _enums(topic.message),
-    }
+    return {"fields": objects_of(_columns(info), info.fields), "enums": _enums(topic.message)}
 
 
 def _qos_object(qos: Any) -> dict[str, Any]:

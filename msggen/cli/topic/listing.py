@@ -6,13 +6,15 @@ import argparse
 import math
 import sys
 import time
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.base.exit_codes import DONE
 from msggen.cli.link import Connection, add_link, connection
-from msggen.cli.options import Commands, add_command, add_shared, non_empty, refuse
-from msggen.cli.printing import finite, number_of_bytes, print_table
-from msggen.cli.values import convert_values, positive
+from msggen.cli.options import Commands, add_command, add_shared, refuse
+from msggen.cli.printing import number_of_bytes
+from msggen.cli.table import Column, objects_of, print_table
+from msggen.cli.values import non_empty
 from msggen.cli.watching import add_window
 from msggen.show.report.json import dump
 
@@ -69,24 +71,21 @@ def _add_find(actions: Commands) -> None:
 def _list(options: argparse.Namespace) -> int:
     from msggen.live.messages.lookup import all_topics
 
-    convert_values(options, {"window": positive})
     with connection(options) as found:
         flows = _flows(options, found) if options.verbose else {}
-        topics = [
-            topic
+        now = time.time_ns()
+        rows = [
+            _Row(topic, flows.get(topic.name), now)
             for topic in all_topics(found.package, found.vehicle.routes)
             if (topic.route or options.verbose) and options.direction in (None, topic.direction)
         ]
-        now = time.time_ns()
         if options.json:
-            print(dump([_object(topic, flows.get(topic.name), now, options) for topic in topics]))
+            print(dump(objects_of(_columns(options), rows)))
         elif options.verbose:
-            heads = ("topic", "way", "type" if options.show_types else "message", "rate", "size", "bandwidth", "age")
-            rows = [_row(topic, flows.get(topic.name), now, options) for topic in topics]
-            print_table(heads, rows, right=4)
+            print_table(_columns(options), rows)
         else:
-            for topic in topics:
-                print(f"{topic.name} [{_type(topic)}]" if options.show_types else topic.name)
+            for row in rows:
+                print(f"{row.topic.name} [{_type(row)}]" if options.show_types else row.topic.name)
     return DONE
 
 
@@ -101,42 +100,57 @@ def _flows(options: argparse.Namespace, found: Connection) -> dict[str, Flow]:
         return {flow.route.name: flow for flow in meter.flows(time.time_ns())}
 
 
-def _type(topic: Named) -> str:
+class _Row(NamedTuple):
+    """A topic, and what was heard of it until `now`, of `time.time_ns`."""
+
+    topic: Named
+    flow: Flow | None
+    now: int
+
+
+def _type(row: _Row) -> str:
+    """Return the type of a topic in ROS 2, "" if it is not known."""
+    topic = row.topic
     if topic.route is not None:
         return topic.route.ros_type
     return topic.endpoint.message.__msg__.ros_type if topic.endpoint is not None else ""
 
 
-def _row(topic: Named, flow: Flow | None, now: int, options: argparse.Namespace) -> list[str]:
-    type_ = _type(topic)
-    about = [topic.name, topic.direction, type_ if options.show_types else type_.rpartition("/")[2]]
+def _state(row: _Row) -> str:
+    """Return why a topic has no rate, "" if it has one."""
+    topic, flow, now = row
     if flow is None:
-        state = "not on the vehicle" if topic.route is None else "silent" if topic.direction == "out" else ""
-        return [*about, state, "", "", ""]
-    age = f"{max(now - flow.last, 0) / 1e9:.1f} s"
+        return "not on the vehicle" if topic.route is None else "silent" if topic.direction == "out" else ""
     if math.isnan(flow.rate):
-        return [*about, "one sample", f"{flow.size} B", "", age]
-    if now - flow.last > _ENDED * 1e9 * max(1 / flow.rate, flow.longest):  # a burst of answers has a rate, too
-        return [*about, "ended", f"{flow.size} B", "", age]
-    return [*about, f"{flow.rate:.1f} Hz", f"{flow.size} B", f"{number_of_bytes(flow.bandwidth)}/s", age]
+        return "one sample"
+    is_over = now - flow.last > _ENDED * 1e9 * max(1 / flow.rate, flow.longest)  # a burst of answers has a rate, too
+    return "ended" if is_over else ""
 
 
-def _object(topic: Named, flow: Flow | None, now: int, options: argparse.Namespace) -> dict[str, Any]:
-    made: dict[str, Any] = {
-        "topic": topic.name,
-        "type": _type(topic),
-        "direction": topic.direction,
-        "on_vehicle": topic.route is not None,
-    }
+def _columns(options: argparse.Namespace) -> Iterator[Column[_Row]]:
+    """Yield what is told of each topic."""
+    yield Column("topic", "topic", lambda row: row.topic.name)
+    yield Column("type", "", _type)
+    yield Column("direction", "way", lambda row: row.topic.direction)
+    yield Column("on_vehicle", "", lambda row: row.topic.route is not None)
+    if options.show_types:
+        yield Column("", "type", _type)
+    else:
+        yield Column("", "message", lambda row: _type(row).rpartition("/")[2])
     if options.verbose:
-        made |= {
-            "samples": flow.samples if flow else 0,
-            "rate": finite(flow.rate) if flow else None,
-            "size": flow.size if flow else None,
-            "bandwidth": finite(flow.bandwidth) if flow else None,
-            "age": max(now - flow.last, 0) / 1e9 if flow else None,
-        }
-    return made
+        yield Column("samples", "", lambda row: row.flow.samples if row.flow else 0)
+        yield Column("rate", "", lambda row: row.flow and row.flow.rate)
+        yield Column("", "rate", lambda row: _state(row) or (row.flow and f"{row.flow.rate:.1f} Hz"), align=">")
+        yield Column("size", "size", lambda row: row.flow and row.flow.size, "{} B".format, ">")
+        yield Column("bandwidth", "", lambda row: row.flow and row.flow.bandwidth)
+        yield Column("", "bandwidth", _bandwidth, align=">")
+        yield Column(
+            "age", "age", lambda row: row.flow and max(row.now - row.flow.last, 0) / 1e9, "{:.1f} s".format, ">"
+        )
+
+
+def _bandwidth(row: _Row) -> str:
+    return f"{number_of_bytes(row.flow.bandwidth)}/s" if row.flow and not _state(row) else ""
 
 
 def _find(options: argparse.Namespace) -> int:

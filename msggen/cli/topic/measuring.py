@@ -6,16 +6,17 @@ import argparse
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from msggen.base.exit_codes import DONE
 from msggen.base.foreign import Styled
 from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
-from msggen.cli.printing import finite, number_of_bytes, print_table
+from msggen.cli.printing import finite, number_of_bytes
+from msggen.cli.table import Column, print_table
 from msggen.cli.topic.naming import add_topics, published
-from msggen.cli.values import convert_values, positive
-from msggen.cli.watching import add_limits, add_window, convert_limits, rounds, watching
+from msggen.cli.watching import add_limits, add_window, rounds, watching
 from msggen.show.report.json import dump
 
 if TYPE_CHECKING:
@@ -197,8 +198,6 @@ def _add(actions: Commands, name: str, measure: type[_Measure], **about: Any) ->
 
 
 def _measure(options: argparse.Namespace, kind: type[_Measure]) -> int:
-    convert_limits(options)
-    convert_values(options, {"window": positive})
     with connection(options) as found:
         names = [topic.name for topic in published(options, found, options.topics)]
         measure, chosen = kind(options, found), frozenset(names)
@@ -232,4 +231,7 @@ def _report(options: argparse.Namespace, measure: _Measure, names: Sequence[str]
     else:
         blank = [""] * (len(measure.heads) - 2)
         cells = [*map(measure.cells, rows), *([name, "silent", *blank] for name in silent)]
-        print_table(measure.heads, cells, right=len(measure.heads) - 1)
+        columns = [
+            Column("", head, itemgetter(index), align=">" if index else "<") for index, head in enumerate(measure.heads)
+        ]
+        print_table(columns, cells)

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from msggen.cli.link import Connection
-from msggen.cli.options import non_empty, refuse
+from msggen.cli.options import refuse
+from msggen.cli.values import non_empty
 
 if TYPE_CHECKING:
     from msggen.live.messages.lookup import Named

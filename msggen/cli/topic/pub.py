@@ -14,10 +14,10 @@ from msggen.base.diagnostics import counted
 from msggen.base.exit_codes import DONE
 from msggen.cli.link import add_link, connection, given_package
 from msggen.cli.message import Values, add_values, read_values, settle
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, non_empty, refuse
+from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, refuse
 from msggen.cli.topic.naming import SPELLINGS_IN, add_topic
-from msggen.cli.values import convert_values, positive
-from msggen.cli.watching import add_limits, convert_limits, watching
+from msggen.cli.values import Deferred, positive
+from msggen.cli.watching import add_limits, watching
 
 if TYPE_CHECKING:
     from msggen.live.link import Route
@@ -43,7 +43,7 @@ def add_to(actions: Commands) -> None:
     )
     add_topic(parser, SPELLINGS_IN)
     add_values(parser)
-    parser.add_argument("-r", "--rate", metavar="HZ", type=non_empty, help=f"messages a second (default: {_RATE:g})")
+    parser.add_argument("-r", "--rate", metavar="HZ", type=_rate, help=f"messages a second (default: {_RATE:g})")
     parser.add_argument("-1", "--once", action="store_true", help="end after the first message")
     add_limits(parser)
     add_shared(parser, "-q, --quiet")
@@ -51,8 +51,6 @@ def add_to(actions: Commands) -> None:
 
 
 def _pub(options: argparse.Namespace) -> int:
-    convert_values(options, {"rate": _rate})
-    convert_limits(options)
     if options.once and options.count:
         refuse(options, "argument --once: not allowed with argument -n/--count")
     values, given = read_values(options), given_package(options)
@@ -66,8 +64,9 @@ def _pub(options: argparse.Namespace) -> int:
     return DONE
 
 
+@Deferred
 def _rate(text: str) -> float:
-    found = positive(text)
+    found: float = positive.convert(text)
     if found > _FASTEST:
         raise argparse.ArgumentTypeError(f"expected up to {_FASTEST:g} Hz, found {text!r}")
     return found

@@ -87,11 +87,19 @@ def _check_depth(text: str) -> None:
     if text.count("[") + text.count("{") + max(map(_depth, text.split("\n"))) <= _MAX_DEPTH:
         return  # too few brackets and too little indentation to be nested deeply
     depth = 0
-    for event in yaml.parse(text, Loader=_LOADER):
-        mark: Any = event.start_mark
-        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
-        if depth > _MAX_DEPTH:
-            raise yaml.MarkedYAMLError(problem=f"nested deeper than {_MAX_DEPTH}", problem_mark=mark)
+    mark: Any = None
+    try:
+        for event in yaml.parse(text, Loader=_LOADER):
+            mark = event.start_mark
+            depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+            if depth > _MAX_DEPTH:
+                break
+    except yaml.MarkedYAMLError as error:
+        if "nesting depth" not in str(error):  # of newer versions of libyaml, which look ahead
+            raise
+        depth, mark = _MAX_DEPTH + 1, error.problem_mark
+    if depth > _MAX_DEPTH:
+        raise yaml.MarkedYAMLError(problem=f"nested deeper than {_MAX_DEPTH}", problem_mark=mark)
 
 
 def _depth(line: str) -> int:

@@ -10,7 +10,26 @@ from msggen.base.disk.reading import read_bytes
 from msggen.base.disk.record import Record, digest
 from msggen.generate.sync.scaffold import Scaffold
 from msggen.generate.sync.target import Target
+from msggen.sources.embedded import all_releases
 from msggen.sources.overlap import KINDS
+
+_FORMER = """
+AccelCalibration ActuatorControls ActuatorControls0 ActuatorControls1 ActuatorControls2 ActuatorControls3
+ActuatorControlsVirtualFw ActuatorControlsVirtualMc ActuatorDirect ArmRequest AttPosMocap BaroBiasEstimate
+CommanderState ControlState Ekf2Innovations Ekf2Replay EkfGpsDrift EkfGpsPosition Encoders EstimatorBaroBias
+EstimatorOpticalFlowVel Fence FenceVertex FilteredBottomFlow FwPosCtrlStatus FwVirtualAttitudeSetpoint
+FwVirtualRatesSetpoint GeofenceUpdate GyroCalibration HilSensor LowStack MagCalibration ManualControlInput
+McAttCtrlStatus McVirtualAttitudeSetpoint McVirtualRatesSetpoint MecanumVelocitySetpoint ModeRequest MountStatus
+MultirotorMotorLimits NavigationCapabilities ObstacleAvoidance OpticalFlow OutputPwm RangeFinder
+RoverAckermannGuidanceStatus RoverAckermannSetpoint RoverAckermannStatus RoverDifferentialGuidanceStatus
+RoverDifferentialSetpoint RoverDifferentialStatus RoverMecanumGuidanceStatus RoverMecanumSetpoint RoverMecanumStatus
+RoverVelocitySetpoint RpmControlStatus RtlFlightTime Safety SensorAccelIntegrated SensorAccelStatus SensorBias
+SensorGyroControl SensorGyroFftAxis SensorGyroIntegrated SensorGyroStatus SensorPreflight SensorPreflightImu
+ServorailStatus Sih SubsystemInfo TelemetryHeartbeat TestMotor TimeOffset Timesync UwbDistance UwbGrid
+VehicleActuatorSetpoint VehicleAngularAcceleration VehicleForceSetpoint VehicleGlobalVelocitySetpoint VehicleGpsPosition
+VehicleStatusFlags VehicleViconPosition VisionPositionEstimate VtxAuxMap VtxTable WindEstimate
+"""
+"""The messages that PX4 had only before the first embedded release, or between two of them."""
 
 
 class SyncPlan(NamedTuple):
@@ -65,8 +84,8 @@ def make_plan(
 ) -> SyncPlan:
     """Return the changes that make the package contain `files`."""
     before = read_package(target.folder)
-    owned = owned_names(known)
     surplus = [name for name in before if name not in files]
+    owned = owned_names(known) if surplus else ()
     digests = {name: digest(data) for name, data in files.items()}
     return SyncPlan(
         target,
@@ -115,5 +134,4 @@ def owned_names(known: Record) -> Collection[str]:
     """
     if known.files:
         return known.files.keys()
-    with open(os.path.join(os.path.dirname(__file__), "names.txt"), encoding="ascii") as stream:
-        return frozenset(stream.read().split())
+    return all_releases().definitions.union(f"msg/{name}.msg" for name in _FORMER.split())

@@ -9,23 +9,7 @@ from urllib.parse import parse_qsl, unquote
 
 from msggen.base.diagnostics import suggestion
 from msggen.live.link import LinkError
-
-FORMS = {
-    "udp": "udp://127.0.0.1:8888",
-    "serial": "serial:///dev/ttyUSB0?baud=921600",
-    "tap": "tap://127.0.0.1:8888?agent=127.0.0.1:8889",
-    "dds": "dds://0",
-}
-"""An example for each scheme."""
-
-QUERIES = {"udp": (), "serial": ("baud",), "tap": ("agent",), "dds": ()}
-"""The keys that an address may have after `?`."""
-
-PORT = 8888
-"""The port of PX4's client by default (parameter UXRCE_DDS_PRT)."""
-
-BAUD = 921600
-"""The rate of TELEM2 in PX4's guide, in bit/s."""
+from msggen.live.links.link_types import AGENT_PORT, BAUD, LINK_TYPES, PORT, LinkType
 
 _ARGUMENTS = ("key", "namespace", "address", "allow", "types", "queue", "isolated")
 """Arguments of Vehicle, which are not part of an address."""
@@ -48,36 +32,39 @@ class Address(NamedTuple):
     port: int = PORT
     path: str = ""
     baud: int = BAUD
-    agent: tuple[str, int] = ("127.0.0.1", PORT + 1)
+    agent: tuple[str, int] = ("127.0.0.1", AGENT_PORT)
     domain: int = 0
 
     def __str__(self) -> str:
-        if self.scheme == "serial":
-            return f"serial://{self.path}?baud={self.baud}"
-        if self.scheme == "dds":
-            return f"dds://{self.domain}"
-        place = f"{self.scheme}://{_joined(self.host, self.port)}"
-        return f"{place}?agent={_joined(*self.agent)}" if self.scheme == "tap" else place
+        place, agent = _joined(self.host, self.port), _joined(*self.agent)
+        return self.link_type.form.format(place=place, path=self.path, baud=self.baud, agent=agent, domain=self.domain)
+
+    @property
+    def link_type(self) -> LinkType:
+        """The type of the link."""
+        return LINK_TYPES[self.scheme]
 
 
-def parse_address(text: str, schemes: Collection[str] = tuple(FORMS)) -> Address:
+def parse_address(text: str, schemes: Collection[str] = tuple(LINK_TYPES)) -> Address:
     """Return the parts of an address with one of some schemes. Raises LinkError, which names the nearest right form."""
     scheme, separator, rest = text.partition("://")
     if not separator or scheme not in schemes:
         raise LinkError(f"'{text}' is not the address of a link{_nearest_form(text, schemes)}")
     place, _, query = rest.partition("?")
     values = _query(text, scheme, query)
-    if scheme == "serial":
-        return _serial(text, unquote(place), values)
-    if scheme == "dds":
+    link_type = LINK_TYPES[scheme]
+    if link_type.is_device:
+        return _device(text, unquote(place), values)
+    if link_type.has_domain:
         domain = _number(text, place or "0", "a DDS domain", _DOMAINS)
         return Address(scheme, domain=domain)
     host, port = _place(text, place.rstrip("/"), PORT)
-    if scheme == "udp":
+    if not link_type.has_agent:
         return Address(scheme, host, port)
-    agent = _place(text, values.get("agent", ""), PORT + 1)
+    agent = _place(text, values.get("agent", ""), AGENT_PORT)
     if agent == (host, port):
-        raise LinkError(f"'{text}': the agent has the tap's own address: start the agent on another port, 8889")
+        own = "the agent has the tap's own address"
+        raise LinkError(f"'{text}': {own}: start the agent on another port, {AGENT_PORT}")
     return Address(scheme, host, port, agent=agent)
 
 
@@ -87,11 +74,12 @@ def _joined(host: str, port: int) -> str:
 
 def _query(text: str, scheme: str, query: str) -> dict[str, str]:
     values = dict(parse_qsl(query, keep_blank_values=True))
-    unknown = [key for key in values if key not in QUERIES[scheme]]
+    link_type = LINK_TYPES[scheme]
+    unknown = [key for key in values if key not in link_type.queries]
     if any(key in _ARGUMENTS for key in unknown):
         raise LinkError(f"'{text}': {_misplaced(text, values)}")
     if unknown:
-        known = suggestion(unknown[0], QUERIES[scheme]) or f": expected an address such as '{FORMS[scheme]}'"
+        known = suggestion(unknown[0], link_type.queries) or f": expected an address such as '{link_type.example}'"
         raise LinkError(f"'{text}': unknown key '{unknown[0]}'{known}")
     return values
 
@@ -106,14 +94,15 @@ def _misplaced(text: str, values: Mapping[str, str]) -> str:
     )
 
 
-def _serial(text: str, path: str, values: Mapping[str, str]) -> Address:
+def _device(text: str, path: str, values: Mapping[str, str]) -> Address:
+    scheme, _, rest = text.partition("://")
     if not path:
-        raise LinkError(f"'{text}' has no device: expected an address such as '{FORMS['serial']}'")
+        raise LinkError(f"'{text}' has no device: expected an address such as '{LINK_TYPES[scheme].example}'")
     if re.match(r"dev/|tty[A-Z]", path):
-        front = "serial:///" if path.startswith("dev/") else "serial:///dev/"
-        raise LinkError(f"'{text}' has no absolute path, did you mean '{front}{text.partition('://')[2]}'?")
+        front = "/" if path.startswith("dev/") else "/dev/"
+        raise LinkError(f"'{text}' has no absolute path, did you mean '{scheme}://{front}{rest}'?")
     baud = _number(text, values.get("baud", str(BAUD)), "a baud rate", 1 << 31, least=1)
-    return Address("serial", path=path, baud=baud)
+    return Address(scheme, path=path, baud=baud)
 
 
 def _place(text: str, place: str, port: int) -> tuple[str, int]:
@@ -124,7 +113,9 @@ def _place(text: str, place: str, port: int) -> tuple[str, int]:
     if found is None:
         scheme, other = text.partition("://")[0], re.sub(r"[;,/\s]+", ":", place)
         near = f"{scheme}://{other}" if f"://{place}" in text and re.fullmatch(_PLACE, other) else ""
-        expected = f", did you mean '{near}'?" if near else f": expected an address such as '{FORMS[scheme]}'"
+        expected = (
+            f", did you mean '{near}'?" if near else f": expected an address such as '{LINK_TYPES[scheme].example}'"
+        )
         raise LinkError(f"'{text}': '{place}' is not a host and a port{expected}")
     host = found[1] or found[2] or "127.0.0.1"
     number = _number(text, found[3], "a port", _PORTS, least=1) if found[3] is not None else port
@@ -142,7 +133,7 @@ def _nearest_form(text: str, schemes: Collection[str]) -> str:
     guess = _guess(text, schemes)
     if guess.partition("://")[0] in schemes:
         return f", did you mean '{guess}'?"
-    return f": expected one of {', '.join(FORMS[scheme] for scheme in schemes)}"
+    return f": expected one of {', '.join(LINK_TYPES[scheme].example for scheme in schemes)}"
 
 
 def _guess(text: str, schemes: Collection[str]) -> str:
@@ -151,7 +142,7 @@ def _guess(text: str, schemes: Collection[str]) -> str:
     found = re.fullmatch("([A-Za-z]+)(?::/*|//+)(.*)", text)
     near = get_close_matches(found[1].lower(), schemes, n=1) if found else []
     if found and near:
-        front = "/" if near[0] == "serial" and found[2].startswith("dev/") else ""
+        front = "/" if LINK_TYPES[near[0]].is_device and found[2].startswith("dev/") else ""
         return f"{near[0]}://{front}{found[2]}"
     if "://" in text:
         place = text.partition("://")[2].partition("?")[0].rstrip("/")

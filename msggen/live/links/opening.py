@@ -8,14 +8,6 @@ from importlib import import_module
 from msggen.live.link import Link, LinkError, Route
 from msggen.live.links.address import Address
 
-_LINKS = {
-    "udp": ("UdpLink", ("host", "port"), ("allow", "keys", "known")),
-    "serial": ("SerialLink", ("path", "baud"), ("keys", "known")),
-    "tap": ("TapLink", ("host", "port"), ("agent", "allow", "known")),
-    "dds": ("DdsLink", ("domain",), ()),
-}
-"""The class of each link, its positional arguments from the address, and its options."""
-
 
 def open_link(
     address: Address, allow: Sequence[str | int] = (), known: Sequence[Route] = (), *, is_isolated: bool = False
@@ -28,15 +20,15 @@ def open_link(
     keys = tuple(each for each in allow if not isinstance(each, str))
     addresses = tuple(each for each in allow if isinstance(each, str))
     given = {"allow": addresses, "keys": keys, "known": tuple(known), "agent": address.agent}
-    name, places, options = _LINKS[address.scheme]
+    link_type = address.link_type
     for option, noun in (("allow", "addresses"), ("keys", "keys")):
-        if given[option] and option not in options:
+        if given[option] and option not in link_type.options:
             raise LinkError(f"'{address}' has no {noun} that allow= could name: leave them out")
     if is_isolated:
         from msggen.live.links.isolated import IsolatedLink
 
         return IsolatedLink(address, allow, known)
-    cls = getattr(import_module(f"msggen.live.links.{address.scheme}"), name)
-    arguments = [getattr(address, place) for place in places]
-    link: Link = cls(*arguments, **{option: given[option] for option in options})
+    cls = getattr(import_module(f"msggen.live.links.{address.scheme}"), link_type.link)
+    arguments = [getattr(address, place) for place in link_type.arguments]
+    link: Link = cls(*arguments, **{option: given[option] for option in link_type.options})
     return link

@@ -21,11 +21,11 @@ from typing import NoReturn
 
 from msggen.live.link import LinkError, Listener, Remote, Route, Service
 from msggen.live.links.agent_link import SelectorLink
-from msggen.live.links.udp import BATCH, LONGEST, PORT, RECEIVE_BUFFER, Bound, allowed
+from msggen.live.links.link_types import AGENT_PORT, PORT
+from msggen.live.links.udp import BATCH, LONGEST, RECEIVE_BUFFER, Bound, allowed
 from msggen.live.xrce.outbox import Address
 from msggen.live.xrce.wire import BEST_EFFORT, HEADER, NO_SESSION, STATUS_AGENT
 
-AGENT_PORT = 8889
 HALF = 0x8000
 """A sequence number is newer than half of all numbers."""
 MAX_CLIENTS = 64

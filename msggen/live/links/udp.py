@@ -14,10 +14,9 @@ from functools import lru_cache
 
 from msggen.live.link import LinkError, Listener, Route, deliver
 from msggen.live.links.agent_link import AgentLink
+from msggen.live.links.link_types import PORT
 from msggen.live.xrce.outbox import Address
 
-PORT = 8888
-"""The port of PX4's parameter UXRCE_DDS_PRT."""
 LONGEST = 65536
 """The length of the longest datagram."""
 BATCH = 64

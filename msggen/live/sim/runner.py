@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from msggen.live.link import LinkError
 from msggen.live.links.address import Address
-from msggen.live.sim.transport import DEFAULT_ADDRESS, Transport, open_transport, read_address
+from msggen.live.links.link_types import DEFAULT
+from msggen.live.sim.transport import Transport, open_transport, read_address
 from msggen.live.sim.vehicle import Options, SimulatedVehicle
 
 if TYPE_CHECKING:
@@ -55,7 +56,7 @@ class Runner:
 
     def __init__(self, clients: Sequence[Running], agent: Address) -> None:
         """Open the connection of each client. Raises LinkError if one cannot be opened."""
-        if agent.scheme == "serial" and len(clients) > 1:
+        if agent.link_type.is_device and len(clients) > 1:
             raise LinkError("a serial line has one vehicle: give every vehicle a line, or use udp://")
         self._clients = clients
         self._start = time.monotonic_ns() // 1000 - self.boot
@@ -172,9 +173,7 @@ class Simulator(Runner):
     `vehicles` tells their state. It changes while the thread runs.
     """
 
-    def __init__(
-        self, package: ModuleType, address: str = DEFAULT_ADDRESS, options: Sequence[Options] = (Options(),)
-    ) -> None:
+    def __init__(self, package: ModuleType, address: str = DEFAULT, options: Sequence[Options] = (Options(),)) -> None:
         """Open the connections of a vehicle for each of `options`.
 
         `package` is a package that msggen generated. Raises ValueError for an address that is none, and LinkError if

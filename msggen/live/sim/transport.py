@@ -8,19 +8,18 @@ from contextlib import ExitStack, suppress
 from typing import Any, Protocol
 
 from msggen.live.link import LinkError
-from msggen.live.links.address import FORMS, Address, parse_address
+from msggen.live.links.address import Address, parse_address
+from msggen.live.links.link_types import CLIENTS
 from msggen.live.links.serial import close_line, open_line
 from msggen.live.xrce.framing import AGENT, CLIENT, Deframer, pack_frame
 
-DEFAULT_ADDRESS = FORMS["udp"]
-_SCHEMES = ("udp", "serial")
 _LONGEST = 65_536
 
 
 def read_address(text: str) -> Address:
     """Return the address of an agent in a text. Raises ValueError, which tells what is wrong."""
     try:
-        return parse_address(text, _SCHEMES)
+        return parse_address(text, CLIENTS)
     except LinkError as error:
         raise ValueError(str(error)) from None
 
@@ -132,4 +131,4 @@ class Serial:
 
 def open_transport(address: Address) -> Transport:
     """Return a new connection to the agent. Raises LinkError."""
-    return Udp(address) if address.scheme == "udp" else Serial(address)
+    return Serial(address) if address.link_type.is_device else Udp(address)

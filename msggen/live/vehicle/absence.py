@@ -6,6 +6,7 @@ from shlex import quote
 
 from msggen.base.diagnostics import counted, few
 from msggen.live.link import Statistics
+from msggen.live.links.link_types import AGENT_PORT, type_named
 from msggen.live.vehicle.hub import Hub, Member
 from msggen.live.vehicle.selection import shown
 
@@ -22,7 +23,7 @@ def absence(name: str, hub: Hub, member: Member, seconds: float, received: int =
     `seconds` is how long the program has waited, and `received` how many datagrams had arrived before.
     """
     found = _of_vehicles(hub, member) or _of_datagrams(name, hub.link.statistics(), received)
-    reason, is_silent = found or _of_nothing(name), not found
+    reason, is_silent = found or type_named(name).silence, not found
     return f"no vehicle connected to {name} within {seconds:g} s: {reason}{_help(name, is_silent=is_silent)}"
 
 
@@ -31,7 +32,8 @@ def _help(name: str, *, is_silent: bool) -> str:
     url = name.removesuffix(" (isolated)")
     if "://" not in url:
         return ""
-    sim = f", and `msggen sim {url}` simulates a vehicle" if is_silent and url.startswith("udp://127.") else ""
+    can_simulate = is_silent and "://127." in url and type_named(url).has_clients
+    sim = f", and `msggen sim {url}` simulates a vehicle" if can_simulate else ""
     return f"; `msggen doctor --link {quote(url)}` finds out why{sim}"
 
 
@@ -51,10 +53,10 @@ def _of_vehicles(hub: Hub, member: Member) -> str:
 
 def _of_datagrams(name: str, statistics: Statistics, received: int) -> str:
     arrived = f"{counted(statistics.received - received, 'datagram')} of a client arrived"
-    if statistics.received > received and name.lower().startswith("tap"):
+    if statistics.received > received and type_named(name).has_agent:
         agent = name.partition("?agent=")[2].partition(" ")[0]
         place = f" at {agent}" if agent else ""
-        start = f"start it with MicroXRCEAgent udp4 -p {agent.rpartition(':')[2] or 8889}"
+        start = f"start it with MicroXRCEAgent udp4 -p {agent.rpartition(':')[2] or AGENT_PORT}"
         return f"{arrived}, but no agent answers{place}: {start}"
     if statistics.refused or statistics.dropped:
         told = f"{statistics.refused} datagrams were refused and {statistics.dropped} dropped"
@@ -62,10 +64,3 @@ def _of_datagrams(name: str, statistics: Statistics, received: int) -> str:
     if statistics.received > received:
         return f"{arrived}, but it has not begun a session yet, which takes up to 12 s after a restart: wait longer"
     return ""
-
-
-def _of_nothing(name: str) -> str:
-    if name.lower().startswith("dds"):
-        return "check that an agent runs in this domain (UXRCE_DDS_DOM_ID), and uxrce_dds_client on the vehicle"
-    place = "with this computer's address (UXRCE_DDS_AG_IP) and port (UXRCE_DDS_PRT), or on this serial line"
-    return f"check that uxrce_dds_client runs on the vehicle, {place}"

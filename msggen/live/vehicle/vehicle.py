@@ -20,6 +20,7 @@ from msggen.live.link import (
     Statistics,
     TopicError,
 )
+from msggen.live.links.link_types import DEFAULT
 from msggen.live.messages.names import is_topic, stem_of
 from msggen.live.messages.packages import (
     Endpoint,
@@ -49,7 +50,6 @@ if TYPE_CHECKING:
     from msggen.live.messages.packages import Message, NamedTopic, Packages, Target
     from msggen.live.vehicle.firmware import Firmware
 
-DEFAULT = "udp://127.0.0.1:8888"
 QUEUE = 1000
 """The number of samples that a subscription keeps, by default."""
 

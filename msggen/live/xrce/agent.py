@@ -28,7 +28,8 @@ from msggen.live.link import (
 )
 from msggen.live.xrce import wire
 from msggen.live.xrce.continuation import Continuation
-from msggen.live.xrce.outbox import Address, Outbox
+from msggen.live.xrce.outbox import Address, Outbox, host
+from msggen.live.xrce.places import find_least
 from msggen.live.xrce.session import Limits, Session
 from msggen.live.xrce.streams import NEAR
 from msggen.live.xrce.wire import BEST_EFFORT, ENCAPSULATION, WRITE_DATA, WireError
@@ -146,7 +147,7 @@ class Agent:
                     if missing:
                         session.miss(missing)
                     best_effort.last = sequence
-                    session.heard = True
+                    session.is_writing = True
                     outbox.received += 1
                     payload = ENCAPSULATION + data[12 : 8 + length]
                     outbox.events.append(Sample(session.remote, route, payload, time))  # type: ignore[arg-type]
@@ -217,7 +218,7 @@ class Agent:
                 key=session.create.key,
                 number=session.remote.number if session.remote else 0,
                 age=self._clock - session.begun_at,
-                silence=0.0 if session.heard else self._clock - session.heard_at,
+                silence=0.0 if session.is_heard else self._clock - session.heard_at,
                 timestamps=session.timestamps,
             )
             for session in self._sessions.values()
@@ -239,7 +240,7 @@ class Agent:
         outbox = self._outbox
         if session is None and not self._allow(address):
             outbox.refuse("address that is not allowed")
-            self._warn("address", f"refused {_host(address)}: only allowed addresses may connect; add it to allow=")
+            self._warn("address", f"refused {host(address)}: only allowed addresses may connect; add it to allow=")
             return
         try:
             self._dispatch(data, address, session, time)
@@ -303,11 +304,11 @@ class Agent:
             self._continuation.end(address, self._clock)
             self._warn(
                 "session",
-                f"{_host(address)} has a session of an earlier program whose topics are not those of types=: "
+                f"{host(address)} has a session of an earlier program whose topics are not those of types=: "
                 "it is not continued, and the vehicle connects again in a few seconds",
             )
             raise WireError("sample of another firmware than the expected one")
-        if self._continuation.is_proved(header, submessage, address) and self._has_room():
+        if self._continuation.is_proved(header, submessage, address) and self._has_room(address):
             session = self._begin(wire.CreateClient(0, header.session_id), address)
             session.continue_with(self._continuation.known)
             self._connect(session)
@@ -318,7 +319,7 @@ class Agent:
     ) -> None:
         status = wire.OK
         if self._keys is not None and create.key not in self._keys:
-            text = f"refused {_host(address)}: key {create.key} is not allowed; add it to the keys in allow="
+            text = f"refused {host(address)}: key {create.key} is not allowed; add it to the keys in allow="
             self._warn("key", text)
             raise WireError("key that is not allowed")
         if create.session_id in (wire.NO_SESSION, wire.NO_SESSION_WITH_KEY):
@@ -326,14 +327,14 @@ class Agent:
         if session is None or not self._is_doubled(session, create):
             if session is not None:
                 self._forget(session, "the vehicle has begun another session")
-            if self._has_room():
+            if self._has_room(address):
                 self._begin(create, address)
             else:
                 status = wire.ERR_RESOURCES
                 self._outbox.refuse("too many clients")
                 self._warn(
                     "room",
-                    f"refused {_host(address)}: {self._limits.clients} vehicles are connected, the most for a port",
+                    f"refused {host(address)}: {self._limits.clients} vehicles are connected, the most for a port",
                 )
         key = wire.key_bytes(create.key) if create.session_id < 0x80 else b""
         self._send(header._replace(session_id=create.session_id, key=key), wire.StatusAgent(status).pack(), address)
@@ -343,16 +344,11 @@ class Agent:
         is_soon = self._clock - session.begun_at < _REPEATED
         return create == session.create and is_soon and not session.pinged
 
-    def _has_room(self) -> bool:
-        """Whether a session can begin. Forget one if that is needed: of no vehicle, or of one that is not connected.
-
-        The one that was heard longest ago goes first. A vehicle that synchronises its clock is heard every 12 ms.
-        """
+    def _has_room(self, address: Address) -> bool:
+        """Whether a session can begin at an address. Forget another one if that is needed."""
         if len(self._sessions) < self._limits.clients:
             return True
-        sessions = self._sessions.values()
-        found = next((session for session in sessions if not session.is_vehicle), None)
-        found = found or next((session for session in sessions if session.remote is None), None)
+        found = find_least(self._sessions.values(), host(address), self._clock)
         if found is None:
             return False
         self._forget(found, "another client needs its place")
@@ -360,7 +356,7 @@ class Agent:
 
     def _begin(self, create: wire.CreateClient, address: Address) -> Session:
         session = Session(create, address, self._outbox, self._limits, self._named)
-        session.heard_at = session.begun_at = self._clock
+        session.heard_at = session.written_at = session.begun_at = self._clock
         self._sessions[address] = session
         return session
 
@@ -446,9 +442,5 @@ def _name(address: Address) -> str:
     """Return an address as text: `127.0.0.1:40123`, `[::1]:40123`, or the path of a device."""
     if isinstance(address, str):
         return address
-    host = _host(address)
-    return f"[{host}]:{address[1]}" if ":" in host else f"{host}:{address[1]}"
-
-
-def _host(address: Address) -> str:
-    return address if isinstance(address, str) else str(address[0])
+    name = host(address)
+    return f"[{name}]:{address[1]}" if ":" in name else f"{name}:{address[1]}"

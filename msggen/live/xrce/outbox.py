@@ -11,6 +11,11 @@ Address: TypeAlias = "tuple[Any, ...] | str"
 """The address of a client: as a socket gives it, or the path of a serial device."""
 
 
+def host(address: Address) -> str:
+    """Return an address without its port: an IP address, or the path of a device."""
+    return address if isinstance(address, str) else str(address[0])
+
+
 class Outbox:
     """Events, datagrams to send and counters of an agent."""
 

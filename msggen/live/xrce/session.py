@@ -10,7 +10,7 @@ from msggen.live.link import Connected, Disconnected, LinkError, Lost, Opened, R
 from msggen.live.xrce import entities, wire
 from msggen.live.xrce.entities import RefusedError
 from msggen.live.xrce.inventory import Inventory, Reading
-from msggen.live.xrce.outbox import Address, Outbox
+from msggen.live.xrce.outbox import Address, Outbox, host
 from msggen.live.xrce.streams import NEAR, BestEffortInput, Fragments, ReliableInput, ReliableOutput
 from msggen.live.xrce.wire import BEST_EFFORT, RELIABLE, Submessage, WireError
 
@@ -24,10 +24,16 @@ REPETITIONS: Final = 4
 """The most messages that are sent again after an ACKNACK: as many as PX4's client keeps."""
 VEHICLE: Final = 32
 """Entities from which on a client keeps its place when others want it. PX4's client has 70 or more."""
+IDLE: Final = 0.5
+"""Seconds without a sample or a new entity after which it does not keep it. PX4's client sends some 100 in them."""
+LOSSES: Final = 16
+"""The most missing messages that count for a message: the others count with those that follow. So what a forged session
+makes up is bounded by what it sends, and a burst of a vehicle that goes on is counted as a whole soon after it."""
 ABSENCE: Final = 1.0
 """Seconds of silence after which no HEARTBEAT is sent: its address may be a forged one."""
 
 _ANY: Final = 1 << 62
+_MOST_MISSING: Final = 0x8000  # of messages that are not counted yet: as many as a jump can be
 
 
 class Limits(NamedTuple):
@@ -65,14 +71,18 @@ class Session:
         """Begin the session that a CREATE_CLIENT asks for. `named` is called when the client has told its namespace."""
         self.create = create
         self.address = address
+        self.host = host(address)
         self.session_id = create.session_id
         self.remote: Remote | None = None
         """The vehicle, while it is reported as connected."""
         self.ended: str | None = None
         """The reason why the session has ended."""
         self.heard = True
-        """Whether a message has arrived since the agent has looked last."""
+        """Whether a message that is no sample has arrived since the agent has looked last."""
+        self.is_writing = False
+        """Whether the client has sent a sample or made an entity since then."""
         self.heard_at = 0.0
+        self.written_at = 0.0
         self.begun_at = 0.0
         self.follower: Session | None = None
         """A session with this key and namespace that began later, until it is known whether it replaces this one."""
@@ -98,6 +108,7 @@ class Session:
     def _reset(self) -> None:
         """Begin all streams."""
         self.best_effort = BestEffortInput(near=NEAR)
+        self._missing = 0  # messages of that stream, not counted yet
         self.input = ReliableInput()
         self._output = ReliableOutput()
         self._next = 0  # the number of the next best-effort message
@@ -110,15 +121,27 @@ class Session:
 
     def look(self, now: float) -> bool:
         """Take note of the time if a message has arrived since the last call. Return whether one has."""
-        heard, self.heard = self.heard, False
-        if heard:
+        is_heard = self.is_heard
+        if is_heard:
             self.heard_at = now
-        return heard
+        if self.is_writing:
+            self.written_at = now
+        self.heard = self.is_writing = False
+        return is_heard
+
+    @property
+    def is_heard(self) -> bool:
+        """Whether a message has arrived since the agent has looked last."""
+        return self.heard or self.is_writing
 
     @property
     def is_vehicle(self) -> bool:
-        """Whether the client has done as much as a vehicle does, and few others do."""
+        """Whether the client has the entities of a vehicle."""
         return self.continued or len(self.inventory) >= VEHICLE
+
+    def is_busy(self, now: float) -> bool:
+        """Whether the client does what a vehicle does all the time: it sends samples, or is about to."""
+        return self.is_writing or now - self.written_at < IDLE
 
     def connect(self, number: int, name: str, guid: bytes) -> None:
         """Report the client as connected, with the routes it has. `name` is its address as text."""
@@ -135,6 +158,7 @@ class Session:
         self.remote = None
         self.fast_id = -1
         self.best_effort.last = None
+        self._missing = 0
 
     def continue_with(self, known: Iterable[Route]) -> None:
         """Continue a session that an earlier program began: docs/xrce.md, 10."""
@@ -272,13 +296,20 @@ class Session:
         return True
 
     def miss(self, count: int) -> None:
-        """Report missing messages of the best-effort stream."""
-        if count and self.remote is not None:
-            self._outbox.lost += count
-            self._outbox.events.append(Lost(self.remote, count))
+        """Take note of messages that are missing before one of the best-effort stream. Report up to LOSSES of all."""
+        if self.remote is None:
+            return
+        waiting = min(self._missing + count, _MOST_MISSING)
+        counted = min(waiting, LOSSES)
+        self._missing = waiting - counted
+        if counted:
+            self._outbox.lost += counted
+            self._outbox.events.append(Lost(self.remote, counted))
+        if self._missing:
+            self.fast_id = -1  # the next messages come to `_advance`
 
     def _open_fast_path(self) -> None:
-        if self.remote is not None and not self.key and self.best_effort.last is not None:
+        if self.remote is not None and not self.key and self.best_effort.last is not None and not self._missing:
             self.fast_id = self.session_id
 
     def _take(self, messages: list[bytes]) -> None:
@@ -330,6 +361,7 @@ class Session:
         if self.remote is None or not is_known:
             raise WireError("data of an unknown entity")
         if route is not None:
+            self.is_writing = True
             payload = wire.ENCAPSULATION + sample.data
             self._outbox.events.append(Sample(self.remote, route, payload, self._time))
         elif service is not None:
@@ -347,6 +379,7 @@ class Session:
             self.ended = "the vehicle had not created all of its topics, so it has to connect again"
             return
         status = self._try(lambda: self._open(self.inventory.create(create)))
+        self.is_writing |= status == wire.OK
         self._send(self._stream, wire.Status(create.request_id, create.object_id, status).pack())
         if self.remote is None and self.inventory.namespace is not None:
             self._named(self)

@@ -5,8 +5,10 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING, Any
 
+from msggen.base.recording_formats import FORMATS, MCAP
 from msggen.recordings.convert.recording import write_contents
 from msggen.recordings.convert.selection import Converted
+from msggen.recordings.files.paths import METADATA
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -26,9 +28,9 @@ def write_rosbag2(
     import yaml
 
     os.mkdir(folder)
-    path = os.path.join(folder, f"{os.path.basename(folder)}_0.mcap")
+    path = os.path.join(folder, f"{os.path.basename(folder)}_0{MCAP}")
     contents = write_contents(logs, path, selection, progress)
-    metadata = os.path.join(folder, "metadata.yaml")
+    metadata = os.path.join(folder, METADATA)
     with open(metadata, "x", encoding="utf-8") as file:
         yaml.safe_dump(_metadata(os.path.basename(path), contents.writer), file, sort_keys=False, allow_unicode=True)
     return Converted([path, metadata], contents.rows, contents.problems, contents.notes)
@@ -58,7 +60,7 @@ def _metadata(name: str, writer: McapWriter) -> dict[str, Any]:
     return {
         "rosbag2_bagfile_information": {
             "version": _VERSION,
-            "storage_identifier": "mcap",
+            "storage_identifier": FORMATS["mcap"].storage,
             **extent,
             "topics_with_message_count": topics,
             "compression_format": "",

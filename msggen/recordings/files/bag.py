@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeGuard
 
 import numpy as np
 
-from msggen.base.diagnostics import InputError, few
+from msggen.base.diagnostics import InputError, either, few
 from msggen.base.disk.output import link_in
 from msggen.base.disk.reading import read_bytes
+from msggen.base.recording_formats import FORMATS, MCAP, PACKED, format_named, unpacked
 from msggen.recordings.files.compression import LARGEST, CompressionError, decompress_file, decompress_frame, limit_of
-from msggen.recordings.files.paths import METADATA, is_bag
+from msggen.recordings.files.paths import METADATA, is_always_whole, is_bag
 from msggen.recordings.source.source import (
     FOREVER,
     Attached,
@@ -33,9 +34,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 ZSTD = b"\x28\xb5\x2f\xfd"
-_SUFFIXES = (".db3", ".mcap")
-_COMPRESSED = ".zstd"
-_STORAGES = ("", "mcap", "sqlite3")
+_STORAGES = {each.storage: f"*{each.suffix}" for each in FORMATS.values() if each.storage}
+"""The files of each storage."""
 _NEWEST = 9
 """The newest version of metadata.yaml that is known."""
 _WITH_FOLDER = 4
@@ -63,12 +63,13 @@ def open_folder(path: str, open_file: Callable[[str], Source]) -> list[Source]:
 
     What is wrong with the folder is among the problems of the first file. Raises RecordingError, and OSError.
     """
-    found = sorted(filter(_is_file_of_bag, os.listdir(path)))
+    recordings = sorted(filter(format_named, os.listdir(path)))
+    found = [name for name in recordings if not is_always_whole(name)]
     names = [name for name in found if os.path.isfile(os.path.join(path, name))]
     others = sorted({*found} - {*names})
     problems = [Problem(f"{name} is left out: this is not a file") for name in others]
     if not is_bag(path):
-        _check_one(path, [*names, *(name for name in os.listdir(path) if name.endswith(".ulg"))])
+        _check_one(path, [*names, *filter(is_always_whole, recordings)])
     metadata = _metadata_of(path, problems)
     named, missing, further = _chosen(path, metadata, sorted(names, key=_in_order))
     for name in missing:
@@ -77,9 +78,12 @@ def open_folder(path: str, open_file: Callable[[str], Source]) -> list[Source]:
         problems.append(Problem(f"{name}, which {METADATA} names, {wrong}", samples=count))
     if not named and not further:
         if not os.path.lexists(os.path.join(path, METADATA)):
-            raise RecordingError(f"{path} is not a recording: a folder without {METADATA}, *.mcap and *.db3")
+            raise RecordingError(
+                f"{path} is not a recording: a folder without {METADATA}, {' and '.join(_STORAGES.values())}"
+            )
         text = "; ".join(problem.text for problem in problems)
-        raise RecordingError(f"{path} is not a recording: {text}, and there is no file *.db3 or *.mcap")
+        expected = either(sorted(_STORAGES.values()))
+        raise RecordingError(f"{path} is not a recording: {text}, and there is no file {expected}")
     sources = list(_opened(named, open_file, metadata, problems))
     is_whole = not missing and len(sources) == len(named)
     if metadata is not None and further:
@@ -107,9 +111,11 @@ def _opened(
             count = metadata.counts.get(os.path.basename(path), 0) if metadata else 0
             problems.append(Problem(f"a file is left out: {error}", samples=count))
             continue
-        if source.kind == "ulog":  # its times are of another clock
+        if not FORMATS[source.kind].storage:  # its times are of another clock
             source.close()
-            problems.append(Problem(f"a file is left out: {path} is a ULog, which is a recording of its own"))
+            problems.append(
+                Problem(f"a file is left out: {path} is {FORMATS[source.kind].noun}, which is a recording of its own")
+            )
         else:
             yield source
 
@@ -122,12 +128,12 @@ def _is_complete(metadata: Metadata, sources: Sequence[Source]) -> bool:
 
 def _check_one(folder: str, names: Sequence[str]) -> None:
     """Raise RecordingError if a folder that is no recording of rosbag2 has several files: each is a recording."""
-    if len({name.removesuffix(_COMPRESSED) for name in names}) > 1:
+    if len({*map(unpacked, names)}) > 1:
         shown = few([repr(name) for name in sorted(names)])
         own = os.path.basename(os.path.abspath(folder))
         raise RecordingError(
             f"{folder} has several recordings and no {METADATA}: name one of {shown}; "
-            f"`msggen log convert {folder}` converts all. Files of one recording are called '{own}_0.mcap' and so on"
+            f"`msggen log convert {folder}` converts all. Files of one recording are called '{own}_0{MCAP}' and so on"
         )
 
 
@@ -142,7 +148,7 @@ def open_compressed(path: str, open_file: Callable[[str], Source], *, is_by_samp
         return PackedFile(open_file(path), path, is_by_sample=is_by_sample)
     folder = tempfile.TemporaryDirectory(prefix="msggen-", ignore_cleanup_errors=True)
     try:
-        target = os.path.join(folder.name, os.path.basename(path).removesuffix(_COMPRESSED))
+        target = os.path.join(folder.name, unpacked(os.path.basename(path)))
         cut = decompress_file(path, target)
         source = open_file(target)
     except RecordingError as error:
@@ -326,8 +332,8 @@ def _read_metadata(text: bytes) -> Metadata:
     if not isinstance(content, dict):
         raise ValueError("it has no 'rosbag2_bagfile_information'")  # noqa: TRY004 - of the content
     storage = _word(content.get("storage_identifier", ""))
-    if storage not in _STORAGES:
-        raise RecordingError(f"{METADATA}: the storage {storage!r} is not known, expected mcap or sqlite3")
+    if storage and storage not in _STORAGES:
+        raise RecordingError(f"{METADATA}: the storage {storage!r} is not known, expected {either([*_STORAGES])}")
     mode, format_ = (_word(content.get(f"compression_{each}") or "").lower() for each in ("mode", "format"))
     if mode not in ("", "none") and format_ not in ("", "zstd"):
         raise RecordingError(f"{METADATA}: the compression {format_!r} is not known, expected zstd")
@@ -408,10 +414,10 @@ def _chosen(folder: str, metadata: Metadata | None, names: Sequence[str]) -> tup
         if path is None:
             missing.append(name)
         else:
-            found.setdefault(os.path.basename(path).removesuffix(_COMPRESSED), path)
+            found.setdefault(unpacked(os.path.basename(path)), path)
     further: dict[str, str] = {}
     for name in names:
-        plain = name.removesuffix(_COMPRESSED)
+        plain = unpacked(name)
         if plain not in found:
             further.setdefault(plain, os.path.join(folder, name))
     return list(found.values()), missing, list(further.values())
@@ -419,8 +425,8 @@ def _chosen(folder: str, metadata: Metadata | None, names: Sequence[str]) -> tup
 
 def _place_of(folder: str, name: str) -> str | None:
     """Return the path of a file that metadata.yaml names, with or without compression, None if there is none."""
-    plain = name.removesuffix(_COMPRESSED)
-    for each in (name, plain, plain + _COMPRESSED):
+    plain = unpacked(name)
+    for each in (name, plain, *(plain + suffix for suffix in PACKED)):
         for below in (each, ntpath.basename(each)):  # which knows the separators of all systems
             path = os.path.join(folder, below)
             if _is_below(folder, below) and os.path.isfile(path):
@@ -436,10 +442,6 @@ def _is_below(folder: str, name: str) -> bool:
     *parents, _ = parts = re.split(r"[/\\]", name)
     is_relative = not name.startswith(("/", "\\")) and not ntpath.splitdrive(name)[0] and os.pardir not in parts
     return is_relative and not (parents and link_in(folder, "/".join(parents)))
-
-
-def _is_file_of_bag(name: str) -> bool:
-    return name.removesuffix(_COMPRESSED).endswith(_SUFFIXES)
 
 
 def _in_order(name: str) -> list[tuple[int, str]]:

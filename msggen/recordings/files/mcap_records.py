@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from msggen.base.recording_formats import FORMATS
 from msggen.recordings.files.compression import LARGEST
 from msggen.recordings.source.gather import at
 from msggen.recordings.source.memory import Octets, Places
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-MAGIC = b"\x89MCAP0\r\n"
+MAGIC = FORMATS["mcap"].front
 FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX, STATISTICS = 2, 3, 4, 5, 6, 7, 8, 11
 ATTACHMENT, METADATA, DATA_END = 9, 12, 15
 LAST_OPCODE = 15

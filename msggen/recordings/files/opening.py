@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import os
+from importlib import import_module
 from typing import TYPE_CHECKING
 
+from msggen.base.diagnostics import either
+from msggen.base.recording_formats import FORMATS
 from msggen.recordings.source.source import RecordingError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from msggen.recordings.source.source import Source
 
-_MCAP = b"\x89MCAP0\r\n"
-_ULOG = b"ULog\x01\x12\x35"
-_SQLITE = b"SQLite format 3\0"
 _PARQUET = b"PAR1"
 
 
@@ -31,20 +33,13 @@ def _open_file(path: str) -> Source:
     """Return a file that is not compressed. Raises RecordingError, and OSError."""
     with open(path, "rb") as file:
         front = file.read(16)
-    if front.startswith(_MCAP):
-        from msggen.recordings.files.mcap import McapFile
-
-        return McapFile(path)
-    if front.startswith(_SQLITE):
-        from msggen.recordings.files.db3 import Db3File
-
-        return Db3File(path)
-    if front.startswith(_ULOG):
-        from msggen.recordings.files.ulog import UlogFile
-
-        return UlogFile(path)
+    for name, each in FORMATS.items():
+        if front.startswith(each.front):
+            reader: Callable[[str], Source] = getattr(import_module(f"msggen.recordings.files.{name}"), each.reader)
+            return reader(path)
     if not front:
         raise RecordingError(f"{path} is empty")
     if front.startswith(_PARQUET):
         raise RecordingError(f"{path} is a table in Parquet, not a recording: pyarrow, DuckDB and Polars read it")
-    raise RecordingError(f"{path} is not a recording: expected an MCAP file, a ULog or a database of rosbag2")
+    expected = either([each.noun for each in FORMATS.values()])
+    raise RecordingError(f"{path} is not a recording: expected {expected}")

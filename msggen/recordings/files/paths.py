@@ -5,26 +5,25 @@ from __future__ import annotations
 import os
 import re
 
+from msggen.base.recording_formats import format_named, unpacked
+
 METADATA = "metadata.yaml"
 """The file that rosbag2 writes into the folder of a recording when it ends."""
-_ULOG = ".ulg"
-_SUFFIXES = (_ULOG, ".mcap", ".db3")
-_PACKED = (".zst", ".zstd")
-"""What is behind the suffix of a compressed file."""
 _MARK = b"rosbag2_bagfile_information"
 _LARGEST = 1 << 16
 """The bytes that are read of a metadata.yaml, which begins with the mark."""
-_OF_BAG = re.compile(r"(.*)_\d+\.(?:mcap|db3)")
+_NUMBERED = re.compile(r"(.*)_\d+")
 
 
 def is_named_as_recording(name: str) -> bool:
     """Whether a file is named as recordings are: `10_02_11.ulg`, `flight.mcap.zstd`."""
-    return _unpacked(name).lower().endswith(_SUFFIXES) and not name.startswith(".")
+    return format_named(name) is not None and not name.startswith(".")
 
 
-def is_named_as_ulog(name: str) -> bool:
-    """Whether a file is named as ULogs are. No ULog is a part of a folder of rosbag2."""
-    return _unpacked(name).lower().endswith(_ULOG)
+def is_always_whole(name: str) -> bool:
+    """Whether a file is named as a recording that is no part of a folder of rosbag2, as a ULog is."""
+    found = format_named(name)
+    return found is not None and not found.storage
 
 
 def is_bag(folder: str) -> bool:
@@ -35,11 +34,11 @@ def is_bag(folder: str) -> bool:
     file is a recording.
     """
     names = os.listdir(folder)
-    files = [name for name in names if is_named_as_recording(name) and not is_named_as_ulog(name)]
+    files = [name for name in names if is_named_as_recording(name) and not is_always_whole(name)]
     if METADATA in names:
         return bool(files) or _is_of_rosbag2(os.path.join(folder, METADATA))
     own = os.path.basename(os.path.abspath(folder))
-    found = [_OF_BAG.fullmatch(_unpacked(name)) for name in files]
+    found = [_NUMBERED.fullmatch(os.path.splitext(unpacked(name))[0]) for name in files]
     return bool(found) and all(each is not None and each[1] == own for each in found)
 
 
@@ -49,7 +48,7 @@ def stem_of(path: str) -> str:
     The name of a folder is whole: `2026.11.22` has no suffix.
     """
     name = os.path.basename(os.path.abspath(path))
-    return name if os.path.isdir(path) else os.path.splitext(_unpacked(name))[0]
+    return name if os.path.isdir(path) else os.path.splitext(unpacked(name))[0]
 
 
 def _is_of_rosbag2(path: str) -> bool:
@@ -58,9 +57,3 @@ def _is_of_rosbag2(path: str) -> bool:
         return False
     with open(path, "rb") as file:
         return _MARK in file.read(_LARGEST)
-
-
-def _unpacked(name: str) -> str:
-    """Return a name without the suffix of a compressed file."""
-    stem, suffix = os.path.splitext(name)
-    return stem if suffix.lower() in _PACKED else name

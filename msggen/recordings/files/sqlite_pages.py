@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
+from msggen.base.recording_formats import FORMATS
 from msggen.recordings.source.gather import at
 from msggen.recordings.source.memory import Octets, Places, drop_pages
 from msggen.recordings.source.source import RecordingError
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-MAGIC = b"SQLite format 3\0"
+MAGIC = FORMATS["db3"].front
 _HEADER = 100
 """The size of the header of the file, which page 1 begins with."""
 _INTERIOR, _LEAF = 5, 13

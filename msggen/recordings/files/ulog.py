@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from msggen.base.recording_formats import FORMATS
 from msggen.recordings.files.mapped import MappedFile
 from msggen.recordings.files.ulog_formats import FORMAT, FRONT, NUMBERS, PAYLOAD, parse_fields
 from msggen.recordings.files.ulog_messages import DATA, HEAD, SMALLEST, Messages, kinds_of, sizes_of
@@ -35,7 +36,7 @@ from msggen.recordings.source.source import (
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-MAGIC = b"ULog\x01\x12\x35"
+MAGIC = FORMATS["ulog"].front
 _HEADER = 16
 _FLAGS = struct.Struct("<8s8s3Q")
 _SUBSCRIPTION = struct.Struct("<BH")

@@ -7,7 +7,7 @@ import os
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from msggen.recordings.files.paths import is_bag, is_named_as_recording, is_named_as_ulog
+from msggen.recordings.files.paths import is_always_whole, is_bag, is_named_as_recording
 
 _BLOCK = 1 << 20
 
@@ -61,7 +61,7 @@ def find_recordings(folder: str, *, without: str = "") -> Iterator[Found]:
                     way.append(_opened(entry.path))
                     if way[-1].is_one:
                         yield Found(entry.path)
-            elif is_named_as_recording(entry.name) and (not way[-1].is_one or is_named_as_ulog(entry.name)):
+            elif is_named_as_recording(entry.name) and (not way[-1].is_one or is_always_whole(entry.name)):
                 yield from _found(entry)
         except OSError as error:
             yield Found(entry.path, f"cannot be read: {error.strerror}")
@@ -110,4 +110,4 @@ def _files(path: str) -> list[str]:
     if not os.path.isdir(path):
         return [path]
     with os.scandir(path) as found:
-        return sorted(entry.path for entry in found if entry.is_file() and not is_named_as_ulog(entry.name))
+        return sorted(entry.path for entry in found if entry.is_file() and not is_always_whole(entry.name))

@@ -9,7 +9,9 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from msggen.base.diagnostics import either
 from msggen.base.disk.staging import clear, write_if_changed
+from msggen.base.recording_formats import FORMATS
 from msggen.recordings.fleet import pools
 from msggen.recordings.fleet.finding import find_recordings, state_of
 from msggen.recordings.fleet.layout import KEYS
@@ -128,7 +130,8 @@ def update(  # noqa: PLR0913 - named options
     found = list(find_recordings(folder, without=fleet))
     paths = [each.path for each in found if not each.error]
     if not found:
-        raise RecordingError("there is no recording in this folder: no .ulg, .mcap or .db3 file")
+        suffixes = sorted((each.suffix for each in FORMATS.values()), reverse=True)
+        raise RecordingError(f"there is no recording in this folder: no {either(suffixes)} file")
     ledger = Ledger(fleet)
     ledger.open(by)
     with ledger.locked(waiting):

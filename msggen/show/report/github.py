@@ -17,7 +17,7 @@ from msggen.show.report.line import conclusion, is_misread, level, remedies, sta
 _COMMANDS = {"error": "error", "warning": "warning", "note": "notice"}
 
 
-def write_github(report: Report) -> str:
+def write_report(report: Report) -> str:
     """Return a command for each finding and each notice, then the summary as a plain line."""
     findings = sorted(report.findings, key=lambda finding: not is_misread(finding))
     notices = [_of_diagnostic(found, _COMMANDS[found.level.value]) for found in report.notices]

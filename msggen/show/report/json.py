@@ -13,7 +13,7 @@ from msggen.base.location import Location
 from msggen.check.finding import Excerpt, Finding, Report
 
 
-def write_json(report: Report) -> str:
+def write_report(report: Report) -> str:
     """Return the whole report as JSON."""
     document = {
         "previous": report.previous or None,

@@ -11,7 +11,7 @@ from msggen.check.finding import Category, Excerpt, Finding, Report, Rule
 from msggen.show.report.line import line, remedies
 
 
-def write_junit(report: Report) -> str:
+def write_report(report: Report) -> str:
     """Return JUnit XML in ASCII, so that it is valid in every encoding.
 
     The failing findings of a rule are its failure; its other findings are its output.

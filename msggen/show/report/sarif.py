@@ -24,7 +24,7 @@ from msggen.show.report.line import level, remedies, statement
 _SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
 
 
-def write_sarif(report: Report) -> str:
+def write_report(report: Report) -> str:
     """Return a SARIF log with one run: the rules that were applied, and a result for each finding."""
     run = {
         "tool": {"driver": {"name": "msggen", "version": __version__, "rules": [_rule(rule) for rule in report.rules]}},

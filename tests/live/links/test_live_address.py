@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msggen.live import LinkError
-from msggen.live.links.address import FORMS, Address, parse_address
+from msggen.live.links.address import Address, parse_address
+from msggen.live.links.link_types import LINK_TYPES, type_named
 from msggen.live.links.opening import open_link
 from support.repository import ROOT
 
@@ -40,9 +41,26 @@ def test_an_address_is_read(text: str, expected: Address) -> None:
     assert parse_address(str(expected)) == expected
 
 
-@pytest.mark.parametrize("form", FORMS.values())
-def test_the_forms_are_right(form: str) -> None:
-    assert str(parse_address(form)) == form
+@pytest.mark.parametrize("scheme", LINK_TYPES)
+def test_the_example_of_a_type_is_an_address(scheme: str) -> None:
+    example = LINK_TYPES[scheme].example
+    found = parse_address(example)
+    assert str(found) == example
+    assert found.scheme == scheme
+    assert found.link_type is LINK_TYPES[scheme]
+
+
+@pytest.mark.parametrize("scheme", LINK_TYPES)
+def test_the_name_of_a_link_tells_its_type(scheme: str) -> None:
+    """The name is the address, or the class of a link that was made by the user."""
+    row = LINK_TYPES[scheme]
+    assert type_named(row.example) is type_named(row.link) is row
+    assert type_named("MyLink 0x7f00") is LINK_TYPES["udp"]
+
+
+def test_the_page_of_links_has_all_types() -> None:
+    page = (ROOT / "docs/links.md").read_text(encoding="utf-8")
+    assert all(f"{scheme}://" in page for scheme in LINK_TYPES)
 
 
 @pytest.mark.parametrize(
@@ -62,10 +80,13 @@ def test_the_forms_are_right(form: str) -> None:
         ("udp//localhost:8888", "is not the address of a link, did you mean 'udp://localhost:8888'?"),
         ("http://127.0.0.1:8888/?a=b", "is not the address of a link, did you mean 'udp://127.0.0.1:8888'?"),
         ("http://1?!", "is not the address of a link: expected one of udp://127.0.0.1:8888, serial:///dev"),
-        ("", f"is not the address of a link: expected one of {', '.join(FORMS.values())}"),
+        (
+            "",
+            f"is not the address of a link: expected one of {', '.join(each.example for each in LINK_TYPES.values())}",
+        ),
         ("serial://dev/ttyUSB0", "has no absolute path, did you mean 'serial:///dev/ttyUSB0'?"),
         ("serial://ttyUSB0", "has no absolute path, did you mean 'serial:///dev/ttyUSB0'?"),
-        ("serial://", f"has no device: expected an address such as '{FORMS['serial']}'"),
+        ("serial://", f"has no device: expected an address such as '{LINK_TYPES['serial'].example}'"),
         ("serial:///dev/a?baud=fast", "'fast' is not a baud rate: expected a number from 1 to 2147483647"),
         ("serial:///dev/a?bauds=9600", "unknown key 'bauds', did you mean 'baud'?"),
         ("udp://127.0.0.1:88888", "'88888' is not a port: expected a number from 1 to 65535"),

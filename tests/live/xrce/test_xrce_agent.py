@@ -23,7 +23,7 @@ from msggen.live.link import (
 )
 from msggen.live.xrce import entities, wire
 from msggen.live.xrce.agent import Agent
-from msggen.live.xrce.session import REPLIES, Limits, Session
+from msggen.live.xrce.session import LOSSES, REPLIES, Limits, Session
 from msggen.live.xrce.streams import OUTPUT_WINDOW
 from support.xrce_captures import sent
 from support.xrce_client import PARTICIPANT, SERVICE, Client, Network, World, connected, start
@@ -419,7 +419,53 @@ def test_numbers_that_are_near_and_newer_are_taken(ahead: int, arrives: bool, is
     client.write(1, b"b")
     world.settle()
     assert len(world.all(Sample)) == 1 + arrives
-    assert world.agent.lost == (ahead - 1 if arrives else 0)
+    assert world.agent.lost == (min(ahead - 1, LOSSES) if arrives else 0)
+
+
+@pytest.mark.parametrize("is_fast", [True, False])
+@pytest.mark.parametrize("gap", [LOSSES, LOSSES + 1, 500, 1022])
+def test_a_burst_is_counted_as_a_whole_when_the_vehicle_goes_on(gap: int, is_fast: bool) -> None:  # noqa: FBT001
+    world, client = connected()
+    client.write(1, b"a")
+    world.settle()
+    session = world.agent._sessions[client.address]
+    client.next += gap
+    for number in range(-(-gap // LOSSES)):
+        assert world.agent.lost == number * LOSSES
+        if not is_fast:
+            session.fast_id = -1
+        client.write(1, b"b")
+        world.settle()
+    assert world.agent.lost == sum(event.missing for event in world.all(Lost)) == gap
+    assert session.fast_id == client.session_id
+    assert len(world.all(Sample)) + gap == client.next
+
+
+@pytest.mark.parametrize("steps", [(1022,), (30000, 0), (1022, 0, 0)])
+@pytest.mark.parametrize("is_continued", [True, False])
+def test_forged_numbers_count_for_little_more_than_what_was_sent(
+    steps: tuple[int, ...],
+    is_continued: bool,  # noqa: FBT001
+) -> None:
+    world, client = newcomer() if is_continued else connected()
+    for number in (1, 2, 3, 4, 5):
+        client.write(number, bytes(4 * number))
+    for number in range(3000):
+        client.next = (client.next + steps[number % len(steps)]) % 65536
+        client.write(1, bytes(4))
+    world.settle()
+    assert len(world.all(Connected)) == 1
+    assert 3000 < world.agent.lost <= LOSSES * 3005
+
+
+def test_forged_numbers_count_for_little_more_when_the_vehicle_goes_on() -> None:
+    world, client = connected()
+    for number in range(4000):
+        client.next = (client.next + 30000 * (number % 2 and number < 200)) % 65536
+        client.write(1, bytes(4))
+    world.settle()
+    assert world.agent.lost <= 0x8000 + 200 * LOSSES
+    assert world.agent._sessions[client.address].fast_id == client.session_id
 
 
 @pytest.mark.parametrize("number", [1024, 20000, 32767, 40000, 60000])
@@ -452,10 +498,10 @@ def test_a_long_gap_is_counted_once_the_stream_goes_on(gap: int) -> None:
     world, client = connected()
     client.write(1, b"a")
     client.next += gap
-    for _ in range(5):
+    for _ in range(2000):
         client.write(1, b"b")
     world.settle()
-    assert len(world.all(Sample)) == 1 + 4
+    assert len(world.all(Sample)) == 1 + 1999
     assert len(world.all(Sample)) + world.agent.lost == client.next
 
 
@@ -974,6 +1020,132 @@ def test_a_vehicle_that_is_heard_keeps_its_place_and_one_that_sleeps_does_not() 
     assert [event.remote.key for event in world.all(Disconnected)] == [50001]
     assert {address[1] for address in world.agent._sessions} == {50002, 50003}
     assert first.all(wire.STATUS_AGENT)
+
+
+def crowd(count: int, network: str, *, is_writing: bool = True) -> World:
+    """Return an agent with clients that have the entities of a vehicle. Those of a network have the same host.
+
+    With "10.0.{}.1" each has a host of its own.
+    """
+    clients = [forge(40000 + number, 36) for number in range(count)]
+    for number, client in enumerate(clients):
+        client.address = network.format(number), client.key
+        if is_writing:
+            client.write(1, bytes(4))
+    world = World(Agent(0.0), *clients)
+    world.settle()
+    return world
+
+
+def go_on(world: World, rounds: int, *others: Client) -> None:
+    """Let all clients of a world send a sample every 0.1 s, and others send something."""
+    crowded = world.clients
+    world.clients = [*crowded, *others]
+    for _ in range(rounds):
+        for client in crowded:
+            client.write(1, bytes(4))
+        for client in others:
+            client.send(wire.NO_STREAM, wire.Timestamp(1).pack())
+        world.run(0.1)
+
+
+def test_a_vehicle_finds_a_place_among_forged_ones_that_only_keep_their_sessions() -> None:
+    world = crowd(64, "127.0.0.1", is_writing=False)
+    forged = world.clients
+    world.run(1)
+    vehicle = Client(50001)
+    vehicle.begin()
+    world.clients = [vehicle]
+    world.settle()
+    world.clients = [*forged, vehicle]
+    for time in range(100):
+        vehicle.send(wire.NO_STREAM, wire.Timestamp(1).pack())
+        for client in forged if time % 20 == 0 else ():
+            client.ping(in_session=True)
+            client.write(9, bytes(4))  # of no writer
+        world.run(0.1)
+    assert len(vehicle.all(wire.TIMESTAMP_REPLY)) == 100
+
+
+def test_a_vehicle_finds_a_place_among_continued_sessions_that_send_little() -> None:
+    forged = [Client(40000 + number) for number in range(64)]
+    world = World(Agent(0.0, known=FIVE), *forged)
+    for client in forged:
+        for number in (1, 2, 3, 4, 5):
+            client.write(number, bytes(4 * number))
+    world.settle()
+    assert len(world.all(Connected)) == 64
+    world.run(1)
+    vehicle = Client(50001)
+    vehicle.begin()
+    world.clients = [vehicle]
+    world.settle()
+    world.clients = [*forged, vehicle]
+    for time in range(100):
+        vehicle.send(wire.NO_STREAM, wire.Timestamp(1).pack())
+        for client in forged if time % 20 == 0 else ():
+            client.write(1, bytes(4))
+        world.run(0.1)
+    assert len(vehicle.all(wire.TIMESTAMP_REPLY)) == 100
+
+
+def test_a_host_leaves_eight_places_to_others() -> None:
+    world = crowd(64, "10.0.0.1")
+    forged = world.clients
+    vehicles = [Client(50001) for _ in range(8)]
+    for number, vehicle in enumerate(vehicles):
+        vehicle.address = f"10.0.1.{number}", 50001
+        vehicle.begin()
+    world.clients = vehicles
+    world.settle()
+    for time in range(60):
+        world.clients = forged
+        begins = Client(41000 + time)
+        begins.address = "10.0.0.1", 41000 + time
+        begins.begin()
+        go_on(world, 1, *vehicles, begins)
+    assert [len(vehicle.all(wire.TIMESTAMP_REPLY)) for vehicle in vehicles] == [60] * 8
+    hosts = [address[0] for address in world.agent._sessions]
+    assert hosts.count("10.0.0.1") == 56
+
+
+def test_a_fleet_on_one_host_keeps_its_places() -> None:
+    world = crowd(56, "10.0.0.1")
+    fleet = world.clients
+    for time in range(40):
+        strangers = [forge(41000 + number, 36) for number in range(5 * time, 5 * time + 5)]
+        for number, client in enumerate(strangers):
+            client.address = f"10.1.{time}.{number}", client.key
+        world.clients = fleet
+        go_on(world, 1, *strangers)
+    assert len(world.agent._sessions) == 64
+    assert {event.remote.address for event in world.all(Disconnected)}.isdisjoint(
+        f"{client.address[0]}:{client.address[1]}" for client in fleet
+    )
+
+
+def test_a_vehicle_of_another_host_keeps_its_place_before_it_has_entities() -> None:
+    """Of the clients with few entities, one of the host with the most sessions gives way."""
+    vehicle = Client(50001)
+    world = World(Agent(0.0), vehicle)
+    vehicle.begin()
+    world.settle()
+    for number in range(200):
+        client = Client(40000 + number)
+        client.address = "10.0.0.1", client.key
+        client.begin()
+        world.clients = [client]
+        world.settle()
+    assert vehicle.address in world.agent._sessions
+
+
+def test_vehicles_of_many_hosts_keep_their_places() -> None:
+    world = crowd(64, "10.0.{}.1")
+    vehicle = Client(50001)
+    vehicle.begin()
+    go_on(world, 20, vehicle)
+    assert world.all(Disconnected) == []
+    assert vehicle.all(wire.TIMESTAMP_REPLY) == []
 
 
 def test_entities_are_bounded() -> None:

@@ -1,0 +1,125 @@
+"""Tests that the suffixes of recordings and the schemes of links stand in one table each, which all else asks."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+
+import pytest
+
+from msggen.base.recording_formats import FORMATS, PACKED
+from msggen.live.links.link_types import LINK_TYPES
+from support.repository import ROOT
+
+TABLES = ("base/recording_formats.py", "live/links/link_types.py")
+
+SUFFIXES = [each.removeprefix(".") for each in (*PACKED, *(row.suffix for row in FORMATS.values()))]
+NAMED = re.compile(rf"[.|]({'|'.join(SUFFIXES)})\b", re.IGNORECASE)
+"""A suffix, also one of several in a regular expression: `.(?:mcap|db3)`."""
+
+STARTS = {"startswith", "endswith", "removeprefix"}
+
+
+def texts(node: ast.AST | None) -> list[str]:
+    """Return the text that a node is, or those of a tuple, a list, a set, or the keys of a dict."""
+    if isinstance(node, (ast.Tuple, ast.List, ast.Set)):
+        return [text for each in node.elts for text in texts(each)]
+    if isinstance(node, ast.Dict):
+        return [text for each in node.keys for text in texts(each)]
+    return [node.value] if isinstance(node, ast.Constant) and isinstance(node.value, str) else []
+
+
+def compared(node: ast.AST) -> list[str]:
+    """Return the texts that a node compares with something."""
+    if isinstance(node, ast.Compare):
+        return [text for each in (node.left, *node.comparators) for text in texts(each)]
+    if isinstance(node, ast.MatchValue):
+        return texts(node.value)
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in STARTS:
+        return [text for each in node.args for text in texts(each)]
+    return []
+
+
+def is_of_recording(text: str) -> bool:
+    """Whether a text is a name or a pattern with a suffix of recordings, or a sentence that lists several of them.
+
+    A sentence may have one: `the file flight.mcap`.
+    """
+    found = {each.lower() for each in NAMED.findall(text)}
+    return bool(found) and (len(found) > 1 or not re.search(r"\s", text))
+
+
+def second_lists(source: str) -> Iterator[str]:
+    """Yield what a module has that belongs in a table. Docstrings may have all of it."""
+    tree = ast.parse(source)
+    docs = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    for node in ast.walk(tree):
+        if id(node) in docs:
+            continue
+        if isinstance(node, ast.Constant):
+            yield from filter(is_of_recording, texts(node))
+        yield from (text for text in compared(node) if text.partition(":")[0] in LINK_TYPES)
+        for names in (LINK_TYPES, FORMATS):
+            listed = [text for text in ([] if isinstance(node, ast.Constant) else texts(node)) if text in names]
+            if len(listed) > 1:
+                yield " ".join(listed)
+
+
+def test_no_module_has_a_second_list() -> None:
+    paths = {path.relative_to(ROOT / "msggen").as_posix(): path for path in (ROOT / "msggen").rglob("*.py")}
+    assert paths.keys() >= {*TABLES}
+    found = {name: [*second_lists(path.read_text(encoding="utf-8"))] for name, path in paths.items()}
+    assert {name: lists for name, lists in found.items() if lists and name not in TABLES} == {}
+
+
+@pytest.mark.parametrize("table", TABLES)
+def test_the_tables_would_be_found_elsewhere(table: str) -> None:
+    assert [*second_lists((ROOT / "msggen" / table).read_text(encoding="utf-8"))]
+
+
+def test_every_suffix_and_every_scheme_is_found() -> None:
+    for suffix in SUFFIXES:
+        assert [*second_lists(f'SUFFIX = ".{suffix}"')] == [f".{suffix}"]
+    for scheme in LINK_TYPES:
+        assert [*second_lists(f'is_meant = address.scheme == "{scheme}"')] == [scheme]
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        'SUFFIXES = (".ulg",)',
+        'path.endswith((".mcap", ".MCAP"))',
+        'name = f"{stem}.cut.mcap"',
+        'name = f"{stem}_{number:04}.mcap"',
+        r'FILE = re.compile(r"(.*)_\d+\.(?:mcap|db3)")',
+        'raise ValueError("expected a .ulg or .mcap file")',
+        'KINDS = {"mcap": 1, "ulog": 2}',
+        'is_line = "serial" == scheme',
+        'if seen.scheme in ("tap", "dds"):\n    pass',
+        'if seen.scheme not in {"other", "udp"}:\n    pass',
+        'is_dds = name.lower().startswith("dds")',
+        'path = link.removeprefix("serial://")',
+        'match scheme:\n    case "tap":\n        pass',
+        'SCHEMES = ["udp", "serial"]',
+        'OPENERS = {"udp": open_udp, "serial": open_serial}',
+    ],
+)
+def test_a_second_list_is_found(source: str) -> None:
+    assert [*second_lists(source)]
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        '"""Read `.mcap` and `.ulg`."""',
+        'SIZE = 1\n"""Of `flight.mcap`, `.db3`."""',
+        'help = "file to write (default: merged.mcap)"',
+        "from msggen.recordings.files.mcap import McapFile",
+        'is_listed = scheme in LINK_TYPES or kind == "ulog"',
+        'scheme = "udp"',
+        'link = f"udp://{place}"',
+    ],
+)
+def test_one_name_in_a_sentence_and_an_address_are_no_list(source: str) -> None:
+    assert not [*second_lists(source)]
