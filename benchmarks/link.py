@@ -86,7 +86,7 @@ class Meter:
     def replied(self, remote: Remote, service: Service, number: int, payload: bytes) -> None:
         """Do nothing."""
 
-    def lost(self, remote: Remote, count: int) -> None:
+    def lost(self, remote: Remote, missing: int) -> None:
         """Do nothing: what arrived is counted."""
 
     def warned(self, text: str) -> None:

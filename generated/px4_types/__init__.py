@@ -291,10 +291,10 @@ if TYPE_CHECKING:
     from .msg import YawEstimatorStatus as YawEstimatorStatus
 
 _MODULES = (
-    "arrays", "batch", "cdr", "clock", "commands", "covariances", "encapsulation", "explain", "frames",
-    "hints", "info", "lazy", "lookup", "meaning", "msg", "odometry", "orb_id", "parameters", "places",
-    "primitives", "quantities", "recordings", "records", "registry", "rotations", "showing", "srv", "text",
-    "timesync", "topics", "unit", "units",
+    "arrays", "batch", "cdr", "clock", "commands", "covariances", "dtypes", "encapsulation", "explain",
+    "frames", "hints", "info", "lazy", "lookup", "meaning", "msg", "odometry", "orb_id", "parameters",
+    "places", "primitives", "quantities", "recordings", "records", "registry", "rotations", "showing", "srv",
+    "text", "timesync", "topics", "unit", "units",
 )
 _TOOLS = (
     "batch", "cdr", "clock", "commands", "encapsulation", "frames", "meaning", "recordings", "showing",

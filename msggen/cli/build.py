@@ -10,13 +10,14 @@ from collections.abc import Iterator
 
 from msggen.base.diagnostics import counted, input_error
 from msggen.base.disk.depfile import check_depfile, write_depfile
+from msggen.base.disk.incremental import Outcome
 from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.base.location import Location
 from msggen.cli.options import WRITING_CODES, Commands, add_command, add_shared, add_sources, writes
 from msggen.cli.printing import print_notices, print_plan
 from msggen.cli.sources import settings_of, sources_of
 from msggen.cli.values import non_empty
-from msggen.generate.build import Build, Outcome
+from msggen.generate.build import Build
 from msggen.sources.settings import Settings
 from msggen.sources.sources import Sources, with_archived
 

@@ -8,13 +8,14 @@ import time
 from collections.abc import Iterator
 
 from msggen.base.diagnostics import counted, input_error
+from msggen.base.disk.incremental import Outcome
 from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.cli.breaking import previous_sources
 from msggen.cli.options import WRITING_CODES, Commands, add_command, add_shared, add_sources, writes
 from msggen.cli.printing import print_notices, print_plan
 from msggen.cli.sources import settings_of, source_here, sources_of
 from msggen.cli.values import local_path
-from msggen.generate.site.build import Outcome, SiteBuild
+from msggen.generate.site.build import SiteBuild
 from msggen.sources.embedded import EMBEDDED, PREFIX
 from msggen.sources.sources import Sources, find_sources
 
@@ -72,7 +73,7 @@ def _docs(options: argparse.Namespace) -> int:
     if plan:
         print_plan(plan, diff=options.diff)
     if not options.quiet:
-        print(*_report(outcome, build.folder, time.perf_counter() - started, write=write), sep="\n")
+        print(*_report(outcome, time.perf_counter() - started, write=write), sep="\n")
     return FINDINGS if plan and plan.is_stale and not write else DONE
 
 
@@ -82,12 +83,12 @@ def _release_before(sources: Sources) -> Sources | None:
     return find_sources(PREFIX + older[0]) if older else None
 
 
-def _report(outcome: Outcome, folder: str, seconds: float, *, write: bool) -> Iterator[str]:
+def _report(outcome: Outcome, seconds: float, *, write: bool) -> Iterator[str]:
     """Yield lines that report the changes made, or without `write` the changes to make."""
-    plan = outcome.plan
+    folder, plan = outcome.folder, outcome.plan
     if plan is None or not plan.is_stale:
         yield f"{folder}: {outcome.summary}"
-        yield f"{folder} is up to date, {counted(outcome.number, 'file')}"
+        yield f"{folder} is up to date, {counted(len(outcome.outputs), 'file')}"
     elif write:
         counts = f"{counted(len(plan.written), 'file')} written, {len(plan.removed)} removed"
         yield f"{folder}: {outcome.summary}"

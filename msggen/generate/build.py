@@ -5,13 +5,10 @@ A build with nothing to do imports no slow module. It only compares the digests 
 
 import os
 from collections.abc import Iterable
-from typing import NamedTuple
 
-from msggen.base.diagnostics import Diagnostic, InputError, Level, counted, input_error
-from msggen.base.disk.fingerprint import Fingerprint, digest_record, read_fingerprint, write_fingerprint
+from msggen.base.diagnostics import Diagnostic, InputError, counted, input_error
+from msggen.base.disk.incremental import Incremental, Outcome, warnings_among
 from msggen.base.disk.names import too_long
-from msggen.base.disk.output import OutputPlan, locked_output, plan_output, write_output
-from msggen.base.disk.record import read_record
 from msggen.base.location import Location
 from msggen.sources.digest import digest_inputs
 from msggen.sources.sources import Sources, read_files
@@ -21,19 +18,6 @@ if TYPE_CHECKING:
     from msggen.definitions.model import Catalog
 
 
-class Outcome(NamedTuple):
-    """The result of a build: the files of the package, and the plan for them, or None if the fingerprint matched.
-
-    `notices` are the warnings and notes about the sources, or only the warnings if the fingerprint matched.
-    """
-
-    folder: str
-    summary: str
-    outputs: tuple[str, ...]
-    plan: OutputPlan | None = None
-    notices: tuple[Diagnostic, ...] = ()
-
-
 class Build:
     """A build of the package `name` in the folder `output` from `sources`."""
 
@@ -41,41 +25,35 @@ class Build:
         self.sources = sources
         self.name = name
         self.folder = os.path.join(output, name)
-        self.record = read_record(self.folder)
-        self.last = read_fingerprint(self.folder)
         self.contents = read_files(sources)
         self.inputs = digest_inputs(sources, self.contents, (name,), "generate", "python")
+        self._update = Incremental(self.folder, self.inputs)
 
     def run(self, *, write: bool) -> Outcome:
         """Update the package. If `write` is false, only plan the update.
 
+        The notices are the warnings and notes about the sources, or only the warnings if nothing changed.
+
         Raises InputError for errors in definitions and for files that msggen did not write, and OSError if the folder
         cannot be written.
         """
-        if self._is_current():
-            warnings = self._warnings() if self.last.has_warnings else ()
-            return Outcome(self.folder, self.last.summary, tuple(sorted(self.record.files)), None, warnings)
+        unchanged = self._update.unchanged()
+        if unchanged:
+            return unchanged._replace(notices=self._warnings()) if self._update.has_warnings else unchanged
         from msggen.generate.python.package import render_package
         from msggen.sources.catalog import read_catalog
         from msggen.sources.inferred import with_inferred
 
         catalog = with_inferred(read_catalog(self.sources, self.contents), self.sources)
         files = render_package(catalog, self.name)
-        summary = _summary(catalog)
         self._check_place(catalog, files)
-        if not write:
-            plan = plan_output(self.folder, files, self.record)
-        else:
-            with locked_output(self.folder):
-                plan, record = write_output(self.folder, files)
-                has_warnings = bool(_warnings_among(catalog.notices))
-                write_fingerprint(self.folder, Fingerprint(self.inputs, digest_record(record), summary, has_warnings))
-        return Outcome(self.folder, summary, tuple(sorted(files)), plan, catalog.notices)
+        return self._update.run(files, _summary(catalog), catalog.notices, write=write)
 
     def outputs(self) -> tuple[str, ...]:
         """Return the sorted names of the files of the package. Raises InputError for errors in definitions."""
-        if self._is_current():
-            return tuple(sorted(self.record.files))
+        unchanged = self._update.unchanged()
+        if unchanged:
+            return unchanged.outputs
         from msggen.generate.python.package import list_package
         from msggen.sources.catalog import read_catalog
 
@@ -96,18 +74,11 @@ class Build:
                 Diagnostic(known.get(name, Location("--output", 0)), "S125", text) for name, text in long.items()
             )
 
-    def _is_current(self) -> bool:
-        return self.last.matches(self.folder, self.record, self.inputs)
-
     def _warnings(self) -> tuple[Diagnostic, ...]:
         """Return the warnings about the sources, which every build repeats."""
         from msggen.sources.catalog import read_catalog
 
-        return _warnings_among(read_catalog(self.sources, self.contents).notices)
-
-
-def _warnings_among(notices: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
-    return tuple(each for each in notices if each.level is Level.WARNING)
+        return warnings_among(read_catalog(self.sources, self.contents).notices)
 
 
 def _summary(catalog: "Catalog") -> str:

@@ -6,8 +6,9 @@ names, types and bytes. Which class a sample belongs to, and what happens with i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Literal, NamedTuple, Protocol
+from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
+from typing import Literal, NamedTuple, Protocol, TypeAlias, get_args
 
 
 class LinkError(RuntimeError):
@@ -55,36 +56,110 @@ class Remote(NamedTuple):
     """Whether the link continues a session that an earlier program began. Services cannot be called then."""
 
 
+class Connected(NamedTuple):
+    """A vehicle has begun a session. Its routes follow."""
+
+    remote: Remote
+
+
+class Opened(NamedTuple):
+    """A vehicle has a route or a service, from now on."""
+
+    remote: Remote
+    route: Route | Service
+
+
+class Disconnected(NamedTuple):
+    """A vehicle has ended its session, or has been silent for too long, or the link has ended."""
+
+    remote: Remote
+    reason: str
+
+
+class Sample(NamedTuple):
+    """A vehicle has published a sample."""
+
+    remote: Remote
+    route: Route
+    payload: bytes
+    """The sample with the 4 bytes of the encapsulation before it, as `decode` of a message takes it."""
+    time: int
+    """The time of its arrival in ns, of the clock `time.time_ns`."""
+
+
+class Replied(NamedTuple):
+    """A vehicle has answered the request with a number. `payload` as for `Sample`."""
+
+    remote: Remote
+    service: Service
+    number: int
+    payload: bytes
+
+
+class Lost(NamedTuple):
+    """Samples of a vehicle did not arrive: their sequence numbers are missing."""
+
+    remote: Remote
+    missing: int
+
+
+class Warned(NamedTuple):
+    """The link has something to tell the user, such as a vehicle that was refused."""
+
+    text: str
+
+
+class Failed(NamedTuple):
+    """An error has ended the link. Its vehicles are disconnected, all is released, and nothing follows."""
+
+    reason: str
+
+
+Event: TypeAlias = Connected | Opened | Disconnected | Sample | Replied | Lost | Warned | Failed
+"""What can happen on a link."""
+
+METHODS: Mapping[type[Event], str] = MappingProxyType({event: event.__name__.lower() for event in get_args(Event)})
+"""The method of a listener that is called for each event, with the fields of the event as its arguments."""
+
+
 class Listener(Protocol):
-    """The user of a link. Its methods are called by the thread of the link, one at a time, and must return at once."""
+    """The user of a link, with a method for each event.
+
+    Its methods are called by the thread of the link, one at a time, and must return at once.
+    """
 
     def connected(self, remote: Remote) -> None:
-        """A vehicle has begun a session. Its routes follow."""
+        """Take a `Connected`."""
 
     def opened(self, remote: Remote, route: Route | Service) -> None:
-        """A vehicle has a route or a service, from now on."""
+        """Take an `Opened`."""
 
     def disconnected(self, remote: Remote, reason: str) -> None:
-        """A vehicle has ended its session, or has been silent for too long, or the link has ended."""
+        """Take a `Disconnected`."""
 
     def sample(self, remote: Remote, route: Route, payload: bytes, time: int) -> None:
-        """A vehicle has published a sample.
-
-        `payload` starts with the 4 bytes of the encapsulation, as `decode` of a message takes it. `time` is the time
-        of its arrival in ns, of the clock `time.time_ns`.
-        """
+        """Take a `Sample`."""
 
     def replied(self, remote: Remote, service: Service, number: int, payload: bytes) -> None:
-        """A vehicle has answered the request with a number. `payload` as for `sample`."""
+        """Take a `Replied`."""
 
-    def lost(self, remote: Remote, count: int) -> None:
-        """Samples of a vehicle did not arrive: their sequence numbers are missing."""
+    def lost(self, remote: Remote, missing: int) -> None:
+        """Take a `Lost`."""
 
     def warned(self, text: str) -> None:
-        """The link has something to tell the user, such as a vehicle that was refused."""
+        """Take a `Warned`."""
 
     def failed(self, reason: str) -> None:
-        """An error has ended the link. Its vehicles are disconnected, all is released, and nothing follows."""
+        """Take a `Failed`."""
+
+
+def deliver(events: Iterable[Event], listener: Listener) -> None:
+    """Tell a listener what has happened. The caller holds no lock: the listener may send."""
+    for event in events:
+        if type(event) is Sample:  # the frequent one
+            listener.sample(event.remote, event.route, event.payload, event.time)
+        else:
+            getattr(listener, METHODS[type(event)])(*event)
 
 
 class Statistics(NamedTuple):

@@ -14,10 +14,10 @@ from collections.abc import Callable, Mapping
 from random import Random
 from typing import NamedTuple
 
-from msggen.live.link import Service
+from msggen.live.link import Connected, Disconnected, Event, Lost, Replied, Sample, Service
 from msggen.live.xrce import client as genuine
 from msggen.live.xrce import wire
-from msggen.live.xrce.agent import DEFAULTS, Address, Agent, Connected, Disconnected, Event, Lost, Replied, Sample
+from msggen.live.xrce.agent import DEFAULTS, Agent
 from msggen.live.xrce.client_entities import Reader, Server, Settings, Writer
 from msggen.live.xrce.entities import (
     PUBLISHER,
@@ -30,6 +30,7 @@ from msggen.live.xrce.entities import (
     TopicEntity,
     object_id,
 )
+from msggen.live.xrce.outbox import Address
 from msggen.live.xrce.streams import ReliableOutput
 from msggen.live.xrce.wire import Create, Delete
 from support.xrce_client import PARTICIPANT, Client

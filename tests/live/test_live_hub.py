@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 
 from msggen.live import LinkError, LinkTimeoutError, NotConnectedError, Vehicle
+from msggen.live.link import deliver
 from msggen.live.sim import Options, Simulator
 from msggen.live.vehicle import vehicle as vehicle_module
 from msggen.live.xrce.agent import Agent
@@ -155,11 +156,11 @@ def test_a_vehicle_whose_key_another_one_has_stays_connected(link: FakeLink, cap
             for client in clients:
                 client.write(1, bytes(8))
             world.run(0.1)
-            deliver(world, link)
+            give(world, link)
             assert vehicle.remote.address == "127.0.0.1:50001"
         clients[1].delete()
         world.settle()
-        deliver(world, link)
+        give(world, link)
         assert vehicle.remote.address == "127.0.0.1:50001"
         world.clients = [Client(50003)]
         start(world.clients[0])
@@ -167,16 +168,15 @@ def test_a_vehicle_whose_key_another_one_has_stays_connected(link: FakeLink, cap
         clients[0].delete()
         world.clients.append(clients[0])
         world.settle()
-        deliver(world, link)
+        give(world, link)
         assert vehicle.remote.address == "127.0.0.1:50003"
     warnings = [record.message for record in caplog.records if record.levelname == "WARNING"]
     assert "two vehicles have the key 1, 127.0.0.1:50001 and 127.0.0.1:50002: set the parameter" in warnings[0]
 
 
-def deliver(world: World, link: FakeLink) -> None:
+def give(world: World, link: FakeLink) -> None:
     """Give the events of an agent to the Vehicle objects of a link."""
-    for event in world.events:
-        event.deliver(link.user())
+    deliver(world.events, link.user())
     world.events.clear()
 
 

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from msggen.live.link import Route
+from msggen.live.link import Connected, Disconnected, Opened, Route, Sample
 from msggen.live.vehicle.firmware import REQUEST, RESPONSE, releases
-from msggen.live.xrce.agent import Agent, Connected, Disconnected, Opened, Sample
+from msggen.live.xrce.agent import Agent
 from msggen.recordings.live.player import Endpoints, Player, endpoints_of, is_played
 from msggen.recordings.log.log import Log
 from msggen.recordings.log.opening import open_log

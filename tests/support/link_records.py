@@ -9,19 +9,11 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import NamedTuple
 
-from msggen.live.link import Remote, Route, Service
+from msggen.live.link import Remote, Route, Sample, Service
 
 PATIENCE = 20.0
 """The longest time in s that a test waits for anything."""
-
-
-class Sample(NamedTuple):
-    remote: Remote
-    route: Route
-    payload: bytes
-    time: int
 
 
 class Records:
@@ -85,9 +77,9 @@ class Records:
         with self._change():
             self.replies.append((remote, service, number, payload))
 
-    def lost(self, remote: Remote, count: int) -> None:
+    def lost(self, remote: Remote, missing: int) -> None:
         with self._change():
-            self.losses.append((remote, count))
+            self.losses.append((remote, missing))
 
     def warned(self, text: str) -> None:
         with self._change():

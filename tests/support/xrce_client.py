@@ -6,8 +6,10 @@ from collections.abc import Iterable
 from random import Random
 from typing import Any, NamedTuple
 
+from msggen.live.link import Event
 from msggen.live.xrce import entities, wire
-from msggen.live.xrce.agent import Address, Agent, Event
+from msggen.live.xrce.agent import Agent
+from msggen.live.xrce.outbox import Address
 from msggen.live.xrce.streams import BestEffortInput, ReliableInput, ReliableOutput
 
 PARTICIPANT = entities.object_id(1, entities.PARTICIPANT)

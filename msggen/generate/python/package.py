@@ -191,6 +191,11 @@ def _support(name: str, condition: Condition = _always) -> _File:
     return _File(name, lambda _: template_text(f"python/support/{name}"), condition)
 
 
+def _shared(name: str) -> _File:
+    """Return the row of a module that is copied unchanged from `msggen/definitions`."""
+    return _File(name, lambda _: module_text(f"definitions/{name}"))
+
+
 def _init(package: _Package) -> str:
     own, *others = package.parts
     names = [class_name(message) for message in own.messages]
@@ -274,6 +279,7 @@ FILES = (
     _support("clock.py"),
     _support("covariances.py"),
     _File("commands.py", _commands, lambda package: has_commands(package.catalog)),
+    _shared("dtypes.py"),
     _support("encapsulation.py"),
     _support("explain.py"),
     _support("frames.py"),
@@ -305,7 +311,7 @@ FILES = (
         lambda package: _render("translations", table=translation_table(package.catalog)),
         _HAS_VERSIONS,
     ),
-    _File("unit.py", lambda _: module_text("definitions/unit.py")),
+    _shared("unit.py"),
     _support("units.py"),
     _support("versions.py", _HAS_VERSIONS),
 )

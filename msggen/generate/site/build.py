@@ -5,29 +5,14 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from hashlib import sha256
-from typing import NamedTuple
 
-from msggen.base.diagnostics import Diagnostic, Level, counted, input_error
-from msggen.base.disk.fingerprint import Fingerprint, digest_record, read_fingerprint, write_fingerprint
+from msggen.base.diagnostics import Diagnostic, counted, input_error
+from msggen.base.disk.incremental import Incremental, Outcome
 from msggen.base.disk.names import too_long
-from msggen.base.disk.output import OutputPlan, locked_output, plan_output, write_output
 from msggen.base.disk.reading import read_bytes
-from msggen.base.disk.record import read_record
 from msggen.base.foreign import escaped
 from msggen.sources.digest import digest_files, digest_inputs
 from msggen.sources.sources import Sources, read_files
-
-
-class Outcome(NamedTuple):
-    """The result: one line about the definitions, the number of files, and the plan, None if nothing changed.
-
-    `notices` are the warnings and notes about the sources.
-    """
-
-    summary: str
-    number: int
-    plan: OutputPlan | None = None
-    notices: tuple[Diagnostic, ...] = ()
 
 
 class SiteBuild:
@@ -44,10 +29,8 @@ class SiteBuild:
         self.folder = folder
         self.format = format_
         self.project = project
-        self.record = read_record(folder)
-        self.last = read_fingerprint(folder)
         self.contents = read_files(sources)
-        self.inputs = self._digest_inputs()
+        self._update = Incremental(folder, self._digest_inputs())
 
     def run(self, *, write: bool) -> Outcome:
         """Update the site. If `write` is false, only plan the update.
@@ -55,22 +38,16 @@ class SiteBuild:
         Raises InputError for errors in definitions and for files that msggen did not write, and OSError if the folder
         cannot be written.
         """
-        if self.last.matches(self.folder, self.record, self.inputs) and not self.last.has_warnings:
-            return Outcome(self.last.summary, len(self.record.files))
+        unchanged = None if self._update.has_warnings else self._update.unchanged()
+        if unchanged:
+            return unchanged
         from msggen.sources.overlap import check_apart
 
         check_apart(self.folder, self.sources, "--output")
         files, summary, notices = self._render()
         for _, text in too_long(self.folder, ["", *files]):
             raise input_error("--output", "S125", f"{text}: choose a shorter --output", 0)
-        if not write:
-            plan = plan_output(self.folder, files, self.record)
-        else:
-            with locked_output(self.folder):
-                plan, record = write_output(self.folder, files)
-                has_warnings = any(each.level is Level.WARNING for each in notices)
-                write_fingerprint(self.folder, Fingerprint(self.inputs, digest_record(record), summary, has_warnings))
-        return Outcome(summary, len(files), plan, notices)
+        return self._update.run(files, summary, notices, write=write)
 
     def _render(self) -> tuple[dict[str, str], str, tuple[Diagnostic, ...]]:
         """Return the files, the summary and the notices."""

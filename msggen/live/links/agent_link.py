@@ -15,9 +15,10 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack, suppress
 
-from msggen.live.link import LinkError, Listener, Remote, Route, Service, Statistics
-from msggen.live.links.guard import Guard
-from msggen.live.xrce.agent import Address, Agent, Client, Event, Sample, everybody
+from msggen.live.link import Event, LinkError, Listener, Remote, Route, Service, Statistics, deliver
+from msggen.live.links.guard import guarded
+from msggen.live.xrce.agent import Agent, Client, everybody
+from msggen.live.xrce.outbox import Address
 
 TICK = 0.1
 """The time in s between two calls of `Agent.tick`."""
@@ -82,7 +83,7 @@ class AgentLink(ABC):
         """Open the link and start its thread. Raises LinkError."""
         if self._thread is not None or self._closing:
             raise LinkError("a link can be started once: make another one")
-        guard = Guard(listener)
+        guard = guarded(listener)
         name = f"msggen-{type(self).__name__.removesuffix('Link').lower()}"
         thread = threading.Thread(target=self._run, args=(guard,), name=name, daemon=True)
         try:
@@ -216,15 +217,6 @@ class SelectorLink(AgentLink):
     def _drain(self, _events: int, _listener: Listener) -> None:
         with suppress(BlockingIOError):
             self._woken.recv(4096)
-
-
-def deliver(events: list[Event], listener: Listener) -> None:
-    """Tell a listener what has happened. The caller does not hold the lock: the listener may send."""
-    for event in events:
-        if type(event) is Sample:  # the frequent one
-            listener.sample(event.remote, event.route, event.payload, event.time)
-        else:
-            event.deliver(listener)
 
 
 def _why(error: OSError) -> str:

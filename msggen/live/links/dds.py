@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from msggen.live.link import LinkError, Listener, Remote, Route, Service, Statistics
-from msggen.live.links.guard import Guard
+from msggen.live.links.guard import guarded
 
 if TYPE_CHECKING:
     from msggen.live.links.cyclone import Found, Participant, Reader, Writer
@@ -146,7 +146,7 @@ class DdsLink:
         except DDSException as error:
             cure = "check the configuration, and how many participants this computer has in the domain"
             raise LinkError(f"cyclonedds cannot join domain {self._domain}: {error}; {cure}") from error
-        self._thread = threading.Thread(target=self._run, args=(Guard(listener),), name="msggen-dds", daemon=True)
+        self._thread = threading.Thread(target=self._run, args=(guarded(listener),), name="msggen-dds", daemon=True)
         self._thread.start()
 
     def publish(self, remote: Remote, route: Route, payload: bytes) -> None:

@@ -18,7 +18,7 @@ from typing import Any
 from msggen.base.interpreter import command_of
 from msggen.live.link import LinkError, Listener, Remote, Route, Service, Statistics
 from msggen.live.links.address import Address
-from msggen.live.links.guard import Guard
+from msggen.live.links.guard import guarded
 from msggen.live.links.pipe import CALL, EVENT, SAMPLE, KnownVehicle, Record, record_of, records_of
 
 _START_S = 60.0
@@ -56,7 +56,7 @@ class IsolatedLink:
         """Start the process and its link. Raises LinkError."""
         first = self._launch()
         self._thread = threading.Thread(
-            target=self._run, args=(Guard(listener), first), name="msggen-isolated", daemon=True
+            target=self._run, args=(guarded(listener), first), name="msggen-isolated", daemon=True
         )
         self._thread.start()
 

@@ -83,10 +83,10 @@ class Child:
         index = self._vehicles[remote.number].services.index(service)
         self._put(record_of(CALL, payload, remote.number, index, number))
 
-    def lost(self, remote: Remote, count: int) -> None:
+    def lost(self, remote: Remote, missing: int) -> None:
         """Pass on the sum with the next records: a sender can leave out any number of sequence numbers."""
         with self._lock:
-            self._lost[remote.number] = self._lost.get(remote.number, 0) + count
+            self._lost[remote.number] = self._lost.get(remote.number, 0) + missing
 
     def _tell_lost(self) -> None:
         with self._lock:

@@ -12,8 +12,8 @@ from contextlib import suppress
 
 from msggen.live.link import LinkError, Listener, Route
 from msggen.live.links.agent_link import SelectorLink
-from msggen.live.xrce.agent import Address
 from msggen.live.xrce.framing import Deframer, pack_frame
+from msggen.live.xrce.outbox import Address
 
 CHUNK = 65536
 LEAST_KEPT = 4096

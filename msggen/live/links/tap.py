@@ -23,7 +23,7 @@ from msggen.live.link import LinkError, Listener, Remote, Route, Service
 from msggen.live.links.agent_link import SelectorLink
 from msggen.live.links.link_types import AGENT_PORT, PORT
 from msggen.live.links.udp import BATCH, LONGEST, RECEIVE_BUFFER, Bound, allowed
-from msggen.live.xrce.agent import Address
+from msggen.live.xrce.outbox import Address
 from msggen.live.xrce.wire import BEST_EFFORT, HEADER, NO_SESSION, STATUS_AGENT
 
 HALF = 0x8000

@@ -12,10 +12,10 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from functools import lru_cache
 
-from msggen.live.link import LinkError, Listener, Route
-from msggen.live.links.agent_link import AgentLink, deliver
+from msggen.live.link import LinkError, Listener, Route, deliver
+from msggen.live.links.agent_link import AgentLink
 from msggen.live.links.link_types import PORT
-from msggen.live.xrce.agent import Address
+from msggen.live.xrce.outbox import Address
 
 LONGEST = 65536
 """The length of the longest datagram."""

@@ -173,11 +173,11 @@ class Hub:
         if entry is not None:
             entry.calls.replied(number, payload)
 
-    def lost(self, remote: Remote, count: int) -> None:
+    def lost(self, remote: Remote, missing: int) -> None:
         """Count lost samples."""
         entry = self.entries.get(remote.number)
         if entry is not None:
-            entry.lost += count
+            entry.lost += missing
 
     def warned(self, text: str) -> None:
         """Tell the user."""

@@ -6,8 +6,7 @@ that calls an agent from several threads holds a lock of its own. It takes datag
     agent.receive(data, address, time.time_ns())
     for data, address in agent.take_outgoing():
         sock.sendto(data, address)
-    for event in agent.take_events():
-        event.deliver(listener)
+    deliver(agent.take_events(), listener)
 """
 
 from __future__ import annotations
@@ -19,43 +18,21 @@ from collections import Counter
 from collections.abc import Callable, Container, Iterable, Sequence
 from typing import Final, NamedTuple
 
-from msggen.live.link import LinkError, Route, Service
+from msggen.live.link import (
+    Event,
+    LinkError,
+    Route,
+    Sample,
+    Service,
+    Warned,
+)
 from msggen.live.xrce import wire
 from msggen.live.xrce.continuation import Continuation
-from msggen.live.xrce.events import (
-    Address,
-    Connected,
-    Disconnected,
-    Event,
-    Lost,
-    Opened,
-    Outbox,
-    Replied,
-    Sample,
-    Warned,
-    host,
-)
+from msggen.live.xrce.outbox import Address, Outbox, host
 from msggen.live.xrce.places import find_least
 from msggen.live.xrce.session import Limits, Session
 from msggen.live.xrce.streams import NEAR
 from msggen.live.xrce.wire import BEST_EFFORT, ENCAPSULATION, WRITE_DATA, WireError
-
-__all__ = [
-    "DEFAULTS",
-    "Address",
-    "Agent",
-    "Client",
-    "Connected",
-    "Disconnected",
-    "Event",
-    "Limits",
-    "Lost",
-    "Opened",
-    "Replied",
-    "Sample",
-    "Warned",
-    "everybody",
-]
 
 DEFAULTS: Final = Limits()
 TICK: Final = 0.1

@@ -7,7 +7,7 @@ from typing import Final
 
 from msggen.live.link import Route
 from msggen.live.xrce import entities, wire
-from msggen.live.xrce.events import Address
+from msggen.live.xrce.outbox import Address
 from msggen.live.xrce.streams import distance
 
 _PROOFS: Final = 5

@@ -6,11 +6,11 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from typing import ClassVar, Final, NamedTuple
 
-from msggen.live.link import LinkError, Remote, Route, Service
+from msggen.live.link import Connected, Disconnected, LinkError, Lost, Opened, Remote, Replied, Route, Sample, Service
 from msggen.live.xrce import entities, wire
 from msggen.live.xrce.entities import RefusedError
-from msggen.live.xrce.events import Address, Connected, Disconnected, Lost, Opened, Outbox, Replied, Sample, host
 from msggen.live.xrce.inventory import Inventory, Reading
+from msggen.live.xrce.outbox import Address, Outbox, host
 from msggen.live.xrce.streams import NEAR, BestEffortInput, Fragments, ReliableInput, ReliableOutput
 from msggen.live.xrce.wire import BEST_EFFORT, RELIABLE, Submessage, WireError
 

@@ -8,20 +8,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from itertools import groupby
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, cast
 
-import numpy as np
-
-from msggen.definitions.layout import DelimiterHeader, Encoding, Leaf, lay_out
+from msggen.definitions.dtypes import Leaf, bools_of, lay_out_rows, positions_of
+from msggen.definitions.layout import DelimiterHeader, Encoding, lay_out
+from msggen.definitions.layout import Layout as LaidOut
 from msggen.definitions.model import ArrayKind
 from msggen.definitions.primitives import PRIMITIVES
 from msggen.recordings.decode.schemas import Schema, read_schema
-from msggen.recordings.source.rows import Layout, bools_at, joined
+from msggen.recordings.source.rows import Layout, bools_at
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Iterator
 
+    import numpy as np
     from numpy.typing import NDArray
 
 HEADER = 4
@@ -47,20 +47,14 @@ class Wire:
     """The size of a sample in bytes, with its header."""
     delimiters: tuple[tuple[int, int], ...]
     """The offset and the value of each delimiter header of XCDR2."""
-    runs: tuple[tuple[int, int, int], ...]
-    """Where the values are in a sample, in the order of `Layout.runs`: offset, end, and the size of each value."""
+    leaves: tuple[Leaf, ...]
+    """The values, in the order of `Layout.runs`."""
     is_swapped: bool
 
     @cached_property
     def positions(self) -> NDArray[np.intp]:
         """Where the bytes of the values are in a sample, in the order of `Layout.positions`."""
-        if not self.is_swapped:
-            return joined([np.arange(start, stop) for start, stop, _ in self.runs])
-        return joined([np.arange(start, stop).reshape(-1, size)[:, ::-1].ravel() for start, stop, size in self.runs])
-
-
-class _NoDtypeError(Exception):
-    """numpy cannot describe samples: elements are unevenly spaced, or padding of the last one is missing."""
+        return cast("NDArray[np.intp]", positions_of(self.leaves, is_swapped=self.is_swapped))
 
 
 def layout_of(ros_type: str, definition: str) -> Layout | None:
@@ -73,13 +67,9 @@ def layout_of(ros_type: str, definition: str) -> Layout | None:
 def _cdr_layout(schema: Schema) -> Layout:
     laid_out = lay_out(schema.catalog, schema.message)
     size = HEADER + laid_out.size
-    leaves = tuple(leaf._replace(offset=leaf.offset + HEADER) for leaf in laid_out.leaves)
-    try:
-        return _layout(leaves, size, SURPLUS, _dtype(leaves, 0, 0, size), in_place=True)
-    except _NoDtypeError:
-        packed = tuple(_packed(leaves))
-        end = packed[-1].offset + packed[-1].size * packed[-1].element_count
-        return _layout(packed, size, SURPLUS, _dtype(packed, 0, 0, end), in_place=False)
+    dtype, leaves, in_place = lay_out_rows(tuple(_leaves(laid_out)), size, 0)
+    bools = tuple(bools_at(bools_of(leaves), dtype.itemsize))
+    return Layout(dtype, tuple(_runs(leaves)), bools, size, SURPLUS, in_place)
 
 
 @lru_cache(1024)
@@ -90,29 +80,13 @@ def wire_of(schema: Schema, encapsulation: bytes) -> Wire:
     delimiters = tuple(
         (HEADER + item.offset, item.size) for item in laid_out.items if isinstance(item, DelimiterHeader)
     )
-    runs = tuple(
-        (HEADER + leaf.offset, HEADER + leaf.offset + leaf.size * leaf.element_count, leaf.size)
-        for leaf in laid_out.leaves
-    )
-    return Wire(HEADER + laid_out.size, delimiters, runs, is_swapped=order == ">")
+    return Wire(HEADER + laid_out.size, delimiters, tuple(_leaves(laid_out)), is_swapped=order == ">")
 
 
-def _layout(leaves: Sequence[Leaf], size: int, surplus: int, dtype: np.dtype[Any], *, in_place: bool) -> Layout:
-    places = [
-        place
-        for leaf in leaves
-        if leaf.type.name == "bool"
-        for place in range(leaf.offset, leaf.offset + leaf.element_count)
-    ]
-    bools = tuple(bools_at(sorted(places), dtype.itemsize))
-    return Layout(dtype, tuple(_runs(leaves)), bools, size, surplus, in_place)
-
-
-def _packed(leaves: Sequence[Leaf]) -> Iterator[Leaf]:
-    offset = 0
-    for leaf in leaves:
-        yield leaf._replace(offset=offset)
-        offset += leaf.size * leaf.element_count
+def _leaves(laid_out: LaidOut) -> Iterator[Leaf]:
+    for leaf in laid_out.leaves:
+        length = None if leaf.type.array is ArrayKind.SCALAR else leaf.type.length
+        yield Leaf(leaf.path, PRIMITIVES[leaf.type.name].code, leaf.size, length, HEADER + leaf.offset)
 
 
 def _runs(leaves: Iterable[Leaf]) -> Iterator[tuple[int, int]]:
@@ -123,58 +97,5 @@ def _runs(leaves: Iterable[Leaf]) -> Iterator[tuple[int, int]]:
             if stop > start:
                 yield start, stop
             start = leaf.offset
-        stop = leaf.offset + leaf.size * leaf.element_count
+        stop = leaf.end
     yield start, stop
-
-
-def _dtype(leaves: Sequence[Leaf], depth: int, low: int, high: int) -> np.dtype[Any]:
-    """Return the dtype of the bytes from `low` up to `high`, of fields at a depth of nesting. Raises _NoDtypeError."""
-    names: list[str] = []
-    formats: list[Any] = []
-    offsets: list[int] = []
-    for name, group in groupby(leaves, key=lambda leaf: leaf.path[depth][0]):
-        field = tuple(group)
-        format_, offset = _format(field, depth, high)
-        if offset < low or _end(field) > high:
-            raise _NoDtypeError
-        names.append(name)
-        formats.append(format_)
-        offsets.append(offset - low)
-    return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": high - low})
-
-
-def _format(field: tuple[Leaf, ...], depth: int, high: int) -> tuple[Any, int]:
-    """Return the dtype of a field and its offset."""
-    first = field[0]
-    if len(first.path) == depth + 1:
-        number = f"<{PRIMITIVES[first.type.name].code}"
-        return (number if first.type.array is ArrayKind.SCALAR else (number, (first.type.length,))), first.offset
-    elements = [tuple(group) for _, group in groupby(field, key=lambda leaf: leaf.path[depth][1])]
-    if first.path[depth][1] is None:
-        return _dtype(field, depth + 1, first.offset, _end(field)), first.offset
-    starts = [element[0].offset for element in elements]
-    count = len(elements)
-    stride = starts[1] - starts[0] if count > 1 else _end(field) - first.offset
-    # an element has the padding behind it, or the padding before it if the sample ends with the last element
-    begin = min(starts[0], high - count * stride)
-    types = [
-        _dtype(element, depth + 1, begin + number * stride, begin + (number + 1) * stride)
-        for number, element in enumerate(elements)
-    ]
-    if any(type_ != types[0] for type_ in types) or _overlaps(types[0]):
-        raise _NoDtypeError
-    return (types[0], (count,)), begin
-
-
-def _overlaps(dtype: np.dtype[Any]) -> bool:
-    """Whether fields overlap. numpy copies an array of such elements wrongly to another dtype."""
-    end = 0
-    for type_, offset, *_ in sorted((dtype.fields or {}).values(), key=lambda field: field[1]):
-        if offset < end or (type_.base.names is not None and _overlaps(type_.base)):
-            return True
-        end = offset + type_.itemsize
-    return False
-
-
-def _end(leaves: Sequence[Leaf]) -> int:
-    return max(leaf.offset + leaf.size * leaf.element_count for leaf in leaves)

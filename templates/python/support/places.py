@@ -69,16 +69,6 @@ def _values(format: str) -> Iterator[Value]:
             offset += size
 
 
-def packed(values: tuple[Value, ...]) -> tuple[Value, ...]:
-    """Return the values with the offsets that they have in a sample without padding."""
-    offset = len(HEADER)
-    moved: list[Value] = []
-    for value in values:
-        moved.append(Value(offset, value.size, value.is_block))
-        offset += value.size
-    return tuple(moved)
-
-
 def parts_of(message: type[Message], values: tuple[Value, ...]) -> tuple[Part, ...]:
     """Return the fields of `message` with their places, derived from its `values` in the order of the sample."""
     return _parts(message, iter(values))

@@ -18,11 +18,11 @@ from typing import Any
 import pytest
 
 from msggen.cli import main
-from msggen.live.link import LinkError
+from msggen.live.link import Connected, Disconnected, Event, LinkError, Sample
 from msggen.live.links.address import Address
 from msggen.live.sim import Misbehaviour, Options, Simulator
 from msggen.live.sim.transport import read_address
-from msggen.live.xrce.agent import Agent, Connected, Disconnected, Event, Sample
+from msggen.live.xrce.agent import Agent
 from msggen.live.xrce.framing import Deframer, pack_frame
 from support.repository import ROOT
 

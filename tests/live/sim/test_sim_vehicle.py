@@ -12,11 +12,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from msggen.live.link import Sample
 from msggen.live.sim import Misbehaviour, Options, SimulatedVehicle
 from msggen.live.sim.line import Line
 from msggen.live.sim.values import VALUES, Filler, Scene
 from msggen.live.xrce import wire
-from msggen.live.xrce.agent import Agent, Sample
+from msggen.live.xrce.agent import Agent
 from msggen.sources.embedded import EMBEDDED
 from support.examples import examples
 from support.simulation import NAN, SECOND, SHORT, Bench, built, fly, topics_of

@@ -7,10 +7,23 @@ from random import Random
 
 import pytest
 
-from msggen.live.link import LinkError, Remote, Route, Service
+from msggen.live.link import (
+    Connected,
+    Disconnected,
+    LinkError,
+    Lost,
+    Opened,
+    Remote,
+    Replied,
+    Route,
+    Sample,
+    Service,
+    Warned,
+    deliver,
+)
 from msggen.live.xrce import entities, wire
-from msggen.live.xrce.agent import Agent, Connected, Disconnected, Limits, Lost, Opened, Replied, Sample, Warned
-from msggen.live.xrce.session import LOSSES, REPLIES, Session
+from msggen.live.xrce.agent import Agent
+from msggen.live.xrce.session import LOSSES, REPLIES, Limits, Session
 from msggen.live.xrce.streams import OUTPUT_WINDOW
 from support.xrce_captures import sent
 from support.xrce_client import PARTICIPANT, SERVICE, Client, Network, World, connected, start
@@ -52,8 +65,7 @@ def test_events_are_the_methods_of_a_listener() -> None:
     client.write(1, b"b")
     client.delete()
     world.settle()
-    for event in world.events:
-        event.deliver(Listener())  # type: ignore[arg-type]
+    deliver(world.events, Listener())  # type: ignore[arg-type]
     remote = world.all(Connected)[0].remote
     assert calls == [
         ("connected", remote),

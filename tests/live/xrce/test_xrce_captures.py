@@ -7,10 +7,11 @@ from typing import Any
 
 import pytest
 
-from msggen.live.link import Remote, Route, Service
+from msggen.live.link import Connected, Disconnected, Event, Lost, Opened, Remote, Replied, Route, Sample, Service
 from msggen.live.xrce import wire
-from msggen.live.xrce.agent import Address, Agent, Connected, Disconnected, Event, Lost, Opened, Replied, Sample
+from msggen.live.xrce.agent import Agent
 from msggen.live.xrce.framing import Deframer, pack_frame
+from msggen.live.xrce.outbox import Address
 from support import xrce_reference as reference
 from support.xrce_captures import SESSIONS, Row, expected, load, rows, sent
 

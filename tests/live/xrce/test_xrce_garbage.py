@@ -6,7 +6,8 @@ from random import Random
 
 import pytest
 
-from msggen.live.xrce.agent import Agent, Connected
+from msggen.live.link import Connected
+from msggen.live.xrce.agent import Agent
 from support.xrce_client import Client, connected, start
 from support.xrce_garbage import attack, datagrams, mutated
 
