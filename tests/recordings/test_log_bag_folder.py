@@ -326,7 +326,7 @@ VERSION = f"a: {LONG}, version: [*a, *a, *a, *a, *a, *a, *a, *a, *a]"
 @pytest.mark.parametrize(
     ("text", "problem"),
     [
-        ("[" * 1_000_000, "nested deeper than 32"),
+        ("[" * 1_000_000, "nest"),  # newer versions of PyYAML refuse it themselves
         ("a0: &a0 {x: 1}\n" + MERGES, "for too much"),
         ("a0: &a0 [x]\n" + ALIASES, "for too much"),
         (f"rosbag2_bagfile_information: {{{VERSION}, relative_file_paths: [bag_0.db3]}}", "version list: 1 to 9 are"),
