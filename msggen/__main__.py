@@ -1,4 +1,8 @@
-"""Entry point of `msggen` and of `python -m msggen`: Ctrl-C means exit code 130 at any moment, never a trace."""
+"""Entry point of `msggen` and of `python -m msggen`: from the first lines here on, Ctrl-C means exit code 130.
+
+There is no trace then. Before them Python itself starts, with `site` and the program that pip installs. Ctrl-C there
+can still give a trace of Python, which msggen cannot prevent.
+"""
 
 import _signal  # type: ignore[import-not-found]  # `signal` and `enum`, which it imports, take milliseconds
 import os

@@ -261,37 +261,36 @@ class PackedFile:
         data = part.buffer.data
         kept: list[int] = []
         samples: list[bytes] = []
-        size = 0
+        size = spent = 0
+        room = self._room_for(part.channel, used)
         for index, (start, length) in enumerate(zip(part.starts.tolist(), part.sizes.tolist(), strict=True)):
             sample = bytes(data[start : start + length])
             if sample.startswith(ZSTD):
                 try:
-                    sample = self._content(sample, part.channel, used)
+                    sample = decompress_frame(sample, min(room - spent, LARGEST))
+                    spent += len(sample)
                 except CompressionError as error:
+                    spent += error.spent
                     self._leave_out(part.channel, int(part.log_times[index]), str(error))
                     continue
             kept.append(index)
             samples.append(sample)
             size += len(sample)
             if size >= _BATCH:
+                self._take(part.channel, spent, used)
                 yield _part_of(part, kept, samples)
-                kept, samples, size = [], [], 0
+                kept, samples, size, spent = [], [], 0, 0
+                room = self._room_for(part.channel, used)
+        self._take(part.channel, spent, used)
         if kept:
             yield _part_of(part, kept, samples)
 
-    def _content(self, frame: bytes, number: int, used: Counter[int]) -> bytes:
-        """Return a sample of a channel without its compression. Raises CompressionError."""
-        known = max(self._taken[number] - used[number], 0)
-        try:
-            content = decompress_frame(frame, min(self._room.left + known, LARGEST))
-        except CompressionError as error:
-            self._take(number, error.spent, used)
-            raise
-        self._take(number, len(content), used)
-        return content
+    def _room_for(self, number: int, used: Counter[int]) -> int:
+        """Return how many bytes the next samples of a channel may have."""
+        return self._room.left + max(self._taken[number] - used[number], 0)
 
     def _take(self, number: int, size: int, used: Counter[int]) -> None:
-        """Take a sample of a channel from the room, if no reading before has taken it."""
+        """Take samples of a channel from the room, as far as no reading before has taken them."""
         used[number] += size
         self._room.take(max(used[number] - self._taken[number], 0))
         self._taken[number] = max(used[number], self._taken[number])
