@@ -23,7 +23,7 @@ FORMATS = (ROOT / "docs" / "recording_formats.md").read_text(encoding="utf-8")
 def test_the_examples_of_python_are_real(px4_types: Any, working_folder: Path) -> None:
     example_flight(working_folder, px4_types)
     source = "\n".join(re.findall(r"```pycon\n(.*?)```", READING, re.DOTALL))
-    error = "Traceback (most recent call last):\nmsggen.recordings.source.RecordingError: "
+    error = "Traceback (most recent call last):\nmsggen.recordings.source.source.RecordingError: "
     source = re.sub(r"(?m)^RecordingError: ", error, source)
     parser, runner = doctest.DocTestParser(), doctest.DocTestRunner()
     results = runner.run(parser.get_doctest(source, {}, "reading.md", "reading.md", 0))
