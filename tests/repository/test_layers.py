@@ -13,6 +13,9 @@ import pytest
 from msggen.base.rooms import ROOMS, below, room_of
 from support.repository import ROOT
 
+LONGEST = 400
+"""The lines of a file that is not listed as a long one."""
+
 MODULES = {
     path.relative_to(ROOT / "msggen").with_suffix("").as_posix().replace("/", ".").removesuffix(".__init__"): path
     for path in (ROOT / "msggen").rglob("*.py")
@@ -100,3 +103,14 @@ def test_the_page_has_all_rooms_and_what_they_import() -> None:
     for room, listed in rows.items():
         inner = {each.partition(".")[0] for name in ROOMS if name.partition(".")[0] == room for each in ROOMS[name]}
         assert set(re.findall(r"`(\w+)`", listed)) == inner - {room}
+
+
+def test_the_page_has_all_long_files() -> None:
+    page = (ROOT / "docs/design.md").read_text(encoding="utf-8").partition("## Long files")[2].partition("## ")[0]
+    files = [path for folder in ("msggen", "templates") for path in (ROOT / folder).rglob("*.py")]
+    long = {
+        path.relative_to(ROOT).as_posix()
+        for path in files
+        if path.read_text(encoding="utf-8").count("\n") > LONGEST and "examples" not in path.parts
+    }
+    assert {*re.findall(r"`([\w/]+\.py)`", page)} == long
