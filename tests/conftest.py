@@ -10,6 +10,7 @@ import signal
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from types import ModuleType
 from typing import Any
 
@@ -32,13 +33,17 @@ settings.register_profile("night", _HASTY, max_examples=ALL_EXAMPLES)
 settings.load_profile("msggen")
 
 
-def pytest_configure() -> None:
+def pytest_configure(config: pytest.Config) -> None:
     """Let Ctrl-C reach the programs of tests: a shell starts a process in the background with SIGINT ignored.
 
     The programs that tests leave become children of this process, which ends them.
     """
     signal.signal(signal.SIGINT, signal.default_int_handler)
     adopt_orphans()
+    if not os.access(os.path.expanduser("~"), os.W_OK):
+        home = TemporaryDirectory(prefix="home-")  # for the caches of msggen and of the libraries of tests
+        os.environ["HOME"] = home.name
+        config.add_cleanup(home.cleanup)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -41,7 +41,7 @@ def test_the_committed_package_is_what_the_tool_makes() -> None:
 
 @pytest.mark.parametrize("command", [["check", "."], ["format", "--check", "."]], ids=["check", "format"])
 def test_ruff_is_content(command: list[str]) -> None:
-    run("ruff", *command)
+    run("ruff", *command, "--no-cache")
 
 
 def test_ruff_is_content_with_the_generated_package() -> None:
@@ -50,6 +50,7 @@ def test_ruff_is_content_with_the_generated_package() -> None:
         "ruff",
         "check",
         "--isolated",
+        "--no-cache",
         "--target-version=py310",
         f"--select={rules}",
         "--ignore=B905,UP007",
