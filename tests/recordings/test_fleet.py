@@ -435,6 +435,18 @@ def test_a_folder_with_other_files_is_refused(logs: Path, tmp_path: Path) -> Non
     assert update(str(logs), str(tmp_path / "empty")).is_whole
 
 
+def test_a_recording_whose_problem_names_a_topic_with_nul_is_not_forgotten(tmp_path: Path) -> None:
+    logs, fleet = tmp_path / "logs", tmp_path / "fleet"
+    logs.mkdir()
+    known = Written("/fmu/out/rpm", "px4_msgs/msg/Rpm", "float32 rpm\n", [(START, START, b"\0\1\0\0" + bytes(4))])
+    strange = Written("/fmu/\0", "px4_msgs/msg/Rpm", "float32 rpm\n", [(START, START, b"{}")], encoding="json")
+    write_log(logs / "a.mcap", [known, strange])
+    (record,) = update(str(logs), str(fleet)).records
+    assert "\0" in "".join(record.problems)
+    assert (record.rows, rows_in(fleet)) == (1, 1)
+    assert update(str(logs), str(fleet)).unchanged == 1
+
+
 def test_another_layout_is_refused(logs: Path, tmp_path: Path) -> None:
     fleet = tmp_path / "fleet"
     update(str(logs), str(fleet), by=["date"])

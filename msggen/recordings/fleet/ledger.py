@@ -223,11 +223,13 @@ class Ledger:
 
 
 def _is_text(value: object) -> bool:
+    """Whether this is a text that can be in a path."""
     return isinstance(value, str) and "\0" not in value
 
 
 def _are_texts(value: object) -> bool:
-    return isinstance(value, list) and all(map(_is_text, value))
+    """Whether these are texts of any characters: problems name topics, which can have NUL in a damaged recording."""
+    return isinstance(value, list) and all(isinstance(each, str) for each in value)
 
 
 def _are_places(value: object) -> bool:
@@ -269,7 +271,7 @@ _IS_SOUND: Mapping[str, Callable[[Any], bool]] = {
     "size": _is_number,
     "problems": _are_texts,
     "notes": _are_texts,
-    "firmware": _is_text,
+    "firmware": lambda value: isinstance(value, str),
     "start": _is_number_or_none,
     "utc_offset": _is_number_or_none,
     "duration": lambda value: isinstance(value, float) or _is_number(value),
