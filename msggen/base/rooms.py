@@ -94,7 +94,7 @@ ROOMS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "recordings": ("base",),
         "doctor": ("base", "definitions", "check", "live"),
         "show": (),
-        "show.report": ("base", "sources", "check", "doctor"),
+        "show.report": ("base", "sources", "check", "live", "doctor"),
         "show.top": ("base", "live"),
         "show.view": ("live", "recordings"),
         "cli": ("base", "definitions", "sources", "check", "live", "recordings", "doctor", "generate", "show"),

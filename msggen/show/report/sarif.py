@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -18,6 +17,7 @@ from msggen.base.diagnostics import Diagnostic, printable
 from msggen.base.location import Location
 from msggen.base.version import __version__
 from msggen.check.finding import Excerpt, Finding, Report, Rule
+from msggen.live.links.link_types import LINK_TYPES
 from msggen.show.report.json import dump
 from msggen.show.report.line import level, remedies, statement
 
@@ -122,7 +122,7 @@ def _uri(path: str) -> str:
 
     The address of a link is a URI already.
     """
-    if re.match("(udp|serial|tap|dds)://", path):
+    if path.partition("://")[0] in LINK_TYPES and "://" in path:
         return quote(path, safe=":/?=[]")
     below = os.path.relpath(path)
     outside = below == os.pardir or below.startswith(os.pardir + os.sep)
