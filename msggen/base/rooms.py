@@ -100,7 +100,7 @@ ROOMS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "cli": ("base", "definitions", "sources", "check", "live", "recordings", "doctor", "generate", "show"),
     }
 )
-"""The rooms that each room imports. Those in its folder need not be named, but for `below`."""
+"""The rooms that each room imports. A room may always import those in its own folder."""
 
 
 def room_of(name: str) -> str:
@@ -111,7 +111,10 @@ def room_of(name: str) -> str:
 
 
 def below(room: str) -> frozenset[str]:
-    """Return a room and all that it imports, directly or through others. An output depends on the code in them."""
+    """Return a room and all that it imports, directly or through others. An output depends on the code in them.
+
+    Of the rooms in its own folder, these are the ones that its row names.
+    """
     found: set[str] = set()
     remaining = [room]
     while remaining:

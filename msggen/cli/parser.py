@@ -1,6 +1,6 @@
-"""The parser of the command line: argparse with a nearest name for each unknown word.
+"""The parser of the command line, which suggests the nearest name for an unknown word.
 
-argparse, because larger libraries take longer to import than a build with nothing to do (docs/libraries.md).
+It uses argparse, because larger libraries take longer to import than a build with nothing to do (docs/libraries.md).
 """
 
 from __future__ import annotations

@@ -122,7 +122,8 @@ def _uri(path: str) -> str:
 
     The address of a link is a URI already.
     """
-    if path.partition("://")[0] in LINK_TYPES and "://" in path:
+    scheme, mark, _ = path.partition("://")
+    if mark and scheme in LINK_TYPES:
         return quote(path, safe=":/?=[]")
     below = os.path.relpath(path)
     outside = below == os.pardir or below.startswith(os.pardir + os.sep)
