@@ -1,6 +1,6 @@
 """The worst inputs of each parser and reader: texts that once took, or might take, more than linear time.
 
-The tests read the same list (tests/parse/test_linear.py).
+The tests read the same list (tests/definitions/test_linear.py).
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 One run reports all errors, exits with 2 and writes nothing. No file content makes msggen fail in any other way.
 
-msggen/show/report/errors.yaml has one example for each code, which tests/report/test_error_texts.py runs. ERRORS and
+msggen/show/report/errors.yaml has one example for each code, which tests/show/test_error_texts.py runs. ERRORS and
 DOUBTS are further examples.
 """
 

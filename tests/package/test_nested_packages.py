@@ -1,7 +1,7 @@
 """Tests of a generated package with messages of other ROS packages: their location, and the same behaviour as uORB's.
 
 Messages with the same name occur in every combination: side by side in one message, one inside the other, in arrays
-and in services. tests/firmware/test_other_packages.py tests how packages are found and which rules apply.
+and in services. tests/sources/test_other_packages.py tests how packages are found and which rules apply.
 """
 
 from __future__ import annotations

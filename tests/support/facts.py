@@ -1,7 +1,7 @@
 """A second computation of the identities of PX4's messages, from the text alone, that shares no code with msggen.
 
 It is slow and simple, for messages of fixed size such as PX4's. It equals the results of the firmware's own tools and
-of rosidl for v1.14, v1.16, v1.17 and v1.18 (`tests/firmware/test_identity.py`). It replaces them where nothing was
+of rosidl for v1.14, v1.16, v1.17 and v1.18 (`tests/definitions/test_identity.py`). It replaces them where nothing was
 measured: v1.15, and the type hashes of v1.14.
 """
 

@@ -8,7 +8,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 VECTORS = ROOT / "tests" / "vectors"
-PX4_TREE = ROOT / "tests" / "px4_generate" / "px4_tree"
+PX4_TREE = ROOT / "tests" / "generate" / "px4_tree"
 SHARED = ROOT.parent / "shared"
 
 DEFINITIONS = sorted(path for folder in ("msg", "msg/versioned") for path in (ROOT / folder).glob("*.msg"))

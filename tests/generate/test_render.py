@@ -1,6 +1,6 @@
 """Tests of `msggen render`: the files it writes, the names that templates can use, and its errors.
 
-tests/render/test_gallery.py tests the templates of docs/gallery.
+tests/generate/test_gallery.py tests the templates of docs/gallery.
 """
 
 from __future__ import annotations
