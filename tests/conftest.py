@@ -33,6 +33,11 @@ settings.register_profile("night", _HASTY, max_examples=ALL_EXAMPLES)
 settings.load_profile("msggen")
 
 
+def pytest_xdist_auto_num_workers() -> int:
+    """Return the number of processes for `-n auto`. Tests of links mostly wait, as a real client takes its time."""
+    return 2 * (os.cpu_count() or 1)
+
+
 def pytest_configure(config: pytest.Config) -> None:
     """Let Ctrl-C reach the programs of tests: a shell starts a process in the background with SIGINT ignored.
 
