@@ -76,13 +76,16 @@ def cache_folder() -> str:
 def private_folder() -> str:
     """Return the folder for msggen's files that can be made again, and make it.
 
-    If others can change what lies in the user's cache, it is a temporary one, which is removed at the end of the
-    process: what lies there is executed. Raises OSError if it cannot be made.
+    If the user's cache cannot be made, or others can change what lies there, which is executed, it is a temporary one,
+    which is removed at the end of the process. Raises OSError if that cannot be made.
     """
     folder = cache_folder()
     if not os.path.isabs(folder):
         return _temporary(f"{folder}: not used as a cache: no HOME is set")  # it would be in the current folder
-    _make(folder)
+    try:
+        _make(folder)
+    except OSError as error:
+        return _temporary(f"{folder}: not used as a cache: {error.strerror}")
     problem = problem_of(folder)
     return _temporary(f"{folder}: not used as a cache: {problem}") if problem else folder
 

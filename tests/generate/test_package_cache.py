@@ -111,6 +111,17 @@ def test_a_cache_below_a_folder_like_tmp_is_used(home: Path, caplog: pytest.LogC
     assert caplog.messages == []
 
 
+@pytest.mark.usefixtures("fresh")
+def test_a_cache_that_cannot_be_made_is_replaced(
+    home: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    file = home.with_name("file")
+    file.write_text("where a folder should be")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(file / "cache"))
+    assert "msggen-" in str(folder_of(cache.package_of("v1.17")))
+    assert "not used as a cache: Not a directory" in caplog.text
+
+
 @needs_owners
 @pytest.mark.usefixtures("fresh")
 def test_a_cache_of_another_user_is_not_used(

@@ -36,7 +36,7 @@ from support.checkers import mypy
 from support.imports import HEAVY
 from support.random_definitions import values_of
 from support.reference import HEADERS, serialize, to_object, to_values
-from support.repository import ROOT, shared
+from support.repository import ROOT, copied, shared
 from support.samples import HEADER, plain, values_by_chance
 from support.translations import HEADERS as TRANSLATIONS
 from support.translations import class_of
@@ -951,7 +951,7 @@ def test_archived_versions_come_on_request(capsys: Capture) -> None:
 @pytest.mark.slow
 @OWN_FOLDER
 def test_the_page_shows_what_really_happens(capsys: Capture) -> None:
-    shutil.copytree(shared("firmware/main-2026-03"), "PX4-Autopilot")
+    copied("firmware/main-2026-03", Path("PX4-Autopilot"))
     write_definitions(Path("PX4-Autopilot"), headers_of_vehicle_status(Path("PX4-Autopilot")))
     command, summary, written = between(PAGE, "console").splitlines()
     assert main(command.removeprefix("$ msggen ").split()) == DONE

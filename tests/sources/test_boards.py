@@ -21,7 +21,7 @@ from msggen.sources.sources import Sources, find_sources, with_board
 from msggen.sources.tree import Folder
 from support.catalogs import import_package, write_definitions
 from support.packages import committed
-from support.repository import shared
+from support.repository import copied, shared
 
 STAMP = "uint64 timestamp\n"
 LISTS = """
@@ -497,7 +497,7 @@ OF_VISION = (
 
 def v1_18(folder: Path) -> Sources:
     """Return v1.18 with other lists of messages and two boards."""
-    shutil.copytree(shared("firmware/v1.18"), folder)
+    copied("firmware/v1.18", folder)
     names = sorted(path.relative_to(folder / "msg").as_posix() for path in _definitions(folder / "msg"))
     listed = " ".join(name for name in names if name.removesuffix(".msg") not in OF_VISION)
     more = " ".join(f"{name}.msg" for name in OF_VISION)

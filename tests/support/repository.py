@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+import stat
 from pathlib import Path
 
 import pytest
@@ -32,3 +34,11 @@ def shared(path: str) -> Path:
     if not found.exists():
         pytest.skip(f"needs ../shared/{path}" if SHARED.is_dir() else "needs ../shared")
     return found
+
+
+def copied(path: str, folder: Path) -> Path:
+    """Copy a folder below `../shared`, or skip the test as `shared` does. The copy can be changed, by any user."""
+    shutil.copytree(shared(path), folder)
+    for each in (folder, *folder.rglob("*")):
+        each.chmod(each.stat().st_mode | stat.S_IWUSR)
+    return folder
