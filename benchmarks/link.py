@@ -19,7 +19,7 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -88,6 +88,9 @@ class Meter:
 
     def lost(self, remote: Remote, missing: int) -> None:
         """Do nothing: what arrived is counted."""
+
+    def identified(self, remote: Remote, hashes: Mapping[str, int], is_complete: bool) -> None:  # noqa: FBT001
+        """Do nothing."""
 
     def warned(self, text: str) -> None:
         """Print a warning."""

@@ -45,6 +45,10 @@ def pytest_configure(config: pytest.Config) -> None:
     """
     signal.signal(signal.SIGINT, signal.default_int_handler)
     adopt_orphans()
+    os.environ["MSGGEN_DIRECT"] = "1"  # tests of the process that owns a link take it away
+    runtime = TemporaryDirectory(prefix="run-")
+    os.environ["MSGGEN_RUNTIME"] = runtime.name
+    config.add_cleanup(runtime.cleanup)
     if not os.access(os.path.expanduser("~"), os.W_OK):
         home = TemporaryDirectory(prefix="home-")  # for the caches of msggen and of the libraries of tests
         os.environ["HOME"] = home.name
@@ -117,9 +121,9 @@ def px4_types() -> Any:
     return importlib.import_module("px4_types")
 
 
-@pytest.fixture(scope="module", autouse=True)
+@pytest.fixture(autouse=True)
 def committed_package(px4_types: Any) -> Iterator[None]:
-    """Put the committed package back after a file of tests.
+    """Put the committed package back after a test.
 
     A command of msggen in this process that is given another package of this name imports that one in its place.
     """

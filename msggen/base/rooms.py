@@ -31,6 +31,7 @@ ROOMS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "live.messages": ("base", "live.link"),
         "live.sim": ("live.link", "live.xrce", "live.links"),
         "live.vehicle": ("base", "live.link", "live.links", "live.messages"),
+        "live.owner": ("base", "live.link", "live.links", "live.vehicle"),
         "live.ros": ("base", "live.link", "live.messages", "live.vehicle"),
         "live": ("base",),
         "recordings.source": (),

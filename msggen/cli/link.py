@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.base.diagnostics import few, input_error
 from msggen.base.location import Location
-from msggen.cli.options import add_shared
+from msggen.cli.options import Group, add_shared
 from msggen.cli.packages import import_package, topics_of
 from msggen.cli.sources import settings_of
 from msggen.cli.values import KEY, local_path, non_empty, positive
@@ -65,12 +65,7 @@ class Memory(NamedTuple):
 def add_link(parser: argparse.ArgumentParser, *, has_types: bool = True) -> None:
     """Add the options that name a link, the vehicle on it, and the types of its messages if it has them."""
     group = parser.add_argument_group("link")
-    group.add_argument(
-        "--link",
-        metavar="URL",
-        type=non_empty,
-        help=f"{usages()} (default: the setting `link`, or {DEFAULT})",
-    )
+    add_address(group)
     if has_types:
         source = group.add_mutually_exclusive_group()
         source.add_argument(
@@ -83,17 +78,22 @@ def add_link(parser: argparse.ArgumentParser, *, has_types: bool = True) -> None
         add_shared(source, "--px4")
     group.add_argument("--key", metavar="N", type=KEY, help="key of the vehicle, its UXRCE_DDS_KEY")
     group.add_argument("--namespace", metavar="NAME", type=non_empty, help="namespace of the vehicle")
-    group.add_argument(
-        "--allow",
-        metavar="ADDRESS",
-        type=non_empty,
-        action="append",
-        default=[],
-        help="address of a vehicle that may connect, if the link is open to a network; repeatable",
-    )
+    add_allowed(group)
     group.add_argument(
         "--wait", metavar="SECONDS", type=positive, help=f"wait this long for a vehicle (default: {PATIENCE:g})"
     )
+
+
+def add_address(group: Group) -> None:
+    """Add the option that names a link."""
+    text = f"{usages()} (default: the setting `link`, or {DEFAULT})"
+    group.add_argument("--link", metavar="URL", type=non_empty, help=text)
+
+
+def add_allowed(group: Group) -> None:
+    """Add the option that names who may connect."""
+    text = "address of a vehicle that may connect, if the link is open to a network; repeatable"
+    group.add_argument("--allow", metavar="ADDRESS", type=non_empty, action="append", default=[], help=text)
 
 
 @contextmanager
@@ -150,10 +150,10 @@ def connection(options: argparse.Namespace, *, is_new: bool = False) -> Iterator
                 first.close()
             yield Connection(vehicle, expected, link, label, knows_namespace)
     except LinkError as error:
-        raise input_error(link, "L102", f"{error}{_owner(link, error)}", 0) from None
+        raise input_error(link, "L102", f"{error}{owner_of(link, error)}", 0) from None
 
 
-def _owner(link: str, error: LinkError) -> str:
+def owner_of(link: str, error: LinkError) -> str:
     """Return who has the port or the device of a link that could not be opened, as far as that can be known."""
     from msggen.doctor.observe import is_taken
     from msggen.doctor.sockets import owners_of

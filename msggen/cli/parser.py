@@ -23,10 +23,10 @@ from msggen.cli.values import Deferred
 
 _COMMANDS = (
     *("build", "sync", "check", "breaking", "lint", "bump", "render", "docs"),
-    *("sim", "topic", "view", "top", "command", "call", "record", "play", "log", "doctor", "relay"),
+    *("sim", "link", "topic", "view", "top", "command", "call", "record", "play", "log", "doctor", "relay"),
     *("px4-generate", "releases", "rules", "completion"),
 )
-_MODULES = {**{name: name.replace("-", "_") for name in _COMMANDS}, "explain": "rules"}
+_MODULES = {**{name: name.replace("-", "_") for name in _COMMANDS}, "link": "links", "explain": "rules"}
 """The module of each command."""
 
 _ACTIONS = {

@@ -5,19 +5,21 @@ from __future__ import annotations
 import errno
 import struct
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from typing import NamedTuple
 
 from msggen.doctor.agents import find_agents, find_senders
 from msggen.doctor.observation import Observation, ReaderSeen, Sender, TopicSeen, VehicleSeen
 from msggen.doctor.sockets import buffer_limit, owners_of
-from msggen.live.link import Link, LinkError, Remote, Route
+from msggen.live.link import Link, LinkError, Remote, Route, Service, Statistics
 from msggen.live.links.address import Address
 from msggen.live.links.agent_link import AgentLink
 from msggen.live.links.link_types import AGENT_PORT, PORT
 from msggen.live.links.opening import open_link
-from msggen.live.vehicle.hub import Entry, Hub
+from msggen.live.links.unix import UnixLink
+from msggen.live.vehicle.entry import Entry
+from msggen.live.vehicle.hub import Hub
 from msggen.live.vehicle.meter import Meter
 from msggen.live.xrce.agent import Client
 
@@ -49,7 +51,7 @@ def observe(address: Address, plan: Plan = Plan(), told: Callable[[], None] = la
     `told` is called once if there is something to wait for. Raises LinkError if the link cannot be opened for another
     reason than that it is in use.
     """
-    link = open_link(address, plan.allow)
+    link = open_link(address, plan.allow, is_shared=True)
     observer = _Observer(link)
     try:
         link.start(observer)
@@ -59,6 +61,7 @@ def observe(address: Address, plan: Plan = Plan(), told: Callable[[], None] = la
         return _seen(None, address, 0.0, 0.0)
     with ExitStack() as stack:
         stack.callback(link.close)
+        observer.begin()
         start = time.monotonic()
         begun = start
         readers: tuple[ReaderSeen, ...] = ()
@@ -107,6 +110,31 @@ class _Observer(Hub):
         self.warnings: list[str] = []
         self._meters: dict[int, Meter] = {}
         self._ages: dict[int, dict[str, int]] = {}
+        self._before: Statistics | None = None
+        self._refused: Mapping[str, int] = {}
+
+    def begin(self) -> None:
+        """Count from now on: the link may have an owner that is older than this program."""
+        if isinstance(self.link, UnixLink):
+            self._before, self._refused = self.link.statistics(), self.link.refusals()
+
+    def counters(self) -> Statistics:
+        """Return the counters of the link since `begin`."""
+        now, before = self.link.statistics(), self._before
+        if before is None:
+            return now
+        counts = [count - earlier for count, earlier in zip(now, before, strict=True)]
+        return Statistics(*counts)._replace(receive_buffer=now.receive_buffer)
+
+    def refusals(self) -> dict[str, int]:
+        """Return how many datagrams were refused since `begin`, by reason."""
+        counts = {reason: count - self._refused.get(reason, 0) for reason, count in _refusals(self.link).items()}
+        return {reason: count for reason, count in counts.items() if count}
+
+    def opened(self, remote: Remote, route: Route | Service) -> None:
+        super().opened(remote, route)
+        if isinstance(self.link, UnixLink) and isinstance(route, Route) and route.direction == "out":
+            self.link.follow(remote, route, is_followed=True)
 
     def connected(self, remote: Remote) -> None:
         self._meters[remote.number], self._ages[remote.number] = Meter(), {}
@@ -185,7 +213,7 @@ def _is_ready(observer: _Observer) -> bool:
 
 
 def _has_heard(observer: _Observer) -> bool:
-    statistics = observer.link.statistics()
+    statistics = observer.counters()
     return bool(statistics.received or statistics.refused or observer.entries or observer.past)
 
 
@@ -218,7 +246,11 @@ def _is_asking(observer: _Observer) -> bool:
 
 
 def _clients(link: Link) -> tuple[Client, ...]:
-    return tuple(link.clients()) if isinstance(link, AgentLink) else ()
+    return tuple(link.clients()) if isinstance(link, (AgentLink, UnixLink)) else ()
+
+
+def _refusals(link: Link) -> Mapping[str, int]:
+    return link.refusals() if isinstance(link, (AgentLink, UnixLink)) else {}
 
 
 def _seen(observer: _Observer | None, address: Address, waited: float, seconds: float) -> Observation:
@@ -240,8 +272,8 @@ def _seen(observer: _Observer | None, address: Address, waited: float, seconds: 
     return seen._replace(
         vehicles=observer.vehicles(),
         clients=_clients(link),
-        statistics=link.statistics(),
-        refused=link.refusals() if isinstance(link, AgentLink) else {},
+        statistics=observer.counters(),
+        refused=observer.refusals(),
         warnings=tuple(observer.warnings),
     )
 

@@ -103,6 +103,16 @@ class Lost(NamedTuple):
     missing: int
 
 
+class Identified(NamedTuple):
+    """The link knows definitions of a vehicle, so that its user need not ask for them. Only a link of others tells."""
+
+    remote: Remote
+    hashes: Mapping[str, int]
+    """The hashes of some messages, by their types in ROS 2."""
+    is_complete: bool
+    """Whether the vehicle was asked for all of them."""
+
+
 class Warned(NamedTuple):
     """The link has something to tell the user, such as a vehicle that was refused."""
 
@@ -115,7 +125,7 @@ class Failed(NamedTuple):
     reason: str
 
 
-Event: TypeAlias = Connected | Opened | Disconnected | Sample | Replied | Lost | Warned | Failed
+Event: TypeAlias = Connected | Opened | Disconnected | Sample | Replied | Lost | Identified | Warned | Failed
 """What can happen on a link."""
 
 METHODS: Mapping[type[Event], str] = MappingProxyType({event: event.__name__.lower() for event in get_args(Event)})
@@ -146,6 +156,9 @@ class Listener(Protocol):
     def lost(self, remote: Remote, missing: int) -> None:
         """Take a `Lost`."""
 
+    def identified(self, remote: Remote, hashes: Mapping[str, int], is_complete: bool) -> None:  # noqa: FBT001
+        """Take an `Identified`."""
+
     def warned(self, text: str) -> None:
         """Take a `Warned`."""
 
@@ -171,12 +184,13 @@ class Statistics(NamedTuple):
     refused: int
     """Datagrams or frames that were malformed, or from an address or a key that is not allowed."""
     dropped: int
-    """Datagrams that the kernel dropped because the receive buffer was full, frames with a wrong checksum, and samples
-    that a program with an isolated link did not read in time."""
+    """Datagrams that the kernel dropped because the receive buffer was full, and frames with a wrong checksum."""
     lost: int
     """Missing sequence numbers of all vehicles."""
     receive_buffer: int
     """The size of the receive buffer in bytes that the kernel granted, 0 if there is none."""
+    unread: int = 0
+    """Samples that this program did not read in time from the process that owns the link. The others are the link's."""
 
 
 class Link(Protocol):
@@ -202,6 +216,19 @@ class Link(Protocol):
 
     def close(self) -> None:
         """End the sessions and the thread, and release socket or device. Returns when all is done. Can be repeated."""
+
+
+class FollowingLink(Link, Protocol):
+    """A link of another process: only what its user follows crosses to this one."""
+
+    def follow(self, remote: Remote, route: Route, *, is_followed: bool) -> None:
+        """Begin or end to take the samples of a route. From any thread. Never raises."""
+
+    def last(self, remote: Remote, route: Route) -> Sample | None:
+        """Return the last sample of a route, also one from before this program began. None if there is none."""
+
+    def cancel(self, remote: Remote, number: int) -> None:
+        """Forget a call whose reply nobody waits for any more. Never raises."""
 
 
 class NotConnectedError(LinkError):

@@ -35,7 +35,7 @@ from support.shadows import (
 )
 from support.ulog import write_ulog
 
-WORKERS = ("msggen.base.worker", "msggen.live.links.isolated_child")
+WORKERS = ("msggen.base.worker", "msggen.live.owner.process")
 
 
 @pytest.fixture
@@ -108,10 +108,10 @@ PARENT = """
 import sys
 sys.path.insert(0, {root!r})
 from msggen.live import LinkError, Vehicle
-from msggen.live.links import isolated, opening
+from msggen.live.links import shared, opening
 sys.path.insert(0, "")  # as in a notebook, and with python -c
 try:
-    with Vehicle({url!r}, isolated=True) as vehicle:
+    with Vehicle({url!r}) as vehicle:
         print("open")
 except LinkError as error:
     print(error)
@@ -247,6 +247,7 @@ def test_only_commands_for_a_vehicle_import_the_package_of_the_settings(
     url = f"udp://127.0.0.1:{free_port()}"
     (project / "pyproject.toml").write_text(f'[tool.msggen]\ntypes = "./my_types"\nlink = "{url}"\n')
     monkeypatch.setattr("msggen.cli.relay._check_ros", lambda **_: None)
+    monkeypatch.setattr("msggen.live.owner.server.Server.serve", lambda *_: None)
     try:
         outcome = run([*command.split(), *WORDS.get(command, [])])
     finally:
@@ -265,7 +266,7 @@ STARTS = {"multiprocessing", "subprocess", "pty", "webbrowser", "runpy"}
 
 STARTING = {
     "base/disk/git.py": "the program git",
-    "live/links/isolated.py": "the command of `command_of`",
+    "live/links/shared.py": "the command of `command_of`",
     "recordings/fleet/pools.py": "the command of `command_of`",
 }
 """The modules of msggen that may start processes, and what they start."""
@@ -297,4 +298,4 @@ def test_one_module_makes_the_command_of_a_process_of_python() -> None:
     assert modules_with(r"sys\.executable") == {"base/interpreter.py"}
     assert modules_with(rf"({'|'.join(STARTS)})\b") == STARTING.keys()
     assert not modules_with(r"concurrent\.futures\.(process|ProcessPoolExecutor)\b")
-    assert not modules_with(r"os\.(system|popen|fork|posix_spawn|startfile|exec[lv]|spawn)")
+    assert modules_with(r"os\.(system|popen|fork|posix_spawn|startfile|exec[lv]|spawn)") == {"live/owner/process.py"}

@@ -67,6 +67,9 @@ CASES: dict[str, list[list[str]]] = {
     ],
     "doctor": _each("--for", "0.5", NAME, of=_FORMATS),
     "explain": [[NAME]],
+    "link list": [[], ["--json"], [NAME]],
+    "link serve": [[NAME], ["--link", NAME], ["--link", f"unix:///{NAME}"], ["--link", f"serial:///{FILE}"]],
+    "link stop": [[NAME], ["udp://127.0.0.1:9"], [f"serial:///{FILE}"]],
     "lint": [*_each("--px4", f"{FILE}.px4", of=_FORMATS), ["--px4", f"{FILE}.px4", "--select", NAME]],
     "log convert": [
         *[[*log, "-o", f"{FILE}.{number}", "--format", "csv"] for number, log in enumerate(_LOGS)],

@@ -126,11 +126,11 @@ def test_a_vehicle_is_connected_once_its_topics_are_known(
 ) -> None:
     """PX4 synchronizes its time for 5 s before it creates its topics, and has no service in v1.14."""
     remote = link.connect(is_open=False)
-    monkeypatch.setattr("msggen.live.vehicle.hub.SETTLED_S", -1.0)
+    monkeypatch.setattr("msggen.live.vehicle.entry.SETTLED_S", -1.0)
     assert not vehicle.is_connected
     link.open(remote, routes_of(px4_types)[0])
     assert vehicle.is_connected
-    monkeypatch.setattr("msggen.live.vehicle.hub.SETTLED_S", 1000.0)
+    monkeypatch.setattr("msggen.live.vehicle.entry.SETTLED_S", 1000.0)
     assert not vehicle.is_connected
     link.user().sample(remote, routes_of(px4_types)[0], b"", 1)
     assert vehicle.is_connected

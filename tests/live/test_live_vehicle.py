@@ -135,14 +135,13 @@ def test_a_vehicle_that_is_not_allowed_is_refused(url: str, px4_types: Any) -> N
         vehicle.wait_connected(0.3)
 
 
-@pytest.mark.parametrize("is_isolated", [False, True])
-def test_a_tap_without_an_agent_says_so(px4_types: Any, *, is_isolated: bool) -> None:
+def test_a_tap_without_an_agent_says_so(px4_types: Any) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as silent:
         silent.bind(("127.0.0.1", 0))
         agent = f"127.0.0.1:{silent.getsockname()[1]}"
         url = f"127.0.0.1:{free_port()}"
         expected = f"datagrams? of a client arrived, but no agent answers at {agent}: start it with MicroXRCEAgent"
-        tap = Vehicle(f"tap://{url}?agent={agent}", isolated=is_isolated)
+        tap = Vehicle(f"tap://{url}?agent={agent}")
         client = simulated(px4_types, f"udp://{url}")
         with tap as vehicle, client, pytest.raises(LinkTimeoutError, match=expected):
             vehicle.wait_connected(1.5)

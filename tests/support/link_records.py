@@ -7,7 +7,7 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 
 from msggen.live.link import Remote, Route, Sample, Service
@@ -26,6 +26,7 @@ class Records:
         self.samples: list[Sample] = []
         self.replies: list[tuple[Remote, Service, int, bytes]] = []
         self.losses: list[tuple[Remote, int]] = []
+        self.definitions: list[tuple[Remote, dict[str, int], bool]] = []
         self.warnings: list[str] = []
         self.failures: list[str] = []
         self.threads: set[int] = set()
@@ -80,6 +81,10 @@ class Records:
     def lost(self, remote: Remote, missing: int) -> None:
         with self._change():
             self.losses.append((remote, missing))
+
+    def identified(self, remote: Remote, hashes: Mapping[str, int], is_complete: bool) -> None:  # noqa: FBT001
+        with self._change():
+            self.definitions.append((remote, dict(hashes), is_complete))
 
     def warned(self, text: str) -> None:
         with self._change():

@@ -76,6 +76,9 @@ def main() -> None:
     while len(seen) < len(TOPICS):
         rclpy.spin_once(node)
     (writer,) = node.get_publishers_info_by_topic(STATUS)
+    while "UNKNOWN" in writer.node_name:  # the name of a node is discovered after its writer
+        rclpy.spin_once(node, timeout_sec=0.1)
+        (writer,) = node.get_publishers_info_by_topic(STATUS)
     print(f"{STATUS}:hash", writer.topic_type_hash)
     print(f"{STATUS}:node", f"{writer.node_namespace}/{writer.node_name}")
     print(f"{STATUS}:qos", writer.qos_profile.reliability.name, writer.qos_profile.durability.name)

@@ -141,7 +141,9 @@ def _print(
 
     is_told = False
     with watching():
-        for number, _ in enumerate(rounds(options, found.vehicle, _PERIOD)):
+        if options.count == 1:
+            _print_last(options, samples, printer)
+        for number, _ in enumerate(() if printer.is_done else rounds(options, found.vehicle, _PERIOD)):
             try:
                 for message, arrival in samples.arrived():
                     printer.take(message, arrival)
@@ -157,6 +159,18 @@ def _print(
     for text in printer.summary(samples):
         print(text, file=sys.stderr)
     return FINDINGS if getattr(options, "for") and options.count and not printer.is_done else DONE
+
+
+def _print_last(options: argparse.Namespace, samples: Subscription[Any], printer: _Printer) -> None:
+    """Print the last message from before this command, if the process that owns the link has it."""
+    from msggen.live import FormatError
+
+    try:
+        last = samples.last()
+    except FormatError as error:
+        _refuse_types(options, error)
+    if last is not None:
+        printer.take(*last)
 
 
 def _absence(topic: Named) -> str:

@@ -11,7 +11,7 @@ from msggen.base.diagnostics import suggestion
 from msggen.live.link import LinkError
 from msggen.live.links.link_types import AGENT_PORT, BAUD, LINK_TYPES, PORT, LinkType
 
-_ARGUMENTS = ("key", "namespace", "address", "allow", "types", "queue", "isolated")
+_ARGUMENTS = ("key", "namespace", "address", "allow", "types", "queue", "direct")
 """Arguments of Vehicle, which are not part of an address."""
 
 _PLACE = r"(?:\[([^\]]+)\]|([\w.-]*))(?::([^:/]*))?"
@@ -55,6 +55,10 @@ def parse_address(text: str, schemes: Collection[str] = tuple(LINK_TYPES)) -> Ad
     link_type = LINK_TYPES[scheme]
     if link_type.is_device:
         return _device(text, unquote(place), values)
+    if link_type.is_socket:
+        if not place.startswith("/"):
+            raise LinkError(f"'{text}' has no absolute path: expected an address such as '{link_type.example}'")
+        return Address(scheme, path=unquote(place))
     if link_type.has_domain:
         domain = _number(text, place or "0", "a DDS domain", _DOMAINS)
         return Address(scheme, domain=domain)

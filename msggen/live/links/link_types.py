@@ -44,6 +44,8 @@ class LinkType(NamedTuple):
     """What a program says if no vehicle connects."""
     has_clients: bool = False
     """Whether simulated vehicles and played recordings can connect to such an address."""
+    is_shared: bool = True
+    """Whether a process owns such a link for all programs of the user, because it can be opened once."""
     first_s: float = 5.0
     """The time in s after which a vehicle has been heard if there is one: PX4's client asks once a second."""
 
@@ -70,7 +72,12 @@ class LinkType(NamedTuple):
     @property
     def is_device(self) -> bool:
         """Whether this is a line to one vehicle, with a device and a rate."""
-        return "{path}" in self.form
+        return "{baud}" in self.form
+
+    @property
+    def is_socket(self) -> bool:
+        """Whether another process owns the link, at the path of its socket."""
+        return "{path}" in self.form and not self.is_device
 
     @property
     def has_domain(self) -> bool:
@@ -81,12 +88,14 @@ class LinkType(NamedTuple):
     def example(self) -> str:
         """An address."""
         place, agent = f"127.0.0.1:{PORT}", f"127.0.0.1:{AGENT_PORT}"
-        return self.form.format(place=place, path="/dev/ttyUSB0", baud=BAUD, agent=agent, domain=0)
+        path = "/dev/ttyUSB0" if self.is_device else "/run/user/1000/msggen/udp-8888.socket"
+        return self.form.format(place=place, path=path, baud=BAUD, agent=agent, domain=0)
 
     @property
     def usage(self) -> str:
         """The address for a help text: `udp://HOST:PORT`."""
-        return self.form.format(place="HOST:PORT", path="DEVICE", baud="N", agent="HOST:PORT", domain="DOMAIN")
+        path = "DEVICE" if self.is_device else "/PATH"
+        return self.form.format(place="HOST:PORT", path=path, baud="N", agent="HOST:PORT", domain="DOMAIN")
 
 
 LINK_TYPES: Mapping[str, LinkType] = MappingProxyType(
@@ -110,7 +119,17 @@ LINK_TYPES: Mapping[str, LinkType] = MappingProxyType(
             unheard="no vehicle is in DDS domain {domain} {wait}: check UXRCE_DDS_DOM_ID of the vehicle and "
             "ROS_DOMAIN_ID, and that its agent runs on this computer",
             silence="check that an agent runs in this domain (UXRCE_DDS_DOM_ID), and uxrce_dds_client on the vehicle",
+            is_shared=False,  # DDS shares by itself
             first_s=10.0,  # discovery takes longer
+        ),
+        "unix": LinkType(
+            "unix://{path}",
+            "UnixLink",
+            ("path",),
+            (),
+            unheard="no vehicle is connected to the process that owns the link {wait}: `msggen link list` shows it; "
+            "{status}",
+            is_shared=False,
         ),
     }
 )

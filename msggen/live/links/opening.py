@@ -2,20 +2,31 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from importlib import import_module
 
 from msggen.live.link import Link, LinkError, Route
 from msggen.live.links.address import Address
+from msggen.live.links.places import CAN_SHARE
+
+DIRECT = "MSGGEN_DIRECT"
+"""The variable with which programs own their links themselves."""
+
+
+def can_share(address: Address) -> bool:
+    """Whether a process can own the link of an address for several programs, and the user has not said otherwise."""
+    return CAN_SHARE and address.link_type.is_shared and os.environ.get(DIRECT, "") in {"", "0"}
 
 
 def open_link(
-    address: Address, allow: Sequence[str | int] = (), known: Sequence[Route] = (), *, is_isolated: bool = False
+    address: Address, allow: Sequence[str | int] = (), known: Sequence[Route] = (), *, is_shared: bool = False
 ) -> Link:
     """Return the link of an address, which is not started yet.
 
     `allow` has IP addresses, networks and keys of clients. `known` has the routes of the expected firmware, with which
-    the session of an earlier program is continued. `is_isolated` runs it in a process of its own. Raises LinkError.
+    the session of an earlier program is continued. With `is_shared`, a process owns it for all programs of the user, as
+    far as `can_share`. Raises LinkError.
     """
     keys = tuple(each for each in allow if not isinstance(each, str))
     addresses = tuple(each for each in allow if isinstance(each, str))
@@ -24,10 +35,10 @@ def open_link(
     for option, noun in (("allow", "addresses"), ("keys", "keys")):
         if given[option] and option not in link_type.options:
             raise LinkError(f"'{address}' has no {noun} that allow= could name: leave them out")
-    if is_isolated:
-        from msggen.live.links.isolated import IsolatedLink
+    if is_shared and can_share(address):
+        from msggen.live.links.shared import SharedLink
 
-        return IsolatedLink(address, allow, known)
+        return SharedLink(address, allow, known)
     cls = getattr(import_module(f"msggen.live.links.{address.scheme}"), link_type.link)
     arguments = [getattr(address, place) for place in link_type.arguments]
     link: Link = cls(*arguments, **{option: given[option] for option in link_type.options})

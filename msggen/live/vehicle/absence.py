@@ -7,7 +7,8 @@ from shlex import quote
 from msggen.base.diagnostics import counted, few
 from msggen.live.link import Statistics
 from msggen.live.links.link_types import AGENT_PORT, type_named
-from msggen.live.vehicle.hub import Hub, Member
+from msggen.live.vehicle.entry import Member
+from msggen.live.vehicle.hub import Hub
 from msggen.live.vehicle.selection import shown
 
 PATIENCE = 12.0
@@ -29,12 +30,11 @@ def absence(name: str, hub: Hub, member: Member, seconds: float, received: int =
 
 def _help(name: str, *, is_silent: bool) -> str:
     """Return the commands that help, for a link with an address."""
-    url = name.removesuffix(" (isolated)")
-    if "://" not in url:
+    if "://" not in name:
         return ""
-    can_simulate = is_silent and "://127." in url and type_named(url).has_clients
-    sim = f", and `msggen sim {url}` simulates a vehicle" if can_simulate else ""
-    return f"; `msggen doctor --link {quote(url)}` finds out why{sim}"
+    can_simulate = is_silent and "://127." in name and type_named(name).has_clients
+    sim = f", and `msggen sim {name}` simulates a vehicle" if can_simulate else ""
+    return f"; `msggen doctor --link {quote(name)}` finds out why{sim}"
 
 
 def _of_vehicles(hub: Hub, member: Member) -> str:

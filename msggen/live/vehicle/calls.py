@@ -6,8 +6,9 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
+from typing import cast
 
-from msggen.live.link import Link, LinkError, LinkTimeoutError, NotConnectedError, Remote, Service
+from msggen.live.link import FollowingLink, Link, LinkError, LinkTimeoutError, NotConnectedError, Remote, Service
 from msggen.live.vehicle.feed import check_outside_callback
 
 WAITING = 16
@@ -52,10 +53,17 @@ class Calls:
             self._link.call(self._remote, service, call.number, payload)
             self._wait(lambda: call.reply is not None, deadline, service, f"no reply within {timeout:g} s")
         finally:
+            if call.reply is None and call.number > 0:
+                self._cancel(call.number)
             with self._changed:
                 self._queue.remove(call)
                 self._changed.notify_all()
         return call.reply or b""
+
+    def _cancel(self, number: int) -> None:
+        """Tell the owner of the link that nobody waits for a reply any more: calls of other programs may."""
+        if hasattr(self._link, "cancel"):
+            cast("FollowingLink", self._link).cancel(self._remote, number)
 
     def replied(self, number: int, payload: bytes) -> None:
         """Take a reply. One to an earlier call, which no longer waits, is ignored."""

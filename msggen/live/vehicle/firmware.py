@@ -167,6 +167,11 @@ class FormatCheck:
                 self._waiting.remove(row)
                 self._waiting.appendleft(row)
 
+    def learn(self, hashes: Mapping[str, int], *, is_complete: bool) -> None:
+        """Take hashes that the owner of the link knows. `is_complete` tells whether it has asked for all of them."""
+        self.hashes.update(hashes)
+        self.is_complete = is_complete
+
     def receive(self, payload: bytes) -> bool:
         """Take an answer. Return whether it was the one that was expected."""
         try:

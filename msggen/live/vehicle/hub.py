@@ -4,98 +4,24 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from logging import getLogger
+from typing import cast
 
-from msggen.live.link import FormatError, Link, Remote, Route, Service
+from msggen.live.link import FollowingLink, FormatError, Link, Remote, Route, Service
 from msggen.live.messages.names import is_topic, stem_of
-from msggen.live.messages.packages import Decoding, NamedTopic, Packages, UnknownFormatError, decoding_of
-from msggen.live.vehicle.calls import Calls
-from msggen.live.vehicle.feed import Feed, check_outside_callback
-from msggen.live.vehicle.firmware import RESPONSE, RETRY_NS, Firmware, FormatCheck, identify, releases
-from msggen.live.vehicle.selection import Selection, is_same, shown, why_missing
+from msggen.live.messages.packages import Decoding, NamedTopic, UnknownFormatError, decoding_of
+from msggen.live.vehicle.entry import Entry, Member, Row
+from msggen.live.vehicle.feed import Feed, Item, check_outside_callback
+from msggen.live.vehicle.firmware import RESPONSE, RETRY_NS, Firmware
+from msggen.live.vehicle.selection import is_same, shown, why_missing
 from msggen.live.vehicle.watch import Watch
 
 LOGGER = getLogger("msggen.live")
 
-SETTLED_S = 1.0
-"""A vehicle with routes, but without a service and samples, has all of them if none was opened for this time, in s."""
-
 _IDLE = 1 << 63
 _MISSING_NS = 2_000_000_000
 """How long after the first sample a subscribed topic must have a route before the user is told that it has none."""
-
-Row = tuple[Callable[[bytes, int, Decoding], None], Decoding]
-
-
-class Entry:
-    """A connected vehicle: its routes, and where the samples of each go."""
-
-    def __init__(self, remote: Remote, hub: Hub) -> None:
-        self.remote = remote
-        self.routes: dict[str, Route] = {}
-        self.services: dict[str, Service] = {}
-        self.table: dict[str, tuple[Row, ...]] = {}
-        self.opened_at = time.monotonic()
-        self.heard_ns = 0
-        self.ticked_ns = self.due_ns = 0
-        """When `Hub.tick` has something to do, of the clock of the samples: at once, for the first one."""
-        self.is_started = self.is_checked = False
-        self.check = FormatCheck(
-            lambda route, payload: hub.link.publish(remote, route, payload),
-            lambda ros_type: hub.evaluate(self, ros_type),
-        )
-        self.calls = Calls(remote, hub.link)
-        self.lost = 0
-
-    @property
-    def is_ready(self) -> bool:
-        """Whether the vehicle has opened all its routes: the service is the last one, and samples come after it."""
-        is_settled = bool(self.routes) and time.monotonic() - self.opened_at > SETTLED_S
-        return bool(self.heard_ns or self.services or is_settled)
-
-    def firmware(self) -> Firmware:
-        """Return the firmware, as far as it is known."""
-        routes, check = tuple(self.routes.values()), self.check
-        return identify(routes, dict(check.hashes), self.remote.namespace, is_complete=check.is_complete)
-
-    def hash_of(self, ros_type: str) -> int | None:
-        """Return the vehicle's hash of a type, or None if it is not known.
-
-        A release that answers no requests has the hashes of the embedded one, if it has its endpoints.
-        """
-        found = self.check.hashes.get(ros_type)
-        if found is None and self.check.is_complete and not self.check.hashes:
-            firmware = self.firmware()
-            if firmware.release and not (firmware.differing or firmware.missing or firmware.further):
-                known = releases()[firmware.release].values()
-                message = ros_type.rpartition("/")[2]
-                return next((row.message_hash for row in known if row.message == message), None)
-        return found
-
-
-class Member:
-    """A Vehicle's part of a hub: the vehicle that it stands for, and its subscriptions.
-
-    The hub knows members only, so that a forgotten Vehicle can be collected.
-    """
-
-    def __init__(self, selection: Selection, packages: Packages) -> None:
-        self.selection = selection
-        self.packages = packages
-        self.entry: Entry | None = None
-        self.last: Remote | None = None
-        self.feeds: tuple[Feed, ...] = ()
-        self.watches: tuple[Watch, ...] = ()
-        self.reason = ""
-        self.is_closed = False
-        self.has_told_of_another = False
-        self.told: set[int] = set()
-        """The identities of the feeds that were told to have no route."""
-
-    def accepts(self, remote: Remote) -> bool:
-        """Whether to take a vehicle that connects. After the first one, only that vehicle is taken again."""
-        return self.selection.accepts(remote) and (self.last is None or is_same(self.last, remote))
 
 
 class Hub:
@@ -103,6 +29,8 @@ class Hub:
 
     def __init__(self, link: Link) -> None:
         self.link = link
+        self._following = cast("FollowingLink", link) if hasattr(link, "follow") else None
+        """The link, if another process owns it, which asks the vehicle for its definitions."""
         self.changed = threading.Condition(threading.RLock())
         """Guards everything except `table` of an entry, which is replaced as a whole."""
         self.entries: dict[int, Entry] = {}
@@ -119,7 +47,7 @@ class Hub:
         """Give a vehicle to the members that wait for it."""
         with self.changed:
             self.thread = threading.get_ident()
-            entry = self.entries[remote.number] = Entry(remote, self)
+            entry = self.entries[remote.number] = Entry(remote, self.link, self.evaluate)
             for member in self.members:
                 self._offer(member, entry)
             self.changed.notify_all()
@@ -179,6 +107,18 @@ class Hub:
         if entry is not None:
             entry.lost += missing
 
+    def identified(self, remote: Remote, hashes: Mapping[str, int], is_complete: bool) -> None:  # noqa: FBT001
+        """Take definitions of a vehicle that the owner of the link knows."""
+        with self.changed:
+            entry = self.entries.get(remote.number)
+            if entry is None:
+                return
+            entry.check.learn(hashes, is_complete=is_complete)
+            self.evaluate(entry, next(iter(hashes)) if len(hashes) == 1 else None)
+            for member in self.members if is_complete else ():
+                if member.entry is entry:
+                    self._tell_missing(member, entry)
+
     def warned(self, text: str) -> None:
         """Tell the user."""
         LOGGER.warning("%s", text)
@@ -200,6 +140,9 @@ class Hub:
         """
         with self.changed:
             self.thread = threading.get_ident()
+            if self._following is not None:  # its owner does all that
+                entry.ticked_ns, entry.due_ns = 0, _IDLE
+                return
             if not entry.is_started:
                 entry.is_started = True
                 feeds = [feed for member in self.members if member.entry is entry for feed in member.feeds]
@@ -267,8 +210,23 @@ class Hub:
             for route in tuple(entry.routes.values()):
                 if self._is_route_of(feed.topic, route):
                     self._connect(entry, route)
-            if entry.due_ns == _IDLE:
+            if self._following is not None and entry.check.is_complete:
+                self._tell_missing(member, entry)
+            elif entry.due_ns == _IDLE:
                 entry.due_ns = entry.heard_ns + _MISSING_NS
+
+    def last(self, member: Member, feed: Feed) -> Item | None:
+        """Return the last sample of a topic, also one from before this program began, if the link has it."""
+        entry = member.entry
+        if self._following is None or entry is None:
+            return None
+        for route in tuple(entry.routes.values()):
+            if self._is_route_of(feed.topic, route):
+                rows = [decoding for push, decoding in entry.table.get(route.name, ()) if push == feed.push]
+                sample = self._following.last(entry.remote, route) if rows else None
+                if sample is not None:
+                    return sample.payload, sample.time, rows[0]
+        return None
 
     def detach(self, member: Member, feed: Feed) -> None:
         """End a subscription. Can be repeated."""
@@ -349,7 +307,7 @@ class Hub:
     def _connect(self, entry: Entry, route: Route) -> None:
         """Decide for each subscription of a route how its samples are decoded, or that it fails."""
         rows: list[Row] = []
-        if route.direction == "out" and stem_of(route.name).endswith(RESPONSE):
+        if self._following is None and route.direction == "out" and stem_of(route.name).endswith(RESPONSE):
             rows.append((lambda payload, now, _: self._answered(entry, payload, now), _NOT_DECODED))
         for member in self.members:
             if member.entry is not entry:
@@ -362,6 +320,9 @@ class Hub:
             if route.direction == "out":
                 rows += [(watch.of(route), _NOT_DECODED) for watch in member.watches]
         entry.table = {**entry.table, route.name: tuple(rows)}
+        if self._following is not None and (route.name in entry.followed) != bool(rows):
+            (entry.followed.add if rows else entry.followed.remove)(route.name)
+            self._following.follow(entry.remote, route, is_followed=bool(rows))
 
     def _decoding(self, member: Member, feed: Feed, entry: Entry, route: Route) -> Decoding | None:
         if feed.error is not None:

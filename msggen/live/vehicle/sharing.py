@@ -10,18 +10,20 @@ from typing import NamedTuple
 from msggen.live.link import Link, LinkError, Route
 from msggen.live.links.address import parse_address
 from msggen.live.links.opening import open_link
-from msggen.live.vehicle.hub import Hub, Member
+from msggen.live.vehicle.entry import Member
+from msggen.live.vehicle.hub import Hub
 
 _END_S = 5
 """The longest wait in s for a link to be closed by another thread."""
 
 
 def link_of(
-    url: str | Link, allow: Sequence[str | int], known: Sequence[Route], *, is_isolated: bool
+    url: str | Link, allow: Sequence[str | int], known: Sequence[Route], *, is_direct: bool
 ) -> tuple[str, Callable[[], Link]]:
     """Return the name of a link, and a function that makes it. Raises LinkError for a wrong address.
 
-    `known` are the routes with which the session of an earlier program is continued.
+    `known` are the routes with which the session of an earlier program is continued. With `is_direct`, this program
+    owns the link, and no other one can use it.
     """
     if not isinstance(url, str):
         link = url
@@ -29,8 +31,7 @@ def link_of(
             raise LinkError("allow= is for addresses: give it to the Link itself, such as UdpLink(allow=...)")
         return f"{type(link).__name__} {id(link):#x}", lambda: link
     address = parse_address(url)
-    name = f"{address} (isolated)" if is_isolated else str(address)
-    return name, lambda: open_link(address, allow, known, is_isolated=is_isolated)
+    return str(address), lambda: open_link(address, allow, known, is_shared=not is_direct)
 
 
 class _Shared(NamedTuple):

@@ -36,9 +36,18 @@ class Subscription(Generic[Value]):
     """
 
     def __init__(
-        self, feed: Feed, attach: Callable[[Feed], None], detach: Callable[[Feed], None], tell_absence: Waker
+        self,
+        feed: Feed,
+        attach: Callable[[Feed], None],
+        detach: Callable[[Feed], None],
+        last: Callable[[Feed], Item | None],
+        tell_absence: Waker,
     ) -> None:
-        """Make a subscription. `tell_absence` is called if no sample arrives for long; it may warn the user."""
+        """Make a subscription. `tell_absence` is called if no sample arrives for long; it may warn the user.
+
+        `last` returns the last sample of the topic from before the subscription, if there is one that can be had.
+        """
+        self._last = last
         self._feed = feed
         self._tell_absence = tell_absence  # a method of its Vehicle, which this keeps open
         self._attach, self._detach = attach, detach
@@ -155,12 +164,13 @@ class Subscription(Generic[Value]):
             self._feed.remove_waker(wake)
 
     def latest(self) -> Value | None:
-        """Return the newest message, or None if none has arrived. It stays in the queue.
+        """Return the newest message, or None if there is none. It stays in the queue.
 
-        Raises FormatError if the definition of the vehicle differs.
+        If none has arrived yet, it is the last one from before the subscription, as far as the process that owns the
+        link has it. Raises FormatError if the definition of the vehicle differs.
         """
         self._check()
-        item, last = self._feed.newest, self._latest
+        item, last = self._feed.newest or self._last(self._feed), self._latest
         if item is None:
             return None
         if last is not None and last[0] is item:
@@ -168,6 +178,16 @@ class Subscription(Generic[Value]):
         value: Value | None = self._feed.decoded(item)
         self._latest = item, value  # also without a value, which is counted and told once
         return value
+
+    def last(self) -> tuple[Value, int] | None:
+        """Return the last message from before the subscription, with the time of its arrival as `timed`.
+
+        None if there is none, if a message has arrived meanwhile, or if this program owns the link. Raises FormatError.
+        """
+        self._check()
+        item = None if self._feed.newest else self._last(self._feed)
+        value = None if item is None else self._feed.decoded(item)
+        return None if item is None or value is None else (value, item[1])
 
     def wait_for(self, predicate: Callable[[Value], object], timeout: float | None = None) -> Value:
         """Return the newest message if `predicate` is true for it, or else the first one for which it is.
@@ -179,7 +199,7 @@ class Subscription(Generic[Value]):
         deadline = _deadline(timeout)
         watch = Feed(feed.topic, max(feed.size, 256), None, feed.options)
         self._attach(watch)
-        watcher: Subscription[Value] = Subscription(watch, self._attach, self._detach, self._tell_absence)
+        watcher: Subscription[Value] = Subscription(watch, self._attach, self._detach, self._last, self._tell_absence)
         signal = _Signal()
         watch.add_waker(signal.set)
         feed.add_waker(signal.set)  # for its end

@@ -36,8 +36,8 @@ from msggen.live.messages.packages import (
     response_of,
 )
 from msggen.live.vehicle.absence import PATIENCE, absence
+from msggen.live.vehicle.entry import Entry, Member
 from msggen.live.vehicle.feed import LOGGER, Feed, Options
-from msggen.live.vehicle.hub import Entry, Member
 from msggen.live.vehicle.repeater import Repeater
 from msggen.live.vehicle.selection import Selection, shown, why_missing
 from msggen.live.vehicle.sharing import join_hub, leave_hub, leave_soon, link_of
@@ -69,7 +69,10 @@ class Vehicle:
 
     `allow` has the addresses and keys of clients that may connect, the same for all that share a link; docs/links.md.
     A session that an earlier program began tells no namespace: its topics are taken for those of `continued_namespace`.
-    `queue` is the number of samples that a subscription keeps. With `isolated`, a process of its own runs the link.
+    `queue` is the number of samples that a subscription keeps.
+
+    A process of its own owns the link, for all programs of the user: this one joins it, or starts it (docs/links.md).
+    With `direct`, or the variable MSGGEN_DIRECT, this program owns the link, and others cannot use it meanwhile.
 
     Raises LinkError if the address is wrong or the link cannot be opened.
     """
@@ -85,7 +88,7 @@ class Vehicle:
         allow: str | int | Sequence[str | int] = (),
         continued_namespace: str = "",
         queue: int = QUEUE,
-        isolated: bool = False,
+        direct: bool = False,
     ) -> None:
         if not isinstance(url, str) and not hasattr(url, "start"):
             raise TypeError(f"expected an address such as '{DEFAULT}', or a Link, got {url!r}")
@@ -102,7 +105,7 @@ class Vehicle:
         is_any = key is None and namespace is None
         known = known_routes(self._packages, continued_namespace.strip("/")) if is_any else ()
         allowed = (allow,) if isinstance(allow, (str, int)) else tuple(allow)
-        self._name, opened = link_of(url, allowed, known, is_isolated=isolated)
+        self._name, opened = link_of(url, allowed, known, is_direct=direct)
         self._hub = join_hub(self._name, opened, self._member, allowed)
         self._has_told_of_absence = False
         self._repeaters: weakref.WeakSet[Repeater] = weakref.WeakSet()
@@ -293,7 +296,7 @@ class Vehicle:
             hub.attach(member, feed)
 
         subscription: Subscription[Any] = Subscription(
-            feed, attach, lambda feed: hub.detach(member, feed), self._tell_absence
+            feed, attach, lambda feed: hub.detach(member, feed), lambda feed: hub.last(member, feed), self._tell_absence
         )
         attach(feed)
         return subscription

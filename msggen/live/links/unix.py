@@ -1,0 +1,382 @@
+"""The link of another process, which owns it: over a Unix socket, with the records of `records.py`."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import socket
+import sys
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from queue import Empty, SimpleQueue
+from typing import Any
+
+from msggen.base.version import __version__
+from msggen.live.link import LinkError, Listener, Remote, Route, Sample, Service, Statistics
+from msggen.live.links.guard import guarded
+from msggen.live.links.records import (
+    CALL,
+    EVENT,
+    LAST,
+    PROTOCOL,
+    SAMPLE,
+    KnownVehicle,
+    Record,
+    RecordError,
+    RecordReader,
+    event_in,
+    event_of,
+    record_of,
+)
+from msggen.live.xrce.agent import Client
+
+_CHUNK = 1 << 18
+_ANSWER_S = 1.0
+"""The longest wait in s for an answer of the owner."""
+_HELLO_S = 10.0
+"""The longest wait in s for its first one."""
+
+NOTHING = Statistics(0, 0, 0, 0, 0, 0)
+
+
+class LeavingError(LinkError):
+    """The owner makes room for one of this version of msggen."""
+
+
+class UnixLink:
+    """A link that another process owns, at the path of its socket."""
+
+    def __init__(self, path: str) -> None:
+        self.path = path
+        self._listener: Listener | None = None
+        self._socket: socket.socket | None = None
+        self._thread: threading.Thread | None = None
+        self._lock = threading.Lock()
+        """Held while a record is sent, so that records are whole."""
+        self._vehicles: dict[int, KnownVehicle] = {}
+        self._offset = self._last_number = 0
+        """The number of the last vehicle of the owners before this one."""
+        self._answers: dict[tuple[object, ...], SimpleQueue[Any]] = {}
+        self._questions = itertools.count(1)
+        self._is_closing = False
+        self._statistics = NOTHING
+
+    def open(self) -> socket.socket:
+        """Return a connected socket whose owner has greeted this program. Raises LinkError."""
+        return greeted(connected(self.path), "")
+
+    def reopened(self, reason: str) -> socket.socket:
+        """Return another one, after the owner has ended. Raises LinkError if there is none."""
+        raise LinkError(f"{reason}: start it again")
+
+    # --- Link
+
+    def start(self, listener: Listener) -> None:
+        """Join the owner. Raises LinkError."""
+        if self._thread is not None or self._is_closing:
+            raise LinkError("a link can be started once: make another one")
+        self._socket = self.open()
+        self._listener = guarded(listener)
+        self._thread = threading.Thread(target=self._run, args=(self._listener,), name="msggen-unix", daemon=True)
+        self._thread.start()
+
+    def publish(self, remote: Remote, route: Route, payload: bytes) -> None:
+        """Send a sample. From any thread. Raises LinkError."""
+        number, vehicle = self._find(remote)
+        self._send(record_of(SAMPLE, payload, number, vehicle.indexes[route.name]))
+
+    def call(self, remote: Remote, service: Service, number: int, payload: bytes) -> None:
+        """Send a request, which waits at the owner for those of other programs. From any thread. Raises LinkError."""
+        own, vehicle = self._find(remote)
+        self._send(record_of(CALL, payload, own, vehicle.services.index(service), number))
+
+    def cancel(self, remote: Remote, number: int) -> None:
+        """Forget a call."""
+        with suppress(LinkError):
+            own, _ = self._find(remote)
+            self._send(event_of("cancel", own, number))
+
+    def follow(self, remote: Remote, route: Route, *, is_followed: bool) -> None:
+        """Begin or end to take the samples of a route."""
+        with suppress(LinkError, KeyError):
+            number, vehicle = self._find(remote)
+            self._send(event_of("follow", number, vehicle.indexes[route.name], is_followed))
+
+    def last(self, remote: Remote, route: Route) -> Sample | None:
+        """Return the last sample of a route, or None."""
+        try:
+            number, vehicle = self._find(remote)
+            index = vehicle.indexes[route.name]
+            found = self._answer((LAST, number, index), record_of(LAST, b"", number, index))
+        except (LinkError, KeyError):
+            return None
+        return Sample(remote, route, *found) if found is not None and found[0] else None
+
+    def ask(self, what: str) -> Any:
+        """Return the answer of the owner to a question: its `state`, `clients` and so on. None if there is none."""
+        question = next(self._questions)
+        with suppress(LinkError):
+            return self._answer((EVENT, question), event_of("ask", question, what))
+        return None
+
+    def clients(self) -> list[Client]:
+        """Return all clients that have begun a session at the owner, also those that are silent by now."""
+        found = [Client(*each) for each in self.ask("clients") or ()]
+        return [each._replace(number=each.number + self._offset) if each.number else each for each in found]
+
+    def refusals(self) -> dict[str, int]:
+        """Return how many datagrams the owner has refused, by reason."""
+        return dict(self.ask("refusals") or {})
+
+    def routes(self, remote: Remote) -> Sequence[Route | Service]:
+        """Return the routes and services of a connected vehicle, or none if it is not connected."""
+        found = self._vehicles.get(remote.number)
+        return (*found.routes, *found.services) if found else ()
+
+    def statistics(self) -> Statistics:
+        """Return the counters of the owner, or the last known ones if it does not answer."""
+        found = None if self._is_closing else self.ask("statistics")
+        if found is not None:
+            self._statistics = Statistics(*found)
+        return self._statistics
+
+    def close(self) -> None:
+        """Leave. The owner and the vehicles go on. Can be repeated."""
+        self._is_closing = True
+        thread = self._thread
+        if self._socket is not None:
+            with suppress(OSError):
+                self._socket.shutdown(socket.SHUT_RDWR)
+        if thread is not None and thread is not threading.current_thread():
+            thread.join()
+
+    # --- The thread
+
+    def _run(self, listener: Listener) -> None:
+        failure = ""
+        try:
+            while not self._is_closing:
+                reason = self._receive(listener) or "the process that owns the link has ended"
+                if self._is_closing:
+                    break
+                self._forget(listener, reason)
+                self._socket = self.reopened(reason)
+        except LinkError as error:
+            failure = str(error)
+        except Exception as error:  # noqa: BLE001 - told to the user, who would wait forever
+            failure = f"the link failed: {type(error).__name__}: {error}"
+        self._is_closing = True
+        self._forget(listener, failure or "the link was closed")
+        if self._socket is not None:
+            self._socket.close()
+        if failure:
+            listener.failed(failure)
+
+    def _receive(self, listener: Listener) -> str:
+        """Deliver records until the owner ends. Return why, or ""."""
+        reader, own = RecordReader(), self._socket
+        assert own is not None  # noqa: S101 - `start` has set it
+        deliver, vehicles, offset = self._deliver, self._vehicles, self._offset
+        with own:
+            while True:
+                try:
+                    chunk = own.recv(_CHUNK)
+                except OSError:
+                    return ""
+                if not chunk:
+                    return ""
+                try:
+                    for record in reader.add(chunk):
+                        kind, number, index, when, body = record
+                        if kind == SAMPLE:  # the frequent one
+                            vehicle = vehicles.get(offset + number)
+                            if vehicle is not None:
+                                listener.sample(vehicle.remote, vehicle.routes[index], body, when)
+                        else:
+                            deliver(listener, record)
+                except (RecordError, LookupError, TypeError, ValueError) as error:
+                    return f"the process that owns the link has sent what is no record: {error}"
+
+    def _deliver(self, listener: Listener, record: Record) -> None:
+        kind, number, index, when, body = record
+        vehicle = self._vehicles.get(self._offset + number)
+        if kind == EVENT:
+            name, values = event_in(body)
+            _EVENTS[name](self, listener, *values)
+        elif kind == LAST:
+            self._hand((LAST, number, index), (body, when))
+        elif vehicle is not None:
+            listener.replied(vehicle.remote, vehicle.services[index], when, body)
+
+    def _connected(self, listener: Listener, values: list[Any]) -> None:
+        number, *others = values
+        self._last_number = self._offset + number
+        remote = Remote(self._last_number, *others)
+        self._vehicles[remote.number] = KnownVehicle.of(remote)
+        listener.connected(remote)
+
+    def _opened(self, listener: Listener, number: int, kind: str, values: list[Any]) -> None:
+        vehicle = self._vehicles[self._offset + number]
+        route = (Service if kind == "Service" else Route)(*values)
+        vehicle.add(route)
+        listener.opened(vehicle.remote, route)
+
+    def _disconnected(self, listener: Listener, number: int, reason: str) -> None:
+        vehicle = self._vehicles.pop(self._offset + number, None)
+        if vehicle is not None:
+            listener.disconnected(vehicle.remote, reason)
+
+    def _lost(self, listener: Listener, number: int, missing: int) -> None:
+        listener.lost(self._vehicles[self._offset + number].remote, missing)
+
+    def _identified(self, listener: Listener, number: int, hashes: Mapping[str, int], is_complete: bool) -> None:  # noqa: FBT001
+        vehicle = self._vehicles.get(self._offset + number)
+        if vehicle is not None:
+            listener.identified(vehicle.remote, hashes, is_complete)
+
+    def _warned(self, listener: Listener, text: str) -> None:
+        listener.warned(text)
+
+    def _failed(self, _listener: Listener, reason: str) -> None:
+        raise LinkError(reason)
+
+    def _called(self, listener: Listener, number: int, call: int, problem: str) -> None:
+        vehicle = self._vehicles.get(self._offset + number)
+        if problem and vehicle is not None:
+            listener.warned(f"a call was not sent: {problem}")
+        self._hand((CALL, number, call), problem)
+
+    def _answered(self, _listener: Listener, question: int, value: object) -> None:
+        self._hand((EVENT, question), value)
+
+    def _forget(self, listener: Listener, reason: str) -> None:
+        """Tell the listener that all vehicles are gone with the owner."""
+        for number, vehicle in tuple(self._vehicles.items()):
+            del self._vehicles[number]
+            listener.disconnected(vehicle.remote, reason)
+        for answers in tuple(self._answers.values()):
+            answers.put(None)
+        self._offset = self._last_number
+
+    # --- Records to the owner
+
+    def _answer(self, key: tuple[object, ...], record: bytes) -> Any:
+        """Return what the owner answers to a record. Raises LinkError, and None if there is no answer."""
+        if threading.current_thread() is self._thread:  # which would take the answer
+            return None
+        answers = self._answers[key] = SimpleQueue()
+        try:
+            self._send(record)
+            return answers.get(timeout=_ANSWER_S)
+        except Empty:
+            return None
+        finally:
+            self._answers.pop(key, None)
+
+    def _hand(self, key: tuple[object, ...], value: object) -> None:
+        answers = self._answers.get(key)
+        if answers is not None:
+            answers.put(value)
+
+    def _find(self, remote: Remote) -> tuple[int, KnownVehicle]:
+        found = self._vehicles.get(remote.number)
+        if found is None:
+            raise LinkError(f"the vehicle at {remote.address} is no longer connected: wait until it is connected again")
+        return remote.number - self._offset, found
+
+    def _send(self, record: bytes) -> None:
+        own = self._socket
+        if own is None:
+            raise LinkError("the link is not started")
+        try:
+            with self._lock:
+                own.sendall(record)
+        except OSError:
+            raise LinkError(
+                "the process that owns the link has ended: wait until the vehicle is connected again"
+            ) from None
+
+
+_EVENTS: Mapping[str, Callable[..., None]] = {
+    "connected": UnixLink._connected,  # noqa: SLF001 - a table of the methods above
+    "opened": UnixLink._opened,  # noqa: SLF001
+    "disconnected": UnixLink._disconnected,  # noqa: SLF001
+    "lost": UnixLink._lost,  # noqa: SLF001
+    "identified": UnixLink._identified,  # noqa: SLF001
+    "warned": UnixLink._warned,  # noqa: SLF001
+    "failed": UnixLink._failed,  # noqa: SLF001
+    "called": UnixLink._called,  # noqa: SLF001
+    "answer": UnixLink._answered,  # noqa: SLF001
+}
+
+
+def connected(path: str) -> socket.socket:
+    """Return a socket that is connected to the owner at a path. Raises OSError."""
+    own = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    try:
+        own.connect(path)
+    except BaseException:
+        own.close()
+        raise
+    return own
+
+
+def greeted(
+    own: socket.socket, address: str, allow: Sequence[str | int] = (), *, is_program: bool = True
+) -> socket.socket:
+    """Return a socket once its owner has welcomed this program, which wants a link of this address and these settings.
+
+    With `is_program=False` it is only asked for its state. Raises LeavingError, and LinkError with what to do.
+    """
+    hello = {
+        "protocol": PROTOCOL,
+        "version": __version__,
+        "pid": os.getpid(),
+        "name": _own_name(),
+        "address": address,
+        "allow": list(allow),
+        "is_program": is_program,
+    }
+    try:
+        own.settimeout(_HELLO_S)
+        own.sendall(event_of("hello", hello))
+        name, values = _first_event(own)
+    except (OSError, RecordError) as error:
+        own.close()
+        raise LinkError(f"the process that owns the link does not answer: {error}") from None
+    if name != "welcome":
+        own.close()
+        raise LeavingError("the process that owns the link ends") if name == "leaving" else LinkError(str(values[0]))
+    own.settimeout(None)
+    return own
+
+
+def _first_event(own: socket.socket) -> tuple[str, list[Any]]:
+    """Read the first record, and nothing behind it."""
+    from msggen.live.links.records import HEADER, LONGEST
+
+    header = _exactly(own, HEADER.size)
+    kind, *_, length = HEADER.unpack(header)
+    if kind != EVENT or length > LONGEST:
+        raise RecordError("bytes that are no record")
+    return event_in(_exactly(own, length))
+
+
+def _exactly(own: socket.socket, size: int) -> bytes:
+    data, end = b"", time.monotonic() + _HELLO_S
+    while len(data) < size:
+        chunk = own.recv(size - len(data))
+        if not chunk or time.monotonic() > end:
+            raise OSError("it has closed the connection")
+        data += chunk
+    return data
+
+
+def _own_name() -> str:
+    """Return the name of this program for people: `msggen topic echo`, or that of its file."""
+    program = os.path.basename(sys.argv[0] or "python")
+    if program in {"msggen", "__main__.py"}:
+        return " ".join(["msggen", *itertools.takewhile(lambda word: not word.startswith("-"), sys.argv[1:3])])
+    return program

@@ -1,0 +1,245 @@
+"""The owner of a link: passes what happens on it to programs, and what they publish and call to the vehicles.
+
+The thread of the link tells the owner what happens, and sends samples to programs. If many arrive, they are gathered
+for some time, which costs less, and the thread of the sockets sends them.
+"""
+
+from __future__ import annotations
+
+import threading
+import time as clock
+from collections.abc import Callable, Sequence
+from logging import getLogger
+
+from msggen.live.link import Link, LinkError, Remote, Route, Service
+from msggen.live.links.address import Address
+from msggen.live.links.records import CALL, HEADER, SAMPLE, KnownVehicle, event_of, record_of
+from msggen.live.owner.calls import Call, CallQueue
+from msggen.live.owner.program import Program
+from msggen.live.vehicle.entry import Entry
+from msggen.live.vehicle.hub import Hub
+
+LOGGER = getLogger("msggen.live")
+
+_MANY = 4000
+"""The samples in a second from which on they are gathered."""
+_WINDOW_NS = 100_000_000
+_WARNINGS = 100
+"""The most different warnings for a program."""
+
+
+class Row:
+    """A route: which programs follow it, and its last sample."""
+
+    __slots__ = ("count", "index", "last", "programs", "publishers", "time")
+
+    def __init__(self, index: int) -> None:
+        self.index = index
+        self.programs: tuple[Program, ...] = ()
+        self.publishers: set[Program] = set()
+        self.last = b""
+        self.time = 0
+        self.count = 0
+
+
+class Carried:
+    """A vehicle, as its programs share it: its routes, and the calls to it."""
+
+    def __init__(self, remote: Remote, calls: CallQueue) -> None:
+        self.known = KnownVehicle.of(remote)
+        self.rows: dict[str, Row] = {}
+        self.calls = calls
+        self.lost = 0
+
+
+class Owner(Hub):
+    """The hub of a link without members: its programs have hubs of their own."""
+
+    def __init__(self, link: Link, address: Address, allow: Sequence[str | int], wake: Callable[[], None]) -> None:
+        """Make an owner. `wake` lets the thread of the sockets look around."""
+        super().__init__(link)
+        self.address, self.allow = address, tuple(allow)
+        self.begun = clock.time()
+        self.lock = threading.RLock()
+        """Guards the programs and the vehicles. Taken after `changed`, and before the lock of the link."""
+        self.programs: dict[Program, None] = {}
+        self.vehicles: dict[int, Carried] = {}
+        self.is_gathering = False
+        """Whether so many samples arrive that the thread of the sockets sends them."""
+        self._wake = wake
+        self.rate = 0.0
+        """The samples in a second that have arrived from the vehicles."""
+        self._samples, self._rated_at = 0, clock.monotonic()
+        self._count = self._since = 0
+
+    # --- What happens on the link, in its thread
+
+    def connected(self, remote: Remote) -> None:
+        """Tell the programs of a vehicle."""
+        with self.lock:
+            calls = CallQueue(
+                lambda number, call: self._send_call(remote, number, call),
+                lambda call, problem: self._answer_call(remote, call, problem),
+            )
+            self.vehicles[remote.number] = Carried(remote, calls)
+            self._tell("connected", list(remote))
+        LOGGER.info("%s connected", remote.address)
+        super().connected(remote)
+
+    def opened(self, remote: Remote, route: Route | Service) -> None:
+        """Tell the programs of a route or a service."""
+        with self.lock:
+            vehicle = self.vehicles[remote.number]
+            vehicle.known.add(route)
+            if isinstance(route, Route):
+                vehicle.rows.setdefault(route.name, Row(vehicle.known.indexes[route.name]))
+            self._tell("opened", remote.number, type(route).__name__, list(route))
+        super().opened(remote, route)
+
+    def disconnected(self, remote: Remote, reason: str) -> None:
+        """Tell the programs that a vehicle is gone."""
+        with self.lock:
+            self.vehicles.pop(remote.number, None)
+            self._tell("disconnected", remote.number, reason)
+        LOGGER.info("%s disconnected: %s", remote.address, reason)
+        super().disconnected(remote, reason)
+
+    def sample(self, remote: Remote, route: Route, payload: bytes, time: int) -> None:
+        """Give a sample to the programs that follow its route."""
+        vehicle = self.vehicles.get(remote.number)
+        row = vehicle.rows.get(route.name) if vehicle is not None else None
+        if row is not None:
+            row.last, row.time = payload, time
+            row.count += 1
+            self._samples += 1
+            if row.programs:
+                self.give(row, remote.number, payload, time)
+        super().sample(remote, route, payload, time)
+
+    def give(self, row: Row, number: int, payload: bytes, time: int) -> None:
+        """Send a sample to the programs that follow its route."""
+        record = HEADER.pack(SAMPLE, number, row.index, time, len(payload)) + payload
+        self._count += 1
+        if not 0 <= time - self._since < _WINDOW_NS:
+            self.is_gathering = self._count * 1_000_000_000 > _MANY * abs(time - self._since)
+            self._count, self._since = 0, time
+        with self.lock:
+            for program in row.programs:
+                program.put(record)
+                if not (self.is_gathering or program.is_blocked):
+                    program.flush()
+                    if program.is_blocked or program.is_gone:
+                        self._wake()
+        if self.is_gathering:
+            self._wake()
+
+    def replied(self, remote: Remote, service: Service, number: int, payload: bytes) -> None:  # noqa: ARG002
+        """Give a reply to the program that has called."""
+        with self.lock:
+            vehicle = self.vehicles.get(remote.number)
+            call = vehicle.calls.replied(number) if vehicle is not None else None
+            if call is not None:
+                self.send(call.program, record_of(CALL, payload, remote.number, call.service, call.number))
+
+    def lost(self, remote: Remote, missing: int) -> None:
+        """Tell the programs of samples that did not arrive."""
+        with self.lock:
+            vehicle = self.vehicles.get(remote.number)
+            if vehicle is not None:
+                vehicle.lost += missing
+            self._tell("lost", remote.number, missing)
+        super().lost(remote, missing)
+
+    def warned(self, text: str) -> None:
+        """Tell the programs, and the log."""
+        LOGGER.warning("%s", text)
+        with self.lock:
+            self._tell("warned", text)
+
+    def failed(self, reason: str) -> None:
+        """Tell the programs that the link has ended, and end."""
+        LOGGER.error("%s", reason)
+        with self.lock:
+            self._tell("failed", reason)
+        self.failure = reason
+        self._wake()
+
+    def evaluate(self, entry: Entry, ros_type: str | None) -> None:
+        """Tell the programs which definitions a vehicle has: they need not ask it themselves."""
+        with self.lock:
+            self.tell_definitions(entry, ros_type)
+        if ros_type is None and entry.check.is_complete:
+            LOGGER.info("%s has %s", entry.remote.address, entry.firmware())
+
+    def tell_definitions(self, entry: Entry, ros_type: str | None, program: Program | None = None) -> None:
+        """Tell a program, or all of them, the hash of a type, or all of them. The caller holds the lock."""
+        hashes = entry.check.hashes
+        told = dict(hashes) if ros_type is None else {ros_type: hashes[ros_type]} if ros_type in hashes else {}
+        values = ("identified", entry.remote.number, told, entry.check.is_complete)
+        if program is None:
+            self._tell(*values)
+        else:
+            program.put(event_of(*values))
+
+    def _tell(self, name: str, *values: object) -> None:
+        """Tell all programs. The caller holds the lock."""
+        record = event_of(name, *values)
+        for program in self.programs:
+            self.send(program, record)
+
+    def publish(self, program: Program, vehicle: Carried, index: int, payload: bytes) -> None:
+        """Send a sample of a program to a vehicle and to those who follow its route. The caller holds the lock."""
+        route = vehicle.known.routes[index]
+        row = vehicle.rows[route.name]
+        row.publishers.add(program)
+        try:
+            self.link.publish(vehicle.known.remote, route, payload)
+        except LinkError as error:
+            self._warn(program, str(error))
+            return
+        row.last, row.time = payload, clock.time_ns()
+        row.count += 1
+        if row.programs:
+            self.give(row, vehicle.known.remote.number, payload, row.time)
+
+    def _warn(self, program: Program, text: str) -> None:
+        if text not in program.warnings and len(program.warnings) < _WARNINGS:
+            program.warnings.add(text)
+            self.send(program, event_of("warned", text))
+
+    def _send_call(self, remote: Remote, number: int, call: Call) -> None:
+        service = self.vehicles[remote.number].known.services[call.service]
+        self.link.call(remote, service, number, call.payload)
+        self._answer_call(remote, call, "")
+
+    def _answer_call(self, remote: Remote, call: Call, problem: str) -> None:
+        self.send(call.program, event_of("called", remote.number, call.number, problem))
+
+    def look(self) -> None:
+        """Measure the rate of samples, once in a second, and end calls without a reply. The caller holds the lock."""
+        now = clock.monotonic()
+        if now - self._rated_at >= 1.0:
+            self.rate = self._samples / (now - self._rated_at)
+            self._samples, self._rated_at = 0, now
+        for vehicle in self.vehicles.values():
+            vehicle.calls.look()
+
+    def remove(self, program: Program) -> None:
+        """Forget a program. The caller holds the lock."""
+        self.programs.pop(program, None)
+        program.close()
+        for vehicle in self.vehicles.values():
+            vehicle.calls.cancel(program)
+            for row in vehicle.rows.values():
+                row.programs = tuple(each for each in row.programs if each is not program)
+                row.publishers.discard(program)
+        if program.has_joined:
+            LOGGER.info("%s (pid %d) has left", program.name, program.pid)
+
+    def send(self, program: Program, record: bytes) -> None:
+        """Send a record to a program. The caller holds the lock."""
+        program.put(record)
+        if not program.is_blocked:
+            program.flush()
+        if program.is_blocked or program.is_gone:
+            self._wake()

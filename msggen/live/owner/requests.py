@@ -1,0 +1,231 @@
+"""What programs ask the owner of a link for."""
+
+from __future__ import annotations
+
+import os
+import socket
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from typing import Any
+
+from msggen.base.version import __version__
+from msggen.live.links.address import Address, parse_address
+from msggen.live.links.records import (
+    CALL,
+    EVENT,
+    LAST,
+    PROTOCOL,
+    SAMPLE,
+    Record,
+    RecordError,
+    event_in,
+    event_of,
+    record_of,
+)
+from msggen.live.owner.calls import Call
+from msggen.live.owner.owner import LOGGER, Carried, Owner
+from msggen.live.owner.program import Program
+
+_NAME = 100
+"""The characters of the longest name of a program."""
+
+
+class EndOfOwner(Exception):  # noqa: N818 - no error
+    """The owner is to end, for this reason."""
+
+
+def obey(owner: Owner, program: Program, record: Record) -> None:
+    """Do what a record of a program asks for.
+
+    Raises EndOfOwner, and any other exception if it is no record that a program sends.
+    """
+    kind, number, index, when, body = record
+    with owner.lock:
+        if kind == EVENT:
+            name, values = event_in(body)
+            _REQUESTS[name](owner, program, *values)
+            return
+        if not program.has_joined:
+            raise RecordError("a record before hello")
+        vehicle = owner.vehicles.get(number)
+        if vehicle is not None:
+            _ON_VEHICLE[kind](owner, program, vehicle, index, when, body)
+        elif kind == CALL:
+            owner.send(program, event_of("called", number, when, "the vehicle has just disconnected"))
+
+
+def _publish(owner: Owner, program: Program, vehicle: Carried, index: int, _when: int, body: bytes) -> None:
+    owner.publish(program, vehicle, index, body)
+
+
+def _call(_owner: Owner, program: Program, vehicle: Carried, index: int, when: int, body: bytes) -> None:
+    if index >= len(vehicle.known.services):
+        raise RecordError("a call of an unknown service")
+    vehicle.calls.add(Call(program, when, index, body))
+
+
+def _last(owner: Owner, program: Program, vehicle: Carried, index: int, _when: int, _body: bytes) -> None:
+    row = vehicle.rows[vehicle.known.routes[index].name]
+    owner.send(program, record_of(LAST, row.last, vehicle.known.remote.number, index, row.time))
+
+
+_ON_VEHICLE: Mapping[int, Callable[..., None]] = {SAMPLE: _publish, CALL: _call, LAST: _last}
+
+
+def _hello(owner: Owner, program: Program, hello: Mapping[str, Any]) -> None:
+    program.name = str(hello["name"])[:_NAME]
+    if program.pid < 0:
+        program.pid = int(hello["pid"])
+    if (hello["version"], hello["protocol"]) != (__version__, PROTOCOL):
+        _part(owner, program, str(hello["version"]))
+        return
+    problem = _problem_of(owner, hello)
+    if problem:
+        owner.send(program, event_of("refused", problem))
+        return
+    if hello["is_program"]:
+        program.has_joined = True
+        LOGGER.info("%s (pid %d) has joined", program.name, program.pid)
+    program.put(event_of("welcome", str(owner.address), os.getpid()))
+    for number, vehicle in owner.vehicles.items() if program.has_joined else ():
+        _introduce(owner, program, number, vehicle)
+    program.flush()
+
+
+def _introduce(owner: Owner, program: Program, number: int, vehicle: Carried) -> None:
+    """Tell a program of a vehicle that is connected already."""
+    program.put(event_of("connected", list(vehicle.known.remote)))
+    for route in (*vehicle.known.routes, *vehicle.known.services):
+        program.put(event_of("opened", number, type(route).__name__, list(route)))
+    entry = owner.entries.get(number)
+    if entry is not None:
+        owner.tell_definitions(entry, None, program)
+
+
+def _part(owner: Owner, program: Program, version: str) -> None:
+    """Refuse a program with another version of msggen, or make room for its own owner if nobody else is here."""
+    others = [each for each in owner.programs if each is not program and each.has_joined]
+    if not others:
+        program.put(event_of("leaving"))
+        raise EndOfOwner(f"{program.name} (pid {program.pid}) is msggen {version}, and starts an owner of its own")
+    users = ", ".join(f"{each.name} (pid {each.pid})" for each in others)
+    text = (
+        f"msggen {__version__} owns the link, this is msggen {version}, and {users} use it: end them, or "
+        f"`msggen link stop {owner.address}`"
+    )
+    owner.send(program, event_of("refused", text))
+
+
+def _problem_of(owner: Owner, hello: Mapping[str, Any]) -> str:
+    """Return why a program cannot use this link, or ""."""
+    stop = f"`msggen link stop {owner.address}` first"
+    allow = tuple(hello["allow"])
+    if allow and set(allow) != set(owner.allow):
+        own = ", ".join(map(str, owner.allow)) or "everybody"
+        return f"the link is open to {own}, not to {', '.join(map(str, allow))}: leave that out, or {stop}"
+    if not hello["address"]:
+        return ""
+    asked = parse_address(str(hello["address"]))
+    if _covers(owner.address, asked):
+        return ""
+    return f"the link is open as {owner.address}, not as {asked}: use that address, or {stop}"
+
+
+def _covers(own: Address, asked: Address) -> bool:
+    """Whether the link at one address hears all that the one at another address would hear."""
+    if own._replace(host=asked.host, path=asked.path) != asked:
+        return False  # another port, agent or rate
+    if own.link_type.is_device:
+        return os.path.realpath(own.path) == os.path.realpath(asked.path)
+    return _ip(own.host) in {_ip(asked.host), "0.0.0.0"}  # noqa: S104 - a comparison
+
+
+def _ip(host: str) -> str:
+    with suppress(OSError):
+        return socket.gethostbyname(host)
+    return host
+
+
+def _follow(owner: Owner, program: Program, number: int, index: int, is_followed: object) -> None:
+    vehicle = owner.vehicles.get(number)
+    if vehicle is not None and program.has_joined:
+        row = vehicle.rows[vehicle.known.routes[index].name]
+        others = tuple(each for each in row.programs if each is not program)
+        row.programs = (*others, program) if is_followed else others
+
+
+def _cancel(owner: Owner, program: Program, number: int, call: int) -> None:
+    vehicle = owner.vehicles.get(number)
+    if vehicle is not None:
+        vehicle.calls.cancel(program, call)
+
+
+def _ask(owner: Owner, program: Program, question: int, what: str) -> None:
+    owner.send(program, event_of("answer", question, _ANSWERS[what](owner, program)))
+
+
+def _stop(_owner: Owner, program: Program) -> None:
+    raise EndOfOwner(f"stopped by pid {program.pid}")
+
+
+# What a program can ask
+
+
+def _statistics(owner: Owner, program: Program) -> list[int]:
+    return list(owner.link.statistics()._replace(unread=program.dropped))
+
+
+def _state(owner: Owner, _program: Program) -> dict[str, object]:
+    """Return what `msggen link list` shows."""
+    programs = [
+        {"name": each.name, "pid": each.pid, "age": time.monotonic() - each.since, "unread": each.dropped}
+        for each in owner.programs
+        if each.has_joined
+    ]
+    return {
+        "address": str(owner.address),
+        "version": __version__,
+        "pid": os.getpid(),
+        "age": time.time() - owner.begun,
+        "vehicles": [_vehicle(owner, number, vehicle) for number, vehicle in owner.vehicles.items()],
+        "programs": programs,
+        "rate": owner.rate,
+    }
+
+
+def _vehicle(owner: Owner, number: int, vehicle: Carried) -> dict[str, object]:
+    entry = owner.entries.get(number)
+    published = {name: row.publishers for name, row in vehicle.rows.items() if row.publishers}
+    return {
+        **vehicle.known.remote._asdict(),
+        "release": entry.firmware().release if entry is not None else "",
+        "lost": vehicle.lost,
+        "samples": sum(row.count for row in vehicle.rows.values()),
+        "publishers": {name: sorted(each.pid for each in programs) for name, programs in published.items()},
+    }
+
+
+def _clients(owner: Owner, _program: Program) -> list[list[object]]:
+    clients = getattr(owner.link, "clients", None)
+    return [list(each) for each in clients()] if clients is not None else []
+
+
+def _refusals(owner: Owner, _program: Program) -> dict[str, int]:
+    refusals = getattr(owner.link, "refusals", None)
+    return dict(refusals()) if refusals is not None else {}
+
+
+_REQUESTS: Mapping[str, Callable[..., None]] = {
+    "hello": _hello,
+    "follow": _follow,
+    "cancel": _cancel,
+    "ask": _ask,
+    "stop": _stop,
+}
+_ANSWERS: Mapping[str, Callable[[Owner, Program], object]] = {
+    "statistics": _statistics,
+    "state": _state,
+    "clients": _clients,
+    "refusals": _refusals,
+}

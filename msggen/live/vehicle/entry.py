@@ -1,0 +1,92 @@
+"""A vehicle that is connected, and a Vehicle object's part of it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from msggen.live.link import Link, Remote, Route, Service
+from msggen.live.messages.packages import Decoding, Packages
+from msggen.live.vehicle.calls import Calls
+from msggen.live.vehicle.feed import Feed
+from msggen.live.vehicle.firmware import Firmware, FormatCheck, identify, releases
+from msggen.live.vehicle.selection import Selection, is_same
+from msggen.live.vehicle.watch import Watch
+
+SETTLED_S = 1.0
+"""A vehicle with routes, but without a service and samples, has all of them if none was opened for this time, in s."""
+
+Row = tuple[Callable[[bytes, int, Decoding], None], Decoding]
+
+
+class Entry:
+    """A connected vehicle: its routes, and where the samples of each go."""
+
+    def __init__(self, remote: Remote, link: Link, told: Callable[[Entry, str], None]) -> None:
+        """Make an entry without routes. `told` is called when the vehicle has told its definition of a type."""
+        self.remote = remote
+        self.routes: dict[str, Route] = {}
+        self.services: dict[str, Service] = {}
+        self.table: dict[str, tuple[Row, ...]] = {}
+        self.followed: set[str] = set()
+        """The routes whose samples cross to this process, if another one owns the link."""
+        self.opened_at = time.monotonic()
+        self.heard_ns = 0
+        self.ticked_ns = self.due_ns = 0
+        """When `Hub.tick` has something to do, of the clock of the samples: at once, for the first one."""
+        self.is_started = self.is_checked = False
+        self.check = FormatCheck(
+            lambda route, payload: link.publish(remote, route, payload),
+            lambda ros_type: told(self, ros_type),
+        )
+        self.calls = Calls(remote, link)
+        self.lost = 0
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether the vehicle has opened all its routes: the service is the last one, and samples come after it."""
+        is_settled = bool(self.routes) and time.monotonic() - self.opened_at > SETTLED_S
+        return bool(self.heard_ns or self.services or self.check.is_complete or is_settled)
+
+    def firmware(self) -> Firmware:
+        """Return the firmware, as far as it is known."""
+        routes, check = tuple(self.routes.values()), self.check
+        return identify(routes, dict(check.hashes), self.remote.namespace, is_complete=check.is_complete)
+
+    def hash_of(self, ros_type: str) -> int | None:
+        """Return the vehicle's hash of a type, or None if it is not known.
+
+        A release that answers no requests has the hashes of the embedded one, if it has its endpoints.
+        """
+        found = self.check.hashes.get(ros_type)
+        if found is None and self.check.is_complete and not self.check.hashes:
+            firmware = self.firmware()
+            if firmware.release and not (firmware.differing or firmware.missing or firmware.further):
+                known = releases()[firmware.release].values()
+                message = ros_type.rpartition("/")[2]
+                return next((row.message_hash for row in known if row.message == message), None)
+        return found
+
+
+class Member:
+    """A Vehicle's part of a hub: the vehicle that it stands for, and its subscriptions.
+
+    The hub knows members only, so that a forgotten Vehicle can be collected.
+    """
+
+    def __init__(self, selection: Selection, packages: Packages) -> None:
+        self.selection = selection
+        self.packages = packages
+        self.entry: Entry | None = None
+        self.last: Remote | None = None
+        self.feeds: tuple[Feed, ...] = ()
+        self.watches: tuple[Watch, ...] = ()
+        self.reason = ""
+        self.is_closed = False
+        self.has_told_of_another = False
+        self.told: set[int] = set()
+        """The identities of the feeds that were told to have no route."""
+
+    def accepts(self, remote: Remote) -> bool:
+        """Whether to take a vehicle that connects. After the first one, only that vehicle is taken again."""
+        return self.selection.accepts(remote) and (self.last is None or is_same(self.last, remote))

@@ -1,0 +1,399 @@
+"""Tests of the owner of a link and of the programs that join it, in one process, without a vehicle."""
+
+from __future__ import annotations
+
+import random
+import socket
+import struct
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from msggen.live import LinkError, LinkTimeoutError, NotConnectedError, Vehicle
+from msggen.live.links import unix
+from msggen.live.links.records import CALL, EVENT, HEADER, LAST, SAMPLE, RecordReader, event_in, event_of, record_of
+from msggen.live.links.unix import UnixLink
+from msggen.live.owner import program as program_module
+from msggen.live.owner.server import Server
+from support.fake_link import FakeLink
+from support.link_records import Records, nothing_is_left
+from support.served import hello, served
+
+WAIT = 10.0
+
+
+@pytest.fixture
+def link(px4_types: Any) -> FakeLink:
+    return FakeLink(px4_types)
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Iterator[Path]:
+    with nothing_is_left():
+        yield tmp_path / "link.socket"
+
+
+@pytest.fixture
+def server(link: FakeLink, path: Path) -> Iterator[Server]:
+    with served(link, path) as server:
+        yield server
+
+
+def until(condition: Any) -> None:
+    """Wait for what another thread does."""
+    end = time.monotonic() + WAIT
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.002)
+
+
+def followers(server: Server, name: str) -> int:
+    """Return how many programs follow a topic of the first vehicle."""
+    return len(next(row for route, row in server.owner.vehicles[1].rows.items() if name in route).programs)
+
+
+def raw(path: Path, *records: bytes) -> socket.socket:
+    """Join as a program that sends these records."""
+    own = unix.connected(str(path))
+    own.settimeout(WAIT)
+    own.sendall(event_of("hello", hello()) + b"".join(records))
+    return own
+
+
+def received(own: socket.socket) -> Iterator[Any]:
+    """Yield the records that a program gets."""
+    reader = RecordReader()
+    while chunk := own.recv(1 << 16):
+        yield from reader.add(chunk)
+
+
+def is_ended(own: socket.socket) -> bool:
+    """Whether the owner ends the connection."""
+    try:
+        while own.recv(1 << 16):
+            pass
+    except ConnectionError:
+        pass
+    return True
+
+
+@pytest.mark.usefixtures("server")
+def test_only_what_a_program_follows_crosses(link: FakeLink, path: Path, px4_types: Any) -> None:
+    remote = link.connect()
+    records = Records()
+    joined = UnixLink(str(path))
+    joined.start(records)
+    until(lambda: len(records.opened_routes) == len(link.opened[1]))
+    assert [route for _, route in records.opened_routes] == list(joined.routes(records.remotes[0]))
+    route = link.route(remote, "out/vehicle_status")
+    link.sample(remote, px4_types.VehicleStatus(timestamp=1))
+    joined.follow(records.remotes[0], route, is_followed=True)
+    until(lambda: joined.last(records.remotes[0], route))  # the owner has taken all that was sent before
+    link.sample(remote, px4_types.VehicleStatus(timestamp=2), when=77)
+    link.sample(remote, px4_types.SensorCombined(timestamp=3))
+    joined.follow(records.remotes[0], route, is_followed=False)
+    until(lambda: records.samples)
+    assert joined.ask("state")["programs"][0]["name"]
+    link.sample(remote, px4_types.VehicleStatus(timestamp=4))
+    link.disconnect(remote)
+    until(lambda: records.gone)
+    joined.close()
+    assert [(each.payload, each.time) for each in records.samples] == [
+        (px4_types.VehicleStatus(timestamp=2).encode(), 77)
+    ]
+
+
+def test_vehicles_of_several_programs_read_publish_and_call(
+    link: FakeLink, path: Path, server: Server, px4_types: Any
+) -> None:
+    remote = link.connect(namespace="uav_1")
+    url = f"unix://{path}"
+    with Vehicle(url, px4_types) as first, Vehicle(UnixLink(str(path)), px4_types) as second:
+        subscriptions = [each.subscribe("vehicle_status") for each in (first, second)]
+        assert [each.wait_connected(WAIT).namespace for each in (first, second)] == ["uav_1", "uav_1"]
+        until(lambda: followers(server, "out/vehicle_status") == 2)
+        link.sample(remote, px4_types.VehicleStatus(timestamp=5))
+        assert [each.wait_for(bool, WAIT).timestamp for each in subscriptions] == [5, 5]
+        for vehicle in (first, second):
+            vehicle.publish(px4_types.TrajectorySetpoint(timestamp=6))
+        until(lambda: [route.name for _, route, _ in link.published].count("/uav_1/fmu/in/trajectory_setpoint") == 2)
+        replies = _call_at_once((first, second), link, px4_types)
+    assert replies == {0: 10, 1: 11}
+
+
+def _call_at_once(vehicles: Any, link: FakeLink, px4_types: Any) -> dict[int, int]:
+    """Let each vehicle call at once, and answer one call after the other. Return the results by vehicle."""
+    results: dict[int, int] = {}
+
+    def call(number: int) -> None:
+        command = px4_types.VehicleCommand(command=number)
+        request = px4_types.srv.VehicleCommand.Request(request=command)
+        results[number] = vehicles[number].call(request, WAIT).reply.result
+
+    threads = [threading.Thread(target=call, args=(number,)) for number in range(len(vehicles))]
+    for thread in threads:
+        thread.start()
+    for answered in range(len(vehicles)):
+        until(lambda answered=answered: len(link.calls) > answered)
+        time.sleep(0.02)
+        assert len(link.calls) == answered + 1, "one call is on the wire at a time"
+        remote, service, number, payload = link.calls[answered]
+        asked = px4_types.srv.VehicleCommand.Request.decode(payload).request.command
+        reply = px4_types.srv.VehicleCommand.Response(reply=px4_types.VehicleCommandAck(result=10 + asked))
+        link.user().replied(remote, service, number, reply.encode())
+    for thread in threads:
+        thread.join()
+    return results
+
+
+@pytest.mark.usefixtures("server")
+def test_a_call_that_nobody_waits_for_keeps_no_other_one_waiting(link: FakeLink, path: Path, px4_types: Any) -> None:
+    link.connect()
+    request = px4_types.srv.VehicleCommand.Request()
+    with Vehicle(UnixLink(str(path))) as first, Vehicle(UnixLink(str(path))) as second:
+        for vehicle in (first, second):
+            vehicle.wait_connected(WAIT)
+            with pytest.raises(LinkTimeoutError):
+                vehicle.call(request, 0.05)
+    assert [number for _, _, number, _ in link.calls] == [1, 2]
+
+
+@pytest.mark.usefixtures("server")
+def test_a_call_ends_when_the_vehicle_does(link: FakeLink, path: Path, px4_types: Any) -> None:
+    remote = link.connect()
+    with Vehicle(UnixLink(str(path))) as vehicle:
+        vehicle.wait_connected(WAIT)
+        threading.Timer(0.05, link.disconnect, (remote,)).start()
+        with pytest.raises(NotConnectedError, match="no answer for 3 s"):
+            vehicle.call(px4_types.srv.VehicleCommand.Request(), WAIT)
+
+
+@pytest.mark.usefixtures("server")
+def test_the_owner_asks_for_definitions_once_for_all_programs(link: FakeLink, path: Path, px4_types: Any) -> None:
+    remote = link.connect()
+    with Vehicle(UnixLink(str(path)), px4_types) as early:
+        early.wait_connected(WAIT)
+        link.sample(remote, px4_types.VehicleStatus())
+        asked = link.answer(remote)
+        assert early.wait_firmware(WAIT).is_complete
+        with Vehicle(UnixLink(str(path)), px4_types) as late:
+            late.wait_connected(WAIT)
+            assert late.wait_firmware(WAIT).hashes == early.firmware.hashes
+        assert len(asked) == len({*asked}) == len(early.firmware.hashes)
+
+
+@pytest.mark.usefixtures("server")
+def test_the_last_sample_is_there_at_once(link: FakeLink, path: Path, px4_types: Any) -> None:
+    remote = link.connect()
+    link.sample(remote, px4_types.VehicleStatus(timestamp=8))
+    with Vehicle(UnixLink(str(path)), px4_types) as vehicle:
+        vehicle.wait_connected(WAIT)
+        status, attitude = vehicle.subscribe("vehicle_status"), vehicle.subscribe("vehicle_attitude")
+        assert status.latest() == px4_types.VehicleStatus(timestamp=8)
+        assert (attitude.latest(), status.received, len(status)) == (None, 0, 0)
+
+
+@pytest.mark.usefixtures("server")
+def test_what_a_program_publishes_is_there_for_those_who_ask(link: FakeLink, path: Path, px4_types: Any) -> None:
+    remote = link.connect()
+    records = Records()
+    other = UnixLink(str(path))
+    other.start(records)
+    route = link.route(remote, "in/trajectory_setpoint")
+    with Vehicle(UnixLink(str(path)), px4_types) as vehicle:
+        vehicle.wait_connected(WAIT)
+        until(lambda: records.remotes)
+        until(lambda: len(records.opened_routes) == len(link.opened[1]))
+        other.follow(records.remotes[0], route, is_followed=True)
+        other.last(records.remotes[0], route)
+        vehicle.publish(px4_types.TrajectorySetpoint(timestamp=9))
+        until(lambda: records.samples)
+        assert other.ask("state")["vehicles"][0]["publishers"].keys() == {route.name}
+    other.close()
+    assert (records.samples[0].route, records.samples[0].payload) == (
+        route,
+        px4_types.TrajectorySetpoint(timestamp=9).encode(),
+    )
+
+
+def test_a_program_that_does_not_read_loses_its_own_oldest_samples(
+    link: FakeLink, path: Path, px4_types: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(program_module, "BACKLOG", 100_000)
+    with served(link, path) as server:
+        remote = link.connect()
+        index = link.opened[1].index(link.route(remote, "out/vehicle_status"))
+        slow = raw(path, event_of("follow", 1, index, 1))
+        with Vehicle(UnixLink(str(path)), px4_types, queue=100_000) as vehicle, slow:
+            status = vehicle.subscribe("vehicle_status")
+            vehicle.wait_connected(WAIT)
+            until(lambda: followers(server, "out/vehicle_status") == 2)
+            for number in range(8000):
+                link.sample(remote, px4_types.VehicleStatus(timestamp=number))
+                if number % 200 == 199:  # the other one keeps up
+                    until(lambda number=number: status.received == number + 1)
+            (dropped,) = [each.dropped for each in server.owner.programs if each.dropped]
+            assert vehicle.statistics.unread == 0
+            link.disconnect(remote)
+            stamps = []
+            for kind, _, _, _, body in received(slow):
+                if kind == SAMPLE:
+                    stamps.append(struct.unpack_from("<4xQ", body)[0])
+                elif kind == EVENT and event_in(body)[0] == "disconnected":
+                    break
+    assert len(stamps) + dropped == 8000
+    assert stamps == sorted(stamps)
+    assert stamps[-1] == 7999
+
+
+def test_settings_of_the_link_belong_to_its_owner(link: FakeLink, path: Path) -> None:
+    def joined(**changes: Any) -> None:
+        asked = {"address": "udp://127.0.0.1:8888", "allow": (), **changes}
+        unix.greeted(unix.connected(str(path)), **asked).close()
+
+    with served(link, path, "udp://127.0.0.1:8888", allow=("192.168.0.7", 3)):
+        joined()
+        joined(allow=(3, "192.168.0.7"))
+        joined(address="udp://localhost:8888")
+        joined(address="")
+        stop = "or `msggen link stop udp://127.0.0.1:8888` first"
+        with pytest.raises(LinkError, match=f"open to 192.168.0.7, 3, not to 4: leave that out, {stop}"):
+            joined(allow=(4,))
+        expected = f"open as udp://127.0.0.1:8888, not as udp://0.0.0.0:8888: use that address, {stop}"
+        with pytest.raises(LinkError, match=expected):
+            joined(address="udp://0.0.0.0:8888")
+        with pytest.raises(LinkError, match="not as tap://"):
+            joined(address="tap://127.0.0.1:8888?agent=127.0.0.1:8889")
+
+
+def test_an_owner_of_all_addresses_hears_each(link: FakeLink, path: Path) -> None:
+    with served(link, path, "udp://0.0.0.0:8888"):
+        unix.greeted(unix.connected(str(path)), "udp://127.0.0.1:8888").close()
+
+
+def test_another_version_gets_an_owner_of_its_own_if_nobody_else_is_there(
+    link: FakeLink, path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with served(link, path) as server:
+        with raw(path) as other:
+            assert next(received(other))
+            monkeypatch.setattr(unix, "__version__", "9.9")
+            with pytest.raises(
+                LinkError, match=r"this is msggen 9\.9, and test \(pid \d+\) use it: end them, or `msggen link"
+            ):
+                unix.greeted(unix.connected(str(path)), "")
+        until(lambda: not server.owner.programs)
+        with pytest.raises(unix.LeavingError):
+            unix.greeted(unix.connected(str(path)), "")
+        until(lambda: server._is_over)
+
+
+HOSTILE: list[bytes] = [
+    b"GET / HTTP/1.1\r\n\r\n" * 4,
+    record_of(SAMPLE, b"", 1),
+    record_of(EVENT, b"[]"),
+    event_of("hello"),
+    event_of("hello", 3),
+    event_of("hello", hello(allow=3)),
+    event_of("hello", hello(address="x://")),
+    event_of("serve"),
+    event_of("hello", hello()) + record_of(CALL, b"", 1, 9),
+    event_of("hello", hello()) + record_of(LAST, b"", 1, 999),
+    event_of("hello", hello()) + event_of("follow", 1, 999, 1),
+    event_of("hello", hello()) + event_of("follow", 1),
+    event_of("hello", hello()) + event_of("follow", [], 1, 1),
+    event_of("hello", hello()) + event_of("follow", 1, "", 1),
+    event_of("hello", hello()) + event_of("ask", 1, "nothing"),
+    event_of("hello", hello()) + event_of("cancel", {}, 1),
+    HEADER.pack(EVENT, 0, 0, 0, 1 << 20),
+]
+
+
+@pytest.mark.usefixtures("server")
+@pytest.mark.parametrize("data", HOSTILE)
+def test_bytes_that_no_program_sends_end_its_connection_only(
+    data: bytes, link: FakeLink, path: Path, px4_types: Any
+) -> None:
+    remote = link.connect()
+    with Vehicle(UnixLink(str(path)), px4_types) as vehicle:
+        vehicle.wait_connected(WAIT)
+        with unix.connected(str(path)) as hostile:
+            hostile.settimeout(WAIT)
+            hostile.sendall(data)
+            assert is_ended(hostile)
+        link.sample(remote, px4_types.VehicleStatus(timestamp=8))
+        until(lambda: vehicle.subscribe("vehicle_status").latest() is not None)
+
+
+@pytest.mark.parametrize("frames", [5_000, pytest.param(100_000, marks=pytest.mark.night)])
+def test_random_frames_end_the_connection_of_their_program_only(
+    frames: int, link: FakeLink, path: Path, px4_types: Any
+) -> None:
+    choose = random.Random(28)  # noqa: S311 - no secret
+    names = ("hello", "follow", "cancel", "ask", "connected", "x")
+    values: tuple[object, ...] = (0, 1, -1, 2**40, "", "state", "clients", None, True, [], {}, [1], hello(), 1.5)
+
+    def frame() -> bytes:
+        if choose.random() < 0.5:
+            return event_of(choose.choice(names), *(choose.choice(values) for _ in range(choose.randrange(4))))
+        body = choose.randbytes(choose.randrange(40))
+        return record_of(choose.randrange(4), body, choose.randrange(3), choose.randrange(80), choose.randrange(9))
+
+    with served(link, path) as server:
+        remote = link.connect()
+        with Vehicle(UnixLink(str(path)), px4_types) as vehicle:
+            vehicle.wait_connected(WAIT)
+            sent = 0
+            while sent < frames:
+                data = [event_of("hello", hello()), *(frame() for _ in range(choose.randrange(1, 30)))]
+                sent += len(data)
+                with unix.connected(str(path)) as hostile:
+                    try:
+                        hostile.sendall(b"".join(data))
+                    except OSError:  # it was ended
+                        continue
+            link.sample(remote, px4_types.VehicleStatus(timestamp=8))
+            until(lambda: vehicle.subscribe("vehicle_status").latest() is not None)
+            until(lambda: len(server.owner.programs) == 1)
+
+
+def test_fifty_programs_come_and_go(link: FakeLink, path: Path, px4_types: Any) -> None:
+    with served(link, path) as server:
+        remote = link.connect()
+        for _ in range(2):
+            links = [UnixLink(str(path)) for _ in range(50)]
+            vehicles = [Vehicle(each, px4_types) for each in links]
+            subscriptions = [each.subscribe("vehicle_status") for each in vehicles]
+            for vehicle in vehicles:
+                vehicle.wait_connected(WAIT)
+            until(lambda: followers(server, "out/vehicle_status") == 50)
+            link.sample(remote, px4_types.VehicleStatus(timestamp=4))
+            assert {each.wait_for(bool, WAIT).timestamp for each in subscriptions} == {4}
+            for vehicle in vehicles:
+                vehicle.close()
+        until(lambda: not server.owner.programs)
+
+
+def test_it_ends_when_nobody_uses_it(link: FakeLink, path: Path) -> None:
+    asked: list[bool] = []
+
+    def idle(has_vehicle: bool) -> float:  # noqa: FBT001
+        asked.append(has_vehicle)
+        return 1e9 if has_vehicle else 0.0
+
+    with served(link, path, idle=idle) as server:
+        until(lambda: server._is_over)
+    assert asked == [False]
+
+
+def test_a_link_that_fails_ends_its_programs(link: FakeLink, path: Path, px4_types: Any) -> None:
+    with served(link, path), Vehicle(UnixLink(str(path)), px4_types) as vehicle:
+        link.connect()
+        vehicle.wait_connected(WAIT)
+        link.fail("the link failed: no more")
+        with pytest.raises(LinkError, match="no more"):
+            vehicle.subscribe("vehicle_status").wait_for(bool, WAIT)
