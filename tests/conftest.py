@@ -40,6 +40,9 @@ def pytest_configure(config: pytest.Config) -> None:
     """
     signal.signal(signal.SIGINT, signal.default_int_handler)
     adopt_orphans()
+    state = TemporaryDirectory(prefix="state-")  # for the records of sessions, which the user's programs do not need
+    os.environ["XDG_STATE_HOME"] = state.name
+    config.add_cleanup(state.cleanup)
     if not os.access(os.path.expanduser("~"), os.W_OK):
         home = TemporaryDirectory(prefix="home-")  # for the caches of msggen and of the libraries of tests
         os.environ["HOME"] = home.name
