@@ -273,9 +273,7 @@ def test_a_command_continues_the_session_of_an_earlier_one(url: str, px4_types: 
 
 
 @pytest.mark.usefixtures("cache", "state")
-@pytest.mark.parametrize(
-    "words", [[], ["--types", TYPES], ["--key", "5"], ["--namespace", "uav/one"], ["--allow", "5"]]
-)
+@pytest.mark.parametrize("words", [[], ["--types", TYPES], ["--key", "5"], ["--namespace", "uav/one"]])
 def test_a_record_has_the_key_and_the_namespace_of_a_vehicle(words: list[str], url: str, px4_types: Any) -> None:
     with Simulator(px4_types, url, [SHORT._replace(namespace="uav/one", key=5)]):
         for is_continued in (False, True):

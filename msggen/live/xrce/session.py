@@ -146,7 +146,7 @@ class Session:
         self._output = ReliableOutput()
         self._waiting: list[bytes] | None = None  # for the number of the next reliable message, while it is not known
         self._questions = 0  # how often it was asked for
-        self._ask_at: float | None = None
+        self._asked_at: float | None = None
         self._next = 0  # the number of the next best-effort message
         self._beat_at: float | None = None
         self._request = 0  # the number of the last request, and the ticks in which its reply is still asked for
@@ -262,16 +262,22 @@ class Session:
         """
         self._questions += 1
         question = wire.Heartbeat(0, _BEFORE_ALL).pack()
+        if self._is_granted:  # nothing was sent on this stream, as there were no readers
+            self._send(BEST_EFFORT, question)
+            return
         for number in range(0, 0x10000, 0x2000):
             self._next = number
             self._send(BEST_EFFORT, question)
 
     def _ask_again(self, now: float) -> None:
-        """Ask for the numbers again if the answers are due: questions or answers may be lost."""
-        if self._ask_at is None:
-            self._ask_at = now + QUESTION_PERIOD
-        elif now >= self._ask_at and self._questions < QUESTIONS and now - self.heard_at < ABSENCE:
-            self._ask_at = now + QUESTION_PERIOD
+        """Ask for the numbers again if the answers are due: questions or answers may be lost.
+
+        An address that sends nothing may be a forged one, so it is not asked again.
+        """
+        if self._asked_at is None:
+            self._asked_at = now
+        elif now - self._asked_at >= QUESTION_PERIOD and self._questions < QUESTIONS and self.heard_at > self._asked_at:
+            self._asked_at = now
             self._ask_numbers()
 
     def _learn_number(self, number: int) -> None:

@@ -117,7 +117,9 @@ def test_a_request_waits_for_its_number() -> None:
     after.agent.call(1, SERVICE, 1, LE + b"request")
     after.settle()
     assert client.samples() == []
-    after.run(1)
+    for _ in range(10):
+        client.write(1, b"new")
+        after.run(0.1)
     assert [request[24:] for request in client.samples()] == [b"request"]
 
 
@@ -406,6 +408,20 @@ def test_a_stranger_gets_little_more_than_it_sends() -> None:
         world.agent.receive(data, client.address, 0)
     assert sum(len(data) for data, _ in world.agent.take_outgoing()) < asked
     assert world.agent._sessions == {}
+
+
+def test_a_forged_creation_gets_little_more_than_it_sends() -> None:
+    world, client = stranger()
+    client.subscribe(2)
+    world.clients = []
+    asked = sum(map(len, client.outgoing))
+    for data in client.outgoing:
+        world.agent.receive(data, client.address, 0)
+    sent = world.agent.take_outgoing()
+    for step in range(50):
+        world.agent.tick(step / 10)
+        sent += world.agent.take_outgoing()
+    assert sum(len(data) for data, _ in sent) < asked
 
 
 def test_strangers_are_bounded() -> None:
