@@ -150,20 +150,22 @@ class Agent:
                     and 4 <= length <= len(data) - 8
                     and (route.size < 0 or route.size == length - 4)
                 ):
-                    samples: Sequence[Sample] = ()
+                    outbox = self._outbox
                     if len(data) - 8 < length + 4:  # one submessage
+                        if missing:
+                            session.miss(missing)
                         payload = ENCAPSULATION + data[12 : 8 + length]
-                        samples = (Sample(session.remote, route, payload, time),)  # type: ignore[arg-type]
-                    elif not (samples := session.samples_in(data, time)):
+                        outbox.events.append(Sample(session.remote, route, payload, time))  # type: ignore[arg-type]
+                    elif samples := session.samples_in(data, time):
+                        if missing:
+                            session.miss(missing)
+                        outbox.events += samples
+                    else:
                         self._receive(data, address, session, time)
                         return
-                    outbox = self._outbox
-                    if missing:
-                        session.miss(missing)
                     best_effort.last = sequence
                     session.is_writing = True
                     outbox.received += 1
-                    outbox.events += samples
                     return
         self._receive(data, address, session, time)
 

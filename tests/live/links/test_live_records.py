@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import os
 import stat
+import subprocess
+import sys
 import time
 from pathlib import Path
 from types import MappingProxyType
@@ -12,16 +14,19 @@ from typing import Any
 
 import pytest
 
+from msggen.live import Vehicle
 from msggen.live.link import Service
 from msggen.live.links import records as module
 from msggen.live.links.address import parse_address
 from msggen.live.links.opening import open_link
 from msggen.live.links.records import PATIENCE, DamagedError, Records, pack, records_folder, unpack
 from msggen.live.links.udp import UdpLink
+from msggen.live.sim import Options, Simulator
 from msggen.live.xrce.record import Record
 from support.link_records import Records as Listening
 from support.ports import free_port
 from support.replay import DATA, HEARTBEAT, INFO, Client, creation, kind, sample
+from support.repository import ROOT
 
 LINK = "udp://127.0.0.1:8888"
 ADDRESS = ("127.0.0.1", 40123)
@@ -206,6 +211,39 @@ def with_vehicle(link: Any) -> None:
             listening.wait(lambda: len(listening.opened_routes) == 66)
     finally:
         link.close()
+
+
+KILLED = """
+import sys, time
+sys.path[:0] = sys.argv[2:]
+import px4_types
+from msggen.live import Vehicle
+vehicle = Vehicle(sys.argv[1], px4_types)
+vehicle.wait_connected(30)
+vehicle.wait_firmware(30)
+time.sleep(0.5)
+print("connected", flush=True)
+time.sleep(60)
+"""
+
+
+def test_a_program_that_is_killed_leaves_the_session_to_the_next_one(px4_types: Any) -> None:
+    """With its key, its namespace, its definitions and its service, and without types."""
+    url = f"udp://127.0.0.1:{free_port()}"
+    command = [sys.executable, "-c", KILLED, url, str(ROOT), str(ROOT / "generated")]
+    with Simulator(px4_types, url, [Options(sync="short", namespace="uav_1", key=5)]):
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as program:
+            assert program.stdout is not None
+            assert program.stdout.readline() == "connected\n"
+            program.kill()
+        with Vehicle(url, key=5, namespace="uav_1") as vehicle:
+            remote = vehicle.wait_connected(10)
+            assert (remote.continued, remote.key, remote.namespace) == (True, 5, "uav_1")
+            assert len(vehicle.routes) == len(px4_types.topics.ENDPOINTS)
+            assert vehicle.subscribe(px4_types.VehicleStatus).wait_for(lambda _: True, 20)
+            request = px4_types.VehicleCommand(command=512, target_system=5, target_component=1)
+            assert vehicle.call(px4_types.srv.VehicleCommand.Request(request=request), 20).reply.command == 512
+            assert len(vehicle.firmware.hashes) > 50
 
 
 def test_a_link_goes_on_with_the_session_of_the_last_one(tmp_path: Path) -> None:
