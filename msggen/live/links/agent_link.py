@@ -17,7 +17,7 @@ from contextlib import ExitStack, suppress
 
 from msggen.live.link import Event, LinkError, Listener, Remote, Route, Service, Statistics, deliver
 from msggen.live.links.guard import guarded
-from msggen.live.links.records import Records
+from msggen.live.links.session_files import Records
 from msggen.live.xrce.agent import Agent, Client, everybody
 from msggen.live.xrce.outbox import Address
 

@@ -18,7 +18,7 @@ def open_link(
     in the user's folder, and those without one with `known`, the routes of the expected firmware or several sets of
     them. `is_isolated` runs the link in a process of its own. Raises LinkError.
     """
-    from msggen.live.links.records import records_folder  # it imports json
+    from msggen.live.links.session_files import records_folder  # it imports json
 
     keys = tuple(each for each in allow if not isinstance(each, str))
     addresses = tuple(each for each in allow if isinstance(each, str))

@@ -19,7 +19,7 @@ from msggen.live.link import Service
 from msggen.live.links import records as module
 from msggen.live.links.address import parse_address
 from msggen.live.links.opening import open_link
-from msggen.live.links.records import PATIENCE, DamagedError, Records, pack, records_folder, unpack
+from msggen.live.links.session_files import PATIENCE, DamagedError, Records, pack, records_folder, unpack
 from msggen.live.links.udp import UdpLink
 from msggen.live.sim import Options, Simulator
 from msggen.live.xrce.record import Record
