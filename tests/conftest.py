@@ -46,9 +46,10 @@ def pytest_configure(config: pytest.Config) -> None:
     signal.signal(signal.SIGINT, signal.default_int_handler)
     adopt_orphans()
     os.environ["MSGGEN_DIRECT"] = "1"  # tests of the process that owns a link take it away
-    runtime = TemporaryDirectory(prefix="run-")
-    os.environ["MSGGEN_RUNTIME"] = runtime.name
-    config.add_cleanup(runtime.cleanup)
+    for variable in ("MSGGEN_RUNTIME", "XDG_STATE_HOME"):  # for sockets of links, and for records of sessions
+        folder = TemporaryDirectory(prefix="run-")
+        os.environ[variable] = folder.name
+        config.add_cleanup(folder.cleanup)
     if not os.access(os.path.expanduser("~"), os.W_OK):
         home = TemporaryDirectory(prefix="home-")  # for the caches of msggen and of the libraries of tests
         os.environ["HOME"] = home.name

@@ -26,8 +26,7 @@ def add_to(commands: Commands) -> None:
         _call,
         help="call a service of a running vehicle",
         description="Call a service of a running vehicle, and print the reply. PX4 has the service vehicle_command, "
-        "since v1.15. The vehicle has to connect anew for it, which takes up to 20 s after another command: "
-        "msggen command works in every session.",
+        "since v1.15.",
         epilog=f"Exit codes: 0 done, {FAILED_CODES}",
     )
     parser.add_argument(
@@ -43,7 +42,7 @@ def _call(options: argparse.Namespace) -> int:
         options.service, options.values = None, options.service
     values = read_values(options)
     values.message(service_of(options, expected_package(options)).Request)  # errors are told before a vehicle connects
-    with connection(options, is_new=True) as found:
+    with connection(options) as found:
         request = values.message(service_of(options, found.package).Request)
         settle(found, type(request))
         print(*found.package.show(found.vehicle.call(request, options.timeout)).split("\n"), sep="\n")

@@ -6,11 +6,9 @@ import argparse
 import os
 import re
 import sys
-import tempfile
 import threading
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, suppress
-from hashlib import blake2b
+from contextlib import ExitStack, contextmanager
 from types import ModuleType
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -20,7 +18,7 @@ from msggen.cli.options import Group, add_shared
 from msggen.cli.packages import import_package, topics_of
 from msggen.cli.sources import settings_of
 from msggen.cli.values import KEY, local_path, non_empty, positive
-from msggen.generate.cache import package_from, package_of, private_folder
+from msggen.generate.cache import package_from, package_of
 from msggen.live.links.link_types import DEFAULT, usages
 from msggen.sources.embedded import EMBEDDED
 from msggen.sources.sources import find_sources
@@ -33,17 +31,14 @@ PATIENCE = 30.0
 
 _NOTICE = 2.0
 """How long to wait in s before saying so."""
-_LONGEST = 500
-"""The most characters of a memory."""
 _IN_NAMESPACE = re.compile("(rt)?/?[^/]+(/.+)?/fmu/(in|out)/")
-_NAMESPACE = re.compile("[A-Za-z0-9_/]*")
 
 
 class Connection(NamedTuple):
     """A connected vehicle, and the generated package with its messages.
 
     `link` is the address. `label` names the package for people: its release, or the value of --types.
-    `knows_namespace` is False in a session that an earlier program began, if no command remembers the vehicle.
+    `knows_namespace` is False in a session of an earlier program that left no record of it.
     """
 
     vehicle: Vehicle
@@ -51,15 +46,6 @@ class Connection(NamedTuple):
     link: str
     label: str
     knows_namespace: bool = True
-
-
-class Memory(NamedTuple):
-    """What is remembered of the last vehicle on a link."""
-
-    release: str = ""
-    address: str = ""
-    """Its `Remote.address`, which identifies a session of it that is continued."""
-    namespace: str = ""
 
 
 def add_link(parser: argparse.ArgumentParser, *, has_types: bool = True) -> None:
@@ -97,31 +83,23 @@ def add_allowed(group: Group) -> None:
 
 
 @contextmanager
-def connection(options: argparse.Namespace, *, is_new: bool = False) -> Iterator[Connection]:
+def connection(options: argparse.Namespace) -> Iterator[Connection]:
     """Connect to the vehicle that the options of `add_link` name, and close the link at the end.
-
-    With `is_new`, a session that an earlier command began is not continued: services can be called in a new one only.
 
     Says on stderr that it waits, if nothing connects for a while. Raises InputError if the link cannot be opened, or
     nothing connects.
 
-    A session that an earlier command began can be continued only if its types are known before the link is opened.
-    So the release of the last vehicle on each link is remembered; a wrong one is not used (docs/links.md). Such a
-    session tells no namespace, so that is remembered too, with the address of the vehicle. If the session may be that
-    of a vehicle with another namespace, and names depend on it, the vehicle has to begin a new one.
+    A session that an earlier program began is continued. If that left no record of the session, its topics must be
+    those of the given types, or else of the newest release, and its namespace is not known (docs/vehicle.md). If the
+    user names a topic in a namespace, the vehicle then has to begin a new session.
     """
     from msggen.live import LinkError, Vehicle
+    from msggen.live.vehicle.selection import is_unnamed
 
     link = link_of(options)
     given = given_package(options)
-    memory = _remembered(link)
-    expected = given or package_of(memory.release)
-    selection = {
-        "namespace": options.namespace,
-        "key": options.key,
-        "allow": options.allow,
-        "continued_namespace": memory.namespace,
-    }
+    package = given or _newest()
+    selection = {"namespace": options.namespace, "key": options.key, "allow": options.allow}
     try:
         with ExitStack() as stack:
 
@@ -130,25 +108,21 @@ def connection(options: argparse.Namespace, *, is_new: bool = False) -> Iterator
                 _wait(vehicle, link, options.wait or PATIENCE)
                 return vehicle
 
-            known = None if is_new else expected
+            known: ModuleType | None = package
             vehicle = opened(known)
-            knows_namespace = not vehicle.remote.continued or vehicle.remote.address == memory.address
-            if not knows_namespace and (memory.namespace or _names_namespace(options)):
+            if is_unnamed(vehicle.remote) and not vehicle.remote.namespace and _names_namespace(options):
                 vehicle.close()
-                known, knows_namespace = None, True
+                known = None
                 vehicle = opened(known)
             remote, release = vehicle.remote, vehicle.firmware.release
-            label = options.types or options.px4 or expected.__name__
-            if not remote.continued:
-                memory = memory._replace(address=remote.address, namespace=remote.namespace)
+            label = options.types or options.px4 or package.__name__
             if given is None and release:
-                memory = memory._replace(release=release)
-                expected, label = package_of(release), release
-            _remember(link, memory)
-            if expected is not known:
-                first, vehicle = vehicle, opened(expected)  # on the link that is open
+                package, label = package_of(release), release
+            if package is not known:
+                first, vehicle = vehicle, opened(package)  # on the link that is open
                 first.close()
-            yield Connection(vehicle, expected, link, label, knows_namespace)
+            knows_namespace = bool(remote.namespace) or not is_unnamed(remote)
+            yield Connection(vehicle, package, link, label, knows_namespace)
     except LinkError as error:
         raise input_error(link, "L102", f"{error}{owner_of(link, error)}", 0) from None
 
@@ -187,16 +161,15 @@ def link_of(options: argparse.Namespace) -> str:
 
 
 def expected_package(options: argparse.Namespace) -> ModuleType:
-    """Return the package that `connection` begins with: the given one, or that of the last vehicle on the link.
+    """Return the package that `connection` begins with: the given one, or that of the newest release.
 
     Raises InputError.
     """
-    return given_package(options) or package_of(remembered_release(options))
+    return given_package(options) or _newest()
 
 
-def remembered_release(options: argparse.Namespace) -> str:
-    """Return the release of the last vehicle on the link, or the newest one. Raises InputError as `link_of`."""
-    return _remembered(link_of(options)).release
+def _newest() -> ModuleType:
+    return package_of(EMBEDDED[0])
 
 
 def given_package(options: argparse.Namespace) -> ModuleType | None:
@@ -228,29 +201,3 @@ def _wait(vehicle: Vehicle, link: str, patience: float) -> None:
         vehicle.wait_connected(patience)
     finally:
         timer.cancel()
-
-
-# The last vehicle on a link
-
-
-def _remembered(link: str) -> Memory:
-    """Return what is known of the last vehicle on a link: at least a release, the newest one if none is known."""
-    with suppress(OSError, ValueError), open(_memory(link), encoding="ascii") as file:
-        release, address, namespace = file.read(_LONGEST).split("\n")
-        if release in EMBEDDED and _NAMESPACE.fullmatch(namespace):
-            return Memory(release, address, namespace)
-    return Memory(EMBEDDED[0])
-
-
-def _remember(link: str, memory: Memory) -> None:
-    """Write what is known of a vehicle. A cache that cannot be written remembers nothing."""
-    with suppress(OSError, UnicodeEncodeError):
-        path = _memory(link)
-        os.makedirs(os.path.dirname(path), mode=0o700, exist_ok=True)
-        with tempfile.NamedTemporaryFile("w", dir=os.path.dirname(path), delete=False, encoding="ascii") as file:
-            file.write("\n".join(memory))
-        os.replace(file.name, path)
-
-
-def _memory(link: str) -> str:
-    return os.path.join(private_folder(), "links", blake2b(link.encode(), digest_size=8).hexdigest())

@@ -85,12 +85,12 @@ class Names(NamedTuple):
 
 
 def names_of(options: argparse.Namespace) -> Names:
-    """Return the names in the package that the options or the settings name, or in that of the last vehicle.
+    """Return the names in the package that the options or the settings name, or in that of the newest release.
 
     Raises InputError, OSError and, for a package without names, ValueError.
     """
-    from msggen.cli.link import remembered_release
     from msggen.generate.cache import folder_from, folder_of
+    from msggen.sources.embedded import EMBEDDED
     from msggen.sources.settings import read_settings
     from msggen.sources.sources import find_sources
 
@@ -101,7 +101,7 @@ def names_of(options: argparse.Namespace) -> Names:
     elif types:
         folder = types if names_folder(types) else _installed(types)
     else:
-        folder = folder_of(remembered_release(options))
+        folder = folder_of(EMBEDDED[0])
     return read_names(read_bytes(os.path.join(folder, "names.json")))
 
 

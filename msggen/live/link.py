@@ -53,7 +53,7 @@ class Remote(NamedTuple):
     namespace: str
     """The namespace without slashes at both ends: `uav_1`, or "" without one or if it is not known."""
     continued: bool
-    """Whether the link continues a session that an earlier program began. Services cannot be called then."""
+    """Whether the link continues a session that an earlier program began. Without a record of it, its key is 0 here."""
 
 
 class Connected(NamedTuple):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import socket
 import sys
 from pathlib import Path
@@ -12,20 +13,11 @@ from typing import Any
 import pytest
 
 from msggen.cli import parser_for
-from msggen.cli.link import (
-    Memory,
-    _remember,
-    _remembered,
-    connection,
-    expected_package,
-    given_package,
-    link_of,
-)
+from msggen.cli.link import connection, expected_package, given_package, link_of
 from msggen.generate.cache import cache_folder, package_of
 from msggen.live import Vehicle
 from msggen.live.links.link_types import DEFAULT
 from msggen.live.sim import Options, Simulator
-from msggen.sources.embedded import EMBEDDED
 from support.commands import run
 from support.ports import free_port
 from support.repository import ROOT
@@ -46,14 +38,22 @@ def url() -> str:
 
 
 @pytest.fixture
+def state(working_folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder for records of sessions, which is empty."""
+    folder = working_folder / "state"
+    folder.mkdir()
+    monkeypatch.setenv("XDG_STATE_HOME", str(folder))
+    return folder
+
+
+@pytest.fixture
 def cache(working_folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A cache without anything remembered, whose packages are those of the user's cache."""
     users, own = Path(cache_folder()), working_folder / "cache"
     (own / "msggen").mkdir(parents=True)
     package_of("v1.18")
     for path in users.iterdir():
-        if path.name != "links":
-            (own / "msggen" / path.name).symlink_to(path)
+        (own / "msggen" / path.name).symlink_to(path)
     monkeypatch.setenv("XDG_CACHE_HOME", str(own))
     assert cache_folder() == str(own / "msggen")
     return own / "msggen"
@@ -256,113 +256,64 @@ def test_a_package_without_topics_is_refused(working_folder: Path) -> None:
     assert outcome.stderr == "fw: L103 no topics of the bridge: no dds_topics.yaml\n1 error\n"
 
 
-# The vehicle that is remembered
+# Sessions of earlier commands
 
 
-def test_the_release_of_a_vehicle_is_remembered(url: str, cache: Path, px4_types: Any) -> None:
+@pytest.mark.usefixtures("cache", "state")
+def test_a_command_continues_the_session_of_an_earlier_one(url: str, px4_types: Any) -> None:
     given = options("--link", url)
     assert expected_package(given) is package_of("v1.18")
     with Simulator(px4_types, url, [SHORT]):
-        with connection(given) as found:
-            assert (found.package, found.label) == (package_of("v1.18"), "v1.18")
-            assert not found.vehicle.remote.continued
-            address = found.vehicle.remote.address
-        (memory,) = (cache / "links").iterdir()
-        assert memory.read_text() == f"v1.18\n{address}\n"
-        with connection(given) as again:
-            assert again.vehicle.remote.continued
-            assert again.knows_namespace
-            assert again.package is found.package
+        for is_continued in (False, True, True):
+            with connection(given) as found:
+                assert (found.package, found.label) == (package_of("v1.18"), "v1.18")
+                assert (found.vehicle.remote.continued, found.vehicle.remote.key) == (is_continued, 1)
+                assert found.knows_namespace
+                assert found.vehicle.wait_firmware(20).release == "v1.18"
 
 
-@pytest.mark.usefixtures("cache")
-def test_the_namespace_of_a_vehicle_is_remembered(url: str, px4_types: Any) -> None:
-    with Simulator(px4_types, url, [SHORT._replace(namespace="uav/one")]):
-        for words, is_continued in (([], False), ([], True), (["--types", TYPES], True)):
+@pytest.mark.usefixtures("cache", "state")
+@pytest.mark.parametrize("words", [[], ["--types", TYPES], ["--key", "5"], ["--namespace", "uav/one"]])
+def test_a_record_has_the_key_and_the_namespace_of_a_vehicle(words: list[str], url: str, px4_types: Any) -> None:
+    with Simulator(px4_types, url, [SHORT._replace(namespace="uav/one", key=5)]):
+        for is_continued in (False, True):
             with connection(options("--link", url, *words)) as found:
                 remote, routes = found.vehicle.remote, found.vehicle.routes
-                assert (remote.namespace, remote.continued, found.knows_namespace) == ("uav/one", is_continued, True)
+                assert (remote.namespace, remote.key, remote.continued) == ("uav/one", 5, is_continued)
+                assert found.knows_namespace
                 assert all(route.name.startswith("/uav/one/fmu/") for route in routes)
-                assert found.vehicle.firmware.release == "v1.18"
-        assert _remembered(url) == Memory("v1.18", remote.address, "uav/one")
 
 
 @pytest.mark.usefixtures("cache")
 @pytest.mark.parametrize(
     "case",
     [
-        ("", None, "vehicle_status", True),
-        ("uav_1", None, "/uav_1/fmu/out/vehicle_status_v4", False),
-        ("uav_1", None, "uav_1/fmu/out/vehicle_status", False),
-        ("", "uav_1", "vehicle_status", False),
+        ("", "vehicle_status", True),
+        ("uav_1", "vehicle_status", True),
+        ("uav_1", "/uav_1/fmu/out/vehicle_status_v4", False),
+        ("uav_1", "uav_1/fmu/out/vehicle_status", False),
     ],
 )
-def test_a_session_of_an_unknown_vehicle_is_continued_if_its_namespace_does_not_matter(
-    case: tuple[str, str | None, str, bool], url: str, px4_types: Any
+def test_without_a_record_a_session_is_continued_if_its_namespace_does_not_matter(
+    case: tuple[str, str, bool], url: str, state: Path, px4_types: Any
 ) -> None:
-    namespace, remembered, topic, is_continued = case
-    if remembered:
-        _remember(url, Memory("v1.18", "127.0.0.1:1", remembered))
+    namespace, topic, is_continued = case
     words = ["topic", "echo", topic, "--link", url]
     with Simulator(px4_types, url, [SHORT._replace(namespace=namespace)]):
         with Vehicle(url, px4_types) as earlier:
             earlier.wait_connected(20)
+        shutil.rmtree(state / "msggen", ignore_errors=True)
         with connection(parser_for(words).parse_args(words)) as found:
             assert (found.vehicle.remote.continued, found.knows_namespace) == (is_continued, not is_continued)
-            assert found.vehicle.remote.namespace == namespace
+            assert found.vehicle.remote.namespace == ("" if is_continued else namespace)
 
 
-def test_a_program_can_know_the_namespace_of_a_session(url: str, px4_types: Any) -> None:
-    with Simulator(px4_types, url, [SHORT._replace(namespace="uav_1")]):
-        for _ in range(2):
-            with Vehicle(url, px4_types, continued_namespace="/uav_1") as vehicle:
-                remote = vehicle.wait_connected(20)
-                assert remote.namespace == "uav_1"
-                with vehicle.subscribe("/uav_1/fmu/out/vehicle_status") as samples:
-                    assert samples.wait_for(lambda _: True, 20)
-    assert remote.continued
-
-
-@pytest.mark.parametrize(
-    "content",
-    [
-        b"v1.99\n\n",
-        b"v1.17",
-        b"",
-        b"\xff\xfe\n\n",
-        b"v1.18" * 1000,
-        b"../../etc\n\n",
-        b"v1.17\n\n../../etc",
-        b"v1.17\n\n\n",
-    ],
-)
-def test_a_damaged_memory_is_ignored(content: bytes, url: str, cache: Path) -> None:
-    _remember(url, Memory("v1.17"))
-    assert _remembered(url) == Memory("v1.17")
-    (memory,) = (cache / "links").iterdir()
-    memory.write_bytes(content)
-    assert _remembered(url) == Memory("v1.18")
-
-
-def test_a_memory_in_place_of_a_folder_is_ignored(url: str, cache: Path) -> None:
-    _remember(url, Memory("v1.17"))
-    (memory,) = (cache / "links").iterdir()
-    memory.unlink()
-    memory.mkdir()
-    assert _remembered(url) == Memory("v1.18")
-    _remember(url, Memory("v1.16"))
-    assert _remembered(url) == Memory("v1.18")
-
-
-def test_a_cache_that_cannot_be_written_is_not_needed(url: str, cache: Path, px4_types: Any) -> None:
-    (cache / "links").write_text("a file where the folder should be")
-    with Simulator(px4_types, url, [SHORT]), connection(options("--link", url)) as found:
-        assert found.label == "v1.18"
-
-
-def test_links_have_memories_of_their_own(cache: Path) -> None:
-    links = {f"udp://127.0.0.1:{port}": Memory(release) for port, release in enumerate(EMBEDDED, 1000)}
-    for link, memory in links.items():
-        _remember(link, memory)
-    assert {link: _remembered(link) for link in links} == links
-    assert len(list((cache / "links").iterdir())) == len(links)  # no temporary file is left
+def test_a_folder_of_records_that_cannot_be_written_is_not_needed(
+    url: str, state: Path, px4_types: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    (state / "msggen").write_text("a file where the folder should be")
+    with Simulator(px4_types, url, [SHORT]), connection(options("--link", url, "--types", TYPES)) as found:
+        found.vehicle.wait_firmware(20)
+        assert not found.vehicle.remote.continued
+    (told,) = [text for text in caplog.messages if "cannot be written" in text]
+    assert told.startswith("the next program cannot continue the sessions of this one: ")

@@ -6,6 +6,7 @@ import argparse
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -372,8 +373,9 @@ def test_topics_are_recorded_with_the_namespace_if_it_is_known(address: str, px4
     with Simulator(px4_types, address, [SHORT._replace(namespace="uav_1")]):
         with Vehicle(address, px4_types) as earlier:
             earlier.wait_connected(20)
+        shutil.rmtree(Path(os.environ["XDG_STATE_HOME"]) / "msggen")
         names = []
-        for number, words in enumerate(([], ["--namespace", "uav_1"], [])):  # unknown, new, remembered
+        for number, words in enumerate(([], ["--namespace", "uav_1"], [])):  # unknown, new, recorded
             assert record(address, "vehicle_status", "--for", "0.6", "-o", f"{number}.mcap", *words) == 0
             names.append({each.topic for each in read_mcap(Path(f"{number}.mcap"))})
     assert names == [{"/fmu/out/vehicle_status_v4"}, *[{"/uav_1/fmu/out/vehicle_status_v4"}] * 2]

@@ -191,6 +191,16 @@ def test_a_continued_session_belongs_to_a_vehicle_by_its_address(link: FakeLink)
         assert [vehicle.remote for vehicle in (by_key, by_address, by_any)] == [again] * 3
 
 
+def test_a_continued_session_with_a_record_is_selected_by_its_key_and_namespace(link: FakeLink) -> None:
+    with Vehicle(link, key=2) as by_key, Vehicle(link, namespace="uav_1") as by_name, Vehicle(link, key=3) as other:
+        remote = link.connect(2, namespace="uav_1", continued=True)
+        assert [by_key.remote, by_name.remote] == [remote, remote]
+        assert not other.is_connected
+        link.disconnect(remote)
+        other_one, again = link.connect(3, namespace="uav_1"), link.connect(2, namespace="uav_1")
+        assert [by_key.remote, by_name.remote, other.remote] == [again, again, other_one]
+
+
 def test_a_continued_session_that_no_selection_accepts_is_told(
     link: FakeLink, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
 CREATE, GET_INFO, DELETE, STATUS_AGENT, INFO, WRITE_DATA, READ_DATA, DATA, TIMESTAMP = 1, 2, 3, 4, 6, 7, 8, 9, 14
+HEARTBEAT = 11
 """Ids of submessages."""
 
 

@@ -68,6 +68,8 @@ def check(agent: Agent, limits: Limits) -> None:
     """Check that the state of an agent is within its limits."""
     assert len(agent._sessions) <= limits.clients
     assert len(agent._continuation._ended) <= limits.clients
+    assert len(agent._continuation._strangers) <= limits.clients
+    assert len(agent._dropped) <= limits.clients
     assert len(agent._connected) <= limits.clients
     assert all(len(told) <= 20 for _, told in agent._warned.values())
     assert len(agent.refused) < 50
@@ -76,6 +78,8 @@ def check(agent: Agent, limits: Limits) -> None:
         assert len(inventory) <= limits.entities
         assert len(inventory._readers) + len(inventory.writers) <= limits.entities + len(KNOWN)
         assert len(inventory.readings) <= limits.entities
+        assert sum(map(len, session.journal.parts or ())) <= limits.record
+        assert len(session._waiting or ()) <= OUTPUT_WINDOW
         assert len(session.input._waiting) < INPUT_WINDOW
         assert len(session._output._kept) <= OUTPUT_WINDOW
         assert len(session._fragments._joined) <= limits.fragments

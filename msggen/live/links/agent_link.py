@@ -12,11 +12,12 @@ import socket
 import threading
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 
 from msggen.live.link import Event, LinkError, Listener, Remote, Route, Service, Statistics, deliver
 from msggen.live.links.guard import guarded
+from msggen.live.links.session_files import Records
 from msggen.live.xrce.agent import Agent, Client, everybody
 from msggen.live.xrce.outbox import Address
 
@@ -33,12 +34,16 @@ class AgentLink(ABC):
         allow: Callable[[Address], bool] = everybody,
         keys: Sequence[int] = (),
         known: Iterable[Route] = (),
+        records: str = "",
     ) -> None:
         """Make a link. Nothing is opened.
 
-        `keys` are the keys of clients (UXRCE_DDS_KEY) that may connect, all of them if there are none. `known` are the
-        routes of the expected firmware: with them, the session of an earlier program is continued.
+        `keys` are the keys of clients (UXRCE_DDS_KEY) that may connect, all of them if there are none. `records` is a
+        folder for the records of sessions, with which the next program continues them. `known` are the routes of the
+        expected firmware, or several sets of them: with them, a session without a record is continued.
         """
+        self._folder = records
+        self._records: Records | None = None
         self.agent = Agent(time.monotonic(), allow=allow, keys=frozenset(keys) or None, known=known)
         self.lock = threading.Lock()
         """Held while the agent is used, and while its datagrams are sent: they must leave in order."""
@@ -69,6 +74,10 @@ class AgentLink(ABC):
     def look(self, now: float, listener: Listener) -> None:  # noqa: B027 - not every transport has something to do
         """Do what time demands in the transport, every TICK seconds. `now` is of the monotonic clock."""
 
+    def name(self) -> str:
+        """Return the address of the link, which identifies its records."""
+        return ""
+
     def dropped(self) -> int:
         """Return `Statistics.dropped`."""
         return 0
@@ -88,6 +97,7 @@ class AgentLink(ABC):
         thread = threading.Thread(target=self._run, args=(guard,), name=name, daemon=True)
         try:
             self.open(guard)
+            self._load(guard)
             thread.start()
         except BaseException as error:
             self._closing = True
@@ -118,6 +128,19 @@ class AgentLink(ABC):
                 return self.agent.routes(remote.number)
             except LinkError:
                 return ()
+
+    def hashes(self, remote: Remote) -> Mapping[str, int]:
+        """Return the hashes of definitions that the record of a session has, by ROS type."""
+        with self.lock:
+            try:
+                return self.agent.hashes(remote.number)
+            except LinkError:
+                return {}
+
+    def remember(self, remote: Remote, hashes: Mapping[str, int]) -> None:
+        """Write hashes of definitions into the record of a session."""
+        with self.lock, suppress(LinkError):
+            self.agent.remember(remote.number, hashes)
 
     def statistics(self) -> Statistics:
         """Return the counters."""
@@ -158,6 +181,7 @@ class AgentLink(ABC):
             failure = f"the link failed: {type(error).__name__}: {error}"
         self._closing = True
         try:
+            self._keep(time.monotonic(), is_last=True)
             with self.lock:
                 self.agent.close(failure or "the link was closed")
             self.flush(listener)
@@ -176,8 +200,28 @@ class AgentLink(ABC):
                 due = now + TICK
                 with self.lock:
                     self.agent.tick(now)
+                self._keep(now)
                 self.look(now, listener)
                 self.flush(listener)
+
+    def _load(self, listener: Listener) -> None:
+        """Continue the sessions that have a record. The address is that of this program now."""
+        if self._folder and self.name():
+            self._records = Records(self._folder, self.name(), listener.warned)
+            with self.lock:
+                self.agent.resume(self._records.load())
+
+    def _keep(self, now: float, *, is_last: bool = False) -> None:
+        """Write down what has changed."""
+        if self._records is None:
+            return
+        with self.lock:
+            changes = self.agent.take_records()
+            if is_last:
+                changes += self.agent.take_records()
+            heard = self.agent.heard()
+        self._records.write(changes)
+        self._records.touch(heard, now, is_last=is_last)
 
     def flush(self, listener: Listener) -> None:
         """Send what the agent has to send, and tell the listener what has happened. Without the lock."""

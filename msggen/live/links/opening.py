@@ -24,14 +24,18 @@ def open_link(
 ) -> Link:
     """Return the link of an address, which is not started yet.
 
-    `allow` has IP addresses, networks and keys of clients. `known` has the routes of the expected firmware, with which
-    the session of an earlier program is continued. With `is_shared`, a process owns it for all programs of the user, as
-    far as `can_share`. Raises LinkError.
+    `allow` has IP addresses, networks and keys of clients. Sessions of earlier programs are continued with the records
+    in the user's folder, and those without one with `known`, the routes of the expected firmware or several sets of
+    them. With `is_shared`, a process owns the link for all programs of the user, as far as `can_share`. Raises
+    LinkError.
     """
+    from msggen.live.links.session_files import records_folder  # it imports json
+
     keys = tuple(each for each in allow if not isinstance(each, str))
     addresses = tuple(each for each in allow if isinstance(each, str))
-    given = {"allow": addresses, "keys": keys, "known": tuple(known), "agent": address.agent}
     link_type = address.link_type
+    options = {"allow": addresses, "keys": keys, "known": tuple(known), "agent": address.agent}
+    given = {**options, "records": records_folder()}
     for option, noun in (("allow", "addresses"), ("keys", "keys")):
         if given[option] and option not in link_type.options:
             raise LinkError(f"'{address}' has no {noun} that allow= could name: leave them out")

@@ -38,12 +38,13 @@ class SerialLink(SelectorLink):
         *,
         keys: Sequence[int] = (),
         known: Iterable[Route] = (),
+        records: str = "",
     ) -> None:
         """Make a link over a device, such as /dev/ttyUSB0, with a speed: that of PX4's parameter SER_TEL2_BAUD, say.
 
-        `keys` and `known` as for AgentLink.
+        `keys`, `known` and `records` as for AgentLink.
         """
-        super().__init__(keys=keys, known=known)
+        super().__init__(keys=keys, known=known, records=records)
         self.path = path
         self.baud = baud
         self._fd = -1
@@ -151,6 +152,10 @@ class SerialLink(SelectorLink):
         events = selectors.EVENT_READ | (selectors.EVENT_WRITE if self._waiting else 0)
         if self.selector.get_key(self._fd).events != events:
             self.selector.modify(self._fd, events, self._ready)
+
+    def name(self) -> str:
+        """Return the device, by the name that it keeps."""
+        return os.path.realpath(self.path)
 
     def dropped(self) -> int:
         """Return the number of frames with a wrong checksum, or that were cut."""

@@ -40,7 +40,8 @@ class Shift:
     """The numbers of the best-effort stream to a client: the agent's, shifted by the samples that were added."""
 
     def __init__(self) -> None:
-        self.added = 0
+        self.added: int | None = 0
+        """None until the agent's next number is known, which follows the newest one."""
         self._newest: int | None = None
 
     def forward(self, data: bytes) -> bytes:
@@ -54,6 +55,8 @@ class Shift:
             self.added, self._newest = 0, None  # the client begins a session, and the stream begins anew
         if stream != BEST_EFFORT:
             return data
+        if self.added is None:
+            self.added = ((self._newest or 0) + 1 - sequence) & 0xFFFF
         shifted = (sequence + self.added) & 0xFFFF
         if self._newest is None or (shifted - self._newest) & 0xFFFF < HALF:
             self._newest = shifted
@@ -61,11 +64,11 @@ class Shift:
 
     def restart(self, data: bytes) -> None:
         """Take the number of a datagram that goes to the client as it is for the newest one."""
-        self.added, self._newest = 0, HEADER.unpack_from(data)[2]
+        self.added, self._newest = None, HEADER.unpack_from(data)[2]
 
     def add(self, data: bytes) -> bytes:
         """Return a datagram of this program as it goes to the client."""
-        self.added = (self.added + 1) & 0xFFFF
+        self.added = None if self.added is None else (self.added + 1) & 0xFFFF
         self._newest = 0 if self._newest is None else (self._newest + 1) & 0xFFFF
         session, stream, _ = HEADER.unpack_from(data)
         return HEADER.pack(session, stream, self._newest) + data[HEADER.size :]

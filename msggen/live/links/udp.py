@@ -34,7 +34,7 @@ _MEMINFO = struct.Struct("9I")
 class UdpLink(AgentLink):
     """A link to all vehicles whose clients send to a UDP port."""
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - keywords, each of which has a default
         self,
         host: str = "127.0.0.1",
         port: int = PORT,
@@ -42,13 +42,14 @@ class UdpLink(AgentLink):
         allow: Sequence[str] = (),
         keys: Sequence[int] = (),
         known: Iterable[Route] = (),
+        records: str = "",
     ) -> None:
         """Make a link that listens on an address of this computer; 0.0.0.0 for all of them, port 0 for any free one.
 
         `allow` are IP addresses and networks (`192.168.0.0/24`) that may connect, all of them if there are none.
-        `keys` and `known` as for AgentLink. Raises LinkError.
+        `keys`, `known` and `records` as for AgentLink. Raises LinkError.
         """
-        super().__init__(allow=allowed(allow), keys=keys, known=known)
+        super().__init__(allow=allowed(allow), keys=keys, known=known, records=records)
         self.host = host
         self.port = port
         """The port, once the link is started also if it was 0."""
@@ -107,6 +108,10 @@ class UdpLink(AgentLink):
             return
         for data, address in datagrams:
             self.sent += self.bound.send(data, address)
+
+    def name(self) -> str:
+        """Return the address of the link."""
+        return f"udp://{self.host}:{self.port}"
 
     def dropped(self) -> int:
         """Return how many datagrams the kernel has dropped. Known on Linux."""

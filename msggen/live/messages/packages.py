@@ -12,9 +12,15 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, Protocol, 
 
 from msggen.live.link import FormatError, Route, TopicError
 from msggen.live.messages.names import is_named_after, stem_of, version_of
+from msggen.live.messages.object_ids import object_ids_of
 
 if TYPE_CHECKING:
     from typing_extensions import Self
+
+
+COMMAND_SERVICE = "/fmu/vehicle_command"
+COMMAND_NUMBER = 2048
+"""The object id of the service."""
 
 
 class Message(Protocol):
@@ -309,15 +315,29 @@ def difference(ros_name: str, theirs: int | None, own_name: str, own: int) -> st
     return f"the vehicle's definition of '{ros_name}' {shown}, and {own_name} has {own:#010x}"
 
 
-def known_routes(packages: Packages, namespace: str = "") -> tuple[Route, ...]:
-    """Return the routes of the first package: those of a vehicle that has its firmware and the namespace."""
-    front = f"/{namespace}" if namespace else ""
+def known_routes(packages: Packages) -> tuple[tuple[Route, ...], ...]:
+    """Return the sets of routes that a vehicle can have whose firmware has the topics of one of these packages.
+
+    A package has several, because object ids depend on the board. A route with the type of a request stands for its
+    service.
+    """
     return tuple(
-        Route(front + endpoint.ros_name, info.ros_type, endpoint.direction, endpoint.object_id, info.cdr_size or -1)
-        for package in packages[:1]
-        for endpoint in package.topics.ENDPOINTS
-        for info in (endpoint.message.__msg__,)
+        (*_endpoints(package, each.numbers), *_services(package))
+        for package in packages
+        for each in object_ids_of(package)
     )
+
+
+def _endpoints(package: Any, numbers: Sequence[int]) -> Iterator[Route]:
+    for endpoint, number in zip(package.topics.ENDPOINTS, numbers, strict=True):
+        info = endpoint.message.__msg__
+        yield Route(endpoint.ros_name, info.ros_type, endpoint.direction, number, info.cdr_size or -1)
+
+
+def _services(package: Any) -> Iterator[Route]:
+    service = getattr(getattr(package, "srv", None), "VehicleCommand", None)
+    if service is not None:
+        yield Route(COMMAND_SERVICE, service.Request.__msg__.ros_type, "in", COMMAND_NUMBER)
 
 
 def check_sent(cls: type[Message], route: Route, known: int | None) -> None:

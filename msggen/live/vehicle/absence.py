@@ -14,7 +14,7 @@ from msggen.live.vehicle.selection import shown
 PATIENCE = 12.0
 """The time in s after which a program that waits without a time limit is told that no vehicle is connected.
 
-A client that has to connect again takes up to 11.3 s (docs/xrce.md, 10).
+A client that has to connect again takes up to 5 s to notice it, and then 6 s (docs/xrce.md, 10).
 """
 
 

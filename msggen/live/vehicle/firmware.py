@@ -6,9 +6,9 @@ import struct
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from functools import lru_cache
-from typing import NamedTuple
+from typing import NamedTuple, Protocol, runtime_checkable
 
-from msggen.live.link import LinkError, Route
+from msggen.live.link import LinkError, Remote, Route
 from msggen.live.messages.names import stem_of, without_namespace
 
 REQUEST = "/fmu/in/message_format_request"
@@ -126,6 +126,17 @@ RETRY_NS = 300_000_000
 TRIES = 4
 
 
+@runtime_checkable
+class Remembering(Protocol):
+    """A link that keeps the hashes of definitions in the records of sessions."""
+
+    def hashes(self, remote: Remote) -> Mapping[str, int]:
+        """Return the hashes that the record of a session has, by ROS type."""
+
+    def remember(self, remote: Remote, hashes: Mapping[str, int]) -> None:
+        """Write hashes into the record of a session."""
+
+
 class FormatCheck:
     """Asks a vehicle for the hashes of its definitions, one request at a time (docs/wire.md, section 18).
 
@@ -159,6 +170,11 @@ class FormatCheck:
                 self._known.add(ros_type)
                 self._waiting.append((ros_type, names[ros_type]))
                 self.is_complete = False
+
+    def recall(self, hashes: Mapping[str, int]) -> None:
+        """Take hashes for those of the vehicle, without asking for them."""
+        self.hashes |= hashes
+        self._known |= hashes.keys()
 
     def prefer(self, ros_type: str) -> None:
         """Ask for this type next."""

@@ -13,8 +13,8 @@ from msggen.live.messages.names import is_topic, stem_of
 from msggen.live.messages.packages import Decoding, NamedTopic, UnknownFormatError, decoding_of
 from msggen.live.vehicle.entry import Entry, Member, Row
 from msggen.live.vehicle.feed import Feed, Item, check_outside_callback
-from msggen.live.vehicle.firmware import RESPONSE, RETRY_NS, Firmware
-from msggen.live.vehicle.selection import is_same, shown, why_missing
+from msggen.live.vehicle.firmware import RESPONSE, RETRY_NS, Firmware, Remembering
+from msggen.live.vehicle.selection import is_same, is_unnamed, shown, why_missing
 from msggen.live.vehicle.watch import Watch
 
 LOGGER = getLogger("msggen.live")
@@ -45,9 +45,11 @@ class Hub:
 
     def connected(self, remote: Remote) -> None:
         """Give a vehicle to the members that wait for it."""
+        known = self.link.hashes(remote) if isinstance(self.link, Remembering) else {}
         with self.changed:
             self.thread = threading.get_ident()
             entry = self.entries[remote.number] = Entry(remote, self.link, self.evaluate)
+            entry.check.recall(known)
             for member in self.members:
                 self._offer(member, entry)
             self.changed.notify_all()
@@ -154,6 +156,8 @@ class Hub:
                 entry.is_checked = False
             elif not entry.is_checked:
                 entry.is_checked = True
+                if isinstance(self.link, Remembering):
+                    self.link.remember(entry.remote, dict(entry.check.hashes))
                 entry.due_ns = now + _MISSING_NS
                 self.evaluate(entry, None)
             else:
@@ -296,7 +300,7 @@ class Hub:
                 "%s connected too and is ignored, as this Vehicle has %s: select one by its key, namespace or address"
             )
             LOGGER.warning(text, shown(remote), shown(own))
-        elif remote.continued and not selection.accepts(remote):
+        elif is_unnamed(remote) and not selection.accepts(remote):
             member.has_told_of_another = True
             text = "%s continues an earlier session, so its key and namespace are not known: select it by its address"
             LOGGER.warning(text, shown(remote))

@@ -20,11 +20,10 @@ class Selection(NamedTuple):
         return self == Selection()
 
     def accepts(self, remote: Remote) -> bool:
-        """Whether a vehicle is meant. Key and namespace of a continued session are not known."""
-        is_known = not remote.continued
+        """Whether a vehicle is meant."""
         return (
             (self.address in (None, remote.address, host_of(remote.address)))
-            and (self.key is None or (is_known and remote.key == self.key))
+            and (self.key is None or remote.key == self.key)
             and (self.namespace is None or remote.namespace == self.namespace)
         )
 
@@ -35,16 +34,21 @@ def host_of(address: str) -> str:
     return host if colon and port.isdecimal() else address
 
 
+def is_unnamed(remote: Remote) -> bool:
+    """Whether neither key nor namespace are known: the session of an earlier program that left no record of it."""
+    return remote.continued and not remote.key
+
+
 def is_same(earlier: Remote, later: Remote) -> bool:
     """Whether `later` may be the vehicle `earlier` that has connected again, by what is known of both."""
-    if earlier.continued or later.continued:
+    if is_unnamed(earlier) or is_unnamed(later):
         return host_of(earlier.address) == host_of(later.address)
     return (earlier.key, earlier.namespace) == (later.key, later.namespace)
 
 
 def shown(remote: Remote) -> str:
     """Return a vehicle for messages to the user."""
-    if remote.continued:
+    if is_unnamed(remote):
         return f"the vehicle at {remote.address}"
     namespace = f", namespace {remote.namespace}" if remote.namespace else ""
     return f"the vehicle at {remote.address} (key {remote.key}{namespace})"
@@ -54,7 +58,7 @@ def why_missing(remote: Remote, namespace: str | None) -> str:
     """Return why a vehicle does not have a topic in `namespace`, or in its own one if that is None."""
     if namespace in (None, remote.namespace):
         return "it is not in the dds_topics.yaml of its firmware"
-    if remote.continued and not remote.namespace:
+    if is_unnamed(remote) and not remote.namespace:
         how = "leave it out of the name, or select the vehicle by namespace=, so that it begins another one"
         return f"its namespace is not known, as an earlier program began its session: {how}"
     return f"its namespace is '{remote.namespace}'" if remote.namespace else "it has no namespace"

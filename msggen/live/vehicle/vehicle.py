@@ -20,6 +20,7 @@ from msggen.live.link import (
     Statistics,
     TopicError,
 )
+from msggen.live.links.known import joined
 from msggen.live.links.link_types import DEFAULT
 from msggen.live.messages.names import is_topic, stem_of
 from msggen.live.messages.packages import (
@@ -68,7 +69,6 @@ class Vehicle:
     connects. After that, only the same vehicle is accepted when it connects again.
 
     `allow` has the addresses and keys of clients that may connect, the same for all that share a link; docs/links.md.
-    A session that an earlier program began tells no namespace: its topics are taken for those of `continued_namespace`.
     `queue` is the number of samples that a subscription keeps.
 
     A process of its own owns the link, for all programs of the user: this one joins it, or starts it (docs/links.md).
@@ -86,7 +86,6 @@ class Vehicle:
         namespace: str | None = None,
         address: str | None = None,
         allow: str | int | Sequence[str | int] = (),
-        continued_namespace: str = "",
         queue: int = QUEUE,
         direct: bool = False,
     ) -> None:
@@ -101,9 +100,10 @@ class Vehicle:
         selection = Selection(key, None if namespace is None else namespace.strip("/"), address)
         self._member = Member(selection, self._packages)
         self._routes: dict[tuple[type, object], tuple[Entry, Route, object]] = {}
-        # a session of an earlier program tells no key and no namespace: if they select, the vehicle connects again
+        # without a record, a session of an earlier program tells no key and no namespace: if they select, the vehicle
+        # connects again
         is_any = key is None and namespace is None
-        known = known_routes(self._packages, continued_namespace.strip("/")) if is_any else ()
+        known = joined(known_routes(self._packages)) if is_any else ()
         allowed = (allow,) if isinstance(allow, (str, int)) else tuple(allow)
         self._name, opened = link_of(url, allowed, known, is_direct=direct)
         self._hub = join_hub(self._name, opened, self._member, allowed)
@@ -383,11 +383,6 @@ class Vehicle:
         """
         entry = self._entry()
         response, service_name = response_of(request)
-        if entry.remote.continued:
-            raise LinkError(
-                f"'{service_name}' cannot be called, because this session was begun by an earlier program: restart the "
-                "client on the vehicle (uxrce_dds_client stop, uxrce_dds_client start), or publish to 'vehicle_command'"
-            )
         service = entry.services.get(type(request).__msg__.ros_type)
         if service is None:
             have = ", ".join(f"'{each.name}'" for each in tuple(entry.services.values())) or "no service"

@@ -15,7 +15,8 @@ import itertools
 import os
 import struct
 from collections import Counter
-from collections.abc import Callable, Container, Iterable, Sequence
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Final, NamedTuple
 
 from msggen.live.link import (
@@ -28,8 +29,10 @@ from msggen.live.link import (
 )
 from msggen.live.xrce import wire
 from msggen.live.xrce.continuation import Continuation
+from msggen.live.xrce.entities import RefusedError
 from msggen.live.xrce.outbox import Address, Outbox, host
 from msggen.live.xrce.places import find_least
+from msggen.live.xrce.record import Record
 from msggen.live.xrce.session import Limits, Session
 from msggen.live.xrce.streams import NEAR
 from msggen.live.xrce.wire import BEST_EFFORT, ENCAPSULATION, WRITE_DATA, WireError
@@ -71,13 +74,14 @@ class Client(NamedTuple):
 class Agent:
     """All clients of one transport."""
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - keywords, each of which has a default
         self,
         now: float,
         *,
         allow: Callable[[Address], bool] = everybody,
         keys: Container[int] | None = None,
         known: Iterable[Route] = (),
+        records: Iterable[Record] = (),
         limits: Limits = DEFAULTS,
     ) -> None:
         """Make an agent.
@@ -87,8 +91,9 @@ class Agent:
         `allow` tells whether an address may talk to this agent. Other senders get no answer. `keys` are the keys of
         clients that may begin a session, None for all of them.
 
-        `known` are the routes that a client of the expected firmware has. With them a session that an earlier program
-        began is continued (docs/xrce.md, 10), unless `keys` are given: a running session tells no key.
+        `records` are those of sessions that an earlier program began, and has not ended: they are continued. With
+        `known`, other sessions are continued too (docs/xrce.md, 10), unless `keys` are given: a running session tells
+        no key. These are the routes that a client of the expected firmware has, or several such sets: `joined`.
         """
         self._allow = allow
         self._keys = keys
@@ -102,6 +107,8 @@ class Agent:
         self._last_tick = now
         self._clock = 0.0  # the sum of steps, so that jumps of `now` do no harm
         self._warned: dict[str, tuple[float, set[str]]] = {}  # by kind, the texts since a time
+        self._dropped: dict[Address, None] = {}  # those whose record is of no use any more
+        self.resume(records)
 
     @property
     def received(self) -> int:
@@ -140,17 +147,25 @@ class Agent:
                 if (
                     route is not None
                     and missing < _MOST_MISSING
-                    and 4 <= length <= len(data) - 8 < length + 4  # one submessage
+                    and 4 <= length <= len(data) - 8
                     and (route.size < 0 or route.size == length - 4)
                 ):
                     outbox = self._outbox
-                    if missing:
-                        session.miss(missing)
+                    if len(data) - 8 < length + 4:  # one submessage
+                        if missing:
+                            session.miss(missing)
+                        payload = ENCAPSULATION + data[12 : 8 + length]
+                        outbox.events.append(Sample(session.remote, route, payload, time))  # type: ignore[arg-type]
+                    elif samples := session.samples_in(data, time):
+                        if missing:
+                            session.miss(missing)
+                        outbox.events += samples
+                    else:
+                        self._receive(data, address, session, time)
+                        return
                     best_effort.last = sequence
                     session.is_writing = True
                     outbox.received += 1
-                    payload = ENCAPSULATION + data[12 : 8 + length]
-                    outbox.events.append(Sample(session.remote, route, payload, time))  # type: ignore[arg-type]
                     return
         self._receive(data, address, session, time)
 
@@ -166,7 +181,7 @@ class Agent:
                 self._warn_of_two(session, session.follower)
                 session.follower = None
             silence = self._clock - session.heard_at
-            if silence > self._limits.memory:
+            if silence > (self._limits.patience if session.is_unheard else self._limits.memory):
                 self._forget(session, "the vehicle is silent")
             elif session.remote is None and session.inventory.namespace is not None:
                 continue  # it sleeps
@@ -188,6 +203,41 @@ class Agent:
         outgoing, outbox.outgoing = outbox.outgoing, []
         return outgoing
 
+    def resume(self, records: Iterable[Record]) -> None:
+        """Continue the sessions of records. Each is reported when its client is heard."""
+        for record in records:
+            self._resume(record)
+
+    def take_records(self) -> list[tuple[Address, Record | None]]:
+        """Return the sessions that have changed since the last call: what to write down of each, None if nothing.
+
+        To be called after `tick`. What a client creates in one go makes one record.
+        """
+        records: list[tuple[Address, Record | None]] = [(address, None) for address in self._dropped]
+        self._dropped.clear()
+        for session in self._sessions.values():
+            version = session.journal.version
+            if version == session.settled != session.recorded:
+                session.recorded = version
+                records.append((session.address, session.record()))
+            session.settled = version
+        return records
+
+    def heard(self) -> list[Address]:
+        """Return the clients that are connected."""
+        return [session.address for session in self._connected.values()]
+
+    def hashes(self, number: int) -> Mapping[str, int]:
+        """Return the hashes of definitions that are known of vehicle `Remote.number`. Raises LinkError."""
+        return self._find(number).hashes
+
+    def remember(self, number: int, hashes: Mapping[str, int]) -> None:
+        """Write down the hashes of definitions of vehicle `Remote.number`. Raises LinkError if it is not connected."""
+        session = self._find(number)
+        if hashes != session.hashes:
+            session.hashes = MappingProxyType(dict(hashes))
+            session.journal.version += 1
+
     def publish(self, number: int, object_id: int, payload: bytes) -> None:
         """Send a sample to vehicle `Remote.number`, to its route of direction `in` with this `Route.object_id`.
 
@@ -201,8 +251,8 @@ class Agent:
 
         The answer is a Replied with the same number `request`, which is unique for this vehicle, from 1 to 2**63 - 1.
         `payload` as for `publish`.
-        Raises LinkError if the vehicle is not connected or was continued, has no such service, or leaves too many
-        requests without acknowledgement, or if the payload does not fit.
+        Raises LinkError if the vehicle is not connected, has no such service, or leaves too many requests without
+        acknowledgement, or if the payload does not fit.
         """
         self._find(number).call(object_id, request, payload)
 
@@ -225,9 +275,14 @@ class Agent:
         ]
 
     def close(self, reason: str = "the link was closed") -> None:
-        """Forget all clients and report them as disconnected. The protocol has no message for it."""
+        """Forget all clients and report them as disconnected. The protocol has no message for it.
+
+        Their records stay, for the next program.
+        """
+        dropped = self._dropped.copy()
         for session in list(self._sessions.values()):
             self._forget(session, reason)
+        self._dropped = dropped
 
     def _find(self, number: int) -> Session:
         session = self._connected.get(number)
@@ -274,7 +329,10 @@ class Agent:
         """Take a ping or a CREATE_CLIENT."""
         submessage = _first(body)
         if submessage.id == wire.GET_INFO:
-            if session is not None:
+            if session is not None and session.is_unheard:
+                self._forget(session, "the vehicle has ended the session")
+                session = None
+            elif session is not None:
                 session.pinged = True
             self._send(header, wire.answer_info(submessage.payload, known=session is not None), address)
         elif submessage.id == wire.CREATE_CLIENT:
@@ -287,32 +345,84 @@ class Agent:
         """Take a message of a session that this agent has not begun."""
         submessage = _first(body)
         if submessage.id == wire.GET_INFO:
-            self._send(header, wire.answer_info(submessage.payload, known=False), address)
+            known = self._is_plausible(header) and self._continuation.greet(address, self._clock)
+            self._send(header, wire.answer_info(submessage.payload, known=known), address)
             self._outbox.received += 1
         elif submessage.id == wire.DELETE and submessage.payload[2:4] == wire.CLIENT_ID:
+            self._continuation.end(address, self._clock)
             self._send(header, wire.Status(submessage.payload[:2], wire.CLIENT_ID).pack(), address)
             self._outbox.received += 1
-        elif self._continuation.may_continue(header, submessage, address):
-            self._continue(header, body, address, time)
+        elif not self._is_plausible(header) or self._continuation.has_refused(address):
+            raise WireError("message of an unknown session")
+        elif submessage.id == wire.TIMESTAMP:
+            self._send(header, wire.answer_timestamp(submessage.payload, time), address)
+            self._outbox.received += 1
+        elif submessage.id == wire.WRITE_DATA and header.stream == wire.BEST_EFFORT:
+            self._observe(header, body, address, time)
+        elif submessage.id == wire.CREATE and header.stream == wire.RELIABLE:
+            self._grant(header, body, address, time)
         else:
             raise WireError("message of an unknown session")
 
-    def _continue(self, header: wire.Header, body: bytes, address: Address, time: int) -> None:
-        """Take a sample of a session that an earlier program began, and continue the session if it is safe."""
-        submessage = _first(body)
-        if not self._continuation.fits(submessage):
-            self._continuation.end(address, self._clock)
+    def _is_plausible(self, header: wire.Header) -> bool:
+        """Whether a message can be of a session that is continued without a record, which tells no key."""
+        return self._continuation.is_enabled and header.session_id > wire.NO_SESSION
+
+    def _observe(self, header: wire.Header, body: bytes, address: Address, time: int) -> None:
+        """Take samples of a session that an earlier program began, and continue the session if that is safe."""
+        observed = self._continuation
+        samples = [
+            wire.Sample.unpack(each.payload, each.flags)
+            for each in wire.submessages(body)
+            if each.id == wire.WRITE_DATA
+        ]
+        if not observed.greet(address, self._clock):
+            observed.end(address, self._clock)
+            raise WireError("message of an unknown session")
+        if not observed.observe(header.sequence, samples, address):
+            observed.end(address, self._clock)
             self._warn(
                 "session",
                 f"{host(address)} has a session of an earlier program whose topics are not those of types=: "
                 "it is not continued, and the vehicle connects again in a few seconds",
             )
             raise WireError("sample of another firmware than the expected one")
-        if self._continuation.is_proved(header, submessage, address) and self._has_room(address):
+        candidate = observed.proved(address)
+        if candidate is not None and self._has_room(address):
             session = self._begin(wire.CreateClient(0, header.session_id), address)
-            session.continue_with(self._continuation.known)
+            session.learn(candidate.routes)
             self._connect(session)
             session.receive(header, body, time)
+
+    def _grant(self, header: wire.Header, body: bytes, address: Address, time: int) -> None:
+        """Take a CREATE after the time synchronization: the client has created its participant before."""
+        submessage = _first(body)
+        create = wire.Create.unpack(submessage.payload, submessage.flags)
+        if not self._continuation.may_create(header, create, address):
+            self._continuation.end(address, self._clock)
+            raise WireError("message of an unknown session")
+        if self._has_room(address):
+            session = self._begin(wire.CreateClient(0, header.session_id), address)
+            session.grant(header.sequence)
+            session.receive(header, body, time)
+
+    def _resume(self, record: Record) -> None:
+        is_allowed = self._allow(record.address) and (self._keys is None or record.key in self._keys)
+        if not is_allowed or record.address in self._sessions or len(self._sessions) >= self._limits.clients:
+            return
+        session = self._begin(wire.CreateClient(record.key, record.session_id, record.mtu), record.address)
+        try:
+            session.resume(record)
+        except (WireError, RefusedError):
+            del self._sessions[record.address]
+            self._dropped[record.address] = None
+
+    def _end_resumed(self, key: int, address: Address) -> None:
+        """Forget the sessions of records whose client begins another one, at another port."""
+        for session in list(self._sessions.values()):
+            is_same = session.create.key == key and session.host == host(address)
+            if is_same and session.is_unheard:
+                self._forget(session, "the vehicle has begun another session")
 
     def _create_client(
         self, header: wire.Header, create: wire.CreateClient, address: Address, session: Session | None
@@ -327,10 +437,12 @@ class Agent:
         if session is None or not self._is_doubled(session, create):
             if session is not None:
                 self._forget(session, "the vehicle has begun another session")
+            self._end_resumed(create.key, address)
             if self._has_room(address):
                 self._begin(create, address)
             else:
                 status = wire.ERR_RESOURCES
+                self._continuation.end(address, self._clock)
                 self._outbox.refuse("too many clients")
                 self._warn(
                     "room",
@@ -342,7 +454,7 @@ class Agent:
     def _is_doubled(self, session: Session, create: wire.CreateClient) -> bool:
         """Whether a CREATE_CLIENT is the one that began the session, doubled on its way."""
         is_soon = self._clock - session.begun_at < _REPEATED
-        return create == session.create and is_soon and not session.pinged
+        return create == session.create and is_soon and not session.pinged and not session.continued
 
     def _has_room(self, address: Address) -> bool:
         """Whether a session can begin at an address. Forget another one if that is needed."""
@@ -377,7 +489,7 @@ class Agent:
         return [
             other
             for other in self._connected.values()
-            if (other.create.key, other.inventory.namespace) == name and other is not session and not other.continued
+            if (other.create.key, other.inventory.namespace) == name and other is not session and name[0]
         ]
 
     def _replace_silent(self, session: Session) -> bool:
@@ -386,6 +498,7 @@ class Agent:
         if follower is None or self._clock - session.heard_at < _REPLACED:
             return False
         self._disconnect(session, f"the vehicle has begun another session, at {_name(follower.address)}")
+        self._drop(session)
         return True
 
     def _wake(self, session: Session) -> None:
@@ -417,6 +530,13 @@ class Agent:
         self._disconnect(session, reason)
         del self._sessions[session.address]
         self._continuation.end(session.address, self._clock)
+        self._drop(session)
+
+    def _drop(self, session: Session) -> None:
+        """Have the record of a session removed, if there is one."""
+        if session.recorded:
+            session.recorded = session.settled = session.journal.version
+            self._dropped[session.address] = None
 
     def _send(self, header: wire.Header, submessage: bytes, address: Address) -> None:
         """Send a submessage outside of streams, with the session id and key of a header."""

@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
+import struct
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import ClassVar, Final, NamedTuple
 
 from msggen.live.link import Connected, Disconnected, LinkError, Lost, Opened, Remote, Replied, Route, Sample, Service
 from msggen.live.xrce import entities, wire
 from msggen.live.xrce.entities import RefusedError
-from msggen.live.xrce.inventory import Inventory, Reading
+from msggen.live.xrce.inventory import PARTICIPANT, Inventory, Reading
 from msggen.live.xrce.outbox import Address, Outbox, host
-from msggen.live.xrce.streams import NEAR, BestEffortInput, Fragments, ReliableInput, ReliableOutput
+from msggen.live.xrce.record import Journal, Record
+from msggen.live.xrce.streams import (
+    INPUT_WINDOW,
+    NEAR,
+    OUTPUT_WINDOW,
+    BestEffortInput,
+    Fragments,
+    ReliableInput,
+    ReliableOutput,
+    distance,
+)
 from msggen.live.xrce.wire import BEST_EFFORT, RELIABLE, Submessage, WireError
 
 HEARTBEAT_PERIOD: Final = 0.1
@@ -32,7 +43,15 @@ makes up is bounded by what it sends, and a burst of a vehicle that goes on is c
 ABSENCE: Final = 1.0
 """Seconds of silence after which no HEARTBEAT is sent: its address may be a forged one."""
 
+QUESTIONS: Final = 4
+"""How often the sequence numbers of a continued session are asked for, in case that the answers are lost."""
+QUESTION_PERIOD: Final = 0.3
+"""Seconds between them."""
+
+_WRITE = struct.Struct("<BBH2x2s")  # the header of a WRITE_DATA, request id and object id
 _ANY: Final = 1 << 62
+_BEFORE_ALL: Final = 0xFFFF  # a number that is older than the one of each of the first 32767 messages
+_PING: Final = b"\x00\x0a"  # the request id of each ping of PX4's client
 _MOST_MISSING: Final = 0x8000  # of messages that are not counted yet: as many as a jump can be
 
 
@@ -55,6 +74,10 @@ class Limits(NamedTuple):
     """Seconds after which a silent client is reported as disconnected. PX4's client sends every second."""
     memory: float = 60.0
     """Seconds after which a silent client is forgotten. Until then it continues its session if it sends again."""
+    patience: float = 7.0
+    """Seconds after which the client of a record is forgotten if it was not heard. PX4's client waits for 5 s."""
+    record: int = 131_072
+    """Bytes of the entities in a record. Those of PX4's client have 20,000."""
 
 
 class Session:
@@ -89,10 +112,20 @@ class Session:
         self.pinged = False
         """Whether the client has sent a ping outside of a session, as it does before it begins one."""
         self.continued = False
+        """Whether an earlier program began the session."""
+        self.is_new = True
+        """Whether no message of the client has arrived yet in this session."""
         self.timestamps = 0
         """How often the client has asked for the time."""
         self.inventory = Inventory(limits.entities, limits.text)
         self.writers = self.inventory.writers
+        self.hashes: Mapping[str, int] = {}
+        """The `message_hash` of the vehicle's definitions by ROS type, as far as they are known."""
+        self.journal = Journal(limits.record)
+        self.recorded = self.settled = 0
+        """The version of the journal of the last record, and at the last look."""
+        self._is_learnt = self._is_granted = False  # how the entities of a continued session are known without a record
+        self._next_create = 0  # the number of the reliable message in which the next CREATE of such a session can be
         self.fast_id = -1
         """The session id, if a WRITE_DATA of stream 1 can be taken without a look at streams: the session is awake."""
         self._guid = bytes(16)
@@ -111,6 +144,9 @@ class Session:
         self._missing = 0  # messages of that stream, not counted yet
         self.input = ReliableInput()
         self._output = ReliableOutput()
+        self._waiting: list[bytes] | None = None  # for the number of the next reliable message, while it is not known
+        self._questions = 0  # how often it was asked for
+        self._asked_at: float | None = None
         self._next = 0  # the number of the next best-effort message
         self._beat_at: float | None = None
         self._request = 0  # the number of the last request, and the ticks in which its reply is still asked for
@@ -137,7 +173,12 @@ class Session:
     @property
     def is_vehicle(self) -> bool:
         """Whether the client has the entities of a vehicle."""
-        return self.continued or len(self.inventory) >= VEHICLE
+        return self._is_learnt or len(self.inventory) >= VEHICLE
+
+    @property
+    def is_unheard(self) -> bool:
+        """Whether this is the session of a record whose client was not heard yet."""
+        return self.continued and self.is_new
 
     def is_busy(self, now: float) -> bool:
         """Whether the client does what a vehicle does all the time: it sends samples, or is about to."""
@@ -160,19 +201,114 @@ class Session:
         self.best_effort.last = None
         self._missing = 0
 
-    def continue_with(self, known: Iterable[Route]) -> None:
-        """Continue a session that an earlier program began: docs/xrce.md, 10."""
+    # Sessions that an earlier program began: docs/xrce.md, 10
+
+    def resume(self, record: Record) -> None:
+        """Continue the session of a record. Raises WireError and RefusedError if its entities are not valid."""
+        for part in record.parts:
+            for submessage in wire.submessages(part):
+                if submessage.id == wire.CREATE:
+                    self.inventory.create(wire.Create.unpack(submessage.payload, submessage.flags))
+                else:
+                    self.inventory.read(wire.ReadData.unpack(submessage.payload))
+                self.journal.add(submessage)
+        if self.inventory.namespace is None:
+            raise WireError("record without a participant")
+        self.hashes = record.hashes
+        self.recorded = self.settled = self.journal.version
+        self._next_create = record.next
+        self._continue()
+        self._send(wire.NO_STREAM, wire.Info(_PING, known=True).pack())
+        self._ask_numbers()
+
+    def learn(self, routes: Iterable[Route]) -> None:
+        """Continue a session whose samples have shown what the client has created."""
+        self.inventory.continue_with(routes)
+        self.journal.give_up()
+        self._is_learnt = True
+        self._continue()
+        self._ask_numbers()
+
+    def grant(self, number: int) -> None:
+        """Continue a session in which the client has created its participant only. `number` is that of its message."""
+        self.inventory.grant_participant()
+        self._is_granted = True
+        self._next_create = number
+        self._continue()
+        self._ask_numbers()
+
+    def record(self) -> Record | None:
+        """Return what another program needs to continue the session, or None if that is not known."""
+        parts = self.journal.parts
+        if parts is None or self.inventory.namespace is None:
+            return None
+        if self._is_granted:
+            name = f"{self.inventory.namespace}/px4_micro_xrce_dds"
+            parts = (wire.Create(wire.NO_REQUEST, PARTICIPANT, entities.Participant(name).pack()).pack(), *parts)
+        create, following = self.create, self.input.expected or 0
+        return Record(self.address, create.key, self.session_id, create.mtu, following, parts, self.hashes)
+
+    def _continue(self) -> None:
         self.continued = True
-        self.inventory.continue_with(known)
         self.best_effort = BestEffortInput(None, NEAR)
         self.input = ReliableInput(None)
-        for number in (*range(0, 0x10000, 0x2000), 0):
+        self._waiting = []
+
+    def _ask_numbers(self) -> None:
+        """Ask for the number of the next reliable message, in messages that go once around the best-effort numbers.
+
+        The client takes a best-effort message only if its number is newer than the last one, which is not known here.
+        Whatever it is, the number after the last one of these is newer, even if one or two of them are lost.
+        """
+        self._questions += 1
+        question = wire.Heartbeat(0, _BEFORE_ALL).pack()
+        if self._is_granted:  # nothing was sent on this stream, as there were no readers
+            self._send(BEST_EFFORT, question)
+            return
+        for number in range(0, 0x10000, 0x2000):
             self._next = number
-            self._send_data(BEST_EFFORT, bytes(4), b"")
+            self._send(BEST_EFFORT, question)
+
+    def _ask_again(self, now: float) -> None:
+        """Ask for the numbers again if the answers are due: questions or answers may be lost.
+
+        An address that sends nothing may be a forged one, so it is not asked again.
+        """
+        if self._asked_at is None:
+            self._asked_at = now
+        elif now - self._asked_at >= QUESTION_PERIOD and self._questions < QUESTIONS and self.heard_at > self._asked_at:
+            self._asked_at = now
+            self._ask_numbers()
+
+    def _learn_number(self, number: int) -> None:
+        """Take the number of the next reliable message from an ACKNACK, and send what has waited for it."""
+        if self._waiting is None and not (self.continued and self._output.is_fresh):
+            return
+        if self._waiting is None and distance(self._output.next, number) < 0:
+            return
+        self._output = ReliableOutput(number)
+        waiting, self._waiting = self._waiting or [], None
+        for submessage in waiting:
+            self._send(RELIABLE, submessage)
+
+    def _see_number(self, number: int) -> None:
+        """Take the first number of the reliable stream from the client that is seen in a continued session.
+
+        If the client goes on to create entities, it must be the one after those that are known.
+        """
+        repeated = distance(number, self._next_create)
+        if self.input.expected is not None or not self.continued:
+            return
+        if 0 <= repeated < INPUT_WINDOW:
+            self.input = ReliableInput(self._next_create)
+        else:
+            self._next_create = -1
 
     def tick(self, now: float) -> None:
         """Ask for acknowledgements that are due, and for a reply that may be lost."""
         self._ask_for_reply()
+        if self._waiting is not None:
+            self._ask_again(now)
         beat = self._output.heartbeat()
         if beat is None:
             self._beat_at = None
@@ -200,11 +336,6 @@ class Session:
 
     def call(self, object_id: int, request: int, payload: bytes) -> None:
         """Send a request: `Agent.call`."""
-        if self.continued:
-            raise LinkError(
-                "services cannot be called in a session that an earlier program began; "
-                "restart uxrce_dds_client on the vehicle"
-            )
         replier, reading = self._find(object_id, entities.REPLIER)
         if reading is None:
             raise LinkError(f"the vehicle has no service with object {object_id}; routes() has its services")
@@ -230,7 +361,7 @@ class Session:
 
     def _send_data(self, stream: int, ids: bytes, data: bytes) -> None:
         """Send DATA. `ids` are request id and object id."""
-        if stream == RELIABLE and self._output.is_full:
+        if stream == RELIABLE and (self._output.is_full or len(self._waiting or ()) >= OUTPUT_WINDOW):
             raise LinkError("the vehicle does not acknowledge what it gets; wait for replies before further requests")
         self._send(stream, wire.SUBMESSAGE.pack(wire.DATA, wire.LITTLE_ENDIAN, len(data) + 4) + ids + data)
 
@@ -241,7 +372,10 @@ class Session:
             sequence = self._next
             self._next = (sequence + 1) & 0xFFFF
         elif stream == RELIABLE:
-            if self._output.is_full:
+            if self._waiting is not None and len(self._waiting) < OUTPUT_WINDOW:
+                self._waiting.append(submessage)
+                return
+            if self._waiting is not None or self._output.is_full:
                 self._outbox.refuse("too many messages without acknowledgement")
                 return
             sequence = self._output.send(submessage)
@@ -260,6 +394,7 @@ class Session:
     def receive(self, header: wire.Header, body: bytes, time: int) -> None:
         """Take a message of this session. `header` has been compared with the session's id and key."""
         self.heard = True
+        self.is_new = False
         self._time = time
         self._replies = REPLIES
         self._receive(header, body)
@@ -267,6 +402,7 @@ class Session:
 
     def _receive(self, header: wire.Header, body: bytes) -> None:
         if header.stream == RELIABLE:
+            self._see_number(header.sequence)
             self._take(self.input.receive(header.sequence, body))
             self._acknowledge()
         elif header.stream == wire.NO_STREAM:
@@ -294,6 +430,21 @@ class Session:
         self.miss(missing)
         self._open_fast_path()
         return True
+
+    def samples_in(self, data: bytes, time: int) -> list[Sample]:
+        """Return the samples in a message of the best-effort stream, or none if it has anything else in it."""
+        remote, writers, at, end = self.remote, self.writers, 4, len(data)
+        found: list[Sample] = []
+        while end - at >= _WRITE.size:
+            kind, flags, length, object_id = _WRITE.unpack_from(data, at)
+            route, stop = writers.get(object_id), at + 4 + length
+            if route is None or kind != wire.WRITE_DATA or flags != wire.LITTLE_ENDIAN or length < 4 or stop > end:
+                return []
+            if route.size not in (-1, length - 4):
+                return []
+            found.append(Sample(remote, route, wire.ENCAPSULATION + data[at + 8 : stop], time))  # type: ignore[arg-type]
+            at = stop + (-stop & 3)
+        return found if end - at < 4 else []
 
     def miss(self, count: int) -> None:
         """Take note of messages that are missing before one of the best-effort stream. Report up to LOSSES of all."""
@@ -354,11 +505,11 @@ class Session:
         sample = wire.Sample.unpack(submessage.payload, submessage.flags)
         route = self.writers.get(sample.object_id)
         service = self.inventory.services.get(sample.object_id)
-        is_known = self.remote is not None and (route is not None or service is not None)
-        if self.continued and not (is_known and route is not None and route.size in {-1, len(sample.data)}):
-            self.ended = "its topics are not those of types=, so it has to connect again"
+        if self.continued and service is None and (route is None or route.size not in {-1, len(sample.data)}):
+            known = "types=" if self._is_learnt else "the record of its session"
+            self.ended = f"its topics are not those of {known}, so it has to connect again"
             return
-        if self.remote is None or not is_known:
+        if self.remote is None or (route is None and service is None):
             raise WireError("data of an unknown entity")
         if route is not None:
             self.is_writing = True
@@ -375,10 +526,12 @@ class Session:
 
     def _create(self, submessage: Submessage) -> None:
         create = wire.Create.unpack(submessage.payload, submessage.flags)
-        if self.continued:
+        if self.continued and (self._is_learnt or self._next_create < 0):
             self.ended = "the vehicle had not created all of its topics, so it has to connect again"
             return
         status = self._try(lambda: self._open(self.inventory.create(create)))
+        if status == wire.OK:
+            self.journal.add(submessage)
         self.is_writing |= status == wire.OK
         self._send(self._stream, wire.Status(create.request_id, create.object_id, status).pack())
         if self.remote is None and self.inventory.namespace is not None:
@@ -387,7 +540,9 @@ class Session:
     def _read(self, submessage: Submessage) -> None:
         read = wire.ReadData.unpack(submessage.payload)
         status = self._try(lambda: self._open(self.inventory.read(read)))
-        if status != wire.OK:
+        if status == wire.OK:
+            self.journal.add(submessage)
+        else:
             self._send(self._stream, wire.Status(read.request_id, read.object_id, status).pack())
 
     def _delete(self, submessage: Submessage) -> None:
@@ -397,6 +552,7 @@ class Session:
             self.ended = "the vehicle has ended the session"
         else:
             status = self._try(lambda: self.inventory.delete(delete.object_id))
+            self.journal.give_up()
         self._send(self._stream, wire.Status(delete.request_id, delete.object_id, status).pack())
 
     def _try(self, action: Callable[[], None]) -> int:
@@ -422,6 +578,7 @@ class Session:
         state = wire.AckNack.unpack(submessage.payload)
         if state.stream != RELIABLE:
             raise WireError("unknown stream")
+        self._learn_number(state.first)
         for sequence, body in self._output.acknack(state.first, state.missing)[:REPETITIONS]:
             self._post(RELIABLE, sequence, body)
 
@@ -429,6 +586,7 @@ class Session:
         beat = wire.Heartbeat.unpack(submessage.payload)
         if beat.stream != RELIABLE:
             raise WireError("unknown stream")
+        self._see_number(beat.first)
         self._take(self.input.heartbeat(beat.first, beat.last))
         self._acknowledge()
 

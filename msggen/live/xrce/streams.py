@@ -117,11 +117,12 @@ class ReliableInput:
 class ReliableOutput:
     """The sending end of a reliable stream: keeps messages until they are acknowledged."""
 
-    __slots__ = ("_kept", "_window", "next")
+    __slots__ = ("_kept", "_start", "_window", "next")
 
     def __init__(self, start: int = 0, window: int = OUTPUT_WINDOW) -> None:
         self.next = start
         """The number of the next message."""
+        self._start = start
         self._window = window
         self._kept: dict[int, bytes] = {}  # in order
 
@@ -129,6 +130,11 @@ class ReliableOutput:
     def is_full(self) -> bool:
         """Whether the window is full."""
         return len(self._kept) >= self._window
+
+    @property
+    def is_fresh(self) -> bool:
+        """Whether no message was sent."""
+        return self.next == self._start
 
     def send(self, body: bytes) -> int:
         """Keep a message and return its number. The window must not be full."""

@@ -28,9 +28,10 @@ def test_the_kinds_of_submessages_are_those_of_the_code() -> None:
 def test_the_limits_are_those_of_the_code() -> None:
     rows = re.findall(r"^\| `(\w+)`: .*? \| (\d+) \|$", PAGE, re.MULTILINE)
     assert {name: int(value) for name, value in rows} == {name: getattr(Limits(), name) for name, _ in rows}
-    assert len(rows) == len(Limits()) - 2  # those in seconds are in section 3
+    assert len(rows) == len(Limits()) - 3  # those in seconds are in sections 3 and 10
     assert f"silent for {Limits().silence:g} s" in PAGE
     assert f"within {Limits().memory:g} s" in PAGE
+    assert f"not heard for {Limits().patience:g} s" in PAGE
 
 
 def test_the_messages_of_the_page_are_well_formed() -> None:
@@ -39,4 +40,4 @@ def test_the_messages_of_the_page_are_well_formed() -> None:
         message = bytes.fromhex(line.replace("|", ""))
         assert len(list(wire.submessages(message[4:]))) == 1
         assert len(message) == 8 + int.from_bytes(message[6:8], "little")
-    assert len(lines) == 4
+    assert len(lines) == 6
