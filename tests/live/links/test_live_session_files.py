@@ -16,7 +16,7 @@ import pytest
 
 from msggen.live import Vehicle
 from msggen.live.link import Service
-from msggen.live.links import records as module
+from msggen.live.links import session_files as module
 from msggen.live.links.address import parse_address
 from msggen.live.links.opening import open_link
 from msggen.live.links.session_files import PATIENCE, DamagedError, Records, pack, records_folder, unpack

@@ -123,7 +123,9 @@ def test_a_killed_owner_is_started_again_and_programs_go_on(url: str, times: int
         vehicle.wait_connected(WAIT)
         for _ in range(times):
             number = vehicle.remote.number
-            (pid,) = [each.state["pid"] for each in owners() if each.state]
+            found = owners()
+            assert [each.problem for each in found] == [""], found
+            pid = found[0].state["pid"]
             os.kill(pid, signal.SIGKILL)
             until(lambda last: vehicle.is_connected and vehicle.remote.number != last, number)
             until(lambda before: status.received > before, status.received)
