@@ -48,6 +48,8 @@ _STATUSES: Final = 16
 """The number of STATUS that are kept. PX4's client waits for three at a time."""
 _CREATION_WAIT: Final = 1_008_000
 """The time between two CREATE_CLIENTs."""
+_PERIOD: Final = _SECOND + 1
+"""More than 1 s: the time between two TIMESTAMPs."""
 _LOOP: Final = 2_000
 """The time of a loop in which nothing is waited for: the client polls for 1 ms, reads and writes."""
 
@@ -276,7 +278,7 @@ class Client:
                 return f"no sample was sent for {silence // _SECOND} s"
             if self.clock.window and self._now >= self._sync_time:
                 is_done = yield from self._exchange(_SYNC_WAIT)
-                self._sync_time = self._now + (_SECOND if is_done and self.clock.is_converged else _LOOP)
+                self._sync_time = self._now + (_PERIOD if is_done and self.clock.is_converged else _LOOP)
             if self._liveness.is_ping_due(self._now):
                 yield from self._ping()
                 if self._liveness.is_over:
@@ -352,13 +354,14 @@ class Client:
     def _take_data(self, submessage: wire.Submessage) -> None:
         sample = wire.Sample.unpack(submessage.payload, submessage.flags)
         number = object_number(sample.object_id)
-        self._liveness.read += len(sample.data)
+        if sample.object_id in self._servers:
+            wire.Identity.unpack(sample.data)
+            self._events.append(Requested(number, sample.data[:24], sample.data[24:]))
+            return
+        self._liveness.read += len(sample.data)  # requests do not count
         self._has_received = True
         if sample.object_id in self._readers:
             self._events.append(Received(number, sample.data))
-        elif sample.object_id in self._servers:
-            wire.Identity.unpack(sample.data)
-            self._events.append(Requested(number, sample.data[:24], sample.data[24:]))
 
 
 _TAKE: Final = {
