@@ -20,6 +20,7 @@ from msggen.live.xrce import wire
 from msggen.live.xrce.client import Client
 from msggen.live.xrce.client_entities import Reader, Server, Settings, Writer
 from msggen.live.xrce.client_events import Connected, Disconnected, Event, Received, Requested
+from msggen.live.xrce.client_liveness import is_known
 from msggen.live.xrce.offset import OffsetFilter
 from support.repository import ROOT, shared
 from support.simulation import SECOND, built
@@ -447,3 +448,57 @@ def test_what_is_counted_as_sent_is_what_was_sent(v1_17: ModuleType) -> None:
     ours: Counter[int] = Counter(data[4] for data in sent)
     for kind in (wire.CREATE, wire.READ_DATA, wire.ACKNACK, wire.CREATE_CLIENT):
         assert ours[kind] == theirs[kind]
+
+
+# --- what is an answer
+
+
+@pytest.mark.parametrize(
+    ("info", "knows"),
+    [
+        ("000afffd00010001 0d00 0100 00000000", True),  # without a configuration
+        ("000afffd85010001 0d00 0100 00000000", True),  # with an error
+        ("000afffd00000001 0d00 0100 00000000", False),
+        ("000afffd00010001 0d00 0000 00000000", None),
+        ("00000000 0001 010d585243450100010f00 010d00 0100 0000 00000000", True),
+        ("000afffd 0000 010d585243450100010f00 010d00 0100 0000 00000000", False),
+        ("000afffd 0001 010d585243450100010f00 010d00 ffff 0000 00000000", None),
+    ],
+)
+def test_an_info_is_an_answer_if_the_agent_is_available(info: str, knows: bool | None) -> None:  # noqa: FBT001
+    assert is_known(bytes.fromhex(info)) is knows
+
+
+def test_a_session_that_has_never_pinged_ends_after_three_pings() -> None:
+    line = Line(ONE._replace(sync="off"))
+    line.run(0.5, write_every=50_000)
+    line.agent.is_away = True
+    line.run(4.0, write_every=50_000)
+    (deleted,) = line.times(wire.DELETE)
+    pings = [time for time in line.times(wire.GET_INFO) if 0.1 < time < deleted]
+    assert pings == pytest.approx([1.0, 2.0, 3.0], abs=0.02)
+
+
+def test_an_info_without_a_question_ends_the_wait_for_another_one() -> None:
+    line = Line(ONE._replace(sync="off"))
+    line.run(0.5, write_every=50_000)
+    line.agent.is_away = True
+    line.run(0.7, write_every=50_000)
+    assert not line.client.is_ready
+    line.client.receive(wire.pack_message(0x81, 0, 0, wire.Info(b"\0\0", known=True).pack()), line.now)
+    assert line.client.is_ready
+
+
+def test_outliers_restart_the_estimate_and_the_session_goes_on() -> None:
+    line = Line()
+    line.run(0.5, write_every=50_000)
+    wrong = (line.now + EPOCH + 10**8) * 1000
+    line.agent.wrong_time = wire.TimestampReply(wrong, wrong, line.now * 1000)
+    start = line.now
+    line.run(11.5, write_every=50_000)
+    line.agent.wrong_time = None
+    line.run(2.0, write_every=50_000)
+    assert line.client.is_connected
+    assert not line.reasons()
+    assert len(line.times(wire.TIMESTAMP, start)) > 20
+    assert line.client.clock.is_converged
