@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from msggen.live.sim import Options, Simulator
 
 _SYNCS = ("px4", "short", "off")
+_BOARDS = ("most", "sitl")
 _MOST_KEYS = 255
 """The largest key: it is also the system id of the vehicle, which is a uint8."""
 _NAMESPACE = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(?:/[A-Za-z_][A-Za-z0-9_]*)*")
@@ -75,6 +76,13 @@ def _add_vehicles(parser: argparse.ArgumentParser) -> None:
         type=whole(1, _MOST_KEYS),
         default="1",
         help="key of the first vehicle, as UXRCE_DDS_KEY (default: 1)",
+    )
+    group.add_argument(
+        "--board",
+        choices=_BOARDS,
+        default=_BOARDS[0],
+        metavar="BOARD",
+        help="object ids of the firmware of most boards: most; or of px4_sitl: sitl (default: most)",
     )
     group.add_argument("--rate", metavar="HZ", type=positive, help="publish all topics at this rate")
     group.add_argument(
@@ -266,6 +274,7 @@ def _options_of_vehicles(options: argparse.Namespace) -> Iterator[Options]:
             sync=options.sync,
             seed=options.seed,
             misbehaviour=misbehaviour,
+            board=options.board,
         )
 
 

@@ -29,7 +29,7 @@ from support.recordings import START, Found, check_decoded, check_read, read_mca
 from support.repository import ROOT
 
 PACKAGE = str(ROOT / "generated" / "px4_types")
-SHORT = Options(sync="short")
+SHORT = Options(sync="short", board="sitl")
 
 
 @pytest.fixture(autouse=True)

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 from msggen.live.link import Connected, Disconnected, Event, Lost, Replied, Sample, Service
 from msggen.live.xrce import client as genuine
-from msggen.live.xrce import wire
+from msggen.live.xrce import client_events, wire
 from msggen.live.xrce.agent import DEFAULTS, Agent
 from msggen.live.xrce.client_entities import Reader, Server, Settings, Writer
 from msggen.live.xrce.entities import (
@@ -326,8 +326,8 @@ class Scene:
             self.last = data
             self.put(data, ADDRESS)
         for event in self.client.take_events():
-            assert not isinstance(event, genuine.Disconnected), event
-            if isinstance(event, genuine.Requested):
+            assert not isinstance(event, client_events.Disconnected), event
+            if isinstance(event, client_events.Requested):
                 self.client.reply(SERVICE, event.identity, bytes(4))
 
     def put(self, data: bytes, address: Address) -> None:

@@ -112,7 +112,11 @@ def test_a_link_that_is_opened_again_goes_on_with_the_session(kind: str, px4_typ
         Route(each.ros_name, f"px4_msgs/msg/{each.message_name}", each.direction, each.object_id)
         for each in px4_types.topics.ENDPOINTS
     ]
-    with line(kind) as (link, address), started(link) as records, Simulator(px4_types, address, [FEW]):
+    with (
+        line(kind) as (link, address),
+        started(link) as records,
+        Simulator(px4_types, address, [FEW._replace(board="sitl")]),
+    ):
         records.wait(lambda: records.samples)
         link.close()
         if isinstance(link, SerialLink):

@@ -50,7 +50,9 @@ class SmallAgent:
         self._send_to(message)
 
     def tick(self) -> None:
-        """Ask for acknowledgements that are missing."""
+        """Ask for acknowledgements that are missing, and for the next message, which PX4 does not repeat by itself."""
+        if self.is_in_session:
+            self._send(0, wire.AckNack(self._expected, 1).pack())
         if self._kept:
             kept = list(self._kept)
             self._send(0, wire.Heartbeat(kept[0], kept[-1]).pack())

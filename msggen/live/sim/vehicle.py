@@ -17,13 +17,15 @@ from collections import Counter, deque
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from types import ModuleType
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple, TypeAlias
 
+from msggen.live.messages.object_ids import object_ids_of
 from msggen.live.sim.line import Line, Misbehaviour
 from msggen.live.sim.values import Clocks, Filler, Scene
 from msggen.live.sim.world import ACCEPTED, DENIED, TEMPORARILY_REJECTED, UNSUPPORTED, Home, World
 from msggen.live.xrce import client as xrce
 from msggen.live.xrce.client_entities import Reader, Server, Settings, Sync, Writer
+from msggen.live.xrce.client_events import Connected, Received, Requested
 from msggen.live.xrce.wire import ENCAPSULATION, HEADER, TIMESTAMP_REPLY
 
 _DEFAULT_INTERVAL = 4_000
@@ -55,8 +57,15 @@ _RESULTS = {
 _SPREAD = 200
 """The time in us between the first samples of two topics, so that they do not all come at once."""
 
+_POLL = 1_000
+"""The time in us of a loop of PX4's client: samples that become due in it share a datagram."""
+
 _SERVICE_NUMBER = 2048
 _EVENTS = 256
+
+
+Board: TypeAlias = Literal["most", "sitl"]
+"""The board that the firmware is built for: most boards, or px4_sitl, which has all messages of the release."""
 
 
 class Options(NamedTuple):
@@ -72,6 +81,8 @@ class Options(NamedTuple):
     """Of the noise of sensors and of what goes wrong."""
     misbehaviour: Misbehaviour = Misbehaviour()
     home: Home = Home()
+    board: Board = "most"
+    """Decides the object ids of topics out, if the release has messages that only some boards have."""
 
 
 class Change(NamedTuple):
@@ -104,6 +115,7 @@ class SimulatedVehicle:
         """Samples that could not be decoded, by topic, and datagrams that were refused, by reason."""
         self.changes: deque[Change] = deque(maxlen=_EVENTS)
         """What happened and was not yet taken."""
+        self._package = package
         self._topics = import_module(f"{package.__name__}.topics")
         self._services = getattr(package, "srv", None)
         self._uorb = self._topics.UORB
@@ -119,6 +131,7 @@ class SimulatedVehicle:
         self._answers: deque[tuple[_Publication, Any]] = deque(maxlen=_QUEUE)
         self._settings = self._client_settings()
         self._client = xrce.Client(self._settings)
+        self._loop_time = -_POLL
         self._start: int | None = None
         self._client_start = 0
         self._shown = (False, self.world.mode, False)
@@ -143,8 +156,9 @@ class SimulatedVehicle:
     @property
     def next_time(self) -> int:
         """The time at which `advance` is to be called next."""
-        due = self._due[0][0] if self._due and self._client.is_ready else self._client.next_time
-        return min(due, self._client.next_time)
+        if not (self._due and self._client.is_ready):
+            return self._client.next_time
+        return min(max(self._due[0][0], self._loop_time + _POLL), self._client.next_time)
 
     def advance(self, now: int) -> None:
         """Move the vehicle and publish what is due. The intervals of misbehaviour count from the first call."""
@@ -152,10 +166,13 @@ class SimulatedVehicle:
         if self._start is None:
             self._start = self._client_start = now
         self._restart_if_due()
-        self._client.advance(now)
-        self._handle()
+        if not self._client.is_ready:
+            self._client.advance(now)
+            self._handle()
         self.world.advance(now)
         self._publish_due()
+        self._client.advance(now)  # what it asks for leaves after the samples
+        self._handle()
         self._report()
 
     def receive(self, data: bytes, now: int) -> None:
@@ -196,9 +213,10 @@ class SimulatedVehicle:
             "trajectory_setpoint": self._take_trajectory_setpoint,
             "vehicle_command": self._take_vehicle_command,
         }
-        for endpoint in self._topics.ENDPOINTS:
+        numbers = object_ids_of(self._package)[0 if self.options.board == "most" else -1].numbers
+        for endpoint, number in zip(self._topics.ENDPOINTS, numbers, strict=True):
             name = namespace + _versioned(endpoint.ros_name, versions.get(endpoint.message_name))
-            number, dds_type = endpoint.object_id, endpoint.dds_type
+            dds_type = endpoint.dds_type
             if endpoint.direction == "in":
                 self._received_names[number] = name
                 self._readers.append(Reader(number, f"rt{name}", dds_type, endpoint.qos.reader.depth))
@@ -237,6 +255,7 @@ class SimulatedVehicle:
         due, now = self._due, self._now
         if not self._client.is_ready:
             return
+        self._loop_time = now
         self._publish_answers()
         scene = Scene(self.world, self._noise, self._clocks)
         while due and due[0][0] <= now:
@@ -270,11 +289,11 @@ class SimulatedVehicle:
 
     def _handle(self) -> None:
         for event in self._client.take_events():
-            if isinstance(event, xrce.Received):
+            if isinstance(event, Received):
                 self._take_sample(event)
-            elif isinstance(event, xrce.Requested):
+            elif isinstance(event, Requested):
                 self._take_request(event)
-            elif isinstance(event, xrce.Connected):
+            elif isinstance(event, Connected):
                 self._tell("connected")
                 self._answers.clear()
                 self._due = [(self._now + index * _SPREAD, index) for index in range(len(self._publications))]
@@ -284,7 +303,7 @@ class SimulatedVehicle:
         self.refused.update(self._client.refused)
         self._client.refused.clear()
 
-    def _take_sample(self, event: xrce.Received) -> None:
+    def _take_sample(self, event: Received) -> None:
         name = self._received_names[event.number]
         self.received[name] += 1
         handler = self._handlers.get(event.number)
@@ -309,7 +328,7 @@ class SimulatedVehicle:
     def _take_vehicle_command(self, message: Any) -> None:
         self._carry_out(message)
 
-    def _take_request(self, event: xrce.Requested) -> None:
+    def _take_request(self, event: Requested) -> None:
         assert self._services is not None  # noqa: S101 - for the type checker: without services there are no requests
         service = self._services.VehicleCommand
         try:

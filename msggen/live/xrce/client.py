@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Generator
-from typing import Final, NamedTuple, TypeAlias
+from typing import Final, TypeAlias
 
 from msggen.live.xrce import wire
 from msggen.live.xrce.client_entities import (
@@ -27,6 +27,8 @@ from msggen.live.xrce.client_entities import (
     create_server,
     create_writer,
 )
+from msggen.live.xrce.client_events import Connected, Disconnected, Event, Exchange, Received, Requested
+from msggen.live.xrce.client_liveness import Liveness, is_known
 from msggen.live.xrce.client_streams import ClientStreams
 from msggen.live.xrce.entities import READER, REPLIER, WRITER, object_id, object_number
 from msggen.live.xrce.offset import OffsetFilter
@@ -44,46 +46,12 @@ _SYNC_PAUSE: Final = {"px4": 10_000, "short": 100, "off": 0}
 _SYNC_WAIT: Final = 10_000
 _STATUSES: Final = 16
 """The number of STATUS that are kept. PX4's client waits for three at a time."""
-_PINGS: Final = 3
-"""The pings without an answer after which the next one ends the session."""
-
-
-class Connected(NamedTuple):
-    """The entities are created, and samples flow."""
-
-
-class Disconnected(NamedTuple):
-    """The session has ended. The client starts again, on a new connection."""
-
-    reason: str
-
-
-class Received(NamedTuple):
-    """A sample for a reader. `data` is CDR without encapsulation, with up to 3 bytes of padding."""
-
-    number: int
-    data: bytes
-
-
-class Requested(NamedTuple):
-    """A request to a service. The reply has the same 24 bytes of identity."""
-
-    number: int
-    identity: bytes
-    data: bytes
-
-
-class Exchange(NamedTuple):
-    """An exchange of times with the agent, in us."""
-
-    agent: int
-    """The agent's time."""
-    observed: int
-    """The agent's clock minus the client's, as this exchange tells it."""
-    round_trip: int
-
-
-Event: TypeAlias = Connected | Disconnected | Received | Requested
+_CREATION_WAIT: Final = 1_008_000
+"""The time between two CREATE_CLIENTs."""
+_PERIOD: Final = _SECOND + 1
+"""More than 1 s: the time between two TIMESTAMPs."""
+_LOOP: Final = 2_000
+"""The time of a loop in which nothing is waited for: the client polls for 1 ms, reads and writes."""
 
 
 class Client:
@@ -108,6 +76,7 @@ class Client:
         self._readers = {object_id(each.number, READER) for each in settings.readers}
         self._servers = {object_id(each.number, REPLIER) for each in settings.servers}
         self._is_waiting = False
+        self._has_received = False
         self._steps = self._live()
         self._reset()
 
@@ -115,12 +84,12 @@ class Client:
         """Forget a session."""
         self.clock = OffsetFilter(_EXCHANGES[self.settings.sync])
         self._streams = ClientStreams(self.refused)
-        self._info: wire.Info | None = None
+        self._liveness = Liveness(self._now, has_received=self._has_received)
+        self._knows: bool | None = None  # whether the agent knows the session: its last INFO
         self._agent: wire.StatusAgent | None = None
         self._reply: wire.TimestampReply | None = None
         self._statuses: dict[bytes, int] = {}
-        self._last_write = self._now
-        self._written = self._read = 0
+        self._last_write = self._sync_time = self._now
 
     # What the transport calls
 
@@ -169,15 +138,19 @@ class Client:
                 self._take(submessage)
             except wire.WireError as error:
                 self.refused[str(error)] += 1
-        self._continue()
+        if self._is_waiting:
+            self._continue()
 
     def write(self, number: int, data: bytes) -> bool:
-        """Send a sample, CDR without encapsulation. Return whether the client is ready."""
+        """Send a sample, CDR without encapsulation, together with the others before the next call of `advance`.
+
+        Return whether the client is ready.
+        """
         if not self.is_ready:
             return False
         self._streams.write(object_id(number, WRITER), data)
         self._last_write = self._now
-        self._written += len(data)
+        self._liveness.written += len(data)
         return True
 
     def reply(self, number: int, identity: bytes, data: bytes) -> None:
@@ -211,8 +184,10 @@ class Client:
                 if not reason:
                     reason = yield from self._serve()
                 self._streams.send(wire.Delete(_DELETE_ID).pack())
-            self.is_connected = False
+            was_connected, self.is_connected = self.is_connected, False
             self._events.append(Disconnected(reason))
+            if not was_connected:
+                yield from self._wait(lambda: False, _SECOND)
             self._collect_outgoing()
             self._reset()
             self.connections += 1
@@ -232,28 +207,25 @@ class Client:
         """Wait until something is done. Return False if it is not in time."""
         end = self._now + time
         self._is_waiting = True
-        while not is_done():
-            if self._now >= end:
-                self._is_waiting = False
-                return False
+        self._streams.wait(self._now)
+        while not is_done() and self._now < end:
             yield end
         self._is_waiting = False
-        return True
+        self._streams.wait(None)
+        return is_done()
 
     def _find_agent(self) -> _Steps:
         while True:
-            self._info = None
+            self._knows = None
             self._streams.send(wire.GetInfo(_PING_ID).pack(), wire.NO_SESSION)
-            yield from self._wait(lambda: self._info is not None, _SECOND)
-            if self._info is not None and self._info.available:
+            if (yield from self._wait(lambda: self._knows is not None, _SECOND)):
                 return
-            yield from self._wait(lambda: False, _SECOND if self._info else 0)
 
     def _open_session(self) -> _Outcome:
         create = wire.CreateClient(self.settings.key)
         for _ in range(_ATTEMPTS):
             self._streams.send(create.pack(), wire.NO_SESSION)
-            if (yield from self._wait(lambda: self._agent is not None, _SECOND)):
+            if (yield from self._wait(lambda: self._agent is not None, _CREATION_WAIT)):
                 return self._agent is not None and self._agent.status == wire.OK
         return False
 
@@ -274,7 +246,6 @@ class Client:
             identity = object_id(server.number, REPLIER)
             if (yield from self._create(create_server(server))):
                 self._streams.collect(wire.ReadData(self._streams.next_request(), identity, wire.RELIABLE).pack())
-        self._streams.flush(self._now)
         return ""
 
     def _create(self, *entities: Creation) -> _Outcome:
@@ -290,39 +261,36 @@ class Client:
         return all(self._statuses.get(request) == wire.OK for request in requests)
 
     def _serve(self) -> Generator[int, None, str]:
-        """Keep the session alive. Return why it ended."""
-        self._last_write = self._now
-        self._written = self._read = 0
+        """Keep the session alive. Return why it ended.
+
+        Samples are written at the start of each loop, and leave before the questions of the loop.
+        """
+        self._last_write = self._sync_time = self._now
+        self._liveness = Liveness(self._now, has_received=self._has_received)
         self.is_connected = True
         self._events.append(Connected())
-        sync_time = ping_time = self._now + _SECOND
-        missed, is_answered = 0, True
         silence = self.settings.silence
+        next_time = self._now
         while True:
+            yield next_time
+            self._streams.flush(self._now)
             if self._now - self._last_write >= silence:
                 return f"no sample was sent for {silence // _SECOND} s"
-            if self.clock.window and self._now >= sync_time:
+            if self.clock.window and self._now >= self._sync_time:
                 is_done = yield from self._exchange(_SYNC_WAIT)
-                sync_time = self._now + (_SECOND if is_done and self.clock.is_converged else 1)
-            if self._now >= ping_time:
-                if self._written and self._read:
-                    missed, is_answered = 0, True
-                else:
-                    missed, is_answered = 0 if is_answered else missed + 1, False
-                    is_answered = yield from self._ping()
-                    if missed >= _PINGS:
-                        return "the agent has ended, or does not answer; looking for the next one"
-                self._written = self._read = 0
-                ping_time = max(ping_time + _SECOND, self._now + 1)
-            next_time = min(ping_time, self._last_write + silence)
-            yield min(next_time, sync_time) if self.clock.window else next_time
+                self._sync_time = self._now + (_PERIOD if is_done and self.clock.is_converged else _LOOP)
+            if self._liveness.is_ping_due(self._now):
+                yield from self._ping()
+                if self._liveness.is_over:
+                    return "the agent has ended, or does not answer; looking for the next one"
+            next_time = min(self._liveness.next_time, self._last_write + silence)
+            next_time = min(next_time, self._sync_time) if self.clock.window else next_time
 
     def _ping(self) -> _Outcome:
-        """Return whether the agent answers within 1 s, and knows this session."""
-        self._info = None
+        """Ask whether the agent knows this session. Return whether it answers within 1 s."""
+        self._knows = None
         self._streams.send(wire.GetInfo(_PING_ID).pack())
-        yield from self._wait(lambda: self._info is not None, _SECOND)
-        return self._info is not None and self._info.known
+        return (yield from self._wait(lambda: self._knows is not None, _SECOND))
 
     def _synchronise(self) -> _Outcome:
         """Estimate the offset. Return False if the agent does not answer."""
@@ -353,6 +321,7 @@ class Client:
         return True
 
     def _collect_outgoing(self) -> None:
+        self._streams.flush_samples()
         self._outgoing += [(message, self.connections) for message in self._streams.outgoing]
         self._streams.outgoing.clear()
 
@@ -365,7 +334,11 @@ class Client:
         take(self, submessage)
 
     def _take_info(self, submessage: wire.Submessage) -> None:
-        self._info = wire.Info.unpack(submessage.payload)
+        """Take an INFO, asked for or not: it also ends the wait for another one."""
+        knows = is_known(submessage.payload)
+        if knows is not None:
+            self._knows = knows
+            self._liveness.is_answered |= knows
 
     def _take_status_agent(self, submessage: wire.Submessage) -> None:
         self._agent = wire.StatusAgent.unpack(submessage.payload)
@@ -381,12 +354,14 @@ class Client:
     def _take_data(self, submessage: wire.Submessage) -> None:
         sample = wire.Sample.unpack(submessage.payload, submessage.flags)
         number = object_number(sample.object_id)
-        self._read += len(sample.data)
-        if sample.object_id in self._readers:
-            self._events.append(Received(number, sample.data))
-        elif sample.object_id in self._servers:
+        if sample.object_id in self._servers:
             wire.Identity.unpack(sample.data)
             self._events.append(Requested(number, sample.data[:24], sample.data[24:]))
+            return
+        self._liveness.read += len(sample.data)  # requests do not count
+        self._has_received = True
+        if sample.object_id in self._readers:
+            self._events.append(Received(number, sample.data))
 
 
 _TAKE: Final = {

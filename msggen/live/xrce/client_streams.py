@@ -10,11 +10,10 @@ from collections import Counter, deque
 from typing import Final
 
 from msggen.live.xrce import wire
-from msggen.live.xrce.streams import BestEffortInput, ReliableInput, ReliableOutput
+from msggen.live.xrce.client_reliable import ClientInput, ClientOutput
+from msggen.live.xrce.streams import BestEffortInput
 from msggen.live.xrce.wire import PX4_SESSION, RELIABLE, Submessage, WireError
 
-_WINDOW: Final = 4
-"""Reliable messages that wait for acknowledgement, and that wait for an earlier one."""
 _QUEUE: Final = 16
 """Reliable messages that wait for room in the window. More are dropped."""
 _HEARTBEAT: Final = 100_000
@@ -22,8 +21,12 @@ _ROOM: Final = wire.MTU - 4
 _FRAGMENT: Final = wire.MTU - 8
 """The length of a fragment, after the headers of message and submessage."""
 _FIRST_REQUEST: Final = 10
+_BUFFER: Final = 2048
+"""The length of the longest message of samples. Only messages of the agent are held to the MTU."""
+_UNREAD: Final = 8
+"""The length up to which a message is not read at all."""
 
-_WRITE = struct.Struct("<BBHBBH")
+_WRITE = struct.Struct("<BBH")
 
 
 class ClientStreams:
@@ -35,14 +38,15 @@ class ClientStreams:
         """The messages to send."""
         self.is_open = False
         """Whether the session exists. Before, messages of streams are refused."""
-        self.heartbeat_time: int | None = None
-        """The time of the next HEARTBEAT, None if nothing waits for acknowledgement."""
+        self._beat: int | None = None  # the time of the next HEARTBEAT while the client waits
         self._refused = refused
         self._last_request = _FIRST_REQUEST - 1
         self._best_effort_sent = 0
         self._best_effort = BestEffortInput()
-        self._received = ReliableInput(window=_WINDOW)
-        self._sent = ReliableOutput(window=_WINDOW)
+        self._samples: list[bytes] = []
+        self._size = wire.HEADER.size  # that of the message of samples
+        self._received = ClientInput()
+        self._sent = ClientOutput()
         self._collected: list[bytes] = []
         self._queue: deque[bytes] = deque(maxlen=_QUEUE)
 
@@ -51,22 +55,49 @@ class ClientStreams:
         self._last_request = self._last_request + 1 if self._last_request < 0xFFFF else _FIRST_REQUEST
         return self._last_request.to_bytes(2, "big")
 
+    @property
+    def heartbeat_time(self) -> int | None:
+        """The time of the next HEARTBEAT, None if there will be none.
+
+        Each loop of PX4's client puts it off, so there is one only in a wait of more than 100 ms.
+        """
+        return self._beat if self._sent.heartbeat() else None
+
+    def wait(self, now: int | None) -> None:
+        """Begin a wait of the client, or end it with None."""
+        self._beat = None if now is None else now + _HEARTBEAT
+
     def send(self, submessage: bytes, session: int = PX4_SESSION) -> None:
         """Send a submessage outside of all streams."""
+        self.flush_samples()
         self.outgoing.append(wire.pack_message(session, wire.NO_STREAM, 0, submessage))
 
     def write(self, object_id: bytes, data: bytes) -> None:
-        """Send a sample, best effort."""
-        head = _WRITE.pack(PX4_SESSION, wire.BEST_EFFORT, self._best_effort_sent, wire.WRITE_DATA, 1, len(data) + 4)
-        self._best_effort_sent = (self._best_effort_sent + 1) & 0xFFFF
-        self.outgoing.append(b"".join((head, self.next_request(), object_id, data, bytes(-len(data) & 3))))
+        """Take a sample for the best-effort stream, which is sent before the next message, or by `flush_samples`."""
+        padding = -len(data) & 3
+        size = 8 + len(data) + padding
+        if self._size + size > _BUFFER:
+            self.flush_samples()
+        head = _WRITE.pack(wire.WRITE_DATA, wire.LITTLE_ENDIAN, len(data) + 4)
+        self._samples += (head, self.next_request(), object_id, data, bytes(padding))
+        self._size += size
+
+    def flush_samples(self) -> None:
+        """Send the samples, in one message."""
+        if self._samples:
+            header = wire.HEADER.pack(PX4_SESSION, wire.BEST_EFFORT, self._best_effort_sent)
+            self._best_effort_sent = (self._best_effort_sent + 1) & 0xFFFF
+            self.outgoing.append(b"".join((header, *self._samples)))
+            self._samples.clear()
+            self._size = wire.HEADER.size
 
     def collect(self, submessage: bytes) -> None:
         """Take a submessage for the reliable stream, which `flush` sends."""
         self._collected.append(submessage + bytes(-len(submessage) & 3))
 
     def flush(self, now: int) -> None:
-        """Send what was collected, in as few messages as possible."""
+        """Send what was collected, in as few messages as possible, after the samples."""
+        self.flush_samples()
         body = b""
         for part in self._collected:
             if body and len(body) + len(part) > _ROOM:
@@ -84,8 +115,8 @@ class ClientStreams:
     def advance(self, now: int) -> None:
         """Ask for acknowledgements if they are due."""
         if self.heartbeat_time is not None and now >= self.heartbeat_time:
+            self._beat = now + _HEARTBEAT
             kept = self._sent.heartbeat()
-            self.heartbeat_time = now + _HEARTBEAT if kept else None
             if kept:
                 self.send(wire.Heartbeat(*kept).pack())
 
@@ -102,7 +133,7 @@ class ClientStreams:
             try:
                 for submessage in wire.submessages(body):
                     if submessage.id == wire.HEARTBEAT:
-                        bodies += self._take_heartbeat(wire.Heartbeat.unpack(submessage.payload))
+                        self._take_heartbeat(wire.Heartbeat.unpack(submessage.payload))
                     elif submessage.id == wire.ACKNACK:
                         self._take_acknack(wire.AckNack.unpack(submessage.payload), now)
                     else:
@@ -112,9 +143,11 @@ class ClientStreams:
         return found
 
     def _bodies(self, data: bytes) -> list[bytes]:
+        if len(data) <= _UNREAD:
+            raise WireError("message that PX4 does not read")
         header = wire.parse_header(data)
         body = data[4:]
-        if header.session_id not in (PX4_SESSION, wire.NO_SESSION):
+        if header.session_id != PX4_SESSION and (self.is_open or header.session_id != wire.NO_SESSION):
             raise WireError("message of another session")
         if header.stream == wire.NO_STREAM:
             return [body]
@@ -132,28 +165,23 @@ class ClientStreams:
         if acknowledged.stream == RELIABLE:
             for sequence, body in self._sent.acknack(acknowledged.first, acknowledged.missing):
                 self.outgoing.append(wire.pack_message(PX4_SESSION, RELIABLE, sequence, body))
-            self.heartbeat_time = now + _HEARTBEAT if self._sent.heartbeat() else None
             self._send_reliable(now)
 
-    def _take_heartbeat(self, heartbeat: wire.Heartbeat) -> list[bytes]:
-        """Return the messages that are in order now that the agent has given up earlier ones."""
-        if heartbeat.stream != RELIABLE or not self.is_open:
-            return []
-        bodies = self._received.heartbeat(heartbeat.first, heartbeat.last)
-        self._acknowledge()
-        return bodies
+    def _take_heartbeat(self, heartbeat: wire.Heartbeat) -> None:
+        """Tell the agent the number of its next reliable message, on whatever stream it asks."""
+        if heartbeat.stream == RELIABLE and self.is_open:
+            self._received.announce(heartbeat.last)
+            self._acknowledge()
 
     def _send_reliable(self, now: int) -> None:
         """Send what waits, as far as the window allows."""
         while self._queue and not self._sent.is_full:
             body = self._queue.popleft()
             self.outgoing.append(wire.pack_message(PX4_SESSION, RELIABLE, self._sent.send(body), body))
-            self.heartbeat_time = now + _HEARTBEAT
+            self._beat = self._beat and now + _HEARTBEAT
 
     def _acknowledge(self) -> None:
-        state = self._received.acknack()
-        if state:
-            self.send(wire.AckNack(*state).pack())
+        self.send(wire.AckNack(*self._received.acknack()).pack())
 
 
 def _fragments(submessage: bytes) -> list[bytes]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 _SLOW: Final = 10_000
-"""The round trip from which a sample does not count."""
+"""The round trip from which a sample is an outlier."""
 _FAR: Final = 100_000
 """The distance from the estimate from which a sample is an outlier."""
 _OUTLIERS: Final = 10
@@ -31,18 +31,17 @@ class OffsetFilter:
 
     @property
     def offset(self) -> int:
-        """The agent's clock minus the client's, 0 until the filter has converged."""
-        return round(self._offset) if self.window and self.is_converged else 0
+        """The agent's clock minus the client's, 0 before the first sample since the start of the filter."""
+        return round(self._offset) if self.window else 0
 
     def add(self, sent: int, agent: int, received: int) -> None:
         """Take an exchange: the client's time of sending, the agent's time, the client's time of receiving."""
-        if received - sent >= _SLOW:
-            return
         observed = agent - (sent + received) / 2
-        if self._count and abs(observed - self._offset) > _FAR:
+        if received - sent >= _SLOW or (self._count and abs(observed - self._offset) > _FAR):
             self._outliers += 1
             if self._outliers > _OUTLIERS:
                 self._count = self._outliers = 0
+                self._offset = 0.0
             return
         self._outliers = 0
         share = min(1.0, self._count / self.window) if self.window else 1.0

@@ -15,6 +15,7 @@ from msggen.live.messages.names import stem_of, without_namespace
 from msggen.live.vehicle.firmware import REQUEST, RESPONSE, Known, answer_of, releases
 from msggen.live.xrce import client as xrce
 from msggen.live.xrce.client_entities import Reader, Settings, Sync, Writer
+from msggen.live.xrce.client_events import Connected, Disconnected, Received
 from msggen.live.xrce.session import Limits
 from msggen.live.xrce.wire import ENCAPSULATION
 from msggen.recordings.decode.schemas import hash_of
@@ -222,14 +223,14 @@ class Player:
 
     def _handle(self, now: int) -> None:
         for event in self._client.take_events():
-            if isinstance(event, xrce.Connected):
+            if isinstance(event, Connected):
                 self.is_answered = True
                 self.changes.append("connected")
                 self._zero = now - round((self._position - self._start) / 1000 / self._rate)
-            elif isinstance(event, xrce.Disconnected):
+            elif isinstance(event, Disconnected):
                 self.changes.append(f"disconnected: {event.reason}")
                 self._zero = None
-            elif isinstance(event, xrce.Received):
+            elif isinstance(event, Received):
                 self.received += 1
                 if event.number == self._request:
                     self._answer(event.data, now)

@@ -17,12 +17,15 @@ from hypothesis import strategies as st
 
 from msggen.live.sim import Options, SimulatedVehicle
 from msggen.live.xrce import wire
-from msggen.live.xrce.client import Client, Connected, Disconnected, Event, Received, Requested
+from msggen.live.xrce.client import Client
 from msggen.live.xrce.client_entities import Reader, Server, Settings, Writer
+from msggen.live.xrce.client_events import Connected, Disconnected, Event, Received, Requested
+from msggen.live.xrce.client_liveness import is_known
 from msggen.live.xrce.offset import OffsetFilter
 from support.repository import ROOT, shared
 from support.simulation import SECOND, built
 from support.xrce_agent import EPOCH, SmallAgent
+from support.xrce_padding import masked
 
 CAPTURES = ROOT / "tests" / "live" / "captures"
 BOOT = 1_000_100
@@ -40,47 +43,6 @@ def capture(name: str) -> list[tuple[int, str, bytes]]:
     path = CAPTURES / f"{name}.json.gz"
     with gzip.open(path if path.exists() else shared(f"oracles/xrce/{path.name}")) as file:
         return [(round(row[0] * SECOND), row[1], bytes.fromhex(row[2])) for row in json.load(file)]
-
-
-def padding(message: bytes) -> set[int]:
-    """Return the places of padding in a message with a header, in which PX4's client leaves stale memory."""
-    found: set[int] = set()
-    at = 4
-    while at < len(message):
-        kind, _, size = struct.unpack_from("<BBH", message, at)
-        if kind == wire.CREATE:
-            found |= {at + 4 + place for place in padding_of_create(message[at + 4 : at + 4 + size])}
-        end = at + 4 + size
-        at = end + -end % 4
-        found |= {*range(end, at)}
-    return found
-
-
-def padding_of_create(payload: bytes) -> set[int]:
-    """Return the places of padding in the payload of a CREATE."""
-    kind, form, size = payload[4], payload[5], struct.unpack_from("<I", payload, 8)[0]
-    places = [12 + place for place in padding_of_representation(kind, payload[12 : 12 + size])] if form == 3 else []
-    return {6, 7, *places, *([12 + size] if kind == 1 and size % 2 else [])}
-
-
-def padding_of_representation(kind: int, data: bytes) -> list[int]:
-    """Return the places of padding in a binary representation."""
-    at = 0
-    places: list[int] = []
-    for step in {2: "s..s", 8: "sss.s.s"}.get(kind, ""):  # strings, and flags between them
-        if step == ".":
-            at += 1
-        else:
-            places += range(at, at + -at % 4)
-            at += -at % 4
-            at += 4 + struct.unpack_from("<I", data, at)[0]
-    return places + ([3] if kind in (5, 6) else []) + ([7] if kind == 6 else [])
-
-
-def masked(message: bytes) -> bytes:
-    """Return a message with zeros in its padding."""
-    places = padding(message)
-    return bytes(0 if place in places else byte for place, byte in enumerate(message))
 
 
 def replay(client: Client, rows: list[tuple[int, str, bytes]], boot: int = 0) -> tuple[list[bytes], list[Event]]:
@@ -136,7 +98,8 @@ def test_the_clock_is_that_of_the_agent_after_500_exchanges(v1_17: ModuleType) -
     rows = [row for row in capture("session-udp") if row[0] < 5.2 * SECOND]
     client = Client(settings_of(v1_17, SESSIONS["session-udp"]))
     sent, _ = replay(client, rows, BOOT)
-    assert sum(data[4] == wire.TIMESTAMP for data in sent) == 500
+    asked = [sum(data[4] == wire.TIMESTAMP for data in each) for each in (sent, [row[2] for row in rows])]
+    assert asked == [501, 501], "the session begins with one"
     (stamp,) = [wire.TimestampReply.unpack(data[8:]) for _, _, data in rows if data[4] == wire.TIMESTAMP_REPLY][-1:]
     observed = (stamp.transmitted - stamp.originated) // 1000
     assert abs(client.offset - observed) < 1000
@@ -240,20 +203,37 @@ def test_create_client_is_sent_ten_times() -> None:
 def test_samples_count_their_sequence_numbers_around() -> None:
     line = Line(ONE._replace(sync="off"))
     line.run(0.1)
-    start = len(line.sent)
+    sequences = []
     for _ in range(65540):
         assert line.client.write(7, b"1234")
-    sequences = [struct.unpack_from("<H", data, 2)[0] for data, _ in line.client.take_outgoing()]
+        sequences += [struct.unpack_from("<H", data, 2)[0] for data, _ in line.client.take_outgoing()]
     assert sequences == [number & 0xFFFF for number in range(65540)]
-    assert start
+
+
+@given(st.lists(st.integers(0, 2028), max_size=60))
+def test_the_samples_of_a_loop_share_messages_of_up_to_2048_bytes(sizes: list[int]) -> None:
+    line = Line(ONE._replace(sync="off"))
+    line.run(0.1)
+    for size in sizes:
+        assert line.client.write(7, bytes(size))
+    messages = [data for data, _ in line.client.take_outgoing()]
+    found = [[part.payload[4:] for part in wire.submessages(data[4:])] for data in messages]
+    assert [sample for samples in found for sample in samples] == [bytes(size) for size in sizes]
+    assert all(len(data) <= 2048 and len(data) % 4 == 0 for data in messages)
+    lengths = [
+        (len(data), 8 + len(following[0]) + -len(following[0]) % 4)
+        for data, following in zip(messages, found[1:], strict=False)
+    ]
+    assert all(length + more > 2048 for length, more in lengths), "no message is sent that has room for the next sample"
 
 
 def test_requests_count_from_10_and_around() -> None:
     line = Line(ONE._replace(sync="off"))
     line.run(0.1)
+    requests = []
     for _ in range(65540):
         line.client.write(7, b"1234")
-    requests = [int.from_bytes(data[8:10], "big") for data, _ in line.client.take_outgoing()]
+        requests += [int.from_bytes(data[8:10], "big") for data, _ in line.client.take_outgoing()]
     turn = requests.index(0xFFFF)
     assert requests[turn + 1] == 10
     assert {b - a for a, b in itertools.pairwise(requests[: turn + 1])} == {1}
@@ -349,12 +329,13 @@ def test_the_time_is_asked_for_once_a_second() -> None:
 def test_the_clocks_are_synchronised_anew_in_each_session() -> None:
     line = Line()
     line.run(0.5)
-    assert len(line.times(wire.TIMESTAMP)) == 20
+    assert len(line.times(wire.TIMESTAMP)) == 21
     line.agent.reset()
     line.run(4.0, write_every=50_000)
     assert line.client.is_connected
     restarted = next(time for time, _, connection in line.sent if connection == 1)
-    assert len(line.times(wire.TIMESTAMP, restarted)) == 20
+    found = [time for time in line.times(wire.TIMESTAMP, restarted) if time < restarted / SECOND + 0.5]
+    assert len(found) == 21
 
 
 def test_a_normal_end_waits_for_the_status() -> None:
@@ -416,13 +397,13 @@ def test_a_session_is_created_and_replies_arrive_with_10_percent_of_loss_both_wa
     assert line.agent.lost > 0
 
 
-def test_a_message_that_the_agent_no_longer_has_is_given_up() -> None:
+def test_a_message_that_the_agent_no_longer_has_is_awaited_for_good() -> None:
     line = Line(ONE._replace(sync="off"))
     line.run(0.1)
-    expected = line.client._streams._received.expected or 0
+    expected = line.client._streams._received.expected
     line.client.receive(wire.pack_message(0x81, 0, 0, wire.Heartbeat(expected + 2, expected + 3).pack()), line.now)
     (answer, _) = line.client.take_outgoing()[-1]
-    assert wire.AckNack.unpack(answer[8:]) == wire.AckNack(expected + 2, 0b11)
+    assert wire.AckNack.unpack(answer[8:]) == wire.AckNack(expected, 0b1111)
 
 
 @given(st.lists(st.binary(max_size=60), max_size=20))
@@ -467,3 +448,57 @@ def test_what_is_counted_as_sent_is_what_was_sent(v1_17: ModuleType) -> None:
     ours: Counter[int] = Counter(data[4] for data in sent)
     for kind in (wire.CREATE, wire.READ_DATA, wire.ACKNACK, wire.CREATE_CLIENT):
         assert ours[kind] == theirs[kind]
+
+
+# --- what is an answer
+
+
+@pytest.mark.parametrize(
+    ("info", "knows"),
+    [
+        ("000afffd00010001 0d00 0100 00000000", True),  # without a configuration
+        ("000afffd85010001 0d00 0100 00000000", True),  # with an error
+        ("000afffd00000001 0d00 0100 00000000", False),
+        ("000afffd00010001 0d00 0000 00000000", None),
+        ("00000000 0001 010d585243450100010f00 010d00 0100 0000 00000000", True),
+        ("000afffd 0000 010d585243450100010f00 010d00 0100 0000 00000000", False),
+        ("000afffd 0001 010d585243450100010f00 010d00 ffff 0000 00000000", None),
+    ],
+)
+def test_an_info_is_an_answer_if_the_agent_is_available(info: str, knows: bool | None) -> None:  # noqa: FBT001
+    assert is_known(bytes.fromhex(info)) is knows
+
+
+def test_a_session_that_has_never_pinged_ends_after_three_pings() -> None:
+    line = Line(ONE._replace(sync="off"))
+    line.run(0.5, write_every=50_000)
+    line.agent.is_away = True
+    line.run(4.0, write_every=50_000)
+    (deleted,) = line.times(wire.DELETE)
+    pings = [time for time in line.times(wire.GET_INFO) if 0.1 < time < deleted]
+    assert pings == pytest.approx([1.0, 2.0, 3.0], abs=0.02)
+
+
+def test_an_info_without_a_question_ends_the_wait_for_another_one() -> None:
+    line = Line(ONE._replace(sync="off"))
+    line.run(0.5, write_every=50_000)
+    line.agent.is_away = True
+    line.run(0.7, write_every=50_000)
+    assert not line.client.is_ready
+    line.client.receive(wire.pack_message(0x81, 0, 0, wire.Info(b"\0\0", known=True).pack()), line.now)
+    assert line.client.is_ready
+
+
+def test_outliers_restart_the_estimate_and_the_session_goes_on() -> None:
+    line = Line()
+    line.run(0.5, write_every=50_000)
+    wrong = (line.now + EPOCH + 10**8) * 1000
+    line.agent.wrong_time = wire.TimestampReply(wrong, wrong, line.now * 1000)
+    start = line.now
+    line.run(11.5, write_every=50_000)
+    line.agent.wrong_time = None
+    line.run(2.0, write_every=50_000)
+    assert line.client.is_connected
+    assert not line.reasons()
+    assert len(line.times(wire.TIMESTAMP, start)) > 20
+    assert line.client.clock.is_converged

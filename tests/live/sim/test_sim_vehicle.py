@@ -13,9 +13,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from msggen.live.link import Sample
+from msggen.live.messages.object_ids import object_ids_of
 from msggen.live.sim import Misbehaviour, Options, SimulatedVehicle
 from msggen.live.sim.line import Line
 from msggen.live.sim.values import VALUES, Filler, Scene
+from msggen.live.sim.vehicle import Board
 from msggen.live.xrce import wire
 from msggen.live.xrce.agent import Agent
 from msggen.sources.embedded import EMBEDDED
@@ -77,14 +79,17 @@ def test_a_flight_with_the_types_of_every_release(types: Any) -> None:
     assert not bench.vehicle.refused
 
 
-def test_topics_have_the_names_types_and_ids_of_the_registry(types: Any) -> None:
-    bench = Bench(types, Options(sync="off", namespace="uav_1"))
+@pytest.mark.parametrize(("board", "place"), [("most", 0), ("sitl", -1)])
+def test_topics_have_the_names_types_and_ids_of_the_board(types: Any, board: Board, place: int) -> None:
+    bench = Bench(types, Options(sync="off", namespace="uav_1", board=board))
     bench.run(0.1)
+    numbers = object_ids_of(types)[place].numbers
     expected = {
-        (endpoint.object_id << 4 | (5 if endpoint.direction == "out" else 6)).to_bytes(2, "big"): "rt/uav_1"
-        + endpoint.ros_name
-        for endpoint in topics_of(types).ENDPOINTS
+        (number << 4 | (5 if endpoint.direction == "out" else 6)).to_bytes(2, "big"): "rt/uav_1" + endpoint.ros_name
+        for number, endpoint in zip(numbers, topics_of(types).ENDPOINTS, strict=True)
     }
+    if board == "sitl":
+        assert numbers == tuple(endpoint.object_id for endpoint in topics_of(types).ENDPOINTS)
     found = {identity: name for identity, name in bench.agent.names.items() if identity[1] & 15 != 8}
     assert found == expected
     assert {topic.type for topic in bench.agent.topics.values()} == {
