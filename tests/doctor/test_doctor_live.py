@@ -194,9 +194,7 @@ def test_sessions_that_do_not_last_are_found(url: str, px4_types: Any, expected:
 
 
 def test_lost_samples_are_found(url: str, px4_types: Any, expected: Expected) -> None:
-    with Simulator(
-        px4_types, url, [CALM._replace(sync="off", rate=50.0, misbehaviour=Misbehaviour(drop=0.03), seed=3)]
-    ):
+    with Simulator(px4_types, url, [CALM._replace(sync="off", rate=50.0, misbehaviour=Misbehaviour(drop=0.1), seed=3)]):
         seen = looked_at(url)
     assert ids(judged(seen, expected)) == ["TIME_NOT_SYNCED", "SAMPLES_LOST"]
 

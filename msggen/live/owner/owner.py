@@ -182,10 +182,11 @@ class Owner(Hub):
             program.put(event_of(*values))
 
     def _tell(self, name: str, *values: object) -> None:
-        """Tell all programs. The caller holds the lock."""
+        """Tell all programs that have joined. The caller holds the lock."""
         record = event_of(name, *values)
         for program in self.programs:
-            self.send(program, record)
+            if program.has_joined:
+                self.send(program, record)
 
     def publish(self, program: Program, vehicle: Carried, index: int, payload: bytes) -> None:
         """Send a sample of a program to a vehicle and to those who follow its route. The caller holds the lock."""

@@ -186,6 +186,16 @@ def test_the_owner_asks_for_definitions_once_for_all_programs(link: FakeLink, pa
         assert len(asked) == len({*asked}) == len(early.firmware.hashes)
 
 
+def test_a_program_is_told_nothing_before_it_is_welcome(link: FakeLink, path: Path, server: Server) -> None:
+    with unix.connected(str(path)) as own:
+        own.settimeout(WAIT)
+        until(lambda: server.owner.programs)
+        link.connect()
+        own.sendall(event_of("hello", hello()))
+        names = (event_in(record[4])[0] for record in received(own))
+        assert [next(names) for _ in range(3)] == ["welcome", "connected", "opened"]
+
+
 @pytest.mark.usefixtures("server")
 def test_the_last_sample_is_there_at_once(link: FakeLink, path: Path, px4_types: Any) -> None:
     remote = link.connect()
