@@ -111,7 +111,7 @@ def _refuse_sides(options: argparse.Namespace) -> None:
         return
     if options.side is None:
         options.parser.error("the following arguments are required: PKG")
-    for name in ("link", "key", "namespace", "allow", "wait"):
+    for name in ("link", "key", "namespace", "allow", "direct", "wait"):
         if getattr(options, name):
             options.parser.error(f"--{name} is for a vehicle: add --live")
 

@@ -103,7 +103,7 @@ def _observe(options: argparse.Namespace, address: Address, seconds: float) -> O
     def tell() -> None:
         print(f"waiting for a vehicle on {address}", file=sys.stderr, flush=True)
 
-    plan = Plan(seconds, allow=options.allow)
+    plan = Plan(seconds, allow=options.allow, is_direct=options.direct)
     try:
         return observe(address, plan._replace(wait=options.wait) if options.wait else plan, tell)
     except LinkError as error:

@@ -66,6 +66,9 @@ def add_link(parser: argparse.ArgumentParser, *, has_types: bool = True) -> None
     group.add_argument("--namespace", metavar="NAME", type=non_empty, help="namespace of the vehicle")
     add_allowed(group)
     group.add_argument(
+        "--direct", action="store_true", help="own the link in this process; no other program can use it meanwhile"
+    )
+    group.add_argument(
         "--wait", metavar="SECONDS", type=positive, help=f"wait this long for a vehicle (default: {PATIENCE:g})"
     )
 
@@ -99,7 +102,7 @@ def connection(options: argparse.Namespace) -> Iterator[Connection]:
     link = link_of(options)
     given = given_package(options)
     package = given or _newest()
-    selection = {"namespace": options.namespace, "key": options.key, "allow": options.allow}
+    selection = {name: getattr(options, name) for name in ("namespace", "key", "allow", "direct")}
     try:
         with ExitStack() as stack:
 

@@ -43,6 +43,8 @@ class Plan(NamedTuple):
     wait: float = 30.0
     """How long to wait for a vehicle, at most."""
     allow: Sequence[str] = ()
+    is_direct: bool = False
+    """Whether to own the link in this process, which no other program can use meanwhile."""
 
 
 def observe(address: Address, plan: Plan = Plan(), told: Callable[[], None] = lambda: None) -> Observation:  # noqa: B008
@@ -51,7 +53,7 @@ def observe(address: Address, plan: Plan = Plan(), told: Callable[[], None] = la
     `told` is called once if there is something to wait for. Raises LinkError if the link cannot be opened for another
     reason than that it is in use.
     """
-    link = open_link(address, plan.allow, is_shared=True)
+    link = open_link(address, plan.allow, is_shared=not plan.is_direct)
     observer = _Observer(link)
     try:
         link.start(observer)

@@ -88,7 +88,7 @@ def command_line(name: str, choose: random.Random) -> list[str]:
 def test_no_arguments_lead_to_a_trace_or_to_the_exit_code_of_findings(
     name: str, working_folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def interrupt(*_: object, **_options: object) -> None:
+    def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 
     def fail(*_: object, **_options: object) -> None:
@@ -97,7 +97,7 @@ def test_no_arguments_lead_to_a_trace_or_to_the_exit_code_of_findings(
     monkeypatch.setattr("msggen.live.sim.runner.Runner.serve", interrupt)  # `msggen sim` would not end by itself
     monkeypatch.setattr("msggen.live.vehicle.vehicle.Vehicle.__init__", fail)  # there is none
     monkeypatch.setattr("msggen.doctor.observe._wait", interrupt)  # nor wait for vehicles
-    monkeypatch.setattr("msggen.live.owner.process.serve", interrupt)  # nor own a link
+    monkeypatch.setattr("msggen.live.owner.process.serve", fail)  # nor own a link
     monkeypatch.setattr("msggen.live.links.shared.start_owner", fail)
     choose = random.Random(name)  # noqa: S311 - the same arguments in every run
     write_definitions(working_folder, FILES)

@@ -1,7 +1,8 @@
-"""Tests of benchmarks/link.py: what is sent arrives and is shown, over UDP and DDS."""
+"""Tests of benchmarks/link.py and shared_link.py: what is sent arrives and is shown, over UDP and DDS."""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 
 import pytest
@@ -9,6 +10,7 @@ import pytest
 pytest.importorskip("cyclonedds")
 
 import link
+import shared_link
 from link_sender import Load
 
 
@@ -42,3 +44,12 @@ def test_a_row_shows_loss_latency_and_cpu_time() -> None:
     assert result._replace(sent=100).row("name")[2] == "0"
     assert link.Result(200, 0, [], 0.0).row("name") == ["name", "200", "100 %", "", "", ""]
     assert len(link.HEAD) == len(result.row("name"))
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="asks Linux for the time of a process")
+def test_programs_share_a_link_and_are_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("MSGGEN_DIRECT")
+    row = shared_link.measure("one", "shared", 2, 1, 100, 0.3)
+    assert row[:2] == ["one", "2"]
+    assert len(row) == len(shared_link.HEAD)
+    assert float(row[6].replace(",", "")) > 0

@@ -1,0 +1,55 @@
+"""A program that takes all samples of a vehicle: a process of its own for shared_link.py.
+
+Its arguments are `direct` or `shared`, the port, and the number of topics. It prints `ready` when the vehicle has
+opened its topics, and after two lines what arrived between them, as JSON: the count, latencies in us, CPU time in s.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+
+from link import Meter, wait
+from msggen.live.link import Link, Remote, Route, Service
+from msggen.live.links.address import parse_address
+from msggen.live.links.opening import open_link
+from msggen.live.links.unix import UnixLink
+
+
+class Follower(Meter):
+    """A meter that follows all topics of the vehicle."""
+
+    link: Link
+
+    def opened(self, remote: Remote, route: Route | Service) -> None:
+        """Keep a route, and follow it."""
+        super().opened(remote, route)
+        if isinstance(self.link, UnixLink) and isinstance(route, Route) and route.direction == "out":
+            self.link.follow(remote, route, is_followed=True)
+
+
+def main() -> None:
+    """Take samples until a line is read."""
+    way, port, topics = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
+    follower = Follower(topics)
+    follower.link = open_link(parse_address(f"udp://127.0.0.1:{port}"), is_shared=way == "shared")
+    follower.link.start(follower)
+    print("open", flush=True)
+    try:
+        wait(lambda: len(follower.routes) >= topics)
+        print("ready", flush=True)
+        sys.stdin.readline()
+        before = time.process_time()
+        follower.latencies.clear()
+        print("begun", flush=True)
+        sys.stdin.readline()
+        cpu, found = time.process_time() - before, sorted(follower.latencies)
+        middle, late = (found[int(len(found) * part)] / 1000 for part in (0.5, 0.99))
+        print(json.dumps([len(found), middle, late, cpu]), flush=True)
+    finally:
+        follower.link.close()
+
+
+if __name__ == "__main__":
+    main()
