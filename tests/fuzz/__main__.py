@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import atexit
 import multiprocessing
+import os
 import shutil
 import sys
 import tempfile
@@ -38,6 +39,9 @@ def main() -> int:
     """Run the campaigns that the arguments name. Return 1 if one fails."""
     parser = _parser()
     options = parser.parse_args()
+    os.environ["MSGGEN_DIRECT"] = "1"  # no case starts a process that owns a link
+    os.environ["XDG_STATE_HOME"] = state = tempfile.mkdtemp(prefix="state-")
+    atexit.register(shutil.rmtree, state, ignore_errors=True)
     unknown = [name for name in options.campaigns if name not in NAMES]
     if unknown:
         parser.error(f"unknown campaign '{unknown[0]}' (choose from {', '.join(NAMES)})")

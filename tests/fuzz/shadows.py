@@ -62,6 +62,7 @@ WORDS = {
     "px4-generate": "-y dds_topics.yaml -t a.em -o a.h",
     "record": "-o made.mcap",
     "render": "--template a.j2 -o out",
+    "link serve": "--link dds://0",
     "sim": "--for 0.01 --count 1",
     "sync": "px4_msgs",
     "top": "--once",
