@@ -42,7 +42,7 @@ NOTHING = Statistics(0, 0, 0, 0, 0, 0)
 
 
 class LeavingError(LinkError):
-    """The owner makes room for one of this version of msggen."""
+    """The owner ends: it was killed, or it makes room for one of this version of msggen."""
 
 
 class UnixLink:
@@ -343,12 +343,17 @@ def greeted(
         own.settimeout(_HELLO_S)
         own.sendall(event_of("hello", hello))
         name, values = _first_event(own)
-    except (OSError, RecordError) as error:
+    except (TimeoutError, RecordError) as error:
         own.close()
         raise LinkError(f"the process that owns the link does not answer: {error}") from None
+    except OSError as error:  # it was killed, or ends
+        own.close()
+        raise LeavingError(f"the process that owns the link has ended: {error}") from None
     if name != "welcome":
         own.close()
-        raise LeavingError("the process that owns the link ends") if name == "leaving" else LinkError(str(values[0]))
+        if name == "leaving":
+            raise LeavingError("the process that owns the link ends, because it is of another version of msggen")
+        raise LinkError(str(values[0]))
     own.settimeout(None)
     return own
 

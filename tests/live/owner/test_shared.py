@@ -7,6 +7,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -143,6 +144,23 @@ def test_a_socket_of_a_killed_owner_is_replaced(url: str, runtime: Path, px4_typ
         assert [each.place for each in owners()] == [place]
     assert oct(os.stat(place.socket).st_mode & 0o777) == "0o600"
     assert oct(runtime.stat().st_mode & 0o777) == "0o700"
+
+
+def test_an_owner_that_ends_during_a_greeting_is_replaced(url: str, px4_types: Any) -> None:
+    place = place_of(parse_address(url))
+    with socket.socket(socket.AF_UNIX) as dying:
+        dying.bind(place.socket)
+        dying.listen(1)
+
+        def end() -> None:
+            dying.accept()[0].close()
+            dying.close()
+
+        thread = threading.Thread(target=end)
+        thread.start()
+        with Vehicle(url, px4_types):
+            thread.join()
+            assert [each.place for each in owners()] == [place]
 
 
 def test_a_folder_that_is_open_to_others_is_refused(url: str, runtime: Path) -> None:
