@@ -38,7 +38,6 @@ HEAD = [
     "latency: median, us",
     "99 %, us",
 ]
-TICKS = os.sysconf("SC_CLK_TCK")
 
 
 class Taken(NamedTuple):
@@ -118,7 +117,7 @@ def cpu_of(pid: int) -> float:
     if not pid:
         return 0.0
     fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / TICKS
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def free_port() -> int:

@@ -339,6 +339,19 @@ def test_bytes_that_no_program_sends_end_its_connection_only(
         until(lambda: vehicle.subscribe("vehicle_status").latest() is not None)
 
 
+def test_a_program_that_ends_in_the_middle_of_a_record_has_sent_nothing(
+    link: FakeLink, path: Path, server: Server, px4_types: Any
+) -> None:
+    remote = link.connect()
+    index = link.opened[1].index(link.route(remote, "in/trajectory_setpoint"))
+    record = record_of(SAMPLE, px4_types.TrajectorySetpoint().encode(), 1, index)
+    for end in (1, len(record) // 2, len(record) - 1):
+        with raw(path, record, record[:end]):
+            until(lambda: server.owner.programs)
+        until(lambda: not server.owner.programs)
+    assert [route.name for _, route, _ in link.published].count("/fmu/in/trajectory_setpoint") == 3
+
+
 @pytest.mark.parametrize("frames", [5_000, pytest.param(100_000, marks=pytest.mark.night)])
 def test_random_frames_end_the_connection_of_their_program_only(
     frames: int, link: FakeLink, path: Path, px4_types: Any

@@ -117,6 +117,36 @@ def test_programs_that_start_at_once_start_one_owner(url: str, times: int) -> No
         until(lambda pid: not is_alive(pid), owner.state["pid"])
 
 
+STOPPED = """
+import sys
+sys.path[:0] = [{root!r}]
+from msggen.live import Vehicle
+with Vehicle({url!r}) as vehicle:
+    vehicle.wait_connected(20)
+    with vehicle.watch(lambda *_: None):
+        print("watching", flush=True)
+        sys.stdin.read()
+"""
+
+
+def test_a_stopped_program_delays_nobody(url: str, px4_types: Any) -> None:
+    with Simulator(px4_types, url, [Options(sync="off", rate=100.0)]), Vehicle(url, px4_types) as vehicle:
+        status = vehicle.subscribe("vehicle_status", lambda _: None)
+        vehicle.wait_connected(WAIT)
+        command = [sys.executable, "-c", STOPPED.format(root=str(ROOT), url=url)]
+        with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as stopped:
+            assert stopped.stdout
+            assert stopped.stdout.readline() == "watching\n"
+            os.kill(stopped.pid, signal.SIGSTOP)
+            for _ in range(5):
+                until(lambda before: status.received >= before + 20, status.received)
+                assert vehicle.is_connected
+            os.kill(stopped.pid, signal.SIGCONT)
+            stopped.communicate("", WAIT)
+        assert stopped.returncode == 0
+        assert vehicle.lost == 0
+
+
 @pytest.mark.parametrize("times", [3, pytest.param(50, marks=[pytest.mark.night, pytest.mark.timeout(900)])])
 def test_a_killed_owner_is_started_again_and_programs_go_on(url: str, times: int, px4_types: Any) -> None:
     with Simulator(px4_types, url, [Options(sync="off", rate=50.0)]), Vehicle(url, px4_types) as vehicle:
