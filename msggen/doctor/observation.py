@@ -6,11 +6,9 @@ import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from msggen.live.link import Remote, Route, Statistics
+from msggen.live.link import NOTHING, Remote, Route, Statistics
 from msggen.live.links.link_types import LINK_TYPES, LinkType
 from msggen.live.xrce.agent import Client
-
-NOTHING = Statistics(received=0, sent=0, refused=0, dropped=0, lost=0, receive_buffer=0)
 
 SIM = "msggen sim"
 """The name of a process that simulates vehicles."""

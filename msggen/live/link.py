@@ -193,6 +193,10 @@ class Statistics(NamedTuple):
     """Samples that this program did not read in time from the process that owns the link. The others are the link's."""
 
 
+NOTHING = Statistics(0, 0, 0, 0, 0, 0)
+"""The counters of a link that has seen nothing."""
+
+
 class Link(Protocol):
     """A connection to one or more vehicles."""
 

@@ -14,12 +14,14 @@ from queue import Empty, SimpleQueue
 from typing import Any
 
 from msggen.base.version import __version__
-from msggen.live.link import LinkError, Listener, Remote, Route, Sample, Service, Statistics
+from msggen.live.link import NOTHING, LinkError, Listener, Remote, Route, Sample, Service, Statistics
 from msggen.live.links.guard import guarded
 from msggen.live.links.records import (
     CALL,
     EVENT,
+    HEADER,
     LAST,
+    LONGEST,
     PROTOCOL,
     SAMPLE,
     KnownVehicle,
@@ -38,8 +40,6 @@ _ANSWER_S = 1.0
 _HELLO_S = 10.0
 """The longest wait in s for its first one."""
 
-NOTHING = Statistics(0, 0, 0, 0, 0, 0)
-
 
 class LeavingError(LinkError):
     """The owner ends: it was killed, or it makes room for one of this version of msggen."""
@@ -50,7 +50,6 @@ class UnixLink:
 
     def __init__(self, path: str) -> None:
         self.path = path
-        self._listener: Listener | None = None
         self._socket: socket.socket | None = None
         self._thread: threading.Thread | None = None
         self._lock = threading.Lock()
@@ -78,8 +77,7 @@ class UnixLink:
         if self._thread is not None or self._is_closing:
             raise LinkError("a link can be started once: make another one")
         self._socket = self.open()
-        self._listener = guarded(listener)
-        self._thread = threading.Thread(target=self._run, args=(self._listener,), name="msggen-unix", daemon=True)
+        self._thread = threading.Thread(target=self._run, args=(guarded(listener),), name="msggen-unix", daemon=True)
         self._thread.start()
 
     def publish(self, remote: Remote, route: Route, payload: bytes) -> None:
@@ -242,11 +240,10 @@ class UnixLink:
     def _failed(self, _listener: Listener, reason: str) -> None:
         raise LinkError(reason)
 
-    def _called(self, listener: Listener, number: int, call: int, problem: str) -> None:
+    def _called(self, listener: Listener, number: int, _call: int, problem: str) -> None:
         vehicle = self._vehicles.get(self._offset + number)
         if problem and vehicle is not None:
             listener.warned(f"a call was not sent: {problem}")
-        self._hand((CALL, number, call), problem)
 
     def _answered(self, _listener: Listener, question: int, value: object) -> None:
         self._hand((EVENT, question), value)
@@ -360,8 +357,6 @@ def greeted(
 
 def _first_event(own: socket.socket) -> tuple[str, list[Any]]:
     """Read the first record, and nothing behind it."""
-    from msggen.live.links.records import HEADER, LONGEST
-
     header = _exactly(own, HEADER.size)
     kind, *_, length = HEADER.unpack(header)
     if kind != EVENT or length > LONGEST:

@@ -79,7 +79,7 @@ class Owner(Hub):
         with self.lock:
             calls = CallQueue(
                 lambda number, call: self._send_call(remote, number, call),
-                lambda call, problem: self._answer_call(remote, call, problem),
+                lambda call, problem: self._refuse_call(remote, call, problem),
             )
             self.vehicles[remote.number] = Carried(remote, calls)
             self._tell("connected", list(remote))
@@ -211,9 +211,8 @@ class Owner(Hub):
     def _send_call(self, remote: Remote, number: int, call: Call) -> None:
         service = self.vehicles[remote.number].known.services[call.service]
         self.link.call(remote, service, number, call.payload)
-        self._answer_call(remote, call, "")
 
-    def _answer_call(self, remote: Remote, call: Call, problem: str) -> None:
+    def _refuse_call(self, remote: Remote, call: Call, problem: str) -> None:
         self.send(call.program, event_of("called", remote.number, call.number, problem))
 
     def look(self) -> None:

@@ -185,7 +185,7 @@ class FormatCheck:
 
     def learn(self, hashes: Mapping[str, int], *, is_complete: bool) -> None:
         """Take hashes that the owner of the link knows. `is_complete` tells whether it has asked for all of them."""
-        self.hashes.update(hashes)
+        self.recall(hashes)
         self.is_complete = is_complete
 
     def receive(self, payload: bytes) -> bool:
