@@ -22,13 +22,16 @@ _COMPARED = re.compile(r"([\w.\[\]]+)\s*(?:[=!<>]=|[<>&]|(?:not\s+)?in\s*\([^()]
 
 
 def topics(prefix: str, options: argparse.Namespace) -> Iterator[str]:
-    """Yield names of topics: those of uORB, or those of ROS 2 after a `/`. A topic to print is one of PX4."""
+    """Yield names of topics: those of uORB, or those of ROS 2 after a `/`.
+
+    A topic to print is one that PX4 publishes, or, if its name begins so, one that programs publish to PX4.
+    """
     if getattr(options, "file", None):
         yield from recorded_topics(prefix, options)
         return
     ways: tuple[str, ...] = ("out", "in")
     if hasattr(options, "filter") or hasattr(options, "topics"):
-        ways = ("out",)
+        ways = ("in",) if prefix.startswith("/fmu/in") else ("out",)
     elif hasattr(options, "values"):
         ways = ("in",)
     for endpoint in names_of(options).endpoints:

@@ -20,6 +20,7 @@ from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, 
 from msggen.cli.packages import missing_extra
 from msggen.cli.printing import discard_output, number_of_bytes
 from msggen.cli.status import Status
+from msggen.cli.topic.naming import not_shared
 from msggen.cli.values import Deferred, local_path, non_empty, positive
 from msggen.cli.watching import check_link, watching
 from msggen.show.report.json import dump
@@ -43,11 +44,19 @@ def add_to(commands: Commands) -> None:
         "record",
         _record,
         help="record the topics of a running vehicle in an MCAP file",
-        description="Record what a running vehicle publishes in an MCAP file, which ros2 bag, Foxglove and "
-        "`msggen play` read. Ctrl-C ends the recording. The file is whole at any time, even if the program is killed.",
+        description="Record what a running vehicle publishes, and on request what programs send to it, in an MCAP "
+        "file, which ros2 bag, Foxglove and `msggen play` read. Ctrl-C ends the recording. The file is whole at any "
+        "time, even if the program is killed.",
         epilog=f"Exit codes: 0 done, or ended by Ctrl-C, {FAILED_CODES}",
     )
     add_topics(parser, "record")
+    parser.add_argument(
+        "--direction",
+        choices=("out", "in", "both"),
+        default="out",
+        metavar="WAY",
+        help="record what PX4 publishes (out), what programs on the link publish to PX4 (in), or both (default: out)",
+    )
     parser.add_argument(
         "-o",
         "--output",
@@ -120,6 +129,8 @@ def _record(options: argparse.Namespace) -> int:
         if not found.knows_namespace:
             text = "topics are recorded without a namespace, because an earlier program began the session"
             print(f"warning: {text}: with --namespace NAME, the vehicle begins another one", file=sys.stderr)
+        if options.direction != "out" and not found.vehicle.is_shared:
+            options.parser.error(f"argument --direction: {not_shared(found.link)}")
         _check_topics(options, choice, found.vehicle)
         from msggen.generate.cache import package_of
 
@@ -189,13 +200,18 @@ def _open(options: argparse.Namespace, choice: Choice, definitions: Definitions)
 
 def _check_topics(options: argparse.Namespace, choice: Choice, vehicle: Vehicle) -> None:
     """Refuse names that no topic of the vehicle has."""
-    routes = [(route.name, route.ros_type) for route in vehicle.routes if route.direction == "out"]
-    inputs = [(route.name, route.ros_type) for route in vehicle.routes if route.direction == "in"]
-    problem = choice.problem(routes)
-    if problem and not choice.problem([*routes, *inputs]):
-        options.parser.error("argument TOPIC: topics that PX4 reads are not recorded: name some that it publishes")
+    named = {way: _named(vehicle, way) for way in ("out", "in")}
+    way = options.direction
+    problem = choice.problem([*named["out"], *named["in"]] if way == "both" else named[way])
+    if problem and not choice.problem([*named["out"], *named["in"]]):
+        verb = "publishes" if way == "in" else "reads"
+        options.parser.error(f"argument TOPIC: PX4 {verb} some of these topics: --direction both records all of them")
     if problem:
         options.parser.error(f"argument TOPIC: {problem}: `msggen topic list` prints those of the vehicle")
+
+
+def _named(vehicle: Vehicle, way: str) -> list[tuple[str, str]]:
+    return [(route.name, route.ros_type) for route in vehicle.routes if route.direction == way]
 
 
 # The run
@@ -217,7 +233,7 @@ class _Session:
         """Record until the end. Raises InputError if the disk fails."""
         recorder = self._recorder
         self._show(f"recording {self._found.label} on {self._found.link} to {recorder.counts().files[0]}")
-        watch = self._found.vehicle.watch(recorder.take)
+        watch = self._found.vehicle.watch(recorder.take, self._options.direction)
         try:
             with _interrupted_by_sigterm(), watching():
                 self._wait()

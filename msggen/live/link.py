@@ -222,8 +222,24 @@ class Link(Protocol):
         """End the sessions and the thread, and release socket or device. Returns when all is done. Can be repeated."""
 
 
+class Publisher(NamedTuple):
+    """A program that publishes to a topic of a vehicle, over a link that it shares with this one."""
+
+    topic: str
+    """The name in ROS 2, as that of a Route."""
+    program: str
+    pid: int
+    samples: int
+    """How many samples it has published."""
+    time: int
+    """When it has published the last one, in ns, of the clock `time.time_ns`."""
+
+
 class FollowingLink(Link, Protocol):
-    """A link of another process: only what its user follows crosses to this one."""
+    """A link of another process: only what its user follows crosses to this one.
+
+    On a route of direction `in`, that is what all programs send to the vehicle.
+    """
 
     def follow(self, remote: Remote, route: Route, *, is_followed: bool) -> None:
         """Begin or end to take the samples of a route. From any thread. Never raises."""
@@ -233,6 +249,9 @@ class FollowingLink(Link, Protocol):
 
     def cancel(self, remote: Remote, number: int) -> None:
         """Forget a call whose reply nobody waits for any more. Never raises."""
+
+    def publishers(self, remote: Remote) -> Sequence[Publisher]:
+        """Return the running programs that have published to a vehicle. From any thread. Never raises."""
 
 
 class NotConnectedError(LinkError):

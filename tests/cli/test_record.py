@@ -386,11 +386,17 @@ def test_topics_are_recorded_with_the_namespace_if_it_is_known(address: str, px4
 # Names
 
 
-def test_topics_that_px4_reads_are_not_recorded(address: str, px4_types: Any, capsys: Any) -> None:
+def test_topics_that_px4_reads_are_recorded_on_request(address: str, px4_types: Any, capsys: Any) -> None:
     with Simulator(px4_types, address, [SHORT]), pytest.raises(SystemExit):
         record(address, "/fmu/in/*")
+    assert "argument TOPIC: PX4 reads some of these topics: --direction both" in capsys.readouterr().err
+
+
+def test_a_link_of_this_process_carries_nothing_of_other_programs(address: str, px4_types: Any, capsys: Any) -> None:
+    with Simulator(px4_types, address, [SHORT]), pytest.raises(SystemExit):
+        record(address, "--direction", "in")
     assert (
-        "argument TOPIC: topics that PX4 reads are not recorded: name some that it publishes" in capsys.readouterr().err
+        "argument --direction: what programs send to it is heard on a link that they share" in capsys.readouterr().err
     )
 
 

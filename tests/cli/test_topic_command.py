@@ -181,7 +181,7 @@ def test_echo_prints_at_most_one_message_in_a_time(link: list[str]) -> None:
         (["echo", "vehicle_statsu"], "argument TOPIC: no topic 'vehicle_statsu', did you mean 'vehicle_status'?"),
         (["info", "/fmu/out/vehicle_statsu"], "'/fmu/out/vehicle_statsu', did you mean '/fmu/out/vehicle_status_v4'?"),
         (["echo", "esc_status"], "that does not cross the bridge: it is not in dds_topics.yaml; add it there"),
-        (["echo", "trajectory_setpoint"], "and does not publish it: msggen topic pub writes to it"),
+        (["echo", "trajectory_setpoint"], "does not publish it: what programs send to it is heard on a link that they"),
         (["echo", "vehicle_status", "m.nav_state == 4"], "'m.nav_state' is not a field: write 'nav_state', without"),
         (["echo", "vehicle_status", "--field", "nav_stat"], "VehicleStatus has no field 'nav_stat', did you"),
         (["echo", "vehicle_status", "nav_state = 4"], "argument FILTER: column 11: expected '==', not '='"),
@@ -316,8 +316,8 @@ class _Trouble(Vehicle):
         self.link.sample(self.remote, b"\0\1\0\0", "/fmu/out/vehicle_status")
         return found
 
-    def watch(self, watcher: Any) -> Any:
-        found = super().watch(watcher)
+    def watch(self, watcher: Any, direction: Any = "out") -> Any:
+        found = super().watch(watcher, direction)
         self.fail()
         return found
 

@@ -14,7 +14,7 @@ from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.base.foreign import Styled
 from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, refuse
-from msggen.cli.topic.naming import add_topic, published
+from msggen.cli.topic.naming import add_topic, heard
 from msggen.cli.values import non_empty, positive
 from msggen.cli.watching import add_limits, rounds, watching
 
@@ -76,7 +76,7 @@ def _echo(options: argparse.Namespace) -> int:
         options.count = 1
     condition = _condition(options)
     with connection(options) as found:
-        (topic,) = published(options, found, [options.topic])
+        (topic,) = heard(options, found, [options.topic])
         message = topic.message
         if message is None:
             refuse(
@@ -174,7 +174,9 @@ def _print_last(options: argparse.Namespace, samples: Subscription[Any], printer
 
 
 def _absence(topic: Named) -> str:
-    return "" if topic.route else ", which the vehicle does not have"
+    if topic.route is None:
+        return ", which the vehicle does not have"
+    return ", which programs on this link publish to PX4" if topic.direction == "in" else ""
 
 
 class _Printer:

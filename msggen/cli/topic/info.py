@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from msggen.base.diagnostics import counted
 from msggen.base.exit_codes import DONE
 from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.options import Commands, add_command, add_shared
@@ -16,6 +18,7 @@ from msggen.cli.topic.naming import add_topic, topic_of
 from msggen.show.report.json import dump
 
 if TYPE_CHECKING:
+    from msggen.live import Vehicle
     from msggen.live.messages.lookup import Named
 
 _PATIENCE = 3.0
@@ -41,7 +44,7 @@ def _info(options: argparse.Namespace) -> int:
     with connection(options) as found:
         topic = topic_of(options, options.topic, found, "out")
         hashed = _vehicle_hash(found, topic)
-        facts = list(_facts(topic, hashed, found.label))
+        facts = [*_facts(topic, hashed, found.label), *_publishers(found.vehicle, topic)]
         if options.json:
             print(dump({key: value for fact in facts for key, value in fact.values.items()} | _definition(topic)))
         else:
@@ -91,6 +94,21 @@ def _facts(topic: Named, hashed: int | None, label: str) -> Iterator[_Fact]:
     both = f"PX4 {_qos(endpoint, of_px4=True)}; for others {_qos(endpoint, of_px4=False)}"
     yield _Fact("QoS", both, {"qos": {name: _qos_object(getattr(endpoint.qos, name)) for name in ("writer", "reader")}})
     yield _Fact("in ROS 2", ros_command(topic))
+
+
+def _publishers(vehicle: Vehicle, topic: Named) -> Iterator[_Fact]:
+    """Yield the programs that publish to a topic that PX4 reads. Several of them may fight."""
+    if topic.direction == "out" or not vehicle.is_shared:
+        return
+    now = time.time_ns()
+    found = [each for each in vehicle.publishers if each.topic == topic.name]
+    rows = [{"program": each.program, "pid": each.pid, "samples": each.samples} for each in found]
+    shown = [
+        f"{each.program} (pid {each.pid}), {counted(each.samples, 'sample')}, {(now - each.time) / 1e9:.1f} s ago"
+        for each in found
+    ]
+    front = f"{len(found)} programs, and PX4 takes the samples of all: " if len(found) > 1 else ""
+    yield _Fact("published by", front + "; ".join(shown) or "no program on this link", {"publishers": rows})
 
 
 def _facts_of_message(info: Any, hashed: int | None) -> Iterator[_Fact]:

@@ -15,14 +15,14 @@ from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
 from msggen.cli.printing import finite, number_of_bytes
 from msggen.cli.table import Column, print_table
-from msggen.cli.topic.naming import add_topics, published
+from msggen.cli.topic.naming import add_topics, heard
 from msggen.cli.watching import add_limits, add_window, rounds, watching
 from msggen.show.report.json import dump
 
 if TYPE_CHECKING:
     from msggen.live.link import Route
     from msggen.live.messages.packages import Message
-    from msggen.live.vehicle.watch import Watcher
+    from msggen.live.vehicle.watch import Direction, Watcher
 
 _PERIOD = 1.0
 _CODES = f"Exit codes: 0 done, or ended by Ctrl-C, {FAILED_CODES}"
@@ -199,14 +199,16 @@ def _add(actions: Commands, name: str, measure: type[_Measure], **about: Any) ->
 
 def _measure(options: argparse.Namespace, kind: type[_Measure]) -> int:
     with connection(options) as found:
-        names = [topic.name for topic in published(options, found, options.topics)]
+        topics = heard(options, found, options.topics)
+        names = [topic.name for topic in topics]
         measure, chosen = kind(options, found), frozenset(names)
 
         def watch(route: Route, payload: bytes, arrival: int) -> None:
             if not chosen or route.name in chosen:
                 measure.watcher(route, payload, arrival)
 
-        with found.vehicle.watch(watch), watching():
+        direction: Direction = "both" if any(topic.direction == "in" for topic in topics) else "out"
+        with found.vehicle.watch(watch, direction), watching():
             for number, _ in enumerate(rounds(options, found.vehicle, _PERIOD), 1):
                 if number > 1 and len(names) != 1 and not options.json:
                     print()

@@ -49,11 +49,23 @@ def topic_of(options: argparse.Namespace, text: str, found: Connection, way: Way
         refuse(options, f"argument TOPIC: {error}")
 
 
-def published(options: argparse.Namespace, found: Connection, texts: Sequence[str]) -> list[Named]:
-    """Return topics that the user names, which PX4 must publish. A wrong name ends the process."""
+def heard(options: argparse.Namespace, found: Connection, texts: Sequence[str]) -> list[Named]:
+    """Return topics that the user names: PX4 publishes them, or programs that share the link publish them to PX4.
+
+    A wrong name ends the process.
+    """
     topics = [topic_of(options, text, found, "out") for text in texts]
     for topic in topics:
-        if topic.direction == "in":
-            text = f"PX4 reads '{topic.name}', and does not publish it: msggen topic pub writes to it"
+        if topic.direction == "in" and not found.vehicle.is_shared:
+            text = f"PX4 reads '{topic.name}', and does not publish it: {not_shared(found.link)}"
             refuse(options, f"argument TOPIC: {text}")
     return list(dict.fromkeys(topics))
+
+
+def not_shared(link: str) -> str:
+    """Return why a command does not hear what other programs send to PX4."""
+    from msggen.live.links.address import parse_address
+
+    if parse_address(link).link_type.is_shared:
+        return "what programs send to it is heard on a link that they share, without --direct"
+    return f"what programs send to it is not heard on {link}"

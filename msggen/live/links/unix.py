@@ -14,7 +14,7 @@ from queue import Empty, SimpleQueue
 from typing import Any
 
 from msggen.base.version import __version__
-from msggen.live.link import NOTHING, LinkError, Listener, Remote, Route, Sample, Service, Statistics
+from msggen.live.link import NOTHING, LinkError, Listener, Publisher, Remote, Route, Sample, Service, Statistics
 from msggen.live.links.guard import guarded
 from msggen.live.links.records import (
     CALL,
@@ -127,6 +127,11 @@ class UnixLink:
     def refusals(self) -> dict[str, int]:
         """Return how many datagrams the owner has refused, by reason."""
         return dict(self.ask("refusals") or {})
+
+    def publishers(self, remote: Remote) -> list[Publisher]:
+        """Return the running programs that have published to a vehicle. From any thread."""
+        found = self.ask("publishers") or {}
+        return [Publisher(*each) for each in found.get(str(remote.number - self._offset), ())]
 
     def routes(self, remote: Remote) -> Sequence[Route | Service]:
         """Return the routes and services of a connected vehicle, or none if it is not connected."""

@@ -96,6 +96,7 @@ class NamedTopic(NamedTuple):
     message: type[Message]
     """The class that the user expects."""
     package: ModuleType
+    direction: Way
     is_typed: bool
     """Whether the user has named a class, an endpoint or a version, so that samples must become messages of it."""
 
@@ -143,6 +144,13 @@ def package_of_class(cls: type) -> ModuleType:
     raise TypeError(f"expected the class of a message, got {cls.__name__}")
 
 
+def heard_way(target: Target) -> Way:
+    """Return the direction of a topic to subscribe to: `in` only if an endpoint or a whole name says so."""
+    if isinstance(target, str):
+        return "in" if "/fmu/in/" in target else "out"
+    return "out" if isinstance(target, type) else getattr(target, "direction", "out")
+
+
 def find_topic(target: Target, way: Way, packages: Packages) -> NamedTopic:
     """Return the topic that a class, an endpoint or a name stands for.
 
@@ -159,7 +167,7 @@ def find_topic(target: Target, way: Way, packages: Packages) -> NamedTopic:
     stem = stem_of(target.ros_name)
     plain = _plain_stem(package, stem)
     namespace = stem[: len(stem) - len(plain)].strip("/") if plain != stem else None
-    return NamedTopic(plain, namespace, target.message, package, is_typed=True)
+    return NamedTopic(plain, namespace, target.message, package, way, is_typed=True)
 
 
 def _by_class(cls: type[Message], way: Way) -> NamedTopic:
@@ -177,7 +185,7 @@ def _by_class(cls: type[Message], way: Way) -> NamedTopic:
     if len(named) == 1:
         found = named
     if len(found) == 1:
-        return NamedTopic(stem_of(found[0].ros_name), None, cls, package, is_typed=True)
+        return NamedTopic(stem_of(found[0].ros_name), None, cls, package, way, is_typed=True)
     if found:
         names = ", ".join(f"'{endpoint.ros_name}'" for endpoint in found)
         how = "name one: subscribe(topics.out...)" if way == "out" else "name one with topic="
@@ -204,11 +212,11 @@ def _by_name(name: str, way: Way, packages: Packages) -> NamedTopic:
             _check_way(endpoint, way)
             stem, version = stem_of(endpoint.ros_name), version_of(name)
             if not version:
-                return NamedTopic(stem, namespace, endpoint.message, package, is_typed=False)
+                return NamedTopic(stem, namespace, endpoint.message, package, way, is_typed=False)
             classes = [each.message for each in package.topics.versions_of(endpoint.ros_name)]
             for cls in classes:
                 if cls.__msg__.message_version == version:
-                    return NamedTopic(stem, namespace, cls, package, is_typed=True)
+                    return NamedTopic(stem, namespace, cls, package, way, is_typed=True)
             have = ", ".join(str(cls.__msg__.message_version) for cls in classes)
             errors.append(
                 f"{package.__name__} has no version {version} of '{stem}', but {have}: leave the version out of the "

@@ -10,6 +10,7 @@ import threading
 import time as clock
 from collections.abc import Callable, Sequence
 from logging import getLogger
+from typing import NamedTuple
 
 from msggen.live.link import Link, LinkError, Remote, Route, Service
 from msggen.live.links.address import Address
@@ -28,6 +29,13 @@ _WARNINGS = 100
 """The most different warnings for a program."""
 
 
+class Sent(NamedTuple):
+    """What a program has published to a route: how many samples, and when the last one, in ns."""
+
+    samples: int = 0
+    time: int = 0
+
+
 class Row:
     """A route: which programs follow it, and its last sample."""
 
@@ -36,10 +44,13 @@ class Row:
     def __init__(self, index: int) -> None:
         self.index = index
         self.programs: tuple[Program, ...] = ()
-        self.publishers: set[Program] = set()
+        self.publishers: dict[Program, Sent] = {}
         self.last = b""
         self.time = 0
         self.count = 0
+
+
+_NONE = Sent()
 
 
 class Carried:
@@ -192,7 +203,6 @@ class Owner(Hub):
         """Send a sample of a program to a vehicle and to those who follow its route. The caller holds the lock."""
         route = vehicle.known.routes[index]
         row = vehicle.rows[route.name]
-        row.publishers.add(program)
         try:
             self.link.publish(vehicle.known.remote, route, payload)
         except LinkError as error:
@@ -200,6 +210,7 @@ class Owner(Hub):
             return
         row.last, row.time = payload, clock.time_ns()
         row.count += 1
+        row.publishers[program] = Sent(row.publishers.get(program, _NONE).samples + 1, row.time)
         if row.programs:
             self.give(row, vehicle.known.remote.number, payload, row.time)
 
@@ -232,7 +243,7 @@ class Owner(Hub):
             vehicle.calls.cancel(program)
             for row in vehicle.rows.values():
                 row.programs = tuple(each for each in row.programs if each is not program)
-                row.publishers.discard(program)
+                row.publishers.pop(program, None)
         if program.has_joined:
             LOGGER.info("%s (pid %d) has left", program.name, program.pid)
 

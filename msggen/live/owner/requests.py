@@ -10,6 +10,7 @@ from contextlib import suppress
 from typing import Any
 
 from msggen.base.version import __version__
+from msggen.live.link import Publisher
 from msggen.live.links.address import Address, parse_address
 from msggen.live.links.records import (
     CALL,
@@ -196,13 +197,11 @@ def _state(owner: Owner, _program: Program) -> dict[str, object]:
 
 def _vehicle(owner: Owner, number: int, vehicle: Carried) -> dict[str, object]:
     entry = owner.entries.get(number)
-    published = {name: row.publishers for name, row in vehicle.rows.items() if row.publishers}
     return {
         **vehicle.known.remote._asdict(),
         "release": entry.firmware().release if entry is not None else "",
         "lost": vehicle.lost,
         "samples": sum(row.count for row in vehicle.rows.values()),
-        "publishers": {name: sorted(each.pid for each in programs) for name, programs in published.items()},
     }
 
 
@@ -214,6 +213,18 @@ def _clients(owner: Owner, _program: Program) -> list[list[object]]:
 def _refusals(owner: Owner, _program: Program) -> dict[str, int]:
     refusals = getattr(owner.link, "refusals", None)
     return dict(refusals()) if refusals is not None else {}
+
+
+def _publishers(owner: Owner, _program: Program) -> dict[int, list[Publisher]]:
+    """Return what each program has published to each vehicle."""
+    return {
+        number: [
+            Publisher(name, program.name, program.pid, *sent)
+            for name, row in vehicle.rows.items()
+            for program, sent in row.publishers.items()
+        ]
+        for number, vehicle in owner.vehicles.items()
+    }
 
 
 _REQUESTS: Mapping[str, Callable[..., None]] = {
@@ -228,4 +239,5 @@ _ANSWERS: Mapping[str, Callable[[Owner, Program], object]] = {
     "state": _state,
     "clients": _clients,
     "refusals": _refusals,
+    "publishers": _publishers,
 }

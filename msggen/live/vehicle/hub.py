@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from logging import getLogger
 from typing import cast
 
-from msggen.live.link import FollowingLink, FormatError, Link, Remote, Route, Service
+from msggen.live.link import FollowingLink, FormatError, Link, Publisher, Remote, Route, Service
 from msggen.live.messages.names import is_topic, stem_of
 from msggen.live.messages.packages import Decoding, NamedTopic, UnknownFormatError, decoding_of
 from msggen.live.vehicle.entry import Entry, Member, Row
@@ -232,6 +232,16 @@ class Hub:
                     return sample.payload, sample.time, rows[0]
         return None
 
+    @property
+    def is_shared(self) -> bool:
+        """Whether another process owns the link, for several programs."""
+        return self._following is not None
+
+    def publishers(self, member: Member) -> Sequence[Publisher]:
+        """Return the programs that publish to the vehicle of a member."""
+        entry = member.entry
+        return () if self._following is None or entry is None else self._following.publishers(entry.remote)
+
     def detach(self, member: Member, feed: Feed) -> None:
         """End a subscription. Can be repeated."""
         with self.changed:
@@ -306,7 +316,7 @@ class Hub:
             LOGGER.warning(text, shown(remote))
 
     def _is_route_of(self, topic: NamedTopic, route: Route) -> bool:
-        return route.direction == "out" and is_topic(route.name, topic.stem, topic.namespace)
+        return route.direction == topic.direction and is_topic(route.name, topic.stem, topic.namespace)
 
     def _connect(self, entry: Entry, route: Route) -> None:
         """Decide for each subscription of a route how its samples are decoded, or that it fails."""
@@ -321,8 +331,7 @@ class Hub:
                     decoding = self._decoding(member, feed, entry, route)
                     if decoding is not None:
                         rows.append((feed.push, decoding))
-            if route.direction == "out":
-                rows += [(watch.of(route), _NOT_DECODED) for watch in member.watches]
+            rows += [(watch.of(route), _NOT_DECODED) for watch in member.watches if watch.takes(route)]
         entry.table = {**entry.table, route.name: tuple(rows)}
         if self._following is not None and (route.name in entry.followed) != bool(rows):
             (entry.followed.add if rows else entry.followed.remove)(route.name)

@@ -6,7 +6,7 @@ import time
 import weakref
 from collections.abc import Callable, Sequence
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, Literal, overload
+from typing import TYPE_CHECKING, Any, Literal, get_args, overload
 
 from msggen.base.diagnostics import suggestion
 from msggen.live.link import (
@@ -14,6 +14,7 @@ from msggen.live.link import (
     LinkError,
     LinkTimeoutError,
     NotConnectedError,
+    Publisher,
     Remote,
     Route,
     Service,
@@ -31,6 +32,7 @@ from msggen.live.messages.packages import (
     check_sent,
     decoding_of,
     find_topic,
+    heard_way,
     known_routes,
     package_of_class,
     packages_of,
@@ -43,12 +45,12 @@ from msggen.live.vehicle.repeater import Repeater
 from msggen.live.vehicle.selection import Selection, shown, why_missing
 from msggen.live.vehicle.sharing import join_hub, leave_hub, leave_soon, link_of
 from msggen.live.vehicle.subscription import Subscription
-from msggen.live.vehicle.watch import Watch, Watcher
+from msggen.live.vehicle.watch import Direction, Watch, Watcher
 
 if TYPE_CHECKING:
     from typing_extensions import Self
 
-    from msggen.live.messages.packages import Message, NamedTopic, Packages, Target
+    from msggen.live.messages.packages import Message, NamedTopic, Packages, Target, Way
     from msggen.live.vehicle.firmware import Firmware
 
 QUEUE = 1000
@@ -219,6 +221,19 @@ class Vehicle:
         return self._hub.link.statistics()
 
     @property
+    def is_shared(self) -> bool:
+        """Whether another process owns the link, for all programs of the user."""
+        return self._hub.is_shared
+
+    @property
+    def publishers(self) -> tuple[Publisher, ...]:
+        """The running programs that have published to the vehicle on a shared link, by topic.
+
+        Empty if this program owns the link.
+        """
+        return tuple(self._hub.publishers(self._member))
+
+    @property
     def time(self) -> int:
         """The time for the field `timestamp` of a message to PX4, in us.
 
@@ -272,6 +287,8 @@ class Vehicle:
 
         `topic` is a message class, an endpoint such as `topics.out.vehicle_status`, or a name, with or without
         namespace and version: "vehicle_status", "/fmu/out/vehicle_status_v1". A name with a version means that version.
+        A name with "/fmu/in/", or an endpoint such as `topics.in_.offboard_control_mode`, gives what all programs on a
+        shared link publish to the vehicle (docs/link.md).
 
         The thread of the link calls `callback` for each message; it must return at once. Without it, samples wait in a
         queue of `queue` samples, which drops the oldest. With `raw`, the values are the bytes of CDR samples with their
@@ -281,7 +298,8 @@ class Vehicle:
         """
         if callback is not None and not callable(callback):
             raise TypeError(f"expected a function as callback, got {callback!r}: the size of the queue is queue=")
-        found = find_topic(topic, "out", self._packages)
+        found = find_topic(topic, heard_way(topic), self._packages)
+        self._check_heard(found.direction, f"'{found.name}'")
         self._check_namespace(found)
         if convert:
             check_convertible(found, self._packages)
@@ -301,16 +319,24 @@ class Vehicle:
         attach(feed)
         return subscription
 
-    def watch(self, watcher: Watcher) -> Watch:
+    def watch(self, watcher: Watcher, direction: Direction = "out") -> Watch:
         """Call `watcher(route, payload, time)` for each sample of all topics, also of unknown ones, undecoded.
+
+        `direction` is "out" for what PX4 publishes, "in" for what all programs on a shared link publish to PX4
+        (docs/link.md), or "both".
 
         The thread of the link calls it; it must return at once. `payload` are the bytes of a CDR sample with its
         header, and `time` is that of its arrival in ns, of the clock `time.time_ns`. Goes on when the vehicle connects
-        again, until `close` of the Watch that is returned. Raises NotConnectedError if the Vehicle is closed.
+        again, until `close` of the Watch that is returned. Raises NotConnectedError if the Vehicle is closed, and
+        TopicError for what is published to PX4 if this program owns the link.
         """
+        if direction not in get_args(Direction):
+            raise ValueError(f"expected out, in or both as direction, got {direction!r}")
+        if direction != "out":
+            self._check_heard("in", "what programs send")
         self._check_open()
         hub, member = self._hub, self._member
-        watch = Watch(watcher, lambda watch: hub.remove_watch(member, watch))
+        watch = Watch(watcher, direction, lambda watch: hub.remove_watch(member, watch))
         hub.add_watch(member, watch)
         return watch
 
@@ -409,6 +435,12 @@ class Vehicle:
                 f"{shown(last)} disconnected: {self._member.reason}; wait_connected() waits until it is back"
             )
         return entry
+
+    def _check_heard(self, way: Way, what: str) -> None:
+        """Raise TopicError for what is published to PX4, if other programs cannot use the link."""
+        if way == "in" and not self._hub.is_shared:
+            text = f"{what} is read by PX4: use publish, or name a topic of '/fmu/out'; what other programs send can"
+            raise TopicError(f"{text} be read on a link that they share, and this program owns its link")
 
     def _check_namespace(self, topic: NamedTopic) -> None:
         own = self._member.selection.namespace

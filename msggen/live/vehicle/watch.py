@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from msggen.live.link import Route
 from msggen.live.vehicle.feed import run_callback, tell_callback_error
@@ -15,17 +15,25 @@ Watcher: TypeAlias = Callable[[Route, bytes, int], object]
 """Gets the route of a sample, its payload with the encapsulation, and its arrival in ns since 1970."""
 
 
+Direction: TypeAlias = Literal["out", "in", "both"]
+"""`out` is what the vehicle publishes, `in` what the programs on a shared link send to it."""
+
+
 class Watch:
     """Calls a function for each sample of a vehicle, until it is closed. `Vehicle.watch` returns one."""
 
-    def __init__(self, watcher: Watcher, detach: Callable[[Watch], None]) -> None:
-        self._watcher, self._detach = watcher, detach
+    def __init__(self, watcher: Watcher, direction: Direction, detach: Callable[[Watch], None]) -> None:
+        self._watcher, self._direction, self._detach = watcher, direction, detach
         self.errors = 0
         """The number of exceptions that the function raised."""
         self.is_closed = False
 
     def __repr__(self) -> str:
         return f"<Watch: {'closed' if self.is_closed else 'running'}, {self.errors} errors>"
+
+    def takes(self, route: Route) -> bool:
+        """Whether this watches the direction of a route."""
+        return self._direction in {"both", route.direction}
 
     def of(self, route: Route) -> Callable[[bytes, int, object], None]:
         """Return a function that takes the samples of a route, in the thread of the link."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import random
 import socket
 import struct
@@ -222,7 +223,8 @@ def test_what_a_program_publishes_is_there_for_those_who_ask(link: FakeLink, pat
         other.last(records.remotes[0], route)
         vehicle.publish(px4_types.TrajectorySetpoint(timestamp=9))
         until(lambda: records.samples)
-        assert other.ask("state")["vehicles"][0]["publishers"].keys() == {route.name}
+        (publisher,) = other.publishers(records.remotes[0])
+        assert (publisher.topic, publisher.pid, publisher.samples) == (route.name, os.getpid(), 1)
     other.close()
     assert (records.samples[0].route, records.samples[0].payload) == (
         route,
