@@ -128,6 +128,14 @@ class UnixLink:
         """Return how many datagrams the owner has refused, by reason."""
         return dict(self.ask("refusals") or {})
 
+    def warnings(self) -> list[str]:
+        """Return what the owner has warned of, also before this program has joined."""
+        return list(self.ask("warnings") or ())
+
+    def address(self) -> str:
+        """Return the address at which the owner listens, "" if it does not answer."""
+        return str((self.ask("state") or {}).get("address", ""))
+
     def routes(self, remote: Remote) -> Sequence[Route | Service]:
         """Return the routes and services of a connected vehicle, or none if it is not connected."""
         found = self._vehicles.get(remote.number)

@@ -216,6 +216,10 @@ def _refusals(owner: Owner, _program: Program) -> dict[str, int]:
     return dict(refusals()) if refusals is not None else {}
 
 
+def _warnings(owner: Owner, _program: Program) -> list[str]:
+    return list(owner.warnings)
+
+
 _REQUESTS: Mapping[str, Callable[..., None]] = {
     "hello": _hello,
     "follow": _follow,
@@ -228,4 +232,5 @@ _ANSWERS: Mapping[str, Callable[[Owner, Program], object]] = {
     "state": _state,
     "clients": _clients,
     "refusals": _refusals,
+    "warnings": _warnings,
 }
