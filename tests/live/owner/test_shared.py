@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import socket
 import subprocess
@@ -28,6 +29,7 @@ from msggen.live.sim import Options, Simulator
 from support.link_records import nothing_is_left
 from support.owners import give, needs_owners
 from support.ports import free_port
+from support.pseudo_terminal import TerminalProgram
 from support.repository import ROOT
 from support.served import end_owners, owners
 
@@ -324,3 +326,48 @@ def test_serving_in_the_foreground_tells_what_happens(url: str, px4_types: Any) 
     assert "has joined" in told
     assert "127.0.0.1:" in told
     assert "has left" in told
+    assert "samples/s" not in told, "a pipe gets lines only"
+
+
+def test_serving_in_a_terminal_shows_the_rate(url: str, px4_types: Any) -> None:
+    terminal = TerminalProgram("-m", "msggen", "link", "serve", "--link", url)
+    try:
+        terminal.wait_for(lambda text: f"{url} is open" in text)
+        with Simulator(px4_types, url, [Options(sync="off", rate=20.0)]), Vehicle(url) as vehicle:
+            vehicle.wait_connected(WAIT)
+            state = "^1 vehicle, 1 program, [1-9][0-9]+ samples/s, 0 lost$"
+            terminal.wait_for(lambda text: re.search(state, text, re.MULTILINE))
+        terminal.process.send_signal(signal.SIGTERM)
+        assert terminal.wait() == 0
+        assert "samples/s" not in terminal.text
+        assert re.search(r"\(pid \d+\) has joined$", terminal.text, re.MULTILINE)
+    finally:
+        terminal.close()
+
+
+def test_a_program_waits_for_a_process_that_is_about_to_own_its_link(url: str) -> None:
+    command = [sys.executable, "-m", "msggen", "link", "serve", "--link", url]
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
+        place = place_of(parse_address(url))
+        until(os.path.exists, place.start)
+        with Vehicle(url):
+            assert [each.state["pid"] for each in owners()] == [process.pid]
+        process.terminate()
+        process.communicate()
+    assert process.returncode == 0
+
+
+def test_the_link_goes_on_when_nobody_reads_what_it_tells(url: str, px4_types: Any) -> None:
+    command = [sys.executable, "-m", "msggen", "link", "serve", "--link", url]
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout
+        assert process.stderr
+        process.stdout.readline()
+        process.stdout.close()
+        with Simulator(px4_types, url, [Options(sync="off")]), Vehicle(url, px4_types) as vehicle:
+            assert vehicle.wait_connected(WAIT)
+            assert vehicle.subscribe("vehicle_status").wait_for(bool, WAIT)
+            assert process.poll() is None
+        process.send_signal(signal.SIGTERM)
+        assert process.stderr.read() == ""
+    assert process.returncode == 0
