@@ -82,6 +82,9 @@ def _wanted(options: argparse.Namespace) -> tuple[Place, Wanted]:
     if not (CAN_SHARE and address.link_type.is_shared):
         text = f"'{link}' cannot be owned for others: expected {usages(_SHARED)}, on Linux or macOS"
         raise input_error(link, "L101", text, 0)
+    if address.has_free_port:
+        text = f"'{link}' names no port by which other programs would find the link: expected {usages(_SHARED)}"
+        raise input_error(link, "L101", text, 0)
     try:
         return place_of(address), Wanted(address, tuple(options.allow))
     except LinkError as error:

@@ -49,11 +49,15 @@ class Plan(NamedTuple):
     """Whether to own the link in this process, which no other program can use meanwhile."""
 
 
-def observe(address: Address, plan: Plan = Plan(), told: Callable[[], None] = lambda: None) -> Observation:  # noqa: B008
+def _nothing(_address: Address) -> None:
+    pass
+
+
+def observe(address: Address, plan: Plan = Plan(), told: Callable[[Address], None] = _nothing) -> Observation:  # noqa: B008
     """Watch a link, and return what was seen of the vehicles on it. Ctrl-C ends the watch early.
 
-    `told` is called once if there is something to wait for. Raises LinkError if the link cannot be opened for another
-    reason than that it is in use.
+    `told` is called once if there is something to wait for, with the address and the port that is open. Raises
+    LinkError if the link cannot be opened for another reason than that it is in use.
     """
     link = open_link(address, plan.allow, is_shared=not plan.is_direct)
     observer = _Observer(link)
@@ -65,6 +69,10 @@ def observe(address: Address, plan: Plan = Plan(), told: Callable[[], None] = la
         return _seen(None, address, 0.0, 0.0)
     with ExitStack() as stack:
         stack.callback(link.close)
+        if address.has_free_port:
+            address = address._replace(port=getattr(link, "port", 0))
+            told(address)
+            told = _nothing
         observer.begin()
         start = time.monotonic()
         begun = start
@@ -216,7 +224,7 @@ class _Observer(Hub):
         return (*self.past, *map(self.vehicle, tuple(self.entries.values())))
 
 
-def _wait(observer: _Observer, address: Address, plan: Plan, told: Callable[[], None]) -> None:
+def _wait(observer: _Observer, address: Address, plan: Plan, told: Callable[[Address], None]) -> None:
     """Wait until all clients that are there have created their topics."""
     start = time.monotonic()
     first = min(plan.wait, address.link_type.first_s)
@@ -233,7 +241,7 @@ def _wait(observer: _Observer, address: Address, plan: Plan, told: Callable[[], 
             return
         if now > start + 2.0 and not has_told:
             has_told = True
-            told()
+            told(address)
         time.sleep(_TURN_S)
 
 

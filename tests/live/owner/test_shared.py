@@ -11,6 +11,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -271,11 +272,43 @@ def test_a_program_can_own_its_link(way: str, url: str, monkeypatch: pytest.Monk
         assert owners() == []
 
 
+def test_a_free_port_is_opened_in_the_program_and_told(px4_types: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    with Vehicle("udp://0", px4_types) as vehicle:
+        assert owners() == []
+        assert re.fullmatch(r"udp://127\.0\.0\.1:[1-9]\d*", vehicle.url)
+        assert repr(vehicle) == f"<Vehicle on {vehicle.url}: not connected>"
+        with Vehicle("udp://127.0.0.1:0") as other, Simulator(px4_types, vehicle.url, [Options(sync="short")]):
+            assert other.url == vehicle.url, "Vehicles of a program share a link"
+            assert vehicle.wait_connected(WAIT) == other.wait_connected(WAIT)
+    assert main(["topic", "list", "--link", "udp://0", "--wait", "0.1"]) == 2
+    first, second, _ = capsys.readouterr().err.splitlines()
+    opened = first.removeprefix("listening on ")
+    assert f"no vehicle connected to {opened} within 0.1 s" in second
+    assert main(["doctor", "--link", "udp://0", "--wait", "0.1"]) == 1
+    waiting, found = capsys.readouterr()[::-1]
+    assert f"udp://127.0.0.1:{waiting.strip().rpartition(':')[2]}: NO_CLIENT" in found
+    assert owners() == []
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["link", "serve", "--link", "udp://0"], "names no port by which other programs would find the link: expected"),
+        (["sim", "udp://0"], "'udp://0' names no port to send to: expected one such as 'udp://127.0.0.1:8888'"),
+    ],
+)
+def test_others_need_a_port(words: list[str], text: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with suppress(SystemExit):
+        assert main(words) == 2
+    assert text in capsys.readouterr().err
+
+
 def test_which_links_are_shared(monkeypatch: pytest.MonkeyPatch) -> None:
     shared = {
-        each: can_share(parse_address(each)) for each in ("udp://8888", "serial:///dev/ttyS9", "dds://0", "unix:///x")
+        each: can_share(parse_address(each))
+        for each in ("udp://8888", "udp://0", "serial:///dev/ttyS9", "dds://0", "unix:///x")
     }
-    assert [*shared.values()] == [True, True, False, False]
+    assert [*shared.values()] == [True, False, True, False, False]
     link = open_link(parse_address("udp://8888"), is_shared=True)
     assert isinstance(link, SharedLink)
     monkeypatch.setattr("msggen.live.links.opening.CAN_SHARE", False)
