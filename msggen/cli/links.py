@@ -215,6 +215,7 @@ _COLUMNS: tuple[Column[Running], ...] = (
     Column("", "programs", lambda running: len(running.state.get("programs", ())), align=">"),
     Column("samples_per_second", "samples/s", _of("rate"), lambda rate: f"{rate:.0f}", ">"),
     Column("lost", "lost", _lost, align=">"),
+    Column("socket", "", lambda running: running.place.socket),
     Column("log", "log", lambda running: running.place.log),
     Column("problem", "problem", lambda running: running.problem),
 )

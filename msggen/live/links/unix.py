@@ -64,7 +64,14 @@ class UnixLink:
 
     def open(self) -> socket.socket:
         """Return a connected socket whose owner has greeted this program. Raises LinkError."""
-        return greeted(connected(self.path), "")
+        try:
+            own = connected(self.path)
+        except OSError as error:
+            text = f"no process owns the link at '{self.path}' ({error.strerror})"
+            raise LinkError(
+                f"{text}: `msggen link serve` starts one; start `ssh -L` again if it leads there"
+            ) from error
+        return greeted(own, "")
 
     def reopened(self, reason: str) -> socket.socket:
         """Return another one, after the owner has ended. Raises LinkError if there is none."""

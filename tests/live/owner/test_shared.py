@@ -237,6 +237,13 @@ def test_the_folder_is_the_users(way: str, tmp_path: Path, monkeypatch: pytest.M
         runtime_folder()
 
 
+def test_a_socket_without_an_owner_is_told(runtime: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    link = f"unix://{runtime}/none.socket"
+    assert main(["topic", "list", "--link", link]) == 2
+    text = f"{link}: L102 no process owns the link at '{runtime}/none.socket' (No such file or directory): `msggen link"
+    assert text in capsys.readouterr().err
+
+
 def test_a_port_in_use_is_told_with_its_owner(url: str, capsys: pytest.CaptureFixture[str]) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.bind(("127.0.0.1", int(url.rpartition(":")[2])))
