@@ -66,7 +66,8 @@ def _doctor(options: argparse.Namespace) -> int:
     options.output_format = "json" if options.json else options.output_format
     given = given_package(options)
     address = _address(options)
-    seen = look_around(_observe(options, address, getattr(options, "for") or _SECONDS), address)
+    seen = _observe(options, address, getattr(options, "for") or _SECONDS)
+    seen = look_around(seen, address._replace(port=seen.port))
     expected: Mapping[int, Expected]
     if given is None:
         expected = {each.remote.number: _embedded(each.release) for each in seen.vehicles}
@@ -100,8 +101,8 @@ def _observe(options: argparse.Namespace, address: Address, seconds: float) -> O
     from msggen.doctor.observe import Plan, observe
     from msggen.live.link import LinkError
 
-    def tell() -> None:
-        print(f"waiting for a vehicle on {address}", file=sys.stderr, flush=True)
+    def tell(opened: Address) -> None:
+        print(f"waiting for a vehicle on {opened}", file=sys.stderr, flush=True)
 
     plan = Plan(seconds, allow=options.allow, is_direct=options.direct)
     try:

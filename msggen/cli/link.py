@@ -102,13 +102,17 @@ def connection(options: argparse.Namespace) -> Iterator[Connection]:
     link = link_of(options)
     given = given_package(options)
     package = given or _newest()
+    told: list[str] = []
     selection = {name: getattr(options, name) for name in ("namespace", "key", "allow", "direct")}
     try:
         with ExitStack() as stack:
 
             def opened(types: ModuleType | None) -> Vehicle:
                 vehicle = stack.enter_context(Vehicle(link, types, **selection))
-                _wait(vehicle, link, options.wait or PATIENCE)
+                if vehicle.url != link and vehicle.url not in told:
+                    told.append(vehicle.url)
+                    print(f"listening on {vehicle.url}", file=sys.stderr, flush=True)
+                _wait(vehicle, vehicle.url, options.wait or PATIENCE)
                 return vehicle
 
             known: ModuleType | None = package
@@ -125,7 +129,7 @@ def connection(options: argparse.Namespace) -> Iterator[Connection]:
                 first, vehicle = vehicle, opened(package)  # on the link that is open
                 first.close()
             knows_namespace = bool(remote.namespace) or not is_unnamed(remote)
-            yield Connection(vehicle, package, link, label, knows_namespace)
+            yield Connection(vehicle, package, vehicle.url, label, knows_namespace)
     except LinkError as error:
         raise input_error(link, "L102", f"{error}{owner_of(link, error)}", 0) from None
 

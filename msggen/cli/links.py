@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import argparse
-import logging
-import sys
 from collections.abc import Callable
+from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any
 
 from msggen.base.diagnostics import counted, few, input_error
@@ -21,6 +20,7 @@ if TYPE_CHECKING:
     from msggen.live.links.owners import Running
     from msggen.live.links.places import Place
     from msggen.live.links.shared import Wanted
+    from msggen.live.owner.owner import Owner
 
 _SHARED = tuple(scheme for scheme, link_type in LINK_TYPES.items() if link_type.is_shared)
 
@@ -63,7 +63,7 @@ def _add_serve(actions: Commands) -> None:
         _serve,
         help="own a link until Ctrl-C, and tell who uses it",
         description="Own a link for all programs of the user until Ctrl-C or `msggen link stop`, and tell which "
-        "vehicles connect, and which programs join.",
+        "vehicles connect, which programs join, and in a terminal how many samples arrive.",
     )
     add_address(parser)
     add_allowed(parser)
@@ -81,6 +81,9 @@ def _wanted(options: argparse.Namespace) -> tuple[Place, Wanted]:
     address = parse_address(link)
     if not (CAN_SHARE and address.link_type.is_shared):
         text = f"'{link}' cannot be owned for others: expected {usages(_SHARED)}, on Linux or macOS"
+        raise input_error(link, "L101", text, 0)
+    if address.has_free_port:
+        text = f"'{link}' names no port by which other programs would find the link: expected {usages(_SHARED)}"
         raise input_error(link, "L101", text, 0)
     try:
         return place_of(address), Wanted(address, tuple(options.allow))
@@ -108,21 +111,19 @@ def _serve(options: argparse.Namespace) -> int:
 
 def _own(place: Place, wanted: Wanted) -> None:
     """Own a link in this process, and print what happens."""
+    from msggen.cli.serving import printed_events
+    from msggen.live.links.shared import alone
     from msggen.live.owner.owner import LOGGER
     from msggen.live.owner.process import never, serve
 
-    handler = logging.StreamHandler(sys.stdout)
-    handler.setFormatter(logging.Formatter("%(asctime)s %(message)s", "%H:%M:%S"))
-    LOGGER.addHandler(handler)
-    level = LOGGER.level
-    LOGGER.setLevel(logging.INFO)
-    LOGGER.propagate = False
-    try:
-        serve(place, wanted.address, wanted.allow, wanted.known, idle=never, ready=lambda: None)
-    finally:
-        LOGGER.removeHandler(handler)
-        LOGGER.setLevel(level)
-        LOGGER.propagate = True
+    with printed_events(LOGGER) as events, ExitStack() as starting:
+
+        def ready(owner: Owner) -> None:
+            starting.close()
+            events.follow(owner)
+
+        starting.enter_context(alone(place))  # a program that starts now waits, and joins this process
+        serve(place, wanted.address, wanted.allow, wanted.known, idle=never, ready=ready)
 
 
 def _list(options: argparse.Namespace) -> int:
@@ -214,6 +215,7 @@ _COLUMNS: tuple[Column[Running], ...] = (
     Column("", "programs", lambda running: len(running.state.get("programs", ())), align=">"),
     Column("samples_per_second", "samples/s", _of("rate"), lambda rate: f"{rate:.0f}", ">"),
     Column("lost", "lost", _lost, align=">"),
+    Column("socket", "", lambda running: running.place.socket),
     Column("log", "log", lambda running: running.place.log),
     Column("problem", "problem", lambda running: running.problem),
 )

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from msggen.base.diagnostics import counted, few
 from msggen.check.finding import Change
 from msggen.doctor.case import Case
-from msggen.doctor.observation import SIM, Observation
+from msggen.doctor.observation import OWNER, SIM, Observation
 from msggen.live.links.link_types import AGENT_PORT, PORT
 from msggen.live.vehicle.selection import shown
 from msggen.live.xrce.agent import Client
@@ -29,12 +29,18 @@ def find_taken(case: Case) -> Iterator[Change]:
     place = _place(seen)
     if seen.owners:
         names = few(list(map(str, seen.owners)))
-        pids = " ".join(str(owner.pid) for owner in seen.owners)
-        text = f"{place} is in use by {names}: end it (`kill {pids}`)"
+        text = f"{place} is in use by {names}: {_end_of(seen)}"
     else:
         text = f"{place} is in use by a process of another user: `sudo {_search(seen)}` shows it, end it"
     other = "" if seen.link_type.is_device else ", or use another port here and at the vehicle (UXRCE_DDS_PRT)"
     yield case.change(place, text + other)
+
+
+def _end_of(seen: Observation) -> str:
+    """Return how the processes that have the port or the device are ended, or joined."""
+    if any(owner.name == OWNER for owner in seen.owners):
+        return f"leave out --direct to share it, or end it (`msggen link stop {seen.link}`)"
+    return f"end it (`kill {' '.join(str(owner.pid) for owner in seen.owners)}`)"
 
 
 def _search(seen: Observation) -> str:

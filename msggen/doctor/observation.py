@@ -14,6 +14,10 @@ SIM = "msggen sim"
 """The name of a process that simulates vehicles."""
 
 
+OWNER = "msggen link"
+"""The name of a process that owns a link for other programs."""
+
+
 class Process(NamedTuple):
     """A process of this computer."""
 

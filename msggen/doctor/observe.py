@@ -13,7 +13,7 @@ from msggen.doctor.agents import find_agents, find_senders
 from msggen.doctor.observation import Observation, ReaderSeen, Sender, TopicSeen, VehicleSeen
 from msggen.doctor.sockets import buffer_limit, owners_of
 from msggen.live.link import Link, LinkError, Remote, Route, Service, Statistics
-from msggen.live.links.address import Address
+from msggen.live.links.address import Address, parse_address
 from msggen.live.links.agent_link import AgentLink
 from msggen.live.links.link_types import AGENT_PORT, PORT
 from msggen.live.links.opening import open_link
@@ -28,6 +28,8 @@ _SETTLED_S = 1.0
 _FURTHER_S = 10.0
 """How much longer to watch, at most, for answers about definitions."""
 _TURN_S = 0.05
+_MARGIN_S = 1.0
+"""How long before the watch a client may have been heard last. PX4's client sends once a second at least."""
 _GONE_S = 2.0
 """The time in s without a sample after which no answers are waited for."""
 _TAKEN = {errno.EADDRINUSE, errno.EBUSY, errno.EAGAIN}
@@ -47,11 +49,15 @@ class Plan(NamedTuple):
     """Whether to own the link in this process, which no other program can use meanwhile."""
 
 
-def observe(address: Address, plan: Plan = Plan(), told: Callable[[], None] = lambda: None) -> Observation:  # noqa: B008
+def _nothing(_address: Address) -> None:
+    pass
+
+
+def observe(address: Address, plan: Plan = Plan(), told: Callable[[Address], None] = _nothing) -> Observation:  # noqa: B008
     """Watch a link, and return what was seen of the vehicles on it. Ctrl-C ends the watch early.
 
-    `told` is called once if there is something to wait for. Raises LinkError if the link cannot be opened for another
-    reason than that it is in use.
+    `told` is called once if there is something to wait for, with the address and the port that is open. Raises
+    LinkError if the link cannot be opened for another reason than that it is in use.
     """
     link = open_link(address, plan.allow, is_shared=not plan.is_direct)
     observer = _Observer(link)
@@ -63,6 +69,10 @@ def observe(address: Address, plan: Plan = Plan(), told: Callable[[], None] = la
         return _seen(None, address, 0.0, 0.0)
     with ExitStack() as stack:
         stack.callback(link.close)
+        if address.has_free_port:
+            address = address._replace(port=getattr(link, "port", 0))
+            told(address)
+            told = _nothing
         observer.begin()
         start = time.monotonic()
         begun = start
@@ -85,7 +95,11 @@ def look_around(seen: Observation, address: Address, domain: int = 0) -> Observa
         return seen
     if seen.is_taken:
         seen = seen._replace(owners=owners_of(address))
-    if link_type.is_device or (seen.owners and not any("agent" in owner.name.lower() for owner in seen.owners)):
+    if (
+        link_type.is_device
+        or link_type.is_socket
+        or (seen.owners and not any("agent" in owner.name.lower() for owner in seen.owners))
+    ):
         return seen  # another program of msggen answers as an agent does
     senders = find_senders(address.port) if link_type.has_port and not seen.is_taken else ()
     agents = find_agents(_places(seen, address, senders), domain)
@@ -114,11 +128,14 @@ class _Observer(Hub):
         self._ages: dict[int, dict[str, int]] = {}
         self._before: Statistics | None = None
         self._refused: Mapping[str, int] = {}
+        self._begun = 0
 
     def begin(self) -> None:
-        """Count from now on: the link may have an owner that is older than this program."""
+        """Count from now on: the link may have an owner that is older than this program. Its warnings still hold."""
+        self._begun = time.time_ns()
         if isinstance(self.link, UnixLink):
             self._before, self._refused = self.link.statistics(), self.link.refusals()
+            self.warnings = list(dict.fromkeys([*self.link.warnings(), *self.warnings]))
 
     def counters(self) -> Statistics:
         """Return the counters of the link since `begin`."""
@@ -126,12 +143,31 @@ class _Observer(Hub):
         if before is None:
             return now
         counts = [count - earlier for count, earlier in zip(now, before, strict=True)]
+        if counts[0] < 0:  # the owner has ended, and another one counts from 0
+            return now
         return Statistics(*counts)._replace(receive_buffer=now.receive_buffer)
 
     def refusals(self) -> dict[str, int]:
         """Return how many datagrams were refused since `begin`, by reason."""
         counts = {reason: count - self._refused.get(reason, 0) for reason, count in _refusals(self.link).items()}
-        return {reason: count for reason, count in counts.items() if count}
+        return {reason: count for reason, count in counts.items() if count > 0}
+
+    def clients(self) -> tuple[Client, ...]:
+        """Return the clients that were heard since `begin`: an owner also knows those that are gone."""
+        seconds = (time.time_ns() - self._begun) / 1e9 + _MARGIN_S
+        return tuple(each for each in _clients(self.link) if each.silence <= seconds)
+
+    def catch_up(self) -> None:
+        """Count the samples that arrived at the owner of the link before it knew that this program follows them."""
+        if not isinstance(self.link, UnixLink):
+            return
+        for number, entry in tuple(self.entries.items()):
+            heard = {flow.route.name for flow in self._meters[number].flows(0)}
+            for route in tuple(entry.routes.values()):
+                if route.direction == "out" and route.name not in heard:
+                    sample = self.link.last(entry.remote, route)
+                    if sample is not None and sample.time >= self._begun:
+                        self._count(*sample)
 
     def opened(self, remote: Remote, route: Route | Service) -> None:
         super().opened(remote, route)
@@ -143,12 +179,15 @@ class _Observer(Hub):
         super().connected(remote)
 
     def sample(self, remote: Remote, route: Route, payload: bytes, time: int) -> None:
+        self._count(remote, route, payload, time)
+        super().sample(remote, route, payload, time)
+
+    def _count(self, remote: Remote, route: Route, payload: bytes, time: int) -> None:
         self._meters[remote.number](route, payload, time)
         if len(payload) >= _STAMP.size and (stamp := _STAMP.unpack_from(payload)[0]):
             ages, age = self._ages[remote.number], time // 1000 - stamp
             if abs(age) < abs(ages.get(route.name, 1 << 64)):
                 ages[route.name] = age
-        super().sample(remote, route, payload, time)
 
     def disconnected(self, remote: Remote, reason: str) -> None:
         entry = self.entries.get(remote.number)
@@ -185,7 +224,7 @@ class _Observer(Hub):
         return (*self.past, *map(self.vehicle, tuple(self.entries.values())))
 
 
-def _wait(observer: _Observer, address: Address, plan: Plan, told: Callable[[], None]) -> None:
+def _wait(observer: _Observer, address: Address, plan: Plan, told: Callable[[Address], None]) -> None:
     """Wait until all clients that are there have created their topics."""
     start = time.monotonic()
     first = min(plan.wait, address.link_type.first_s)
@@ -202,7 +241,7 @@ def _wait(observer: _Observer, address: Address, plan: Plan, told: Callable[[], 
             return
         if now > start + 2.0 and not has_told:
             has_told = True
-            told()
+            told(address)
         time.sleep(_TURN_S)
 
 
@@ -257,11 +296,12 @@ def _refusals(link: Link) -> Mapping[str, int]:
 
 def _seen(observer: _Observer | None, address: Address, waited: float, seconds: float) -> Observation:
     """Return what was seen. Without an observer, the link is taken."""
+    place = _place(observer, address)
     seen = Observation(
         link=str(address),
-        scheme=address.scheme,
-        port=address.port,
-        baud=address.baud,
+        scheme=place.scheme,
+        port=place.port,
+        baud=place.baud,
         waited=waited,
         seconds=seconds,
         now=time.time_ns(),
@@ -270,14 +310,22 @@ def _seen(observer: _Observer | None, address: Address, waited: float, seconds: 
     )
     if observer is None:
         return seen
-    link = observer.link
+    observer.catch_up()
     return seen._replace(
         vehicles=observer.vehicles(),
-        clients=_clients(link),
+        clients=observer.clients(),
         statistics=observer.counters(),
         refused=observer.refusals(),
         warnings=tuple(observer.warnings),
     )
+
+
+def _place(observer: _Observer | None, address: Address) -> Address:
+    """Return the address at which vehicles connect: that of the owner if `address` is its socket."""
+    if observer is not None and isinstance(observer.link, UnixLink) and address.link_type.is_socket:
+        told = observer.link.address()
+        return parse_address(told) if told else address
+    return address
 
 
 def is_taken(error: LinkError) -> bool:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Collection, Iterator
 from contextlib import suppress
 from typing import NamedTuple
 
-from msggen.doctor.observation import Process
+from msggen.doctor.observation import OWNER, Process
 from msggen.live.links.address import Address
 
 _TABLES = ("/proc/net/udp", "/proc/net/udp6")
@@ -71,7 +71,14 @@ def owners_of_device(path: str) -> tuple[Process, ...]:
 def owners(targets: Iterator[str] | Collection[str]) -> tuple[Process, ...]:
     """Return the processes with one of some files open, as /proc names these."""
     wanted = frozenset(targets)
-    return tuple(Process(pid, name_of(pid)) for pid in processes(wanted.__contains__)) if wanted else ()
+    return tuple(Process(pid, _name_or_role(pid)) for pid in processes(wanted.__contains__)) if wanted else ()
+
+
+def _name_or_role(pid: int) -> str:
+    """Return the name of a process, or OWNER: the name of that one would be `python`."""
+    words = words_of(pid)
+    is_serving = any(os.path.basename(program) == "msggen" for program in words) and "serve" in words
+    return OWNER if is_serving or any("msggen.live.owner.process" in word for word in words) else name_of(pid)
 
 
 def processes(is_wanted: Callable[[str], bool]) -> Iterator[int]:

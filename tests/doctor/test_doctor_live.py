@@ -15,11 +15,11 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import pytest
 
@@ -33,6 +33,7 @@ from msggen.doctor.observation import Observation
 from msggen.doctor.observe import Plan, look_around, observe
 from msggen.doctor.sockets import Socket, owners_of_port, parse_sockets
 from msggen.live.links.address import parse_address
+from msggen.live.links.places import CAN_SHARE
 from msggen.live.links.udp import UdpLink
 from msggen.live.sim import Misbehaviour, Options, Simulator
 from msggen.live.vehicle.selection import Selection
@@ -45,6 +46,7 @@ PACKAGE = str(ROOT / "generated" / "px4_types")
 CALM = Options(sync="short", rate=10.0)
 """Few samples, so that a busy computer loses none."""
 DOMAINS = domains(130)
+shared = pytest.mark.skipif(not CAN_SHARE, reason="links are not shared on Windows")
 linux = pytest.mark.skipif(sys.platform != "linux", reason="the owners of sockets are known on Linux")
 
 
@@ -69,6 +71,20 @@ def _wait_for_further_vehicles(monkeypatch: pytest.MonkeyPatch) -> None:
 def url() -> Iterator[str]:
     with nothing_is_left():
         yield f"udp://127.0.0.1:{free_port()}"
+
+
+Owning: TypeAlias = Callable[..., AbstractContextManager[object]]
+
+
+@pytest.fixture(params=["direct", pytest.param("owner", marks=[pytest.mark.slow, shared])])
+def owning(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Owning:
+    """Make nothing, or the owner of a link, which is there before the vehicles and the doctor: both see the same."""
+    if request.param == "direct":
+        return lambda *_, **_allow: nullcontext()
+    from support.served import owned
+
+    monkeypatch.delenv("MSGGEN_DIRECT")
+    return owned
 
 
 @pytest.fixture
@@ -164,13 +180,13 @@ def options_of(rows: dict[str, tuple[Misbehaviour, list[str]]]) -> list[Options]
 
 
 @pytest.mark.usefixtures("_wait_for_further_vehicles")
-def test_each_vehicle_has_its_cause(url: str, px4_types: Any, expected: Expected) -> None:
+def test_each_vehicle_has_its_cause(url: str, owning: Owning, px4_types: Any, expected: Expected) -> None:
     options = [
         *options_of(TOGETHER),
         CALM._replace(key=11, namespace="boot", sync="off"),
         CALM._replace(key=12, namespace="slow", rate=1.0),
     ]
-    with Simulator(px4_types, url, options):
+    with owning(url), Simulator(px4_types, url, options):
         seen = looked_at(url)
     found = [*(ids_of_vehicle for _, ids_of_vehicle in TOGETHER.values()), ["TIME_NOT_SYNCED"], ["RATE_LOW"]]
     check_vehicles(seen, expected, options, found)
@@ -183,9 +199,9 @@ def test_each_vehicle_has_its_cause(url: str, px4_types: Any, expected: Expected
 
 
 @pytest.mark.slow  # clients repeat a request after 1 s, and silence counts from 2 s
-def test_sessions_that_do_not_last_are_found(url: str, px4_types: Any, expected: Expected) -> None:
+def test_sessions_that_do_not_last_are_found(url: str, owning: Owning, px4_types: Any, expected: Expected) -> None:
     options = options_of(LONG)
-    with ThreadPoolExecutor(1) as pool:
+    with owning(url), ThreadPoolExecutor(1) as pool:
         looking = pool.submit(looked_at, url, 3.5, 3.5)
         time.sleep(0.2)  # clients whose first ping is answered connect a second earlier
         with Simulator(px4_types, url, options):
@@ -193,15 +209,17 @@ def test_sessions_that_do_not_last_are_found(url: str, px4_types: Any, expected:
     check_vehicles(seen, expected, options, [found for _, found in LONG.values()])
 
 
-def test_lost_samples_are_found(url: str, px4_types: Any, expected: Expected) -> None:
-    with Simulator(px4_types, url, [CALM._replace(sync="off", rate=50.0, misbehaviour=Misbehaviour(drop=0.1), seed=3)]):
+def test_lost_samples_are_found(url: str, owning: Owning, px4_types: Any, expected: Expected) -> None:
+    options = CALM._replace(sync="off", rate=50.0, misbehaviour=Misbehaviour(drop=0.1), seed=3)
+    with owning(url), Simulator(px4_types, url, [options]):
         seen = looked_at(url)
     assert ids(judged(seen, expected)) == ["TIME_NOT_SYNCED", "SAMPLES_LOST"]
 
 
 @pytest.mark.usefixtures("_wait_for_further_vehicles")
-def test_two_clients_of_a_key_are_found(url: str, px4_types: Any, expected: Expected) -> None:
-    with Simulator(px4_types, url, [CALM._replace(key=7), CALM._replace(key=7, namespace="b"), CALM._replace(key=8)]):
+def test_two_clients_of_a_key_are_found(url: str, owning: Owning, px4_types: Any, expected: Expected) -> None:
+    options = [CALM._replace(key=7), CALM._replace(key=7, namespace="b"), CALM._replace(key=8)]
+    with owning(url), Simulator(px4_types, url, options):
         report = judged(looked_at(url), expected)
     assert ids(report) == ["KEY_SHARED"]
     assert "2 clients have the key 7" in texts(report)
@@ -218,8 +236,9 @@ def test_a_message_that_the_types_do_not_have_is_found(url: str, px4_types: Any,
 # --- who has the port
 
 
-def test_nothing_arrives(url: str, expected: Expected) -> None:
-    report = judged(looked_at(url, wait=0.2), expected)
+def test_nothing_arrives(url: str, owning: Owning, expected: Expected) -> None:
+    with owning(url):
+        report = judged(looked_at(url, wait=0.2), expected)
     assert ids(report) == ["NO_CLIENT"]
     assert report.summary == f"1 problem found: {url}, no vehicle in 0 s"
 
@@ -235,6 +254,25 @@ def test_the_owner_of_the_port_is_named(expected: Expected) -> None:
     report = judged(seen, expected)
     assert ids(report) == ["PORT_TAKEN"]
     assert f"UDP port {port} is in use by {seen.owners[0]}: end it (`kill {os.getpid()}`)" in texts(report)
+
+
+@linux
+def test_a_process_that_shares_the_link_is_named(
+    url: str, expected: Expected, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.delenv("MSGGEN_DIRECT")
+    assert main(["link", "serve", "--background", "--link", url]) == 0
+    try:
+        address = parse_address(url)
+        seen = look_around(observe(address, Plan(is_direct=True)), address, next(DOMAINS))
+        assert main(["topic", "list", "--direct", "--link", url]) == 2
+    finally:
+        main(["link", "stop", url])
+    assert ids(judged(seen, expected)) == ["PORT_TAKEN"]
+    (owner,) = seen.owners
+    told = f"is in use by msggen link (pid {owner.pid}): leave out --direct to share it, or end it (`msggen link stop"
+    assert f"{told} {url}`)" in texts(judged(seen, expected))
+    assert "; msggen link (pid " in capsys.readouterr().err
 
 
 @linux
@@ -275,10 +313,11 @@ def test_an_agent_without_a_client_is_found(url: str, expected: Expected, monkey
     assert not is_agent((address.host, address.port))
 
 
-def test_a_tap_without_an_agent_is_found(url: str, expected: Expected) -> None:
+def test_a_tap_without_an_agent_is_found(url: str, owning: Owning, expected: Expected) -> None:
     tap = f"{url.replace('udp', 'tap')}?agent=127.0.0.1:{free_port()}"
     address = parse_address(tap)
-    report = judged(look_around(looked_at(tap, wait=0.2), address, next(DOMAINS)), expected)
+    with owning(tap):
+        report = judged(look_around(looked_at(tap, wait=0.2), address, next(DOMAINS)), expected)
     assert ids(report) == ["AGENT_MISSING", "NO_CLIENT"]
 
 
@@ -305,9 +344,11 @@ def test_a_simulated_vehicle_that_sends_elsewhere_is_found(name: str, url: str, 
     )
 
 
-def test_clients_that_may_not_connect_are_found(url: str, px4_types: Any, expected: Expected) -> None:
-    with Simulator(px4_types, url, [CALM]):
-        report = judged(looked_at(url, wait=2.5, allow=["10.0.0.0/8"]), expected)
+def test_clients_that_may_not_connect_are_found(url: str, owning: Owning, px4_types: Any, expected: Expected) -> None:
+    allow = ["10.0.0.0/8"]
+    with owning(url, allow=allow), Simulator(px4_types, url, [CALM]):
+        time.sleep(1.5)  # an owner has told of it when the doctor joins
+        report = judged(looked_at(url, wait=2.5, allow=allow), expected)
     assert ids(report) == ["CLIENT_REFUSED"]
     assert "of 127.0.0.1 refused, because the address is not in --allow" in texts(report)
 
@@ -333,18 +374,18 @@ def bursts(url: str, data: bytes, count: int) -> Iterator[None]:
         thread.join()
 
 
-def test_samples_of_an_unknown_session_are_found(url: str, expected: Expected) -> None:
-    with bursts(url, bytes.fromhex("81010000 07010800 00f90105 01020304"), 1):
+def test_samples_of_an_unknown_session_are_found(url: str, owning: Owning, expected: Expected) -> None:
+    with owning(url), bursts(url, bytes.fromhex("81010000 07010800 00f90105 01020304"), 1):
         report = judged(looked_at(url, wait=0.5), expected)
     assert ids(report) == ["CLIENT_UNREADY"]
 
 
 @linux
 def test_datagrams_that_the_kernel_drops_are_found(
-    url: str, px4_types: Any, expected: Expected, monkeypatch: pytest.MonkeyPatch
+    url: str, owning: Owning, px4_types: Any, expected: Expected, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("msggen.live.links.udp.RECEIVE_BUFFER", 2048)
-    with Simulator(px4_types, url, [CALM]), bursts(url, bytes(1400), 200):
+    with owning(url), Simulator(px4_types, url, [CALM]), bursts(url, bytes(1400), 200):
         seen = looked_at(url)
     assert "BUFFER_FULL" in ids(judged(seen, expected))
     assert seen.buffer_limit > 0
@@ -375,9 +416,11 @@ def joined() -> Iterator[tuple[str, str]]:
             os.close(each)
 
 
-def test_a_line_that_is_too_slow_is_found(px4_types: Any, expected: Expected) -> None:
-    with joined() as (here, there), Simulator(px4_types, f"serial://{there}", [CALM._replace(rate=20.0)]):
-        report = judged(looked_at(f"serial://{here}?baud=57600"), expected)
+def test_a_line_that_is_too_slow_is_found(owning: Owning, px4_types: Any, expected: Expected) -> None:
+    with joined() as (here, there):
+        url = f"serial://{here}?baud=57600"
+        with owning(url), Simulator(px4_types, f"serial://{there}", [CALM._replace(rate=20.0)]):
+            report = judged(looked_at(url), expected)
     assert ids(report) == ["LINE_FULL"]
     assert re.search(
         r"and 57600 baud carries 5,760: .* most cost /fmu/out/position_setpoint_triplet [\d,]+", texts(report)
@@ -385,7 +428,7 @@ def test_a_line_that_is_too_slow_is_found(px4_types: Any, expected: Expected) ->
 
 
 @linux
-def test_a_line_with_another_speed_or_owner_is_found(expected: Expected) -> None:
+def test_a_line_with_another_speed_or_owner_is_found(owning: Owning, expected: Expected) -> None:
     master, slave = os.openpty()
     path = os.ttyname(slave)
     url = f"serial://{path}?baud=57600"
@@ -393,9 +436,10 @@ def test_a_line_with_another_speed_or_owner_is_found(expected: Expected) -> None
         stack.callback(os.close, master)
         stack.callback(os.close, slave)
         timer = threading.Timer(0.3, os.write, (master, bytes(range(1, 100)) * 30))
-        timer.start()
-        garbled = judged(looked_at(url, wait=1.0), expected)
-        timer.join()
+        with owning(url):
+            timer.start()
+            garbled = judged(looked_at(url, wait=1.0), expected)
+            timer.join()
         fcntl.flock(slave, fcntl.LOCK_EX)
         taken = look_around(looked_at(url), parse_address(url))
     assert ids(garbled) == ["LINE_GARBLED"]

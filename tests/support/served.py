@@ -5,14 +5,16 @@ from __future__ import annotations
 import os
 import socket
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from msggen.live.link import Link
 from msggen.live.links.address import parse_address
+from msggen.live.links.opening import open_link
 from msggen.live.links.owners import Running, running, stop
+from msggen.live.links.places import place_of
 from msggen.live.links.records import PROTOCOL
 from msggen.live.owner.process import never
 from msggen.live.owner.server import Server
@@ -62,3 +64,15 @@ def end_owners() -> None:
     """Stop the processes that own a link, in the folder of the test."""
     for each in running():
         stop(each.place)
+
+
+@contextmanager
+def owned(url: str, allow: Sequence[str] = ()) -> Iterator[Server]:
+    """Own a link in this process, where programs that name its address find and join it."""
+    address = parse_address(url)
+    place = place_of(address)
+    with served(open_link(address, allow), Path(place.socket), url, allow=allow) as server:
+        try:
+            yield server
+        finally:
+            os.unlink(place.socket)

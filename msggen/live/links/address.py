@@ -40,6 +40,11 @@ class Address(NamedTuple):
         return self.link_type.form.format(place=place, path=self.path, baud=self.baud, agent=agent, domain=self.domain)
 
     @property
+    def has_free_port(self) -> bool:
+        """Whether the system chooses the port when the link is opened."""
+        return self.link_type.has_port and self.port == 0
+
+    @property
     def link_type(self) -> LinkType:
         """The type of the link."""
         return LINK_TYPES[self.scheme]
@@ -62,7 +67,7 @@ def parse_address(text: str, schemes: Collection[str] = tuple(LINK_TYPES)) -> Ad
     if link_type.has_domain:
         domain = _number(text, place or "0", "a DDS domain", _DOMAINS)
         return Address(scheme, domain=domain)
-    host, port = _place(text, place.rstrip("/"), PORT)
+    host, port = _place(text, place.rstrip("/"), PORT, can_be_free=link_type.can_be_free)
     if not link_type.has_agent:
         return Address(scheme, host, port)
     agent = _place(text, values.get("agent", ""), AGENT_PORT)
@@ -109,8 +114,8 @@ def _device(text: str, path: str, values: Mapping[str, str]) -> Address:
     return Address(scheme, path=path, baud=baud)
 
 
-def _place(text: str, place: str, port: int) -> tuple[str, int]:
-    """Return host and port of `127.0.0.1:8888`, `[::1]:8888`, `127.0.0.1`, `8888` and ``."""
+def _place(text: str, place: str, port: int, *, can_be_free: bool = False) -> tuple[str, int]:
+    """Return host and port of `127.0.0.1:8888`, `[::1]:8888`, `127.0.0.1`, `8888` and ``, and of `0` if it can be."""
     if place.isdecimal():
         place = f":{place}"
     found = re.fullmatch(_PLACE, place)
@@ -122,8 +127,9 @@ def _place(text: str, place: str, port: int) -> tuple[str, int]:
         )
         raise LinkError(f"'{text}': '{place}' is not a host and a port{expected}")
     host = found[1] or found[2] or "127.0.0.1"
-    number = _number(text, found[3], "a port", _PORTS, least=1) if found[3] is not None else port
-    return host, number
+    if can_be_free and re.fullmatch("0+", found[3] or ""):
+        return host, 0
+    return host, _number(text, found[3], "a port", _PORTS, least=1) if found[3] is not None else port
 
 
 def _number(text: str, number: str, noun: str, end: int, least: int = 0) -> int:

@@ -70,6 +70,11 @@ class LinkType(NamedTuple):
         return "{place}" in self.form
 
     @property
+    def can_be_free(self) -> bool:
+        """Whether the system may choose the port: nobody else has to know it before the link is opened."""
+        return self.has_port and not self.has_agent
+
+    @property
     def is_device(self) -> bool:
         """Whether this is a line to one vehicle, with a device and a rate."""
         return "{baud}" in self.form

@@ -16,6 +16,8 @@ DIRECT = "MSGGEN_DIRECT"
 
 def can_share(address: Address) -> bool:
     """Whether a process can own the link of an address for several programs, and the user has not said otherwise."""
+    if address.has_free_port:  # other programs do not know it
+        return False
     return CAN_SHARE and address.link_type.is_shared and os.environ.get(DIRECT, "") in {"", "0"}
 
 

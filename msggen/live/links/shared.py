@@ -64,7 +64,7 @@ def joined(place: Place, wanted: Wanted) -> socket.socket:
             return greeted(connected(place.socket), str(wanted.address), wanted.allow)
         if attempt:
             time.sleep(0.01 * attempt)
-        with _alone(place):
+        with alone(place):
             if not _is_served(place):
                 start_owner(place, wanted)
     raise LinkError(f"the process that owns {wanted.address} ends again and again{_last_lines(place)}")
@@ -78,7 +78,7 @@ def _is_served(place: Place) -> bool:
 
 
 @contextmanager
-def _alone(place: Place) -> Iterator[None]:
+def alone(place: Place) -> Iterator[None]:
     """Keep other programs from starting an owner meanwhile. Raises LinkError."""
     import fcntl
 

@@ -64,7 +64,14 @@ class UnixLink:
 
     def open(self) -> socket.socket:
         """Return a connected socket whose owner has greeted this program. Raises LinkError."""
-        return greeted(connected(self.path), "")
+        try:
+            own = connected(self.path)
+        except OSError as error:
+            text = (
+                f"no process owns the link at '{self.path}' ({error.strerror}): start `msggen link serve`, or `ssh -L`"
+            )
+            raise LinkError(text) from error
+        return greeted(own, "")
 
     def reopened(self, reason: str) -> socket.socket:
         """Return another one, after the owner has ended. Raises LinkError if there is none."""
@@ -132,6 +139,14 @@ class UnixLink:
         """Return the running programs that have published to a vehicle. From any thread."""
         found = self.ask("publishers") or {}
         return [Publisher(*each) for each in found.get(str(remote.number - self._offset), ())]
+
+    def warnings(self) -> list[str]:
+        """Return what the owner has warned of, also before this program has joined."""
+        return list(self.ask("warnings") or ())
+
+    def address(self) -> str:
+        """Return the address at which the owner listens, "" if it does not answer."""
+        return str((self.ask("state") or {}).get("address", ""))
 
     def routes(self, remote: Remote) -> Sequence[Route | Service]:
         """Return the routes and services of a connected vehicle, or none if it is not connected."""

@@ -26,7 +26,7 @@ _MANY = 4000
 """The samples in a second from which on they are gathered."""
 _WINDOW_NS = 100_000_000
 _WARNINGS = 100
-"""The most different warnings for a program."""
+"""The most different warnings for a program, and of the link."""
 
 
 class Sent(NamedTuple):
@@ -75,6 +75,8 @@ class Owner(Hub):
         """Guards the programs and the vehicles. Taken after `changed`, and before the lock of the link."""
         self.programs: dict[Program, None] = {}
         self.vehicles: dict[int, Carried] = {}
+        self.warnings: dict[str, None] = {}
+        """What the programs were warned of, for those that join later and ask."""
         self.is_gathering = False
         """Whether so many samples arrive that the thread of the sockets sends them."""
         self._wake = wake
@@ -165,6 +167,8 @@ class Owner(Hub):
         """Tell the programs, and the log."""
         LOGGER.warning("%s", text)
         with self.lock:
+            if len(self.warnings) < _WARNINGS:
+                self.warnings[text] = None
             self._tell("warned", text)
 
     def failed(self, reason: str) -> None:

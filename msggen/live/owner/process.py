@@ -16,7 +16,7 @@ from msggen.live.link import LinkError, Route
 from msggen.live.links.address import Address, parse_address
 from msggen.live.links.opening import open_link
 from msggen.live.links.places import Place
-from msggen.live.owner.owner import LOGGER
+from msggen.live.owner.owner import LOGGER, Owner
 from msggen.live.owner.server import Server
 
 IDLE = "MSGGEN_LINK_IDLE"
@@ -53,7 +53,7 @@ def main() -> None:
     try:
         address = parse_address(setup["address"])
         known = [Route(*row) for row in setup["known"]]
-        serve(place, address, setup["allow"], known, idle=never if setup["stays"] else idle, ready=tell)
+        serve(place, address, setup["allow"], known, idle=never if setup["stays"] else idle, ready=lambda _: tell())
     except LinkError as error:
         LOGGER.error("%s", error)
         cause = error.__cause__
@@ -71,11 +71,12 @@ def serve(  # noqa: PLR0913 - keywords
     known: Sequence[Route] = (),
     *,
     idle: Callable[[bool], float],
-    ready: Callable[[], None],
+    ready: Callable[[Owner], None],
 ) -> None:
-    """Own a link until no program needs it, or a signal ends this process. `ready` is called when programs can join.
+    """Own a link until no program needs it, or a signal ends this process.
 
-    Raises LinkError if another process owns it, or if it cannot be opened.
+    `ready` is called with the owner when programs can join. Raises LinkError if another process owns the link, or if it
+    cannot be opened.
     """
     with _owned(place):
         link = open_link(address, allow, known)
@@ -86,7 +87,7 @@ def serve(  # noqa: PLR0913 - keywords
         try:
             with _listening(place) as listening:
                 LOGGER.info("%s is open, process %d", address, os.getpid())
-                ready()
+                ready(server.owner)
                 server.serve(listening)
         finally:
             link.close()

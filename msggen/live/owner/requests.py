@@ -163,7 +163,8 @@ def _cancel(owner: Owner, program: Program, number: int, call: int) -> None:
 
 
 def _ask(owner: Owner, program: Program, question: int, what: str) -> None:
-    owner.send(program, event_of("answer", question, _ANSWERS[what](owner, program)))
+    answer = _ANSWERS.get(what)
+    owner.send(program, event_of("answer", question, answer and answer(owner, program)))
 
 
 def _stop(_owner: Owner, program: Program) -> None:
@@ -227,6 +228,10 @@ def _publishers(owner: Owner, _program: Program) -> dict[int, list[Publisher]]:
     }
 
 
+def _warnings(owner: Owner, _program: Program) -> list[str]:
+    return list(owner.warnings)
+
+
 _REQUESTS: Mapping[str, Callable[..., None]] = {
     "hello": _hello,
     "follow": _follow,
@@ -240,4 +245,5 @@ _ANSWERS: Mapping[str, Callable[[Owner, Program], object]] = {
     "clients": _clients,
     "refusals": _refusals,
     "publishers": _publishers,
+    "warnings": _warnings,
 }

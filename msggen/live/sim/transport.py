@@ -19,9 +19,12 @@ _LONGEST = 65_536
 def read_address(text: str) -> Address:
     """Return the address of an agent in a text. Raises ValueError, which tells what is wrong."""
     try:
-        return parse_address(text, CLIENTS)
+        address = parse_address(text, CLIENTS)
     except LinkError as error:
         raise ValueError(str(error)) from None
+    if address.has_free_port:
+        raise ValueError(f"'{text}' names no port to send to: expected one such as '{address.link_type.example}'")
+    return address
 
 
 class Transport(Protocol):

@@ -34,6 +34,11 @@ def link_of(
     return str(address), lambda: open_link(address, allow, known, is_shared=not is_direct)
 
 
+def opened_at(name: str, link: Link) -> str:
+    """Return the address of a link that is open: with the port that the system has chosen if `name` has port 0."""
+    return f"{name.removesuffix('0')}{getattr(link, 'port', 0)}" if name.endswith(":0") else name
+
+
 class _Shared(NamedTuple):
     """A hub of a link, and who may connect to it."""
 

@@ -43,7 +43,7 @@ from msggen.live.vehicle.entry import Entry, Member
 from msggen.live.vehicle.feed import LOGGER, Feed, Options
 from msggen.live.vehicle.repeater import Repeater
 from msggen.live.vehicle.selection import Selection, shown, why_missing
-from msggen.live.vehicle.sharing import join_hub, leave_hub, leave_soon, link_of
+from msggen.live.vehicle.sharing import join_hub, leave_hub, leave_soon, link_of, opened_at
 from msggen.live.vehicle.subscription import Subscription
 from msggen.live.vehicle.watch import Direction, Watch, Watcher
 
@@ -61,7 +61,8 @@ class Vehicle:
     """A vehicle on a link: `with Vehicle("udp://127.0.0.1:8888") as vehicle`.
 
     `url` is `udp://HOST:PORT`, `serial:///dev/ttyUSB0?baud=921600`, `tap://HOST:PORT?agent=HOST:PORT` or `dds://DOMAIN`,
-    or a Link. Vehicles of one program with the same URL share the link.
+    or a Link. Vehicles of one program with the same URL share the link. `udp://127.0.0.1:0` opens a free port, in this
+    program alone: the attribute `url` tells which.
 
     `types` is a generated package, or several: the first one is preferred, and a topic whose definition is not that of
     the first one is decoded with the others. Without it, the package follows from the classes in `subscribe` and
@@ -109,6 +110,8 @@ class Vehicle:
         allowed = (allow,) if isinstance(allow, (str, int)) else tuple(allow)
         self._name, opened = link_of(url, allowed, known, is_direct=direct)
         self._hub = join_hub(self._name, opened, self._member, allowed)
+        self.url = opened_at(self._name, self._hub.link)
+        """The address of the link. With `udp://127.0.0.1:0`, it has the port that the system has chosen."""
         self._has_told_of_absence = False
         self._repeaters: weakref.WeakSet[Repeater] = weakref.WeakSet()
         weakref.finalize(self, leave_soon, self._name, self._hub, self._member).atexit = False
@@ -117,7 +120,7 @@ class Vehicle:
         remote = self._member.entry.remote if self._member.entry else None
         absence = self._hub.failure or "not connected"
         state = "closed" if self._member.is_closed else shown(remote) if remote else absence
-        return f"<Vehicle on {self._name}: {state}>"
+        return f"<Vehicle on {self.url}: {state}>"
 
     def __enter__(self) -> Self:
         return self
@@ -153,7 +156,7 @@ class Vehicle:
             return self.is_connected or member.is_closed or bool(hub.failure)
 
         if not hub.wait(is_over, seconds, 0.05):
-            text = absence(self._name, hub, member, seconds, received)
+            text = absence(self.url, hub, member, seconds, received)
             if timeout is not None:
                 raise LinkTimeoutError(text)
             LOGGER.warning("%s", text)
@@ -164,7 +167,7 @@ class Vehicle:
         """Warn a program that waits for samples, once, if no vehicle has connected."""
         if self._member.last is None and not self._member.is_closed and not self._has_told_of_absence:
             self._has_told_of_absence = True
-            LOGGER.warning("%s", absence(self._name, self._hub, self._member, PATIENCE))
+            LOGGER.warning("%s", absence(self.url, self._hub, self._member, PATIENCE))
 
     def wait_disconnected(self, timeout: float | None = None) -> str:
         """Wait until the vehicle is disconnected, and return the reason. `timeout` is in s.
@@ -430,7 +433,7 @@ class Vehicle:
         if entry is None:
             last = self._member.last
             if last is None:
-                raise NotConnectedError(f"no vehicle is connected to {self._name} yet: call wait_connected() first")
+                raise NotConnectedError(f"no vehicle is connected to {self.url} yet: call wait_connected() first")
             raise NotConnectedError(
                 f"{shown(last)} disconnected: {self._member.reason}; wait_connected() waits until it is back"
             )

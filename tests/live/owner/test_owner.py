@@ -319,7 +319,6 @@ HOSTILE: list[bytes] = [
     event_of("hello", hello()) + event_of("follow", 1),
     event_of("hello", hello()) + event_of("follow", [], 1, 1),
     event_of("hello", hello()) + event_of("follow", 1, "", 1),
-    event_of("hello", hello()) + event_of("ask", 1, "nothing"),
     event_of("hello", hello()) + event_of("cancel", {}, 1),
     HEADER.pack(EVENT, 0, 0, 0, 1 << 20),
 ]
@@ -422,3 +421,13 @@ def test_a_link_that_fails_ends_its_programs(link: FakeLink, path: Path, px4_typ
         link.fail("the link failed: no more")
         with pytest.raises(LinkError, match="no more"):
             vehicle.subscribe("vehicle_status").wait_for(bool, WAIT)
+
+
+@pytest.mark.usefixtures("server")
+def test_a_question_of_a_later_release_has_no_answer(path: Path) -> None:
+    records = Records()
+    joined = UnixLink(str(path))
+    joined.start(records)
+    assert joined.ask("what is not known") is None
+    assert joined.ask("state")["programs"]
+    joined.close()

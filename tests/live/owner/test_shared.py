@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import socket
 import subprocess
@@ -10,6 +11,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -28,6 +30,7 @@ from msggen.live.sim import Options, Simulator
 from support.link_records import nothing_is_left
 from support.owners import give, needs_owners
 from support.ports import free_port
+from support.pseudo_terminal import TerminalProgram
 from support.repository import ROOT
 from support.served import end_owners, owners
 
@@ -234,6 +237,13 @@ def test_the_folder_is_the_users(way: str, tmp_path: Path, monkeypatch: pytest.M
         runtime_folder()
 
 
+def test_a_socket_without_an_owner_is_told(runtime: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    link = f"unix://{runtime}/none.socket"
+    assert main(["topic", "list", "--link", link]) == 2
+    text = f"{link}: L102 no process owns the link at '{runtime}/none.socket' (No such file or directory): `msggen link"
+    assert text in capsys.readouterr().err
+
+
 def test_a_port_in_use_is_told_with_its_owner(url: str, capsys: pytest.CaptureFixture[str]) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.bind(("127.0.0.1", int(url.rpartition(":")[2])))
@@ -269,11 +279,43 @@ def test_a_program_can_own_its_link(way: str, url: str, monkeypatch: pytest.Monk
         assert owners() == []
 
 
+def test_a_free_port_is_opened_in_the_program_and_told(px4_types: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    with Vehicle("udp://0", px4_types) as vehicle:
+        assert owners() == []
+        assert re.fullmatch(r"udp://127\.0\.0\.1:[1-9]\d*", vehicle.url)
+        assert repr(vehicle) == f"<Vehicle on {vehicle.url}: not connected>"
+        with Vehicle("udp://127.0.0.1:0") as other, Simulator(px4_types, vehicle.url, [Options(sync="short")]):
+            assert other.url == vehicle.url, "Vehicles of a program share a link"
+            assert vehicle.wait_connected(WAIT) == other.wait_connected(WAIT)
+    assert main(["topic", "list", "--link", "udp://0", "--wait", "0.1"]) == 2
+    first, second, _ = capsys.readouterr().err.splitlines()
+    opened = first.removeprefix("listening on ")
+    assert f"no vehicle connected to {opened} within 0.1 s" in second
+    assert main(["doctor", "--link", "udp://0", "--wait", "0.1"]) == 1
+    waiting, found = capsys.readouterr()[::-1]
+    assert f"udp://127.0.0.1:{waiting.strip().rpartition(':')[2]}: NO_CLIENT" in found
+    assert owners() == []
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["link", "serve", "--link", "udp://0"], "names no port by which other programs would find the link: expected"),
+        (["sim", "udp://0"], "'udp://0' names no port to send to: expected one such as 'udp://127.0.0.1:8888'"),
+    ],
+)
+def test_others_need_a_port(words: list[str], text: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with suppress(SystemExit):
+        assert main(words) == 2
+    assert text in capsys.readouterr().err
+
+
 def test_which_links_are_shared(monkeypatch: pytest.MonkeyPatch) -> None:
     shared = {
-        each: can_share(parse_address(each)) for each in ("udp://8888", "serial:///dev/ttyS9", "dds://0", "unix:///x")
+        each: can_share(parse_address(each))
+        for each in ("udp://8888", "udp://0", "serial:///dev/ttyS9", "dds://0", "unix:///x")
     }
-    assert [*shared.values()] == [True, True, False, False]
+    assert [*shared.values()] == [True, False, True, False, False]
     link = open_link(parse_address("udp://8888"), is_shared=True)
     assert isinstance(link, SharedLink)
     monkeypatch.setattr("msggen.live.links.opening.CAN_SHARE", False)
@@ -324,3 +366,48 @@ def test_serving_in_the_foreground_tells_what_happens(url: str, px4_types: Any) 
     assert "has joined" in told
     assert "127.0.0.1:" in told
     assert "has left" in told
+    assert "samples/s" not in told, "a pipe gets lines only"
+
+
+def test_serving_in_a_terminal_shows_the_rate(url: str, px4_types: Any) -> None:
+    terminal = TerminalProgram("-m", "msggen", "link", "serve", "--link", url)
+    try:
+        terminal.wait_for(lambda text: f"{url} is open" in text)
+        with Simulator(px4_types, url, [Options(sync="off", rate=20.0)]), Vehicle(url) as vehicle:
+            vehicle.wait_connected(WAIT)
+            state = "^1 vehicle, 1 program, [1-9][0-9]+ samples/s, 0 lost$"
+            terminal.wait_for(lambda text: re.search(state, text, re.MULTILINE))
+        terminal.process.send_signal(signal.SIGTERM)
+        assert terminal.wait() == 0
+        assert "samples/s" not in terminal.text
+        assert re.search(r"\(pid \d+\) has joined$", terminal.text, re.MULTILINE)
+    finally:
+        terminal.close()
+
+
+def test_a_program_waits_for_a_process_that_is_about_to_own_its_link(url: str) -> None:
+    command = [sys.executable, "-m", "msggen", "link", "serve", "--link", url]
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
+        place = place_of(parse_address(url))
+        until(os.path.exists, place.start)
+        with Vehicle(url):
+            assert [each.state["pid"] for each in owners()] == [process.pid]
+        process.terminate()
+        process.communicate()
+    assert process.returncode == 0
+
+
+def test_the_link_goes_on_when_nobody_reads_what_it_tells(url: str, px4_types: Any) -> None:
+    command = [sys.executable, "-m", "msggen", "link", "serve", "--link", url]
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout
+        assert process.stderr
+        process.stdout.readline()
+        process.stdout.close()
+        with Simulator(px4_types, url, [Options(sync="off")]), Vehicle(url, px4_types) as vehicle:
+            assert vehicle.wait_connected(WAIT)
+            assert vehicle.subscribe("vehicle_status").wait_for(bool, WAIT)
+            assert process.poll() is None
+        process.send_signal(signal.SIGTERM)
+        assert process.stderr.read() == ""
+    assert process.returncode == 0

@@ -1,0 +1,239 @@
+"""Tests that the doctor sees the same through a process that owns the link as at the link itself.
+
+Two observers watch the same vehicles at the same time: one is told by the link, and one by its owner.
+"""
+
+from __future__ import annotations
+
+import socket
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, cast
+
+import pytest
+
+from msggen.check.finding import Report
+from msggen.doctor import observe
+from msggen.doctor.case import Case
+from msggen.doctor.diagnose import diagnose
+from msggen.doctor.expected import Expected, expected_of
+from msggen.doctor.observation import Observation, TopicSeen, VehicleSeen
+from msggen.live.link import Link, Statistics
+from msggen.live.links.address import parse_address
+from msggen.live.links.places import CAN_SHARE
+from msggen.live.links.udp import UdpLink
+from msggen.live.links.unix import UnixLink
+from msggen.live.sim import Misbehaviour, Options, Simulator
+from msggen.live.xrce.agent import Client
+from support.link_records import PATIENCE, nothing_is_left
+from support.ports import free_port
+from support.served import served
+
+pytestmark = pytest.mark.skipif(not CAN_SHARE, reason="links are not shared on Windows")
+
+STRAY = bytes.fromhex("81010000 07010800 00f90105 01020304")
+"""A sample of a session that nobody has begun."""
+CALM = Options(sync="off", rate=10.0)
+WRONG = (
+    CALM,
+    CALM._replace(key=2, namespace="hash", misbehaviour=Misbehaviour(wrong_hashes=("VehicleStatus",))),
+    CALM._replace(key=3, namespace="restart", misbehaviour=Misbehaviour(restart_every=2.5)),
+    CALM._replace(key=4, namespace="silent", misbehaviour=Misbehaviour(silent_after=3.0)),
+    CALM._replace(key=5, namespace="deaf", sync="short", misbehaviour=Misbehaviour(no_time_reply=True)),
+    CALM._replace(key=6, namespace="lossy", misbehaviour=Misbehaviour(drop=0.1), seed=3),
+    CALM._replace(key=7, namespace="clock", sync="short", misbehaviour=Misbehaviour(clock_off=-7.0)),
+    CALM._replace(key=8, namespace="twin"),
+    CALM._replace(key=8, namespace="twin"),
+)
+
+FOUND = {
+    "NO_TIME_SYNC",
+    "KEY_SHARED",
+    "VEHICLE_RESTARTS",
+    "VEHICLE_SILENT",
+    "DEFINITION_DIFFERS",
+    "TIME_NOT_SYNCED",
+    "CLOCK_WRONG",
+    "SAMPLES_LOST",
+    "RATE_LOW",
+}
+"""The rules that find something in them."""
+
+
+@pytest.fixture
+def folder() -> Iterator[Path]:
+    """A folder whose name is short, as those of sockets are."""
+    with nothing_is_left(), TemporaryDirectory(prefix="run-") as name:
+        yield Path(name)
+
+
+@pytest.fixture(scope="module")
+def expected(px4_types: Any) -> Expected:
+    return expected_of(px4_types, "px4_types", is_given=True)
+
+
+class Overheard:
+    """A link that tells an observer what it tells its listener."""
+
+    def __init__(self, link: Link, observer: Any) -> None:
+        self._link, self._observer = link, observer
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._link, name)
+
+    def start(self, listener: Any) -> None:
+        self._link.start(cast("Any", Both(listener, self._observer)))
+
+
+class Both:
+    """Two listeners of a link."""
+
+    def __init__(self, *listeners: Any) -> None:
+        self._listeners = listeners
+
+    def __getattr__(self, name: str) -> Any:
+        methods = [getattr(each, name) for each in self._listeners]
+
+        def tell(*values: Any) -> None:
+            for method in methods:
+                method(*values)
+
+        return tell
+
+
+def send_stray(port: int, count: int) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        for _ in range(count):
+            sock.sendto(STRAY, ("127.0.0.1", port))
+    time.sleep(0.2)
+
+
+def without_times(seen: Observation) -> Observation:
+    """Return an observation without what depends on when it was made, and on the first samples."""
+    return seen._replace(
+        link="",
+        now=0,
+        vehicles=tuple(map(_timeless, seen.vehicles)),
+        clients=tuple(each._replace(age=0.0, silence=0.0) for each in seen.clients),
+    )
+
+
+def _timeless(vehicle: VehicleSeen) -> VehicleSeen:
+    topics = {name: TopicSeen(0, topic.size) for name, topic in sorted(vehicle.topics.items())}
+    return vehicle._replace(topics=topics, seconds=0.0, heard=vehicle.heard)
+
+
+def findings(seen: Observation, expected: Expected) -> list[str]:
+    return ids(diagnose(Case(seen, dict.fromkeys((each.remote.number for each in seen.vehicles), expected))))
+
+
+def ids(report: Report) -> list[str]:
+    return [finding.rule.id for finding in report.findings]
+
+
+def wait_for(condition: Callable[[], object]) -> None:
+    end = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.05)
+
+
+def is_provoked(observer: observe._Observer) -> bool:
+    """Whether all that is wrong with the vehicles has happened."""
+    seen = {each.remote.namespace: each for each in observer.vehicles()}
+    asked = max((client.timestamps for client in observer.clients() if client.key == 5), default=0)
+    names = {each.namespace for each in WRONG} - {"deaf"}
+    return (
+        names <= {*seen}
+        and any(each.remote.namespace == "restart" and each.hashes for each in observer.past)
+        and seen["lossy"].lost > 20
+        and bool(seen["hash"].hashes)
+        and asked > 3
+    )
+
+
+@pytest.mark.slow  # some of it takes seconds to happen
+def test_all_that_is_observed_arrives_through_the_owner(
+    folder: Path, px4_types: Any, expected: Expected, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    link, path = UdpLink(port=free_port()), folder / "x.socket"
+    near, far = observe._Observer(link), observe._Observer(UnixLink(str(path)))
+    port = link.port
+    url = f"udp://127.0.0.1:{port}"
+    with served(cast("Link", Overheard(link, near)), path, url):
+        send_stray(port, 5)  # before the doctor looks
+        earlier = link.statistics()
+        assert earlier.refused == 5
+        near.begin()
+        far.link.start(far)
+        far.begin()
+        assert far.counters()._replace(receive_buffer=0) == Statistics(0, 0, 0, 0, 0, 0)
+        assert far.refusals() == {}
+        with Simulator(px4_types, url, WRONG):
+            wait_for(lambda: is_provoked(near))
+            send_stray(port, 7)
+            monkeypatch.setattr(link.agent, "receive", lambda *_: None)  # from now on, nothing more arrives
+            time.sleep(0.3)
+            at_link = observe._seen(near, parse_address(url), 1.0, 5.0)
+            through = observe._seen(far, parse_address(f"unix://{path}"), 1.0, 5.0)
+        far.link.close()
+    assert through.link == f"unix://{path}"
+    assert sum(through.refused.values()) == 7
+    since = [count - before for count, before in zip(at_link.statistics, earlier, strict=True)]
+    at_link = at_link._replace(
+        statistics=Statistics(*since)._replace(receive_buffer=earlier.receive_buffer),
+        refused={reason: count - 5 for reason, count in at_link.refused.items()},
+    )
+    assert without_times(through)._asdict() == without_times(at_link)._asdict()
+    for one, other in zip(at_link.vehicles, through.vehicles, strict=True):
+        missed = {name: topic.samples - other.topics[name].samples for name, topic in one.topics.items()}
+        assert set(missed.values()) <= {0, 1, 2}, "samples before the owner knows that the doctor follows them"
+        assert {name: topic.age is None for name, topic in one.topics.items()} == {
+            name: topic.age is None for name, topic in other.topics.items()
+        }
+    found = findings(through, expected)
+    assert found == findings(at_link, expected)
+    assert {*found} >= FOUND
+
+
+class Told(UnixLink):
+    """The link of an owner that answers what a test says."""
+
+    counts: Sequence[int] = (100, 0, 0, 0, 0, 4096, 0)
+    silences: Sequence[float] = ()
+
+    def statistics(self) -> Statistics:
+        return Statistics(*self.counts)
+
+    def refusals(self) -> dict[str, int]:
+        return {"too many clients": self.counts[0]}
+
+    def warnings(self) -> list[str]:
+        return ["earlier", "both"]
+
+    def clients(self) -> list[Client]:
+        return [Client("127.0.0.1:1", 1, 0, 600.0, silence, 9) for silence in self.silences]
+
+
+def test_what_an_owner_knows_from_earlier_is_left_out_unless_it_still_holds() -> None:
+    link = Told("/nowhere")
+    observer = observe._Observer(link)
+    observer.warned("both")
+    observer.begin()
+    assert observer.warnings == ["earlier", "both"]
+    link.silences = (0.0, 0.5, 50.0)
+    assert [each.silence for each in observer.clients()] == [0.0, 0.5]
+    link.counts = (103, 0, 0, 0, 0, 4096, 0)
+    assert (observer.counters().received, observer.refusals()) == (3, {"too many clients": 3})
+    link.counts = (7, 0, 0, 0, 0, 4096, 0)  # those of the next owner, after the first was killed
+    assert observer.counters().received == 7
+    assert observer.refusals() == {}
+
+
+def test_another_program_is_no_agent_behind_a_socket() -> None:
+    """It may be on another computer, and the ports of this one tell nothing."""
+    address = parse_address("unix:///run/x.socket")
+    seen = Observation(str(address), "udp", 8888, 0, 1.0, 0.0, 0)
+    assert observe.look_around(seen, address) is seen
