@@ -122,8 +122,11 @@ class Subscription(Generic[Value]):
                 yield value, item[1]
         self._check_link()
 
-    async def __aiter__(self) -> AsyncIterator[Value]:
+    def __aiter__(self) -> AsyncIterator[Value]:
         """Yield each message, as `__iter__`, in an event loop of asyncio. Needs no further thread."""
+        return self._awaited()  # jedi reads the annotation of a function, but not that of an asynchronous generator
+
+    async def _awaited(self) -> AsyncIterator[Value]:
         from asyncio import Event, get_running_loop, sleep
 
         loop, event, run = get_running_loop(), Event(), 0

@@ -244,10 +244,20 @@ class Vehicle:
 
     # samples
 
+    @overload  # a class alone: jedi does not find the message of a union
+    def subscribe(
+        self,
+        topic: type[MessageT],
+        callback: Callable[[MessageT], object] | None = None,
+        *,
+        queue: int | None = None,
+        raw: Literal[False] = False,
+        convert: bool = False,
+    ) -> Subscription[MessageT]: ...
     @overload
     def subscribe(
         self,
-        topic: type[MessageT] | Endpoint[MessageT],
+        topic: Endpoint[MessageT],
         callback: Callable[[MessageT], object] | None = None,
         *,
         queue: int | None = None,
