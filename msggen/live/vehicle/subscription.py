@@ -59,6 +59,13 @@ class Subscription(Generic[Value]):
         state = "closed" if self._feed.is_closed else f"{len(self)} waiting, {self.dropped} dropped"
         return f"<Subscription of '{self._feed.topic.stem}': {state}>"
 
+    def _repr_html_(self) -> str | None:
+        """Return the counts and the newest message, for Jupyter. It stays in the queue."""
+        from msggen.live.vehicle.display import html_of_subscription, html_or_none
+
+        state = "closed" if self._feed.is_closed else "open"
+        return html_or_none(lambda: html_of_subscription(self._feed, state))
+
     def __len__(self) -> int:
         """Return the number of samples in the queue."""
         return len(self._feed.queue)
