@@ -9,13 +9,16 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterator
 from pathlib import Path
+from typing import Any
 
 import jedi
 import pytest
 
 import msggen
 from msggen import live, recordings
+from msggen.live import Vehicle
 from support.checkers import GENERATED
+from support.fake_link import FakeLink
 from support.language_server import LanguageServer, language_server
 from support.page_code import PAGES, Place, code_of, cut_code, places_of
 from support.repository import ROOT
@@ -189,6 +192,27 @@ def test_jedi_completes_programs(code: str, expected: set[str]) -> None:
 
 def test_jedi_completes_tables() -> None:
     assert {"schema", "to_pandas"} <= names(jedi_script(f"{HEAD}log.table('vehicle_status')."))
+
+
+@pytest.mark.parametrize(
+    ("code", "expected"),
+    [
+        ("vehicle.", {"subscribe", "publish", "firmware"}),
+        ("samples.", {"latest", "wait_for"}),
+        ("newest.", FIELDS),
+        ("for m in vehicle.subscribe(VehicleStatus):\n    m.", FIELDS),
+        ("m: VehicleStatus | None = samples.latest()\nm.", FIELDS),
+    ],
+)
+def test_jedi_completes_the_values_of_a_notebook(code: str, expected: set[str], px4_types: Any) -> None:
+    """In IPython and Jupyter, jedi has the values of earlier cells."""
+    link = FakeLink(px4_types)
+    with Vehicle(link, px4_types) as vehicle:
+        samples = vehicle.subscribe(px4_types.VehicleStatus)
+        link.sample(link.connect(), px4_types.VehicleStatus())
+        cells = {"vehicle": vehicle, "samples": samples, "newest": samples.latest()}
+        script = jedi.Interpreter(code, [{**cells, "VehicleStatus": px4_types.VehicleStatus}])
+        assert expected <= names(script)
 
 
 @pytest.mark.parametrize(("code", "expected"), COMPLETED, ids=IDS)
