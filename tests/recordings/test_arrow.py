@@ -81,7 +81,7 @@ def _plain(value: Any) -> Any:
 
 
 @pytest.mark.parametrize("library", ["pandas", "polars"])
-def test_frames_have_the_rows(log: recordings.Log, library: str) -> None:
+def test_frames_have_the_rows(log: recordings.Log, library: Any) -> None:
     frame = log.frame("sensor_combined", library, fields=["timestamp", "gyro_rad"])
     times = frame.index if library == "pandas" else frame["log_time"]
     assert times.name == "log_time"
@@ -94,7 +94,7 @@ def test_frames_have_the_rows(log: recordings.Log, library: str) -> None:
 
 
 @pytest.mark.parametrize("library", ["pandas", "polars"])
-def test_frames_of_a_ulog_have_the_time_since_the_start_of_the_vehicle(library: str, tmp_path: Path) -> None:
+def test_frames_of_a_ulog_have_the_time_since_the_start_of_the_vehicle(library: Any, tmp_path: Path) -> None:
     with recordings.open(write_ulog(tmp_path / "flight.ulg")) as log:
         frame = log.frame("sensor_gps", library, instance=1)
         times = frame.index if library == "pandas" else frame["log_time"]

@@ -98,7 +98,7 @@ def test_forms_have_the_same_values(log: Log) -> None:
         assert list(frame["esc_status.counter"]) == columns["esc_status.counter"].tolist()
     assert found.table()["time"].to_pylist() == columns["time"].tolist()
     with pytest.raises(ValueError, match="expected 'pandas' or 'polars', got 'dask'"):
-        found.frame("dask")
+        found.frame("dask")  # type: ignore[call-overload]
 
 
 def test_fields_are_chosen(log: Log) -> None:

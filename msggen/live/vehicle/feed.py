@@ -35,6 +35,8 @@ class Feed:
         self.size = size
         self.callback = callback
         self.newest: Item | None = None
+        self.first = 0
+        """The arrival of the first sample in ns."""
         self.received = self.dropped = self.undecodable = self.callback_errors = 0
         self.error: FormatError | None = None
         self.failure = ""
@@ -46,6 +48,8 @@ class Feed:
     def push(self, payload: bytes, time: int, decoding: Decoding) -> None:
         """Take a sample, in the thread of the link."""
         item = (payload, time, decoding)
+        if not self.received:
+            self.first = time
         self.newest = item
         self.received += 1
         if self.callback is not None:

@@ -60,6 +60,9 @@ class Firmware(NamedTuple):
                 parts.append(f"{len(names)} {one if len(names) == 1 else more}: {', '.join(names)}")
         return "; ".join(parts)
 
+    def __repr__(self) -> str:
+        return f"<Firmware {self}{'' if self.is_complete else ' (so far)'}>"  # without all the hashes
+
 
 @lru_cache(maxsize=1)
 def releases() -> Mapping[str, Mapping[str, Known]]:

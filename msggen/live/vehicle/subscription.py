@@ -59,6 +59,13 @@ class Subscription(Generic[Value]):
         state = "closed" if self._feed.is_closed else f"{len(self)} waiting, {self.dropped} dropped"
         return f"<Subscription of '{self._feed.topic.stem}': {state}>"
 
+    def _repr_html_(self) -> str | None:
+        """Return the counts and the newest message, for Jupyter. It stays in the queue."""
+        from msggen.live.vehicle.display import html_of_subscription, html_or_none
+
+        state = "closed" if self._feed.is_closed else "open"
+        return html_or_none(lambda: html_of_subscription(self._feed, state))
+
     def __len__(self) -> int:
         """Return the number of samples in the queue."""
         return len(self._feed.queue)
@@ -122,8 +129,11 @@ class Subscription(Generic[Value]):
                 yield value, item[1]
         self._check_link()
 
-    async def __aiter__(self) -> AsyncIterator[Value]:
+    def __aiter__(self) -> AsyncIterator[Value]:
         """Yield each message, as `__iter__`, in an event loop of asyncio. Needs no further thread."""
+        return self._awaited()  # jedi reads the annotation of a function, but not that of an asynchronous generator
+
+    async def _awaited(self) -> AsyncIterator[Value]:
         from asyncio import Event, get_running_loop, sleep
 
         loop, event, run = get_running_loop(), Event(), 0

@@ -117,10 +117,19 @@ class Vehicle:
         weakref.finalize(self, leave_soon, self._name, self._hub, self._member).atexit = False
 
     def __repr__(self) -> str:
-        remote = self._member.entry.remote if self._member.entry else None
+        entry = self._member.entry  # once, because the thread of the link can remove it
         absence = self._hub.failure or "not connected"
-        state = "closed" if self._member.is_closed else shown(remote) if remote else absence
+        state = "closed" if self._member.is_closed else shown(entry.remote) if entry else absence
         return f"<Vehicle on {self.url}: {state}>"
+
+    def _repr_html_(self) -> str | None:
+        """Return what is known of the vehicle, without waiting, for Jupyter."""
+        from msggen.live.vehicle.display import html_of_vehicle, html_or_none
+
+        title, member = f"Vehicle on {self.url}", self._member
+        absence = self._hub.failure or "not connected"
+        state = "closed" if member.is_closed else "connected" if self.is_connected else absence
+        return html_or_none(lambda: html_of_vehicle(title, state, member))
 
     def __enter__(self) -> Self:
         return self
@@ -247,10 +256,20 @@ class Vehicle:
 
     # samples
 
+    @overload  # a class alone: jedi does not find the message of a union
+    def subscribe(
+        self,
+        topic: type[MessageT],
+        callback: Callable[[MessageT], object] | None = None,
+        *,
+        queue: int | None = None,
+        raw: Literal[False] = False,
+        convert: bool = False,
+    ) -> Subscription[MessageT]: ...
     @overload
     def subscribe(
         self,
-        topic: type[MessageT] | Endpoint[MessageT],
+        topic: Endpoint[MessageT],
         callback: Callable[[MessageT], object] | None = None,
         *,
         queue: int | None = None,

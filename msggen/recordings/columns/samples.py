@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 from msggen.base.diagnostics import counted
 from msggen.recordings.columns.arrays import check_fields, columns_of
@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping
 
     import numpy as np
+    import pandas as pd
+    import polars as pl
+    import pyarrow as pa
     from numpy.typing import NDArray
 
     from msggen.recordings.topics.topic import Topic
@@ -66,7 +69,7 @@ class Samples:
         check_fields(self.array.dtype, chosen)
         return replace(self, fields=tuple(chosen))
 
-    def table(self, *, times: bool = False) -> Any:
+    def table(self, *, times: bool = False) -> pa.Table:
         """Return a table of Arrow (pyarrow.Table), with units and frames in the metadata of its fields.
 
         `times` is as in `columns`.
@@ -79,6 +82,12 @@ class Samples:
         fields = [*(pa.field(name, pa.int64()) for name in clocks), *table.schema]
         arrays = [*map(pa.array, clocks.values()), *table.columns]
         return pa.Table.from_arrays(arrays, schema=pa.schema(fields, table.schema.metadata))
+
+    @overload
+    def frame(self, library: Literal["pandas"] = ...) -> pd.DataFrame: ...
+
+    @overload
+    def frame(self, library: Literal["polars"]) -> pl.DataFrame: ...
 
     def frame(self, library: str = "pandas") -> Any:
         """Return a data frame of `pandas` or `polars`. Raises ValueError for another library.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from msggen.recordings.topics.choice import listed
 from msggen.recordings.topics.find import by_name, find
 
 if TYPE_CHECKING:
+    import pandas as pd
+    import polars as pl
+    import pyarrow as pa
     from numpy.typing import NDArray
 
     from msggen.recordings.topics.topic import Topic
@@ -107,7 +110,7 @@ class Aligned:
             found.update((f"{name}.{column}", values) for column, values in samples.columns().items())
         return found
 
-    def table(self) -> Any:
+    def table(self) -> pa.Table:
         """Return a table of Arrow (pyarrow.Table), with units and frames in the metadata of its fields."""
         import pyarrow as pa
 
@@ -117,6 +120,12 @@ class Aligned:
             fields += [field.with_name(f"{name}.{field.name}") for field in table.schema]
             columns += table.columns
         return pa.table(columns, schema=pa.schema(fields))
+
+    @overload
+    def frame(self, library: Literal["pandas"] = ...) -> pd.DataFrame: ...
+
+    @overload
+    def frame(self, library: Literal["polars"]) -> pl.DataFrame: ...
 
     def frame(self, library: str = "pandas") -> Any:
         """Return a data frame of `pandas` or `polars`. Raises ValueError for another library."""

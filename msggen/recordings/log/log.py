@@ -39,6 +39,9 @@ if TYPE_CHECKING:
     from types import ModuleType
     from typing import Literal, TypeVar
 
+    import pandas as pd
+    import polars as pl
+    import pyarrow as pa
     from numpy.typing import NDArray
     from typing_extensions import Self
 
@@ -257,14 +260,38 @@ class Log:
         stop: float | None = None,
         fields: Collection[str] | None = None,
         times: bool = False,
-    ) -> Any:
+    ) -> pa.Table:
         """Return a topic as a table of Arrow, as `samples` and `Samples.table` do."""
         return self.samples(key, instance=instance, start=start, stop=stop, fields=fields).table(times=times)
+
+    @overload
+    def frame(
+        self,
+        key: Key | Topic,
+        library: Literal["pandas"] = ...,
+        *,
+        instance: int | None = ...,
+        start: float | None = ...,
+        stop: float | None = ...,
+        fields: Collection[str] | None = ...,
+    ) -> pd.DataFrame: ...
+
+    @overload
+    def frame(
+        self,
+        key: Key | Topic,
+        library: Literal["polars"],
+        *,
+        instance: int | None = ...,
+        start: float | None = ...,
+        stop: float | None = ...,
+        fields: Collection[str] | None = ...,
+    ) -> pl.DataFrame: ...
 
     def frame(  # noqa: PLR0913
         self,
         key: Key | Topic,
-        library: str = "pandas",
+        library: Literal["pandas", "polars"] = "pandas",
         *,
         instance: int | None = None,
         start: float | None = None,

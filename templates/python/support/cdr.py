@@ -402,6 +402,25 @@ class Message:
         values = ", ".join(f"{name}={getattr(self, name)!r}" for name in _names(self))
         return f"{self.__class__.__name__}({values})"
 
+    def _repr_html_(self) -> str | None:
+        """Return the message as an HTML table, for Jupyter. None if that fails: Jupyter then shows the text."""
+        from .showing import html  # here, because it imports this module
+
+        try:
+            return html(self)
+        except Exception:  # noqa: BLE001 - a display must not fail
+            return None
+
+    def _repr_pretty_(self, printer: Any, cycle: bool) -> None:  # noqa: ARG002
+        """Print the message for IPython: a line for each field, or one line inside of another object."""
+        from .showing import show  # here, because it imports this module
+
+        try:
+            text = repr(self) if len(printer.stack) > 1 else show(self)
+        except Exception:  # noqa: BLE001
+            text = object.__repr__(self)
+        printer.text(text)
+
     def __getstate__(self) -> tuple[int, tuple[object, ...]]:
         return self.__msg__.message_hash, tuple(getattr(self, name) for name in _names(self))
 
