@@ -23,7 +23,7 @@ from support.ports import free_port
 from support.repository import ROOT
 
 TYPES = str(ROOT / "generated" / "px4_types")
-SHORT = Options(sync="short", board="sitl")
+SHORT = Options(sync="short")
 
 
 def options(*words: str) -> Any:

@@ -20,6 +20,7 @@ import pytest
 
 from msggen.cli import main, parser_for
 from msggen.live import Vehicle
+from msggen.live.messages.object_ids import object_ids_of
 from msggen.live.sim import Misbehaviour, Options, Simulator
 from msggen.live.xrce import client
 from msggen.live.xrce.wire import ENCAPSULATION
@@ -29,7 +30,7 @@ from support.recordings import START, Found, check_decoded, check_read, read_mca
 from support.repository import ROOT
 
 PACKAGE = str(ROOT / "generated" / "px4_types")
-SHORT = Options(sync="short", board="sitl")
+SHORT = Options(sync="short")
 
 
 @pytest.fixture(autouse=True)
@@ -66,7 +67,8 @@ def record(address: str, *words: str, types: str = PACKAGE) -> int:
 
 def check_complete(found: Sequence[Found], sent: Sequence[tuple[int, bytes]], package: Any) -> None:
     """Check that each topic has a stretch of what was sent, without a gap, and that all have been recorded together."""
-    numbers = {each.ros_name: each.object_id for each in package.topics.out}
+    ids = object_ids_of(package)[0].numbers  # of most boards
+    numbers = {each.ros_name: number for each, number in zip(package.topics.ENDPOINTS, ids, strict=True)}
     for name in {each.topic for each in found}:
         ours = [each.payload for each in found if each.topic == name]
         theirs = [payload for number, payload in sent if number == numbers[name]]

@@ -12,6 +12,7 @@ from msggen.live.link import Link, LinkError, Remote, Route, Service
 from msggen.live.links.serial import SerialLink
 from msggen.live.links.tap import TapLink
 from msggen.live.links.udp import UdpLink
+from msggen.live.messages.object_ids import object_ids_of
 from msggen.live.sim import Misbehaviour, Options, Simulator
 from support.lines import joined
 from support.link_records import Records, nothing_is_left
@@ -109,13 +110,13 @@ def test_a_vehicle_that_restarts_is_another_remote(px4_types: Any) -> None:
 @pytest.mark.parametrize("kind", ["udp", "serial"])
 def test_a_link_that_is_opened_again_goes_on_with_the_session(kind: str, px4_types: Any) -> None:
     known = [
-        Route(each.ros_name, f"px4_msgs/msg/{each.message_name}", each.direction, each.object_id)
-        for each in px4_types.topics.ENDPOINTS
+        Route(each.ros_name, f"px4_msgs/msg/{each.message_name}", each.direction, number)
+        for each, number in zip(px4_types.topics.ENDPOINTS, object_ids_of(px4_types)[0].numbers, strict=True)
     ]
     with (
         line(kind) as (link, address),
         started(link) as records,
-        Simulator(px4_types, address, [FEW._replace(board="sitl")]),
+        Simulator(px4_types, address, [FEW]),
     ):
         records.wait(lambda: records.samples)
         link.close()

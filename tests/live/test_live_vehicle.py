@@ -163,7 +163,7 @@ def test_a_client_without_a_session_is_told(url: str) -> None:
 
 
 def test_a_program_that_restarts_continues_the_session(url: str, px4_types: Any) -> None:
-    with simulated(px4_types, url, rate=50.0, board="sitl") as simulated_vehicle:
+    with simulated(px4_types, url, rate=50.0) as simulated_vehicle:
         with Vehicle(url, px4_types) as vehicle:
             vehicle.wait_connected(WAIT)
             vehicle.subscribe("vehicle_status").wait_for(bool, WAIT)

@@ -41,6 +41,9 @@ class Running(Protocol):
     def receive(self, data: bytes, now: int) -> None:
         """Take a datagram of the newest connection, or the message of a frame."""
 
+    def refuse(self) -> None:
+        """Tell that a datagram was refused, as on a host where no agent listens."""
+
     def take_outgoing(self) -> list[tuple[bytes, int]]:
         """Return the datagrams to send, each with the number of its connection."""
 
@@ -135,8 +138,11 @@ class Runner:
 
     def _receive(self, number: int) -> None:
         client = self._clients[number]
-        for data in self._transports[number].receive():
+        transport = self._transports[number]
+        for data in transport.receive():
             client.receive(data, self.now)
+        if transport.is_refused:
+            client.refuse()
         self._send(number)
 
     def _send(self, number: int) -> None:

@@ -30,6 +30,10 @@ def read_address(text: str) -> Address:
 class Transport(Protocol):
     """The connection of a vehicle."""
 
+    @property
+    def is_refused(self) -> bool:
+        """Whether a datagram of the connection was refused: nobody listens on that port, which only UDP tells."""
+
     def fileno(self) -> int:
         """Return the file descriptor, for a selector."""
 
@@ -55,6 +59,7 @@ class Udp:
         self._family: int = found[0][0]
         self._agent: tuple[Any, ...] = found[0][4]
         self._connection = -1
+        self._is_refused = False
         self._socket = self._open()
 
     def _open(self) -> socket.socket:
@@ -68,6 +73,11 @@ class Udp:
             stack.pop_all()
             return opened
 
+    @property
+    def is_refused(self) -> bool:
+        """Whether the host of the agent has refused a datagram since the last call of `send`."""
+        return self._is_refused
+
     def fileno(self) -> int:
         """Return the file descriptor, another one after `send` on a new connection."""
         return self._socket.fileno()
@@ -79,6 +89,7 @@ class Udp:
                 earlier, self._socket = self._socket, self._open()  # in this order, so that the descriptor differs
                 earlier.close()
             self._connection = connection
+        self._is_refused = False
         with suppress(OSError):
             self._socket.send(data)
 
@@ -89,8 +100,8 @@ class Udp:
             while True:
                 try:
                     found.append(self._socket.recv(_LONGEST))
-                except ConnectionError:  # nobody listens on that port
-                    continue
+                except ConnectionError:
+                    self._is_refused = True
         return found
 
     def close(self) -> None:
@@ -100,6 +111,9 @@ class Udp:
 
 class Serial:
     """A serial device or a pseudo terminal."""
+
+    is_refused = False
+    """A line does not tell whether somebody listens."""
 
     def __init__(self, address: Address) -> None:
         self._device = open_line(address.path, address.baud)

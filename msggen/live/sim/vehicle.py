@@ -186,6 +186,10 @@ class SimulatedVehicle:
             self._client.receive(arrived, now)
         self._handle()
 
+    def refuse(self) -> None:
+        """Tell that a datagram was refused, as on a host where no agent listens."""
+        self._client.refuse()
+
     def take_outgoing(self) -> list[tuple[bytes, int]]:
         """Return the datagrams to send, each with the number of its connection: `Client.take_outgoing`."""
         if self._is_silent():

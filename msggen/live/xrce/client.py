@@ -28,8 +28,10 @@ from msggen.live.xrce.client_entities import (
     create_writer,
 )
 from msggen.live.xrce.client_events import Connected, Disconnected, Event, Exchange, Received, Requested
+from msggen.live.xrce.client_inbox import LOOP, Inbox
 from msggen.live.xrce.client_liveness import Liveness, is_known
 from msggen.live.xrce.client_streams import ClientStreams
+from msggen.live.xrce.client_times import Question
 from msggen.live.xrce.entities import READER, REPLIER, WRITER, object_id, object_number
 from msggen.live.xrce.offset import OffsetFilter
 
@@ -50,8 +52,6 @@ _CREATION_WAIT: Final = 1_008_000
 """The time between two CREATE_CLIENTs."""
 _PERIOD: Final = _SECOND + 1
 """More than 1 s: the time between two TIMESTAMPs."""
-_LOOP: Final = 2_000
-"""The time of a loop in which nothing is waited for: the client polls for 1 ms, reads and writes."""
 
 
 class Client:
@@ -75,8 +75,9 @@ class Client:
         self._events: list[Event] = []
         self._readers = {object_id(each.number, READER) for each in settings.readers}
         self._servers = {object_id(each.number, REPLIER) for each in settings.servers}
-        self._is_waiting = False
+        self._is_waiting = self._is_paused = False
         self._has_received = False
+        self._loop = LOOP
         self._steps = self._live()
         self._reset()
 
@@ -84,10 +85,12 @@ class Client:
         """Forget a session."""
         self.clock = OffsetFilter(_EXCHANGES[self.settings.sync])
         self._streams = ClientStreams(self.refused)
+        self._inbox = Inbox()
+        self._is_refused = False
         self._liveness = Liveness(self._now, has_received=self._has_received)
         self._knows: bool | None = None  # whether the agent knows the session: its last INFO
         self._agent: wire.StatusAgent | None = None
-        self._reply: wire.TimestampReply | None = None
+        self._question = Question()
         self._statuses: dict[bytes, int] = {}
         self._last_write = self._sync_time = self._now
 
@@ -106,8 +109,10 @@ class Client:
     @property
     def next_time(self) -> int:
         """The time at which `advance` is to be called next."""
-        heartbeat_time = self._streams.heartbeat_time
-        return self._until if heartbeat_time is None else min(self._until, heartbeat_time)
+        until, heartbeat_time = self._until, self._streams.heartbeat_time
+        if self._inbox and not self._is_paused:
+            until = min(until, self._inbox.loop_end)
+        return until if heartbeat_time is None else min(until, heartbeat_time)
 
     def take_outgoing(self) -> list[tuple[bytes, int]]:
         """Return the datagrams to send, each with the number of its connection.
@@ -129,17 +134,18 @@ class Client:
         self._streams.advance(self._now)
         if self._now >= self._until:
             self._continue()
+        self._read()
 
     def receive(self, data: bytes, now: int) -> None:
-        """Take a datagram, or the message of a frame. Never raises."""
+        """Take a datagram, or the message of a frame. Never raises. A loop of the client reads up to ten of them."""
         self._now = max(now, self._now)
-        for submessage in self._streams.receive(data, self._now):
-            try:
-                self._take(submessage)
-            except wire.WireError as error:
-                self.refused[str(error)] += 1
-        if self._is_waiting:
-            self._continue()
+        if not self._inbox.add(data):
+            self.refused["datagram beyond the buffer"] += 1
+        self._read()
+
+    def refuse(self) -> None:
+        """Tell that a datagram was refused: nobody listens on the port of the agent."""
+        self._is_refused = True
 
     def write(self, number: int, data: bytes) -> bool:
         """Send a sample, CDR without encapsulation, together with the others before the next call of `advance`.
@@ -165,7 +171,7 @@ class Client:
         self._now = max(now, self._now)
         if self.is_closed:
             return
-        self.is_connected = False
+        self.is_connected = self._is_paused = False
         self._steps = self._end()
         self._continue()
 
@@ -187,7 +193,7 @@ class Client:
             was_connected, self.is_connected = self.is_connected, False
             self._events.append(Disconnected(reason))
             if not was_connected:
-                yield from self._wait(lambda: False, _SECOND)
+                yield from self._pause(_SECOND)
             self._collect_outgoing()
             self._reset()
             self.connections += 1
@@ -214,12 +220,23 @@ class Client:
         self._streams.wait(None)
         return is_done()
 
+    def _pause(self, time: int) -> _Steps:
+        """Let time pass, in which nothing is read."""
+        end = self._now + time
+        self._is_paused = True
+        while self._now < end:
+            yield end
+        self._is_paused = False
+
     def _find_agent(self) -> _Steps:
+        """Ask for an agent every second, or every other second if the question is refused."""
         while True:
-            self._knows = None
+            self._knows, self._is_refused = None, False
             self._streams.send(wire.GetInfo(_PING_ID).pack(), wire.NO_SESSION)
             if (yield from self._wait(lambda: self._knows is not None, _SECOND)):
                 return
+            if self._is_refused:
+                yield from self._pause(_SECOND)
 
     def _open_session(self) -> _Outcome:
         create = wire.CreateClient(self.settings.key)
@@ -278,7 +295,7 @@ class Client:
                 return f"no sample was sent for {silence // _SECOND} s"
             if self.clock.window and self._now >= self._sync_time:
                 is_done = yield from self._exchange(_SYNC_WAIT)
-                self._sync_time = self._now + (_PERIOD if is_done and self.clock.is_converged else _LOOP)
+                self._sync_time = self._now + (_PERIOD if is_done and self.clock.is_converged else self._loop)
             if self._liveness.is_ping_due(self._now):
                 yield from self._ping()
                 if self._liveness.is_over:
@@ -303,21 +320,17 @@ class Client:
                 if missed > _ATTEMPTS:
                     return False
             if not self.clock.is_converged:
-                yield from self._wait(lambda: False, _SYNC_PAUSE[self.settings.sync])
+                yield from self._pause(_SYNC_PAUSE[self.settings.sync])
         return True
 
     def _exchange(self, time: int) -> _Outcome:
         """Ask for the agent's time, and return whether it answers in time."""
-        self._reply = None
-        self._streams.send(wire.Timestamp(self._now * 1000).pack())
-        yield from self._wait(lambda: self._reply is not None, time)
-        reply = self._reply
-        if reply is None:
+        question = self._question
+        self._streams.send(question.ask(self._now))
+        yield from self._wait(lambda: question.is_answered(in_session=self.is_connected), time)
+        if question.reply is None:
             return False
-        sent, agent = reply.originated // 1000, reply.transmitted // 1000
-        if 0 <= sent <= self._now:
-            self.clock.add(sent, agent, self._now)
-            self.exchange = Exchange(agent, agent - (sent + self._now) // 2, self._now - sent)
+        self.exchange = question.add_to(self.clock, self._now) or self.exchange
         return True
 
     def _collect_outgoing(self) -> None:
@@ -326,6 +339,20 @@ class Client:
         self._streams.outgoing.clear()
 
     # Receiving
+
+    def _read(self) -> None:
+        """Read datagrams: all while the client waits for an answer, else as many as a loop takes."""
+        while not self._is_paused:
+            data = self._inbox.take(self._now, is_limited=not self._is_waiting)
+            if data is None:
+                return
+            for submessage in self._streams.receive(data, self._now):
+                try:
+                    self._take(submessage)
+                except wire.WireError as error:
+                    self.refused[str(error)] += 1
+            if self._is_waiting:
+                self._continue()
 
     def _take(self, submessage: wire.Submessage) -> None:
         take = _TAKE.get(submessage.id)
@@ -349,7 +376,7 @@ class Client:
             self._statuses[status.request_id] = status.status
 
     def _take_timestamp_reply(self, submessage: wire.Submessage) -> None:
-        self._reply = wire.TimestampReply.unpack(submessage.payload)
+        self._question.reply = wire.TimestampReply.unpack(submessage.payload)
 
     def _take_data(self, submessage: wire.Submessage) -> None:
         sample = wire.Sample.unpack(submessage.payload, submessage.flags)

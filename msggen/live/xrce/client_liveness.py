@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
+from msggen.live.xrce.client_inbox import LOOP
 from msggen.live.xrce.wire import WireError
 
 _PERIOD: Final = 1_000_001
@@ -47,7 +48,7 @@ class Liveness:
             self.written = self.read = 0
             self._window_end = now + _PERIOD
             if flowed or self._flows:
-                self.ping_time = now + _PERIOD
+                self.ping_time = now - LOOP + _PERIOD  # counted from the last loop in which samples flow
                 self._missed = 0
         if self._flows or now < self.ping_time:
             return False

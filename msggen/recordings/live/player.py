@@ -198,6 +198,10 @@ class Player:
         self._client.receive(data, now)
         self._handle(now)
 
+    def refuse(self) -> None:
+        """Tell that a datagram was refused, as on a host where no agent listens."""
+        self._client.refuse()
+
     def take_outgoing(self) -> list[tuple[bytes, int]]:
         """Return the datagrams to send, each with the number of its connection."""
         return self._client.take_outgoing()

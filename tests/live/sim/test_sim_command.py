@@ -22,6 +22,7 @@ from msggen.live.link import Connected, Disconnected, Event, LinkError, Sample
 from msggen.live.links.address import Address
 from msggen.live.sim import Misbehaviour, Options, Simulator
 from msggen.live.sim.transport import read_address
+from msggen.live.xrce import wire
 from msggen.live.xrce.agent import Agent
 from msggen.live.xrce.framing import Deframer, pack_frame
 from support.repository import ROOT
@@ -105,6 +106,25 @@ def test_a_simulator_waits_for_its_agent(px4_types: Any) -> None:
     simulator = Simulator(px4_types, f"udp://127.0.0.1:{port}", [SHORT])
     simulator.serve(0.3)
     assert not simulator.vehicles[0].is_connected
+    simulator.close()
+
+
+def test_a_simulator_that_is_refused_asks_its_agent_every_other_second(px4_types: Any) -> None:
+    """The system tells that nobody listens, which the client notices after its question."""
+    agent = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    agent.bind(("127.0.0.1", 0))
+    address = agent.getsockname()
+    agent.close()
+    simulator = Simulator(px4_types, f"udp://127.0.0.1:{address[1]}", [SHORT])
+    simulator.serve(0.3)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as agent:
+        agent.bind(address)
+        agent.setblocking(False)  # noqa: FBT003 - the name of the method says what it means
+        simulator.serve(1.2)
+        with pytest.raises(BlockingIOError):
+            agent.recv(100)
+        simulator.serve(0.8)
+        assert agent.recv(100)[4] == wire.GET_INFO
     simulator.close()
 
 

@@ -1,168 +1,138 @@
 """Tests of the client while its agent is gone or another one: the datagrams of PX4 v1.18's client in captures.
 
-The agent's datagrams go in at their times. The client's must come out: the same kinds in the same order, and the same
-bytes where they do not depend on the clock. Samples depend on the vehicle, and are counted.
+The agent's datagrams go in at the times of the captured client's clock. The client's must come out: the same datagrams
+in the same order, but for clocks, request ids of replies, and padding. Samples depend on the vehicle: `is_compared`.
 """
 
 from __future__ import annotations
 
-from collections import Counter
-from itertools import pairwise
-from typing import Any
+from itertools import groupby, pairwise
+from typing import Any, NamedTuple
 
 import pytest
 
-from msggen.live.sim import Options, SimulatedVehicle
-from msggen.live.xrce import wire
-from msggen.live.xrce.offset import OffsetFilter
+from msggen.live.xrce import client, client_liveness, wire
+from support.gap_replay import History, Replay, is_compared
 from support.simulation import SECOND
-from support.xrce_agent import SmallAgent
-from support.xrce_captures import Row, rows
-from support.xrce_padding import masked
-
-STEP = 4_000
-"""The step of the clock of the captured client in us."""
-LATE = 50_000
-"""The time in us that a loop of the captured client may be late, on a busy machine: it is then repeated at its time."""
+from support.xrce_captures import FOLDER
 
 
-def is_question(data: bytes) -> bool:
-    """Whether a datagram of the client has no samples: samples and replies depend on what the vehicle does."""
-    return data[4] != wire.WRITE_DATA
+class Case(NamedTuple):
+    """A capture, and what came before it."""
+
+    name: str
+    history: History = History()
 
 
-class Replay:
-    """A simulated vehicle that gets the datagrams of a captured agent. Times are those of the captured client."""
+AT_START = History(in_session=False)
 
-    def __init__(self, package: Any, captured: list[Row], options: Options = Options()) -> None:  # noqa: B008
-        self.vehicle = SimulatedVehicle(package, options)
-        self.captured = captured
-        self.sent: list[tuple[int, bytes, int]] = []
-        self.now = 0
-        self.stamps = [
-            (row.time, wire.Timestamp.unpack(row.data[8:]).time // 1000)
-            for row in captured
-            if row.sender == "client" and row.data[4] == wire.TIMESTAMP and row.port == captured[0].port
-        ]
-        self.boot = self.clock(0.0)
-
-    def clock(self, time: float) -> int:
-        """Return the time of the captured client, whose simulator counts in steps of 4 ms and lags behind."""
-        before = [each for each in self.stamps if each[0] <= time]
-        after = [each for each in self.stamps if each[0] > time]
-        if not before or not after:
-            near, value = before[-1] if before else after[0]
-            value += round((time - near) * SECOND)
-        else:
-            (start, first), (end, last) = before[-1], after[0]
-            value = first + round((time - start) / (end - start) * (last - first))
-        return value - (value - self.stamps[0][1]) % STEP
-
-    def begin(self) -> None:
-        """Bring the vehicle into a session before the first datagram, with the times at which it asked last."""
-        answers: list[bytes] = []
-        agent = SmallAgent(answers.append)
-        client = self.vehicle._client
-        now = self.boot - 20 * SECOND
-        while now < self.boot:
-            self.vehicle.advance(now)
-            for data, _ in self.vehicle.take_outgoing():
-                agent.receive(data, now)
-            for data in answers:
-                self.vehicle.receive(data, now)
-            answers.clear()
-            now = max(now + 1, min(self.vehicle.next_time, self.boot))
-        assert self.vehicle.is_connected
-        asked = {kind: self.first(kind) for kind in (wire.TIMESTAMP, wire.GET_INFO)}
-        client._sync_time = asked[wire.TIMESTAMP]
-        client._liveness.ping_time = asked[wire.GET_INFO]
-        client._until = self.boot
-        reply = next(row.data for row in self.captured if row.data[4] == wire.TIMESTAMP_REPLY)
-        stamp = wire.TimestampReply.unpack(reply[8:])
-        client.clock = OffsetFilter(client.clock.window)
-        for _ in range(client.clock.window):
-            client.clock.add(stamp.originated // 1000, stamp.transmitted // 1000, stamp.originated // 1000)
-
-    def first(self, kind: int) -> int:
-        """Return when the client sent a submessage of a kind for the first time."""
-        return next(self.clock(row.time) for row in self.captured if row.sender == "client" and row.data[4] == kind)
-
-    def run(self) -> None:
-        for row in self.captured:
-            time = self.clock(row.time)
-            late = STEP if row.data[4] == wire.INFO else 0  # it comes after the question
-            while self.vehicle.next_time <= time + (late if self.vehicle._client._is_waiting else -LATE):
-                self._advance(self.vehicle.next_time)
-            if row.sender == "client":
-                self._advance(time)
-            else:
-                self.now = max(self.now, time)
-                self.vehicle.receive(row.data, self.now)
-                self._take()
-
-    def _advance(self, now: int) -> None:
-        self.now = max(self.now, now)
-        self.vehicle.advance(self.now)
-        self._take()
-
-    def _take(self) -> None:
-        self.sent += [(self.now, *each) for each in self.vehicle.take_outgoing()]
-
-    def ours(self) -> list[bytes]:
-        """Return the datagrams without samples that the vehicle has sent."""
-        return [data for _, data, _ in self.sent if is_question(data)]
-
-    def theirs(self) -> list[bytes]:
-        """Return those of the captured client."""
-        return [row.data for row in self.captured if row.sender == "client" and is_question(row.data)]
-
-
-def compared(data: bytes) -> bytes:
-    """Return the part of a datagram that does not depend on the clock."""
-    return data[:8] if data[4] == wire.TIMESTAMP else data
-
-
-GAPS = {
-    "gap-pings-2.5": "the third ping in a row is answered",
-    "gap-pings-no-time": "pings are answered, and TIMESTAMP is not: one in each loop",
-    "gap-info-no": "an INFO of an unknown session ends each ping, and the session after three of them",
-    "gap-continued": "an INFO that comes while the client waits, and a HEARTBEAT among best-effort messages",
-    "gap-hbfar": "a HEARTBEAT that tells of 4096 messages",
+ROWS = {
+    "a ping is waited for by 1 s, and sent more than 1 s after the start of the last one": [
+        Case("gap-pings-0.3"),
+        Case("gap-pings-1.5"),
+    ],
+    "the third ping in a row can still be answered": [Case("gap-pings-2.5")],
+    "the fourth ping ends the session; the next one begins with 500 times and all entities": [
+        Case("gap-killed", AT_START._replace(received=True))
+    ],
+    "an INFO with availability 0 is no answer, also while the filter restarts": [
+        Case("gap-info-avail0", History(outliers=7))
+    ],
+    "an INFO of an unknown session ends the wait for each ping, and is a miss": [Case("gap-info-no")],
+    "an INFO needs no configuration": [Case("gap-info-bare")],
+    "an INFO without a question ends the wait for a ping": [Case("gap-continued")],
+    "the answers of an agent that stood still are taken together": [Case("gap-stopped")],
+    "there are no pings while samples flow both ways": [
+        Case("gap-stale-reliable", History(calls=2, window=96_000)),
+        Case("gap-stale", History(calls=4, flows=True)),
+    ],
+    "a TIMESTAMP without an answer is repeated in each loop, after 10 ms": [Case("gap-pings-no-time")],
+    "a TIMESTAMP at the start is waited for by 1 s; eleven time-outs in a row end the session": [
+        Case("gap-sync-none", AT_START)
+    ],
+    "the start goes on with the next agent; nothing is read in the pauses of 10 ms": [
+        Case("gap-sync-table", AT_START),
+        Case("gap-sync-learnt", AT_START),
+    ],
+    "the eleventh outlier in a row restarts the filter: 500 TIMESTAMPs, one in each loop": [
+        Case("gap-learnt", History(calls=2, outliers=4, best_effort=0x4000)),
+        Case("gap-acklow", History(calls=4, outliers=6, best_effort=1, heartbeat=0x1000, window=100_000)),
+    ],
+    "before a session, a refused ping is repeated after 2 s; a client that is stopped sends DELETE": [
+        Case("gap-client-restarted")
+    ],
+    "a HEARTBEAT that tells of 4096 messages sets 16 bits in all ACKNACKs": [Case("gap-hbfar")],
+    "an ACKNACK that is too high does no harm; replies go on": [
+        Case("gap-ackhigh", History(calls=2, heartbeat=0x1000, window=100_000))
+    ],
 }
+"""What PX4's client does, and the captures that show it. In gap-acklow, an ACKNACK also ends all replies."""
+
+BY_KIND = [Case("gap-publishing", History(flows=True, window=-4_020_000))]
+"""Captures of which the TIMESTAMPs in a row are counted, within one: one is sent in each loop, of 12 ms here. The first
+ping comes 1 s after the end of the first window without samples, and no datagram shows in which loop it ends."""
+
+CASES = [case for cases in ROWS.values() for case in cases]
 
 
-@pytest.mark.parametrize("name", GAPS)
-def test_the_client_does_what_px4_did_in_a_gap(name: str, px4_types: Any) -> None:
-    replay = Replay(px4_types, rows(name))
-    replay.begin()
+@pytest.fixture(autouse=True)
+def _steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let more than 1 s be 1.001 s: the captured clock stands still for 4 ms, and ours goes on by 1 us a loop."""
+    for module in (client, client_liveness):
+        monkeypatch.setattr(module, "_PERIOD", SECOND + 1000)
+
+
+def replayed(case: Case, package: Any) -> Replay:
+    replay = Replay(package, case.name, case.history)
     replay.run()
-    assert [compared(data) for data in replay.ours()] == [compared(data) for data in replay.theirs()], GAPS[name]
+    return replay
 
 
-@pytest.mark.parametrize("name", GAPS)
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+def test_the_client_does_what_px4_did_in_a_gap(case: Case, px4_types: Any) -> None:
+    replay = replayed(case, px4_types)
+    assert replay.ours() == replay.theirs(), [row for row, cases in ROWS.items() if case in cases]
+
+
+@pytest.mark.parametrize("case", BY_KIND, ids=lambda case: case.name)
+def test_the_client_does_the_same_in_order(case: Case, px4_types: Any) -> None:
+    replay = replayed(case, px4_types)
+    ours, theirs = ([(data, len([*same])) for data, same in groupby(each)] for each in (replay.ours(), replay.theirs()))
+    assert [data for data, _ in ours] == [data for data, _ in theirs]
+    assert all(abs(one - two) <= 1 for (_, one), (_, two) in zip(ours, theirs, strict=True))
+    assert max(number for _, number in theirs) > 150
+
+
+def test_every_capture_of_a_gap_is_replayed() -> None:
+    stored = {path.name.removesuffix(".json.gz") for path in FOLDER.glob("gap-*.json.gz")}
+    assert stored == {case.name for case in [*CASES, *BY_KIND]}
+    assert len(stored) == 21
+
+
+@pytest.mark.parametrize("name", ["gap-pings-2.5", "gap-continued", "gap-info-avail0", "gap-publishing"])
 def test_one_row_of_samples_leaves_between_two_pings_of_a_gap(name: str, px4_types: Any) -> None:
     """In one datagram, with a sample of each topic that has a new one, as the client has 2,048 bytes for them."""
-    replay = Replay(px4_types, rows(name))
-    replay.begin()
-    replay.run()
-    pings = [place for place, (_, data, _) in enumerate(replay.sent) if data[4] == wire.GET_INFO]
+    replay = replayed(next(case for case in [*CASES, *BY_KIND] if case.name == name), px4_types)
+    pings = [place for place, (_, data) in enumerate(replay.sent) if data[4] == wire.GET_INFO]
     waits = [(one, two) for one, two in pairwise(pings) if replay.sent[two][0] - replay.sent[one][0] > SECOND]
-    between = [[data for _, data, _ in replay.sent[one:two] if not is_question(data)] for one, two in waits]
+    between = [[data for _, data in replay.sent[one:two] if not is_compared(data)] for one, two in waits]
     blocked = [messages for messages in between if len(messages) < 3]
+    assert blocked
     assert all(len([*wire.submessages(messages[0][4:])]) >= 8 for messages in blocked)
-    if name == "gap-pings-2.5":
-        assert blocked
 
 
-def test_the_session_begins_as_that_of_px4(px4_types: Any) -> None:
-    """500 TIMESTAMPs, the entities with the ids of most boards, and the first TIMESTAMP of the session."""
-    captured = [row for row in rows("gap-killed") if row.port == 1 and row.time < 6.5]
-    replay = Replay(px4_types, captured)
-    replay.vehicle._client._until = replay.clock(captured[0].time)
-    replay.run()
-    ours, theirs = replay.ours(), replay.theirs()
-    created = [[masked(data) for data in each if data[1] == wire.RELIABLE] for each in (ours, theirs)]
-    assert created[0] == created[1]
-    assert len(created[0]) == 72
-    counts = [Counter(data[4] for data in each) for each in (ours, theirs)]
-    assert counts[0] == counts[1]
+def test_a_burst_is_read_by_ten_in_a_loop(px4_types: Any) -> None:
+    """The ACKNACKs to HEARTBEATs tell when each was read. A loop takes 2 ms."""
+    replay = Replay(px4_types, "gap-continued")
+    vehicle, now = replay.vehicle, replay.now
+    vehicle._client._liveness.ping_time = vehicle._client._sync_time = now + SECOND
+    vehicle.advance(now)
+    question = wire.pack_message(0x81, wire.NO_STREAM, 0, wire.Heartbeat(0, 0xFFFF).pack())
+    for _ in range(25):
+        vehicle.receive(question, now)
+    read = []
+    for step in (0, 1_999, 2_000, 4_000, 6_000):
+        vehicle.advance(now + step)
+        read.append(sum(data[4] == wire.ACKNACK for data, _ in vehicle.take_outgoing()))
+    assert read == [10, 0, 10, 5, 0]
+    assert vehicle.next_time > now + 6_000

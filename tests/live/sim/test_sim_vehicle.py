@@ -218,6 +218,7 @@ def asked(bench: Bench, name: str, version: int = 1) -> Any:
 def test_format_requests_are_answered_with_the_hashes_of_the_package(bench: Bench) -> None:
     for endpoint in bench.topics.ENDPOINTS:
         answer = asked(bench, endpoint.format_request_name)
+        bench.run(0.002)  # a loop of the client
         assert (answer.success, answer.message_hash) == (True, endpoint.message.__msg__.message_hash)
 
 
@@ -251,6 +252,7 @@ def test_a_heartbeat_with_times_of_another_clock_is_too_old(bench: Bench) -> Non
     for number in range(5):
         bench.publish(bench.package.OffboardControlMode(timestamp=1000 + number, position=True))
     assert bench.command(176, 1.0, 6.0) == 1
+    bench.run(0.002)  # a loop of the client
     for number in range(5):
         bench.publish(bench.package.OffboardControlMode(timestamp=bench.now + EPOCH - 5 + number, position=True))
     assert bench.command(176, 1.0, 6.0) == 0
