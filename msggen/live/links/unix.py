@@ -67,10 +67,8 @@ class UnixLink:
         try:
             own = connected(self.path)
         except OSError as error:
-            text = (
-                f"no process owns the link at '{self.path}' ({error.strerror}): start `msggen link serve`, or `ssh -L`"
-            )
-            raise LinkError(text) from error
+            text = f"no process owns the link at '{self.path}' ({error.strerror})"
+            raise LinkError(f"{text}: start `msggen link serve`, or `ssh -L`") from error
         return greeted(own, "")
 
     def reopened(self, reason: str) -> socket.socket:
