@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from msggen.definitions.model import Catalog
+from msggen.generate.site.changes import changes_since
 from msggen.generate.site.pages import render_site
 from msggen.generate.site.prose import read_documents
 from msggen.generate.site.site import Project, Site
+from msggen.sources.sources import find_sources
 from support.catalogs import write_definitions
 from support.markup_attacks import hostile
 from support.programs import required
@@ -28,7 +30,9 @@ CSS, WAIT = "css selector", 20
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory, embedded: Catalog) -> Path:
-    site = Site(embedded, "PX4 v1.18", project=Project(str(ROOT), read_documents(str(ROOT))[:2]))
+    documents = [each for each in read_documents(str(ROOT)) if each.name in ("index", "check", "first-flight")]
+    changes = changes_since(find_sources("embedded:v1.17"), "PX4 v1.17", find_sources(None), embedded)
+    site = Site(embedded, "PX4 v1.18", changes=changes, project=Project(str(ROOT), tuple(documents)))
     return write_definitions(tmp_path_factory.mktemp("site"), render_site(site))
 
 
@@ -153,6 +157,61 @@ def test_guide_pages_are_found_by_their_headings(browser: Chrome, folder: Path) 
     assert find("h2:target").text == "Keep px4_msgs up to date"
 
 
+@pytest.mark.parametrize(
+    ("typed", "page", "name"),
+    [
+        ("vehiclestaus", "VehicleStatus.html", "VehicleStatus"),
+        ("nav_state offb", "VehicleStatus.html#NAVIGATION_STATE_OFFBOARD", "NAVIGATION_STATE_OFFBOARD"),
+        ("gyro_intgral", "SensorCombined.html#gyro_integral_dt", "gyro_integral_dt"),
+        ("vheicle_odometry", "VehicleOdometry.html", "VehicleOdometry"),
+        ("fresh lapotp", "first-flight.html", "From a fresh laptop to flying in simulation"),
+    ],
+)
+def test_the_search_forgives_typing_errors_and_finds_parts_of_names(
+    browser: Chrome, folder: Path, typed: str, page: str, name: str
+) -> None:
+    find = opened(browser, folder, "index.html")
+    find("#search-box").send_keys(typed)
+    result = find("#search-results [role=option] a")
+    assert (str(result.get_attribute("href")).rpartition("/")[2], result.text.partition("\n")[0]) == (page, name)
+
+
+def test_a_short_word_with_an_error_finds_nothing(browser: Chrome, folder: Path) -> None:
+    find = opened(browser, folder, "index.html")
+    find("#search-box").send_keys("zqx")
+    assert find("#search-results").text == "nothing found"
+
+
+def test_changes_are_filtered_by_name_and_rule_and_opened_by_the_address(browser: Chrome, folder: Path) -> None:
+    def shown() -> list[str]:
+        script = "return [...document.querySelectorAll('.changed')].filter((e) => e.checkVisibility()).map((e) => e.id)"
+        return list(browser.execute_script(script))
+
+    find = opened(browser, folder, "changes.html#EscReport")
+    assert find("#EscReport").get_attribute("open")
+    everything = shown()
+    box = find("#filter-box")
+    box.send_keys("field_removed esc")
+    assert "EscReport" in shown()
+    assert len(shown()) < len(everything) / 4
+    assert find("#filter-count").text == f"{len(shown())} of {len(everything)}"
+    hidden = browser.execute_script(
+        "return [...document.querySelectorAll('main section')].filter((e) => e.hidden).length"
+    )
+    assert hidden > 0
+    box.clear()
+    box.send_keys(" ")
+    assert shown() == everything
+
+
+def test_the_page_of_changes_can_be_read_on_a_telephone(browser: Chrome, folder: Path) -> None:
+    resize(browser, 390)
+    find = opened(browser, folder, "changes.html")
+    assert browser.execute_script("return document.documentElement.scrollHeight") < 6000
+    find("#filter-open").click()
+    assert browser.execute_script("return document.documentElement.scrollWidth") <= 390
+
+
 def test_light_and_dark_follow_the_system_until_the_button_is_pressed(browser: Chrome, folder: Path) -> None:
     def paper() -> str:
         return str(browser.execute_script("return getComputedStyle(document.body).backgroundColor"))
@@ -177,8 +236,19 @@ def test_light_and_dark_follow_the_system_until_the_button_is_pressed(browser: C
 
 
 PAGES = (
-    *("index", "messages", "topics", "enums", "nesting", "msg/EscStatus", "msg/VehicleCommand", "srv/VehicleCommand"),
+    *(
+        "index",
+        "messages",
+        "topics",
+        "enums",
+        "nesting",
+        "changes",
+        "msg/EscStatus",
+        "msg/VehicleCommand",
+        "srv/VehicleCommand",
+    ),
     *("topic/fmu.in.aux_global_position", "enum/VehicleStatus.NavigationState", "guide/index"),
+    "guide/first-flight",
 )
 
 

@@ -186,6 +186,17 @@ def test_the_pages_of_a_project_lead_to_each_other_and_to_messages() -> None:
     assert list(broken_links(files)) == []
 
 
+def test_every_page_of_a_project_is_in_the_site_whatever_its_name() -> None:
+    pages = {"first-flight": "# Flight\n", "a b": "# A b\n", "v1.2": "# Version\n", "index": "# Index\n"}
+    links = "[1](first-flight.md#flight) [2](a%20b.md) [3](v1.2.md) [4](index.md) [5](../README.md)\n"
+    project(**pages, all=links)
+    docs("--project", "mine")
+    shown = dict(re.findall(r'<a href="([^"#]*)[^"]*">(\d)</a>', article("all")))
+    titles = {shown[name]: article(name.removesuffix(".html")) for name in shown}
+    found = [re.sub("<.*?>", "", titles[number]) for number in sorted(titles)]
+    assert found == ["Flight", "A b", "Version", "Index", "Mine"]
+
+
 def test_a_changed_page_of_a_project_is_written() -> None:
     project(one="# One\n")
     docs("--project", "mine")
