@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,17 +14,15 @@ from msggen.generate.site.pages import render_site
 from msggen.generate.site.prose import read_documents
 from msggen.generate.site.site import Project, Site
 from msggen.sources.sources import find_sources
+from support.browser import CSS, chromium_with, complaints, prefer, resize, wait_for
 from support.catalogs import write_definitions
 from support.markup_attacks import hostile
-from support.programs import required
 from support.repository import ROOT
 
 if TYPE_CHECKING:
     from selenium.webdriver import Chrome
 
 pytestmark = pytest.mark.tools
-
-CSS, WAIT = "css selector", 20
 
 
 @pytest.fixture(scope="module")
@@ -38,25 +35,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory, embedded: Catalog) -> Path:
 
 @pytest.fixture(scope="module")
 def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chrome]:
-    """A browser that reaches no network."""
-    program, driver_program = shutil.which("chromium"), shutil.which("chromedriver")
-    required("chromium", is_there=program is not None)
-    required("chromedriver", is_there=driver_program is not None)
-    webdriver = pytest.importorskip("selenium.webdriver")
-    options = webdriver.ChromeOptions()
-    options.binary_location = program
-    profile = tmp_path_factory.mktemp("profile")
-    for argument in (
-        *("--headless=new", "--disable-dev-shm-usage", f"--user-data-dir={profile}"),
-        "--no-sandbox",  # which needs rights that containers do not give, and the pages are ours
-        "--host-resolver-rules=MAP * ~NOTFOUND",
-    ):
-        options.add_argument(argument)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    driver = webdriver.Chrome(options, webdriver.ChromeService(driver_program))
-    driver.implicitly_wait(WAIT)
-    yield driver
-    driver.quit()
+    yield from chromium_with(tmp_path_factory.mktemp("profile"))
 
 
 @pytest.fixture
@@ -65,12 +44,6 @@ def browser(chromium: Chrome) -> Chrome:
     chromium.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
     chromium.set_window_size(1200, 900)
     return chromium
-
-
-def resize(browser: Chrome, width: int) -> None:
-    """Give the pages a screen of this width. Windows of Chromium cannot be as narrow as a telephone."""
-    screen = {"width": width, "height": 780, "deviceScaleFactor": 1, "mobile": False}
-    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", screen)
 
 
 def opened(browser: Chrome, folder: Path, page: str) -> Any:
@@ -82,19 +55,6 @@ def opened(browser: Chrome, folder: Path, page: str) -> Any:
 def place(browser: Chrome) -> str:
     """Return the file and the anchor of the current page."""
     return browser.current_url.rpartition("/")[2]
-
-
-def wait_for(browser: Chrome, condition: str) -> None:
-    """Wait until an expression is true in the page."""
-    from selenium.webdriver.support.ui import WebDriverWait
-
-    WebDriverWait(browser, WAIT).until(lambda each: each.execute_script(f"return {condition}"))
-
-
-def complaints(browser: Chrome) -> list[Any]:
-    """Return what the console has been told since the last call."""
-    found: list[Any] = browser.get_log("browser")  # type: ignore[no-untyped-call]
-    return found
 
 
 def test_a_reader_clicks_from_the_first_page_to_a_field(browser: Chrome, folder: Path) -> None:
@@ -216,16 +176,11 @@ def test_light_and_dark_follow_the_system_until_the_button_is_pressed(browser: C
     def paper() -> str:
         return str(browser.execute_script("return getComputedStyle(document.body).backgroundColor"))
 
-    def prefer(scheme: str) -> None:
-        browser.execute_cdp_cmd(
-            "Emulation.setEmulatedMedia", {"features": [{"name": "prefers-color-scheme", "value": scheme}]}
-        )
-
     light, dark = "rgb(255, 255, 255)", "rgb(20, 24, 29)"
     find = opened(browser, folder, "index.html")
-    prefer("dark")
+    prefer(browser, "dark")
     assert paper() == dark
-    prefer("light")
+    prefer(browser, "light")
     assert paper() == light
     find("#theme-button").click()
     assert paper() == dark

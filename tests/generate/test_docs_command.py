@@ -219,6 +219,21 @@ def test_markup_in_a_page_of_a_project_is_text() -> None:
     ]
 
 
+@pytest.mark.parametrize(("url", "inner"), [("../index.html", "../../index.html"), ("https://a.b/", "https://a.b/")])
+def test_the_header_leads_home(url: str, inner: str) -> None:
+    docs("--home", url)
+    first, message = (Elements(Path("site", name).read_text()) for name in ("messages.html", "msg/Wheel.html"))
+    assert url in first.all("a", "href")
+    assert inner in message.all("a", "href")
+    assert "up to date" in docs("--home", url)
+    docs()
+    assert url not in Path("site/messages.html").read_text()
+
+
+def test_a_home_needs_html() -> None:
+    assert "--home needs --format html" in docs("--home", "x", "--format", "markdown", code=2)
+
+
 def test_a_project_needs_html_and_a_folder() -> None:
     assert "--project needs --format html" in docs("--project", "px4", "--format", "markdown", code=2)
     assert "--project: S101 'nowhere': no such folder" in docs("--project", "nowhere", code=2)

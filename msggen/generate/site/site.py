@@ -50,6 +50,7 @@ class Site:
     """A site about a catalog, and what its templates use.
 
     `title` names the definitions. `changes` are those since a previous release, and `project` has further pages.
+    `home` is the URL of a page that the header links to, from the folder of the site.
     """
 
     catalog: Catalog
@@ -57,6 +58,7 @@ class Site:
     format: str = "html"
     changes: Changes | None = None
     project: Project | None = None
+    home: str = ""
     views: Views = field(init=False)
 
     def __post_init__(self) -> None:
@@ -134,6 +136,11 @@ class Site:
     def url(self, thing: object) -> str:
         """Return the path of the page about a view, from the folder of the site."""
         return self._urls[thing]
+
+    def home_from(self, root: str) -> str:
+        """Return the URL of `home` on a page from which `root` leads to the folder of the site."""
+        is_absolute = re.match(r"[a-z]+:|/", self.home, re.IGNORECASE)
+        return self.home if is_absolute else root + self.home
 
     def users_of(self, message: MessageView) -> tuple[MessageView, ...]:
         """Return the messages with a field that holds `message`."""
