@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from docutils import nodes
-from pygments.lexers.special import TextLexer
 from sphinx.addnodes import pending_xref
 from sphinx.application import Sphinx
 
@@ -23,6 +22,7 @@ from msggen.base.version import __version__  # noqa: E402
 
 project = "msggen"
 release = version = __version__
+html_baseurl = "https://msggen.github.io/msggen/"
 html_title = f"msggen {release}"
 extensions = ["myst_parser", "sphinx.ext.autodoc"]
 myst_heading_anchors = 4
@@ -77,7 +77,6 @@ def skip_member(_app: Sphinx, _kind: str, _name: str, thing: Any, _skip: bool, _
 def setup(app: Sphinx) -> None:
     """Connect the functions of this site."""
     words = Words()
-    app.add_lexer("mermaid", TextLexer)
     app.connect("doctree-read", link_to_repository)
     app.connect("autodoc-process-docstring", convert_docstring)
     app.connect("autodoc-skip-member", skip_member)

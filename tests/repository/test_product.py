@@ -13,13 +13,16 @@ from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree as ET
 
 import pytest
+from build_site import render
 from site_commands import command_pages
+from site_flow import arrows, places, with_drawings
 from site_front import SHOWN, tall_picture, wide_picture
 from site_library import FACADES, PUBLIC, as_rst, library_pages
 from site_pages import pages, session
 
 from msggen.cli import parser_for
 from support.browser import chromium_with, complaints, prefer, resize, wait_for
+from support.catalogs import write_definitions
 from support.html import Elements, broken_links
 from support.repository import ROOT
 
@@ -66,6 +69,30 @@ def test_the_pictures_have_text_inside_of_their_boxes(draw: Any) -> None:
             box["x"] < place[0] < box["x"] + box["width"] and box["y"] < place[1] < box["y"] + box["height"]
             for box in boxes
         ), text.text
+
+
+def test_a_flowchart_is_drawn_from_left_to_right() -> None:
+    found = arrows("    a --> b --> c\n    a & b --> d\n    c & d --> e\n")
+    assert set(found) == {("a", "b"), ("b", "c"), ("a", "d"), ("b", "d"), ("c", "e"), ("d", "e")}
+    placed = places(found)
+    assert all(placed[one].column < placed[other].column for one, other in found)
+    assert len({*placed.values()}) == len(placed) == 5
+    page = with_drawings("before\n```mermaid\nflowchart LR\n    a --> b\n```\nafter\n")
+    assert re.findall("<text[^>]*>(.*?)</text>", page) == ["a", "b"]
+    assert page.startswith("before\n<div")
+    assert page.endswith("</div>\nafter\n")
+
+
+@pytest.mark.parametrize("wrong", ["a[Text] --> b", "a", "a --> b\nb --> a"])
+def test_a_flowchart_that_cannot_be_drawn_is_an_error(wrong: str) -> None:
+    with pytest.raises(ValueError, match="arrows"):
+        places(arrows(wrong))
+
+
+def test_no_flowchart_stays_text_in_the_site() -> None:
+    texts = [with_drawings((ROOT / f"{page}.md").read_text(encoding="utf-8")) for page in pages()]
+    assert sum('<div class="flow"' in text for text in texts) == 1
+    assert not any("```mermaid" in text for text in texts)
 
 
 # --- The references
@@ -147,6 +174,17 @@ def test_every_link_in_the_site_leads_somewhere(site: Path) -> None:
     assert [link for link in broken_links(files) if "://" not in link and "mailto:" not in link] == []
     assert "../index.html" in Elements(files["definitions/messages.html"]).all("a", "href")
     assert "definitions/index.html" in Elements(files["index.html"]).all("a", "href")
+
+
+@pytest.mark.night
+@pytest.mark.parametrize(("link", "code"), [("other.md", 0), ("nowhere.md", 1), ("other.md#nowhere", 1)])
+def test_a_broken_link_fails_the_build(tmp_path: Path, link: str, code: int) -> None:
+    pytest.importorskip("furo")
+    contents = "```{toctree}\nother\n```\n"
+    source = write_definitions(
+        tmp_path / "pages", {"index.md": f"# One\n[x]({link})\n{contents}", "other.md": "# Two\n"}
+    )
+    assert render(source, tmp_path / "site") == code
 
 
 @pytest.mark.night
