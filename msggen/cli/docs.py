@@ -15,7 +15,7 @@ from msggen.cli.options import WRITING_CODES, Commands, add_command, add_shared,
 from msggen.cli.printing import print_notices, print_plan
 from msggen.cli.sources import settings_of, source_here, sources_of
 from msggen.cli.values import local_path
-from msggen.generate.site.build import SiteBuild
+from msggen.generate.site.build import SiteBuild, SiteOptions
 from msggen.sources.embedded import EMBEDDED, PREFIX
 from msggen.sources.sources import Sources, find_sources
 
@@ -51,6 +51,7 @@ def add_to(commands: Commands) -> None:
         const=os.curdir,
         help="add README.md and docs/*.md of a project (default: of the current folder)",
     )
+    output.add_argument("--home", metavar="URL", help="link to this page in the header, for a site in another site")
     add_shared(output, "--check", "--diff")
     add_shared(parser, "-q, --quiet")
 
@@ -59,13 +60,16 @@ def _docs(options: argparse.Namespace) -> int:
     started = time.perf_counter()
     if options.project and options.format != "html":
         options.parser.error("--project needs --format html: the pages of a project are Markdown already")
+    if options.home and options.format != "html":
+        options.parser.error("--home needs --format html, whose pages have a header")
     if options.project and not os.path.isdir(options.project):
         raise input_error("--project", "S101", f"'{options.project}': no such folder", 0)
     settings = settings_of(options)
     sources = sources_of(options, settings)
     options.px4 = options.px4 or settings.px4 or source_here() or PREFIX + EMBEDDED[0]
     against = previous_sources(options, settings) if options.against else _release_before(sources)
-    build = SiteBuild(sources, against, options.output or "site", options.format, options.project)
+    wanted = SiteOptions(options.format, options.project or "", options.home or "")
+    build = SiteBuild(sources, against, options.output or "site", wanted)
     write = writes(options)
     outcome = build.run(write=write)
     print_notices(outcome.notices, quiet=options.quiet)

@@ -30,8 +30,85 @@ function rankAll(name, words) {
   return ranks.includes(-1) ? -1 : Math.max(0, ...ranks);
 }
 
-/** Return the entries that match a query, the best first. An anchor may match words of its page too. */
+/** Return the words of a name or a query: `NAV_STATE` and `NavState` have two. */
+function wordsOf(name) {
+  return name.replace(/([a-z0-9])([A-Z])/g, "$1 $2").toLowerCase().split(/[^a-z0-9]+/).filter(Boolean);
+}
+
+/** Return the least number of typing errors that make a beginning of `text` of `word`: 1 for two swapped letters. */
+function errors(word, text) {
+  let before = [];
+  let last = Array.from({ length: text.length + 1 }, (_, column) => column);
+  for (let row = 1; row <= word.length; row += 1) {
+    const next = [row];
+    for (let column = 1; column <= text.length; column += 1) {
+      const same = word[row - 1] === text[column - 1] ? 0 : 1;
+      next.push(Math.min(last[column] + 1, next[column - 1] + 1, last[column - 1] + same));
+      const isSwapped = row > 1 && column > 1 && word[row - 1] === text[column - 2] && word[row - 2] === text[column - 1];
+      if (isSwapped) next[column] = Math.min(next[column], before[column - 2] + 1);
+    }
+    [before, last] = [last, next];
+  }
+  return Math.min(...last);
+}
+
+/** Return the errors in a word that are forgiven: none in a short one. */
+function forgiven(word) {
+  return word.length < 4 ? 0 : word.length < 8 ? 1 : 2;
+}
+
+/** Return the typing errors of the best match of `word` among the beginnings of `texts`, and Infinity for no match. */
+function nearest(word, texts, isForgiving) {
+  if (texts.some((text) => text.startsWith(word))) return 0;
+  if (!isForgiving || !forgiven(word)) return Infinity;
+  const least = Math.min(...texts.map((text) => errors(word, text)));
+  return least <= forgiven(word) ? least : Infinity;
+}
+
+/**
+ * Return the entries in whose names all words of a query are the beginning of a word, the best first:
+ * `nav_state offb` finds NAVIGATION_STATE_OFFBOARD. With `isForgiving`, words may have typing errors.
+ */
+function searchWords(index, query, isForgiving) {
+  const words = wordsOf(query);
+  const found = [];
+  if (!words.length) return found;
+  for (const [kind, name, url, text, anchors] of index) {
+    const page = [...wordsOf(name), wordsOf(name).join("")];
+    const own = words.map((word) => nearest(word, page, isForgiving));
+    const score = own.reduce((sum, each) => sum + each, 0);
+    if (score < Infinity) {
+      found.push({ score, name, url, text: `${KINDS[kind]}${text && `: ${text}`}` });
+      continue;
+    }
+    for (const anchor of anchors) {
+      const inner = [...wordsOf(anchor), wordsOf(anchor).join("")];
+      let sum = 0.5;
+      for (let at = 0; at < words.length && sum < Infinity; at += 1) {
+        sum += Math.min(own[at], nearest(words[at], inner, isForgiving));
+      }
+      if (sum < Infinity) found.push({ score: sum, name: anchor, url: `${url}#${anchor}`, text: `in ${name}` });
+    }
+  }
+  return best(found);
+}
+
+/** Return the entries for a query: those with its exact words, or else parts of names, or else similar names. */
 function search(index, query) {
+  for (const find of [searchExact, searchWords, (...words) => searchWords(...words, true)]) {
+    const found = find(index, query);
+    if (found.length) return found;
+  }
+  return [];
+}
+
+/** Return the best of the entries, which have a low score and a short name. */
+function best(found) {
+  return found.sort((a, b) => a.score - b.score || a.name.length - b.name.length).slice(0, MOST);
+}
+
+/** Return the entries that have the words of a query, the best first. An anchor may match words of its page too. */
+function searchExact(index, query) {
   const words = query.toLowerCase().split(/\s+/).filter(Boolean);
   const joined = words.map((word) => word.replaceAll("_", "") || word); // vehicle_status finds VehicleStatus
   const found = [];
@@ -45,14 +122,43 @@ function search(index, query) {
       const whole = `${name}.${anchor}`;
       const rest = words.filter((word) => rank(anchor, word) < 0);
       if (rest.length === words.length || rankAll(whole, rest) < 0) continue;
-      const best = rankAll(anchor, words.filter((word) => !rest.includes(word)));
-      found.push({ score: best + 0.5, name: anchor, url: `${url}#${anchor}`, text: `in ${name}` });
+      const inner = rankAll(anchor, words.filter((word) => !rest.includes(word)));
+      found.push({ score: inner + 0.5, name: anchor, url: `${url}#${anchor}`, text: `in ${name}` });
     }
   }
-  found.sort((a, b) => a.score - b.score || a.name.length - b.name.length);
-  return found.slice(0, MOST);
+  return best(found);
 }
 
+/** Prepare the filter of the page of changes, and open the changes that the address names. */
+function prepareChanges() {
+  const changed = [...document.querySelectorAll("details.changed")];
+  const box = document.getElementById("filter-box");
+  if (!box) return;
+  const texts = changed.map((each) => each.textContent.toLowerCase());
+  const count = document.getElementById("filter-count");
+
+  function filter() {
+    const words = box.value.toLowerCase().split(/\s+/).filter(Boolean);
+    changed.forEach((each, at) => { each.hidden = !words.every((word) => texts[at].includes(word)); });
+    for (const section of document.querySelectorAll("main section")) {
+      section.hidden = !section.querySelector("details.changed:not([hidden])");
+    }
+    count.value = words.length ? `${changed.filter((each) => !each.hidden).length} of ${changed.length}` : "";
+  }
+
+  function openTarget() {
+    const target = changed.find((each) => each.id === decodeURIComponent(location.hash.slice(1)));
+    if (target) target.open = true;
+  }
+
+  document.getElementById("filter").hidden = false;
+  document.getElementById("filter-open").addEventListener("click", () => { for (const each of changed) each.open = true; });
+  box.addEventListener("input", filter);
+  addEventListener("hashchange", openTarget);
+  openTarget();
+}
+
+document.addEventListener("DOMContentLoaded", prepareChanges);
 document.addEventListener("DOMContentLoaded", () => {
   const root = document.body.dataset.root;
   const box = document.getElementById("search-box");

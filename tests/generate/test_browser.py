@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,12 +9,14 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from msggen.definitions.model import Catalog
+from msggen.generate.site.changes import changes_since
 from msggen.generate.site.pages import render_site
 from msggen.generate.site.prose import read_documents
 from msggen.generate.site.site import Project, Site
+from msggen.sources.sources import find_sources
+from support.browser import CSS, chromium_with, complaints, prefer, resize, wait_for
 from support.catalogs import write_definitions
 from support.markup_attacks import hostile
-from support.programs import required
 from support.repository import ROOT
 
 if TYPE_CHECKING:
@@ -23,36 +24,18 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.tools
 
-CSS, WAIT = "css selector", 20
-
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory, embedded: Catalog) -> Path:
-    site = Site(embedded, "PX4 v1.18", project=Project(str(ROOT), read_documents(str(ROOT))[:2]))
+    documents = [each for each in read_documents(str(ROOT)) if each.name in ("index", "check", "first-flight")]
+    changes = changes_since(find_sources("embedded:v1.17"), "PX4 v1.17", find_sources(None), embedded)
+    site = Site(embedded, "PX4 v1.18", changes=changes, project=Project(str(ROOT), tuple(documents)))
     return write_definitions(tmp_path_factory.mktemp("site"), render_site(site))
 
 
 @pytest.fixture(scope="module")
 def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chrome]:
-    """A browser that reaches no network."""
-    program, driver_program = shutil.which("chromium"), shutil.which("chromedriver")
-    required("chromium", is_there=program is not None)
-    required("chromedriver", is_there=driver_program is not None)
-    webdriver = pytest.importorskip("selenium.webdriver")
-    options = webdriver.ChromeOptions()
-    options.binary_location = program
-    profile = tmp_path_factory.mktemp("profile")
-    for argument in (
-        *("--headless=new", "--disable-dev-shm-usage", f"--user-data-dir={profile}"),
-        "--no-sandbox",  # which needs rights that containers do not give, and the pages are ours
-        "--host-resolver-rules=MAP * ~NOTFOUND",
-    ):
-        options.add_argument(argument)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    driver = webdriver.Chrome(options, webdriver.ChromeService(driver_program))
-    driver.implicitly_wait(WAIT)
-    yield driver
-    driver.quit()
+    yield from chromium_with(tmp_path_factory.mktemp("profile"))
 
 
 @pytest.fixture
@@ -61,12 +44,6 @@ def browser(chromium: Chrome) -> Chrome:
     chromium.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
     chromium.set_window_size(1200, 900)
     return chromium
-
-
-def resize(browser: Chrome, width: int) -> None:
-    """Give the pages a screen of this width. Windows of Chromium cannot be as narrow as a telephone."""
-    screen = {"width": width, "height": 780, "deviceScaleFactor": 1, "mobile": False}
-    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", screen)
 
 
 def opened(browser: Chrome, folder: Path, page: str) -> Any:
@@ -78,19 +55,6 @@ def opened(browser: Chrome, folder: Path, page: str) -> Any:
 def place(browser: Chrome) -> str:
     """Return the file and the anchor of the current page."""
     return browser.current_url.rpartition("/")[2]
-
-
-def wait_for(browser: Chrome, condition: str) -> None:
-    """Wait until an expression is true in the page."""
-    from selenium.webdriver.support.ui import WebDriverWait
-
-    WebDriverWait(browser, WAIT).until(lambda each: each.execute_script(f"return {condition}"))
-
-
-def complaints(browser: Chrome) -> list[Any]:
-    """Return what the console has been told since the last call."""
-    found: list[Any] = browser.get_log("browser")  # type: ignore[no-untyped-call]
-    return found
 
 
 def test_a_reader_clicks_from_the_first_page_to_a_field(browser: Chrome, folder: Path) -> None:
@@ -153,20 +117,70 @@ def test_guide_pages_are_found_by_their_headings(browser: Chrome, folder: Path) 
     assert find("h2:target").text == "Keep px4_msgs up to date"
 
 
+@pytest.mark.parametrize(
+    ("typed", "page", "name"),
+    [
+        ("vehiclestaus", "VehicleStatus.html", "VehicleStatus"),
+        ("nav_state offb", "VehicleStatus.html#NAVIGATION_STATE_OFFBOARD", "NAVIGATION_STATE_OFFBOARD"),
+        ("gyro_intgral", "SensorCombined.html#gyro_integral_dt", "gyro_integral_dt"),
+        ("vheicle_odometry", "VehicleOdometry.html", "VehicleOdometry"),
+        ("fresh lapotp", "first-flight.html", "From a fresh laptop to flying in simulation"),
+    ],
+)
+def test_the_search_forgives_typing_errors_and_finds_parts_of_names(
+    browser: Chrome, folder: Path, typed: str, page: str, name: str
+) -> None:
+    find = opened(browser, folder, "index.html")
+    find("#search-box").send_keys(typed)
+    result = find("#search-results [role=option] a")
+    assert (str(result.get_attribute("href")).rpartition("/")[2], result.text.partition("\n")[0]) == (page, name)
+
+
+def test_a_short_word_with_an_error_finds_nothing(browser: Chrome, folder: Path) -> None:
+    find = opened(browser, folder, "index.html")
+    find("#search-box").send_keys("zqx")
+    assert find("#search-results").text == "nothing found"
+
+
+def test_changes_are_filtered_by_name_and_rule_and_opened_by_the_address(browser: Chrome, folder: Path) -> None:
+    def shown() -> list[str]:
+        script = "return [...document.querySelectorAll('.changed')].filter((e) => e.checkVisibility()).map((e) => e.id)"
+        return list(browser.execute_script(script))
+
+    find = opened(browser, folder, "changes.html#EscReport")
+    assert find("#EscReport").get_attribute("open")
+    everything = shown()
+    box = find("#filter-box")
+    box.send_keys("field_removed esc")
+    assert "EscReport" in shown()
+    assert len(shown()) < len(everything) / 4
+    assert find("#filter-count").text == f"{len(shown())} of {len(everything)}"
+    hidden = browser.execute_script(
+        "return [...document.querySelectorAll('main section')].filter((e) => e.hidden).length"
+    )
+    assert hidden > 0
+    box.clear()
+    box.send_keys(" ")
+    assert shown() == everything
+
+
+def test_the_page_of_changes_can_be_read_on_a_telephone(browser: Chrome, folder: Path) -> None:
+    resize(browser, 390)
+    find = opened(browser, folder, "changes.html")
+    assert browser.execute_script("return document.documentElement.scrollHeight") < 6000
+    find("#filter-open").click()
+    assert browser.execute_script("return document.documentElement.scrollWidth") <= 390
+
+
 def test_light_and_dark_follow_the_system_until_the_button_is_pressed(browser: Chrome, folder: Path) -> None:
     def paper() -> str:
         return str(browser.execute_script("return getComputedStyle(document.body).backgroundColor"))
 
-    def prefer(scheme: str) -> None:
-        browser.execute_cdp_cmd(
-            "Emulation.setEmulatedMedia", {"features": [{"name": "prefers-color-scheme", "value": scheme}]}
-        )
-
     light, dark = "rgb(255, 255, 255)", "rgb(20, 24, 29)"
     find = opened(browser, folder, "index.html")
-    prefer("dark")
+    prefer(browser, "dark")
     assert paper() == dark
-    prefer("light")
+    prefer(browser, "light")
     assert paper() == light
     find("#theme-button").click()
     assert paper() == dark
@@ -177,8 +191,19 @@ def test_light_and_dark_follow_the_system_until_the_button_is_pressed(browser: C
 
 
 PAGES = (
-    *("index", "messages", "topics", "enums", "nesting", "msg/EscStatus", "msg/VehicleCommand", "srv/VehicleCommand"),
+    *(
+        "index",
+        "messages",
+        "topics",
+        "enums",
+        "nesting",
+        "changes",
+        "msg/EscStatus",
+        "msg/VehicleCommand",
+        "srv/VehicleCommand",
+    ),
     *("topic/fmu.in.aux_global_position", "enum/VehicleStatus.NavigationState", "guide/index"),
+    "guide/first-flight",
 )
 
 

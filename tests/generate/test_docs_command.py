@@ -186,6 +186,17 @@ def test_the_pages_of_a_project_lead_to_each_other_and_to_messages() -> None:
     assert list(broken_links(files)) == []
 
 
+def test_every_page_of_a_project_is_in_the_site_whatever_its_name() -> None:
+    pages = {"first-flight": "# Flight\n", "a b": "# A b\n", "v1.2": "# Version\n", "index": "# Index\n"}
+    links = "[1](first-flight.md#flight) [2](a%20b.md) [3](v1.2.md) [4](index.md) [5](../README.md)\n"
+    project(**pages, all=links)
+    docs("--project", "mine")
+    shown = dict(re.findall(r'<a href="([^"#]*)[^"]*">(\d)</a>', article("all")))
+    titles = {shown[name]: article(name.removesuffix(".html")) for name in shown}
+    found = [re.sub("<.*?>", "", titles[number]) for number in sorted(titles)]
+    assert found == ["Flight", "A b", "Version", "Index", "Mine"]
+
+
 def test_a_changed_page_of_a_project_is_written() -> None:
     project(one="# One\n")
     docs("--project", "mine")
@@ -206,6 +217,21 @@ def test_markup_in_a_page_of_a_project_is_text() -> None:
         "../../secret.png",
         "data:image/svg+xml;base64,PHN2Zy8+",
     ]
+
+
+@pytest.mark.parametrize(("url", "inner"), [("../index.html", "../../index.html"), ("https://a.b/", "https://a.b/")])
+def test_the_header_leads_home(url: str, inner: str) -> None:
+    docs("--home", url)
+    first, message = (Elements(Path("site", name).read_text()) for name in ("messages.html", "msg/Wheel.html"))
+    assert url in first.all("a", "href")
+    assert inner in message.all("a", "href")
+    assert "up to date" in docs("--home", url)
+    docs()
+    assert url not in Path("site/messages.html").read_text()
+
+
+def test_a_home_needs_html() -> None:
+    assert "--home needs --format html" in docs("--home", "x", "--format", "markdown", code=2)
 
 
 def test_a_project_needs_html_and_a_folder() -> None:

@@ -6,16 +6,18 @@ import importlib
 import json
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 from markdown_it import MarkdownIt
 
+from msggen.check.finding import Category
 from msggen.definitions.layout import is_static, lay_out
 from msggen.definitions.model import Catalog
 from msggen.generate.render.views import Views
-from msggen.generate.site.changes import changes_since
+from msggen.generate.site.changes import SHOWN, Changed, changes_since, grouped
 from msggen.generate.site.drawing import PER_ROW, rows_of
 from msggen.generate.site.graph import draw, inner_of
 from msggen.generate.site.pages import render_site
@@ -146,6 +148,24 @@ def test_long_arrays_are_shortened(site: Site) -> None:
     assert "esc[1] to esc[11]" in {cell.run.label for row in rows for cell in row.cells}
 
 
+# --- Sentences
+
+
+def test_code_in_the_first_sentence_of_a_comment_is_marked_everywhere(tmp_path: Path) -> None:
+    tree = {
+        "msg/Lamp.msg": "# Set by `lamp on`.\nuint64 timestamp\n",
+        "srv/Ask.srv": "# Asked by `lamp off`.\nuint8 a\n---\nuint8 b\n",
+        "src/modules/uxrce_dds_client/dds_topics.yaml": "publications:\n  - topic: /fmu/out/lamp\n"
+        "    type: px4_msgs::msg::Lamp\nsubscriptions:\nsubscriptions_multi:\n",
+    }
+    files = render_site(Site(catalog_of(tmp_path, tree), "mine"))
+    assert "<code>lamp on</code>" in files["messages.html"]
+    assert "<code>lamp off</code>" in files["messages.html"]
+    assert "<code>lamp on</code>" in files["topic/fmu.out.lamp.html"]
+    assert "Set by lamp on." in files["search.js"]
+    assert [name for name, text in files.items() if "`" in text and name != "site.js"] == []
+
+
 # --- Enums
 
 
@@ -229,6 +249,23 @@ def test_a_page_tells_what_changed(pages: Mapping[str, Elements]) -> None:
     assert "Changes since PX4 v1.17" in text
     assert "FIELD_REMOVED 'uint8 esc_address' at byte 28 of PX4 v1.17 is missing" in " ".join(text.split())
     assert "DEFINITION_ADDED" in pages["changes.html"].text
+
+
+def test_changes_are_in_the_order_of_their_effect(site: Site, pages: Mapping[str, Elements]) -> None:
+    groups = grouped(site.changed)
+    assert [group.title for group in groups] == ["Bytes", "Source code", "Topics of the bridge", "Additions", "New"]
+    assert sorted(each.subject for group in groups for each in group.changed) == [each.subject for each in site.changed]
+    by_title = {group.title: {each.subject for each in group.changed} for group in groups}
+    assert "EscReport" in by_title["Bytes"]
+    assert by_title["New"] == site.changes.added if site.changes else False
+    assert {each.subject for each in site.changed} <= {*pages["changes.html"].ids}
+
+
+@pytest.mark.parametrize("category", sorted({rule.category for rule in SHOWN}, key=str))
+def test_every_effect_has_a_group(site: Site, category: Category) -> None:
+    rule = next(rule for rule in SHOWN if rule.category is category)
+    finding = replace(site.changed[0].findings[0], rule=rule)
+    assert len(grouped([Changed("Rpm", "", (finding,))])) == 1
 
 
 def test_nothing_changed_between_a_release_and_itself(embedded: Catalog) -> None:

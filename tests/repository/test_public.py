@@ -8,30 +8,9 @@ from collections import defaultdict
 from pathlib import Path
 
 import pytest
+from site_library import FACADES, PUBLIC
 
 from support.repository import ROOT
-
-FACADES = ("msggen", "msggen.live", "msggen.recordings")
-"""Packages whose names are imported on first use."""
-
-PUBLIC = {
-    "msggen.cli": {"main"},
-    "msggen.doctor.case": {"Case"},
-    "msggen.doctor.diagnose": {"diagnose"},
-    "msggen.doctor.expected": {"expected_of"},
-    "msggen.doctor.observe": {"Plan", "observe"},
-    "msggen.generate.cache": {"package_of"},
-    "msggen.live.links.address": {"parse_address"},
-    "msggen.live.links.udp": {"UdpLink"},
-    "msggen.live.ros.relay": {"profile"},
-    "msggen.live.ros.types": {"installed"},
-    "msggen.live.sim": {"Misbehaviour", "Options", "SimulatedVehicle", "Simulator"},
-    "msggen.live.xrce.agent": {"Agent"},
-    "msggen.recordings.convert": {"convert"},
-    "msggen.recordings.fleet": {"pools", "update"},
-    "msggen.recordings.writer": {"Channel", "Writer"},
-}
-"""The other names that programs use, by module. They do not move without an entry in `msggen/base/moved.py`."""
 
 IMPORT = re.compile(r"from (msggen(?:\.\w+)*) import ([\w, ]+)")
 

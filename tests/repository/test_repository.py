@@ -66,7 +66,7 @@ def test_readme_lists_the_extras() -> None:
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     table = readme.partition("| extra | for |")[2].partition("\n\n")[0]
     listed = re.findall(r"^\| `(\w+)` ", table, re.MULTILINE)
-    assert {*listed, "test"} == PROJECT["optional-dependencies"].keys()
+    assert {*listed, "site", "test"} == PROJECT["optional-dependencies"].keys()
 
 
 def test_every_url_of_the_repository_is_the_same() -> None:
@@ -109,7 +109,11 @@ def test_every_file_for_github_has_a_schema() -> None:
 def test_workflows_may_do_no_more_than_they_need(path: Path) -> None:
     workflow = load(path)
     assert workflow["permissions"] == {"contents": "read"}
-    allowed = {"publish": {"id-token": "write"}, "release": {"contents": "write"}}
+    allowed = {
+        "publish": {"id-token": "write"},
+        "release": {"contents": "write"},
+        "pages": {"pages": "write", "id-token": "write"},
+    }
     for name, job in workflow["jobs"].items():
         assert job.get("permissions") == allowed.get(name)
         for step in job.get("steps", ()):
@@ -121,6 +125,17 @@ def test_workflows_may_do_no_more_than_they_need(path: Path) -> None:
 def test_ci_runs_the_command_for_ci() -> None:
     runs = [step.get("run") for step in load(GITHUB / "workflows" / "ci.yml")["jobs"]["test"]["steps"]]
     assert ".ci/run $OPTIONS" in runs
+
+
+def test_ci_builds_the_site_and_a_release_publishes_it() -> None:
+    steps = load(GITHUB / "workflows" / "ci.yml")["jobs"]["site"]["steps"]
+    (build,) = (step["run"] for step in steps if "build_site.py" in step.get("run", ""))
+    (kept,) = (step["with"]["path"] for step in steps if "upload-pages-artifact" in step.get("uses", ""))
+    assert build.endswith(f"python docs/product/build_site.py -o {kept}\n")
+    release = load(GITHUB / "workflows" / "release.yml")["jobs"]
+    assert any("deploy-pages" in step["uses"] for step in release["pages"]["steps"])
+    assert release["pages"]["needs"] == "publish", "a page shows what is on PyPI"
+    assert "test" in release["publish"]["needs"], "the job whose artifact is published"
 
 
 @pytest.mark.parametrize("workflow", ["nightly", "release"])

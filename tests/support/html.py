@@ -47,6 +47,7 @@ def broken_links(files: Mapping[str, str]) -> Iterator[str]:
         targets = (*page.all("a", "href"), *page.all("link", "href"), *page.all("script", "src"))
         for link in targets:
             path, _, anchor = link.partition("#")
+            path = path.partition("?")[0]  # the version of a file that browsers keep
             target = posixpath.normpath(posixpath.join(posixpath.dirname(name), unquote(path))) if path else name
             if target not in files or (anchor and anchor not in pages[target].ids):
                 yield f"{name}: {link}"

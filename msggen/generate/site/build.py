@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from hashlib import sha256
+from typing import NamedTuple
 
 from msggen.base.diagnostics import Diagnostic, counted, input_error
 from msggen.base.disk.incremental import Incremental, Outcome
@@ -15,20 +16,22 @@ from msggen.sources.digest import digest_files, digest_inputs
 from msggen.sources.sources import Sources, read_files
 
 
+class SiteOptions(NamedTuple):
+    """The format, one of those of `site.py`, the folder of a project with pages, and the URL that the header has."""
+
+    format: str
+    project: str = ""
+    home: str = ""
+
+
 class SiteBuild:
-    """A build of the site in `folder`, in one of the formats of `site.py`.
+    """A build of the site in `folder`. The pages show the changes since `against`."""
 
-    The pages show the changes since `against`, and the site has the Markdown pages of the folder `project`.
-    """
-
-    def __init__(
-        self, sources: Sources, against: Sources | None, folder: str, format_: str, project: str | None
-    ) -> None:
+    def __init__(self, sources: Sources, against: Sources | None, folder: str, options: SiteOptions) -> None:
         self.sources = sources
         self.against = against
         self.folder = folder
-        self.format = format_
-        self.project = project
+        self.options = options
         self.contents = read_files(sources)
         self._update = Incremental(folder, self._digest_inputs())
 
@@ -64,9 +67,10 @@ class SiteBuild:
             if self.against
             else None
         )
-        project = Project(self.project, read_documents(self.project)) if self.project else None
+        folder = self.options.project
+        project = Project(folder, read_documents(folder)) if folder else None
         complete = with_inferred(catalog, self.sources)
-        site = Site(complete, title_of(self.sources), self.format, changes, project)
+        site = Site(complete, title_of(self.sources), self.options.format, changes, project, self.options.home)
         counts = (
             counted(len(site.messages), "message"),
             counted(len(site.services), "service"),
@@ -84,17 +88,16 @@ class SiteBuild:
         for path in self._project_files():
             data = read_bytes(path)
             others.update(b"%s\0%d\0" % (os.fsencode(path), len(data)) + data)
-        named = (title_of(self.sources), title_of_previous(self.against) if self.against else "", self.project or "")
-        return digest_inputs(
-            self.sources, self.contents, (self.format, *named, others.hexdigest()), "generate.site", "site"
-        )
+        named = (title_of(self.sources), title_of_previous(self.against) if self.against else "", *self.options)
+        return digest_inputs(self.sources, self.contents, (*named, others.hexdigest()), "generate.site", "site")
 
     def _project_files(self) -> Iterator[str]:
         """Yield the pages and the pictures of the project."""
-        if not self.project:
+        project = self.options.project
+        if not project:
             return
-        yield from filter(os.path.isfile, [os.path.join(self.project, "README.md")])
-        for folder, folders, names in os.walk(os.path.join(self.project, "docs")):
+        yield from filter(os.path.isfile, [os.path.join(project, "README.md")])
+        for folder, folders, names in os.walk(os.path.join(project, "docs")):
             folders.sort()
             yield from (os.path.join(folder, name) for name in sorted(names) if name.endswith((".md", ".svg", ".png")))
 

@@ -40,9 +40,9 @@ def render_site(site: Site) -> dict[str, str]:
 
 
 def _environment(site: Site) -> jinja2.Environment:
-    def marked(text: str) -> Markup:
-        """Return the HTML of a comment on a page in a folder of the site."""
-        return sentences(text, site.names, "../")
+    def marked(text: str, root: str = "../") -> Markup:
+        """Return the HTML of a comment on a page from which `root` leads to the site."""
+        return sentences(text, site.names, root)
 
     environment = make_environment(marked, cell, full_stop, summary, rate, counted).overlay(
         autoescape=site.format == "html"
@@ -75,8 +75,8 @@ def _entries(site: Site) -> Iterator[Entry]:
     for page in site.pages:
         anchors = page.anchors
         if isinstance(page.thing, Document):
-            anchors = tuple(heading.anchor for heading in site.prose[page.thing.name].headings[1:])
-        yield Entry(page.kind, page.title, site.file(page), page.summary, anchors)
+            anchors = tuple(heading.anchor for heading in site.prose[page.thing.path].headings[1:])
+        yield Entry(page.kind, page.title, site.file(page), re.sub(r"`([^`\n]+)`", r"\1", page.summary), anchors)
 
 
 class Entry(NamedTuple):

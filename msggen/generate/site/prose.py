@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
+from urllib.parse import unquote
 
 from markupsafe import Markup, escape
 
@@ -62,7 +63,7 @@ def read_documents(folder: str) -> tuple[Document, ...]:
     """Return the pages of a project: README.md, then those in `docs`, sorted by name. Raises OSError."""
     docs = os.path.join(folder, "docs")
     names = sorted(os.listdir(docs)) if os.path.isdir(docs) else []
-    paths = ["README.md", *(f"docs/{name}" for name in names if re.fullmatch(r"\w+\.md", name))]
+    paths = ["README.md", *(f"docs/{name}" for name in names if re.fullmatch(r"[^.].*\.md", name))]
     found = [path for path in paths if os.path.isfile(os.path.join(folder, path))]
     return tuple(Document(_name(path), path, read_text(os.path.join(folder, path), "replace")) for path in found)
 
@@ -105,15 +106,16 @@ def reference(name: str, urls: Mapping[str, str], root: str, *, is_code: bool = 
 
 
 def render_documents(
-    folder: str, documents: Sequence[Document], urls: Mapping[str, str], root: str
+    folder: str, documents: Mapping[str, Document], urls: Mapping[str, str], root: str
 ) -> dict[str, Prose]:
-    """Return the HTML of the pages of the project in `folder`, by name.
+    """Return the HTML of the pages of the project in `folder`, by path in the project.
 
+    `documents` has the pages by their file in the site. They are in one folder, from which `root` leads to the site.
     Links between the pages lead to each other, and other relative links become text, because the site does not have
     their targets. Pictures become parts of the pages. The names in `urls` become links if they are code.
     """
-    pages = {document.path: f"{document.name}.html" for document in documents}
-    return {document.name: _Renderer(folder, document, pages, urls, root).render() for document in documents}
+    pages = {document.path: os.path.basename(file) for file, document in documents.items()}
+    return {document.path: _Renderer(folder, document, pages, urls, root).render() for document in documents.values()}
 
 
 class _Renderer:
@@ -155,7 +157,7 @@ class _Renderer:
         path, mark, anchor = link.partition("#")
         if not path or ":" in path:
             return link
-        page = self.pages.get(self._path(path))
+        page = self.pages.get(self._path(unquote(path)))
         return f"{page}{mark}{anchor}" if page else ""
 
     def _path(self, link: str) -> str:

@@ -12,7 +12,7 @@ from msggen.definitions.enumeration import enumerations
 from msggen.definitions.model import BridgeEntry, Catalog, Constant, Message
 from msggen.definitions.parse.parameters import Parameter, commands, description, parameters
 from msggen.generate.render.views import ConstantView, EndpointView, FieldView, MessageView, ServiceView, Views
-from msggen.generate.site.changes import Changes
+from msggen.generate.site.changes import Changed, Changes, Group, grouped
 from msggen.generate.site.drawing import Row, rows_of
 from msggen.generate.site.graph import Graph, draw, inner_of
 from msggen.generate.site.prose import Document, Prose, render_documents
@@ -50,6 +50,7 @@ class Site:
     """A site about a catalog, and what its templates use.
 
     `title` names the definitions. `changes` are those since a previous release, and `project` has further pages.
+    `home` is the URL of a page that the header links to, from the folder of the site.
     """
 
     catalog: Catalog
@@ -57,6 +58,7 @@ class Site:
     format: str = "html"
     changes: Changes | None = None
     project: Project | None = None
+    home: str = ""
     views: Views = field(init=False)
 
     def __post_init__(self) -> None:
@@ -100,10 +102,11 @@ class Site:
 
     @cached_property
     def prose(self) -> Mapping[str, Prose]:
-        """The HTML of the project's pages, by name."""
+        """The HTML of the project's pages, by path in the project."""
         if self.project is None:
             return {}
-        return render_documents(self.project.folder, self.project.documents, self.names, "../")
+        documents = {self.file(page): page.thing for page in self.guide if isinstance(page.thing, Document)}
+        return render_documents(self.project.folder, documents, self.names, "../")
 
     @cached_property
     def pages(self) -> tuple[Page, ...]:
@@ -111,7 +114,7 @@ class Site:
         taken: set[str] = set()
         found = []
         for page in self._pages():
-            stem = re.sub(r"[^\w./]", "_", page.stem, flags=re.ASCII)
+            stem = re.sub(r"[^\w./-]", "_", page.stem, flags=re.ASCII)
             while stem.casefold() in taken:
                 stem += "_"
             taken.add(stem.casefold())
@@ -133,6 +136,11 @@ class Site:
     def url(self, thing: object) -> str:
         """Return the path of the page about a view, from the folder of the site."""
         return self._urls[thing]
+
+    def home_from(self, root: str) -> str:
+        """Return the URL of `home` on a page from which `root` leads to the folder of the site."""
+        is_absolute = re.match(r"[a-z]+:|/", self.home, re.IGNORECASE)
+        return self.home if is_absolute else root + self.home
 
     def users_of(self, message: MessageView) -> tuple[MessageView, ...]:
         """Return the messages with a field that holds `message`."""
@@ -192,13 +200,18 @@ class Site:
         return self.changes is not None and thing.name in self.changes.added
 
     @cached_property
-    def changed(self) -> tuple[tuple[str, str, tuple[Finding, ...]], ...]:
-        """The subjects that changed, each with its URL, "" if it is gone, and its changes."""
+    def changed(self) -> tuple[Changed, ...]:
+        """The subjects that changed since the previous release."""
         if self.changes is None:
             return ()
         things: list[MessageView | ServiceView | EndpointView] = [*self.endpoints, *self.services, *self.messages]
         urls = {subject: self.url(thing) for thing in things for subject in self._subjects(thing)}
-        return tuple((subject, urls.get(subject, ""), found) for subject, found in self.changes.by_subject.items())
+        return tuple(Changed(each, urls.get(each, ""), found) for each, found in self.changes.by_subject.items())
+
+    @property
+    def groups(self) -> tuple[Group, ...]:
+        """The subjects that changed, the gravest first."""
+        return grouped(self.changed)
 
     def _subjects(self, thing: MessageView | ServiceView | EndpointView) -> tuple[str, ...]:
         """Return the names under which the changes of a definition or a topic are reported."""
