@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any
 
@@ -37,6 +37,26 @@ class Category(Enum):
 
 OF_VEHICLES = (Category.LINK, Category.SESSION, Category.NAME, Category.DEFINITION, Category.TIME, Category.FLOW)
 """The categories of what is wrong with a running vehicle. Their findings are about no lines of a file."""
+
+
+class Effect(Enum):
+    """What a change of definitions does, the worst first. The value is how a report calls it."""
+
+    SILENT = "silent"
+    """Readers decode wrong values without an error."""
+    WIRE = "wire"
+    """Nodes with the other definition do not get the samples, or refuse them."""
+    BUILD = "build"
+    """Source code that uses the definition no longer builds, or changes its behavior."""
+    OTHER = "other"
+
+
+_EFFECTS = {
+    Category.WIRE: Effect.WIRE,
+    Category.HASH: Effect.WIRE,
+    Category.TOPIC: Effect.WIRE,
+    Category.SOURCE: Effect.BUILD,
+}
 
 
 class Node(Enum):
@@ -117,9 +137,32 @@ class Finding:
         return bool(self.silent_for)
 
     @property
+    def effect(self) -> Effect:
+        """What the change does. A warning stops nothing."""
+        if self.is_silent:
+            return Effect.SILENT
+        return (
+            Effect.OTHER if self.rule.severity is Severity.WARNING else _EFFECTS.get(self.rule.category, Effect.OTHER)
+        )
+
+    @property
     def fails(self) -> bool:
         """Whether the finding fails the run."""
         return self.rule.severity is Severity.ERROR and not self.is_handled
+
+
+@dataclass(frozen=True, slots=True)
+class Resized:
+    """A message whose bytes changed: the sizes of a sample on both sides in bytes, None if they vary.
+
+    `topics` are the bridged topics that carry the message, also inside another one.
+    """
+
+    name: str
+    before: int | None
+    after: int | None
+    silent_for: tuple[Node, ...]
+    topics: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,7 +173,7 @@ class Report:
     have, or that `lint` read. `summary` is one line for people. `notices` are the warnings and notes about the sources;
     they are not findings. `advice` is a line on what to do about the whole report, "" if the findings say it. `ignored`
     is the number of findings that were ignored. `unmatched` has the names to ignore that match nothing, each with a
-    hint for the user.
+    hint for the user. `messages` are those of both sides whose bytes changed.
     """
 
     previous: str
@@ -143,6 +186,11 @@ class Report:
     advice: str = ""
     ignored: int = 0
     unmatched: Mapping[str, str] = field(default_factory=dict)
+    messages: tuple[Resized, ...] = ()
+
+    def only(self, effect: Effect) -> Report:
+        """Return the report with only the findings that have this effect. The summary counts all of them."""
+        return replace(self, findings=tuple(finding for finding in self.findings if finding.effect is effect))
 
     @property
     def fails(self) -> bool:

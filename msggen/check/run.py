@@ -14,11 +14,12 @@ from msggen.base.location import Location
 from msggen.check.compare.comparison import Comparison, Extra, Side
 from msggen.check.compare.renaming import nearest_message
 from msggen.check.compare.rules import BREAKING, CHECKED, find
-from msggen.check.finding import Finding, Report, Rule, Severity
+from msggen.check.finding import Change, Finding, Report, Resized, Rule, Severity
 from msggen.check.lint.definition import Definition, definitions_of
 from msggen.check.lint.rules import LINT
 from msggen.definitions.model import Catalog, Message, Service
 from msggen.sources.catalog import COMPARABLE, bridged_names, read_catalog
+from msggen.sources.embedded import release_path
 from msggen.sources.history import read_history
 from msggen.sources.inferred import Inference
 from msggen.sources.sources import Sources, read_files
@@ -287,11 +288,32 @@ def _report(
         compared=len(messages) + len(services),
         summary=summary,
         ignored=ignored,
+        messages=tuple(_resized(comparison)),
     )
 
 
+def _resized(comparison: Comparison) -> Iterator[Resized]:
+    """Yield the messages whose bytes changed."""
+    for pair in comparison.changed:
+        before, after = pair.previous_layout, pair.current_layout
+        if not pair.is_only_renamed:
+            sizes = (before and before.size, after and after.size)
+            yield Resized(pair.name, *sizes, pair.misread_by, comparison.topics.get(pair.name, ()))
+
+
 def _ordered(findings: Iterable[Finding]) -> tuple[Finding, ...]:
-    return tuple(sorted(findings, key=lambda finding: (finding.change.subject, finding.change.location)))
+    """Return findings in the order of a report, with the paths of embedded releases as people read them."""
+    found = sorted(findings, key=lambda finding: (finding.change.subject, finding.change.location))
+    return tuple(replace(each, change=_placed(each.change)) for each in found)
+
+
+def _placed(change: Change) -> Change:
+    before, after = (each and replace(each, location=_shown(each.location)) for each in (change.before, change.after))
+    return replace(change, location=_shown(change.location), before=before, after=after)
+
+
+def _shown(location: Location) -> Location:
+    return location._replace(path=release_path(location.path))
 
 
 def _files(catalog: Catalog) -> set[str]:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from msggen.base.diagnostics import Diagnostic, few
 from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.base.location import Location
+from msggen.check.finding import Effect
 from msggen.cli.options import (
     COMPARING_CODES,
     Commands,
@@ -21,6 +22,7 @@ from msggen.cli.options import (
 from msggen.cli.printing import print_report
 from msggen.cli.selection import add_selection, selected_rules, unmatched
 from msggen.cli.sources import board_of, firmware_path, settings_of, shell_options, sources_of
+from msggen.show.report import OF_CHANGES
 from msggen.sources.embedded import EMBEDDED, PREFIX
 from msggen.sources.file import File
 from msggen.sources.settings import Settings
@@ -48,7 +50,14 @@ def add_to(commands: Commands) -> None:
     add_shared(parser, "--against", required=True)
     add_shared(parser, "--topics-only")
     add_selection(parser)
-    add_output_format(parser)
+    parser.add_argument(
+        "--only",
+        choices=[effect.value for effect in Effect],
+        metavar="EFFECT",
+        help="report only findings with this effect: silent, wire, build, other",
+    )
+    parser.add_argument("--handled", action="store_true", help="list findings that a new version covers, too")
+    add_output_format(parser, OF_CHANGES)
 
 
 def _breaking(options: argparse.Namespace) -> int:
@@ -67,7 +76,9 @@ def _breaking(options: argparse.Namespace) -> int:
     report = breaking(against, current, rules, ignored, topics_only=bool(options.topics_only))
     report = replace(report, notices=(*report.notices, *unmatched(report, settings, strict=current.strict)))
     given = shell_options({"--px4": named, "--against": options.against})
-    folder = current.root if isinstance(current.root, Folder) else None
+    if options.only:
+        report = report.only(Effect(options.only))
+    folder = current.root if isinstance(current.root, Folder) and not current.embedded else None
     has_versions = folder is not None and folder.is_folder(VERSIONED)
     report = with_remedies(report, lambda found: f"{found.remedy}{given}" if found.remedy and has_versions else "")
     if folder and not has_versions:

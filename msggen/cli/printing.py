@@ -26,9 +26,9 @@ def print_report(report: Report, options: argparse.Namespace) -> None:
     from msggen.show.report import render
 
     print_notices(report.notices)
-    _print_report(
-        render(report, options.output_format, width=width(), colour=colour(sys.stdout)), options.output_format
-    )
+    handled = getattr(options, "handled", False)
+    text = render(report, options.output_format, width=width(), colour=colour(sys.stdout), handled=handled)
+    _print_report(text, options.output_format)
 
 
 def print_document(errors: Sequence[Diagnostic], output_format: str) -> None:

@@ -90,6 +90,17 @@ def embedded_tree(release: str) -> Tree:
     return Snapshot(PREFIX + release, {path: text.encode() for path, text in found if path}, {})
 
 
+def release_path(path: str) -> str:
+    """Return how people read the path of a file of an embedded release: `v1.18:msg/Rpm.msg`. Others stay as they are.
+
+    It is the same wherever msggen is installed.
+    """
+    if path.startswith(PREFIX):
+        return path.removeprefix(PREFIX).replace("/", ":", 1)
+    root = os.path.join(embedded_root(), "")
+    return f"{EMBEDDED[0]}:{path[len(root) :].replace(os.sep, '/')}" if path.startswith(root) else path
+
+
 class Releases:
     """The files of all embedded releases. Each is read when it is needed."""
 

@@ -229,10 +229,13 @@ def test_the_action_passes_what_is_in_step(runner: Path, checkout: Path) -> None
 
 
 @pytest.mark.night
-def test_the_action_runs_breaking(runner: Path, checkout: Path) -> None:
+def test_the_action_runs_breaking(runner: Path, checkout: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     inputs = {"command": "breaking", "arguments": "--px4 'my package' --against old"}
+    summary = checkout / "summary.md"
+    monkeypatch.setitem(ENVIRONMENT, "GITHUB_STEP_SUMMARY", str(summary))
     code, output = run_step(RUN, checkout, runner, inputs)
     assert (code, output.splitlines()[0].partition(" ")[0]) == (1, "::error"), output
+    assert "### silent: readers decode wrong values without an error" in summary.read_text(encoding="utf-8")
 
 
 @pytest.mark.night

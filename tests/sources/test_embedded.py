@@ -492,7 +492,7 @@ class TestNames:
     def test_breaking_names_both_sides(self, capsys: Capture) -> None:
         assert main(["breaking", "--px4", "v1.17", "--against", "v1.16", "--output-format", "concise"]) == 1
         out = capsys.readouterr().out
-        assert "embedded:v1.17/msg/versioned/BatteryStatus.msg:4:1: VERSION_NOT_ARCHIVED" in out
+        assert "v1.17:msg/versioned/BatteryStatus.msg:4:1: VERSION_NOT_ARCHIVED" in out
         assert "VERSION_NOT_TRANSLATED" not in out
         assert "TOPIC_RENAMED handled" in out
         assert "the embedded PX4 v1.17 breaks the embedded PX4 v1.16: " in out

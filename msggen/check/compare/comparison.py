@@ -7,7 +7,7 @@ renamed fields, and by the rules about tags.
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -15,6 +15,7 @@ from typing import NamedTuple
 from msggen.base.location import Location
 from msggen.check.compare.renaming import Candidates, is_renamed, nearest_message
 from msggen.check.finding import Node
+from msggen.definitions.identity import endpoints
 from msggen.definitions.layout import Layout, Path, is_static, lay_out
 from msggen.definitions.model import VERSION, Catalog, Constant, Field, FieldType, Message, Value
 from msggen.definitions.primitives import OCTETS
@@ -272,6 +273,16 @@ class Comparison:
         """The pairs in which any type or name differs, at any depth."""
         return tuple(pair for pair in self.pairs if pair.differs)
 
+    @cached_property
+    def topics(self) -> Mapping[str, tuple[str, ...]]:
+        """The bridged topics of both sides that carry a message, also inside another one, by its name."""
+        found: dict[str, dict[str, None]] = {}
+        for side in (self.previous, self.current):
+            for endpoint in endpoints(side.catalog):
+                for message in _with_nested(side.catalog, endpoint.message):
+                    found.setdefault(message.name, {})[endpoint.entry.topic] = None
+        return {name: tuple(sorted(topics)) for name, topics in found.items()}
+
 
 def shape(catalog: Catalog, message: Message) -> Shape:
     """Return the types and names of the fields of a message, at every depth."""
@@ -287,13 +298,22 @@ def shape(catalog: Catalog, message: Message) -> Shape:
 
 def depth(comparison: Comparison, pair: MessagePair) -> int:
     """Return the number of levels of messages that a message nests on the current side."""
-    catalog = comparison.current.catalog
-    level, found = {pair.current.key: pair.current}, -1
+    return len(list(_levels(comparison.current.catalog, pair.current))) - 1
+
+
+def _with_nested(catalog: Catalog, message: Message) -> list[Message]:
+    """Return a message and those that it nests, at any depth."""
+    return [each for level in _levels(catalog, message) for each in level]
+
+
+def _levels(catalog: Catalog, message: Message) -> Iterator[Collection[Message]]:
+    """Yield the messages at each level of nesting, first the message itself."""
+    level = {message.key: message}
     while level:
+        yield level.values()
         fields = [(outer, field.type) for outer in level.values() for field in outer.fields]
         inner = [catalog.nested(outer, type_) for outer, type_ in fields if not type_.is_primitive]
-        level, found = {message.key: message for message in inner}, found + 1
-    return found
+        level = {each.key: each for each in inner}
 
 
 def _content(catalog: Catalog, message: Message) -> tuple[Shape, dict[str, tuple[str, Value]]]:

@@ -348,7 +348,8 @@ def find(comparison: Comparison, rules: Sequence[Rule]) -> Iterator[Finding]:
                 finding = replace(finding, silent_for=silent.get(subject, ()))
             if subject in handled:
                 finding = replace(finding, is_handled=_is_handled(finding, handled[subject]))
-            if subject in ranks and (rule.category in _HANDLED or rule.id in _BUMPED):
+            is_service = rule.id.startswith("SERVICE_")  # it may be called as a message
+            if subject in ranks and not is_service and (rule.category in _HANDLED or rule.id in _BUMPED):
                 finding = replace(finding, remedy=f"msggen bump {subject}", rank=ranks[subject])
             if rule.id == "TOPIC_RENAMED":
                 finding = replace(finding, is_handled=subject in topics)

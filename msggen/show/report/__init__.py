@@ -16,14 +16,33 @@ _PROGRAMS = ("json", "github", "sarif", "junit")
 FORMATS = ("full", "concise", *_PROGRAMS)
 """The values of `--output-format`, the default first. Each format imports its libraries on first use."""
 
+OF_CHANGES = ("summary", "markdown", *FORMATS)
+"""Those of `breaking`, the default first."""
 
-def render(report: Report, format: str, *, width: int, colour: bool) -> str:  # noqa: A002 - the name of the option
-    """Return `report` in one of FORMATS, without a line end after the last line.
 
-    `width` and `colour` apply to `full` only. Raises ValueError for an unknown format.
+def render(
+    report: Report,
+    format: str,  # noqa: A002 - the name of the option
+    *,
+    width: int,
+    colour: bool,
+    handled: bool = False,
+) -> str:
+    """Return `report` in one of OF_CHANGES, without a line end after the last line.
+
+    `width` and `colour` apply to formats for terminals. `summary` and `markdown` list findings that are handled if
+    `handled`. Raises ValueError for an unknown format.
     """
-    if format not in FORMATS:
+    if format not in OF_CHANGES:
         raise ValueError(f"unknown format '{format}'")
+    if format == "markdown":
+        from msggen.show.report.summary import write_markdown
+
+        return write_markdown(report, handled=handled)
+    if format == "summary":
+        from msggen.show.report.summary import write_summary
+
+        return write_summary(report, width=width, colour=colour, handled=handled)
     if format in _PROGRAMS:
         return str(_module(format).write_report(report))
     if format == "full" and report.findings:

@@ -10,7 +10,7 @@ from typing import Any
 from msggen.base.diagnostics import Diagnostic, printable
 from msggen.base.foreign import Styled, safe_json
 from msggen.base.location import Location
-from msggen.check.finding import Excerpt, Finding, Report
+from msggen.check.finding import Excerpt, Finding, Report, Resized
 
 
 def write_report(report: Report) -> str:
@@ -21,6 +21,7 @@ def write_report(report: Report) -> str:
         "summary": report.summary,
         "compared": report.compared,
         "ignored": report.ignored,
+        "messages": [_message(message) for message in report.messages],
         "findings": [_finding(finding) for finding in report.findings],
     }
     return dump(document)
@@ -52,12 +53,23 @@ def _finite(value: Any) -> Any:
     return [_finite(item) for item in value] if isinstance(value, (list, tuple)) else value
 
 
+def _message(message: Resized) -> dict[str, Any]:
+    return {
+        "name": message.name,
+        "bytes_before": message.before,
+        "bytes_after": message.after,
+        "silent_for": [reader.value for reader in message.silent_for],
+        "topics": list(message.topics),
+    }
+
+
 def _finding(finding: Finding) -> dict[str, Any]:
     rule, change = finding.rule, finding.change
     return {
         "rule": rule.id,
         "category": rule.category.name,
         "severity": rule.severity.value,
+        "effect": finding.effect.value,
         "silent": finding.is_silent,
         "silent_for": [reader.value for reader in finding.silent_for],
         "handled": finding.is_handled,
