@@ -240,7 +240,8 @@ def test_the_folder_is_the_users(way: str, tmp_path: Path, monkeypatch: pytest.M
 def test_a_socket_without_an_owner_is_told(runtime: Path, capsys: pytest.CaptureFixture[str]) -> None:
     link = f"unix://{runtime}/none.socket"
     assert main(["topic", "list", "--link", link]) == 2
-    text = f"{link}: L102 no process owns the link at '{runtime}/none.socket' (No such file or directory): start `msggen link"
+    problem = f"no process owns the link at '{runtime}/none.socket' (No such file or directory): start `msggen link"
+    text = f"{link}: L102 {problem}"
     assert text in capsys.readouterr().err
 
 
