@@ -96,6 +96,15 @@ class Replied(NamedTuple):
     payload: bytes
 
 
+class Refused(NamedTuple):
+    """The request with a number was not sent. Only a link of others tells: `call` of the others raises LinkError."""
+
+    remote: Remote
+    number: int
+    problem: str
+    """The text of that error."""
+
+
 class Lost(NamedTuple):
     """Samples of a vehicle did not arrive: their sequence numbers are missing."""
 
@@ -125,7 +134,7 @@ class Failed(NamedTuple):
     reason: str
 
 
-Event: TypeAlias = Connected | Opened | Disconnected | Sample | Replied | Lost | Identified | Warned | Failed
+Event: TypeAlias = Connected | Opened | Disconnected | Sample | Replied | Refused | Lost | Identified | Warned | Failed
 """What can happen on a link."""
 
 METHODS: Mapping[type[Event], str] = MappingProxyType({event: event.__name__.lower() for event in get_args(Event)})
@@ -152,6 +161,9 @@ class Listener(Protocol):
 
     def replied(self, remote: Remote, service: Service, number: int, payload: bytes) -> None:
         """Take a `Replied`."""
+
+    def refused(self, remote: Remote, number: int, problem: str) -> None:
+        """Take a `Refused`."""
 
     def lost(self, remote: Remote, missing: int) -> None:
         """Take a `Lost`."""

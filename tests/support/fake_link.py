@@ -36,6 +36,8 @@ class FakeLink:
         self.sent = threading.Event()
         self.closed = threading.Event()
         self.error: LinkError | None = None
+        self.refusal: LinkError | None = None
+        """Why the vehicle takes no request."""
         self.opened: dict[int, list[Route | Service]] = {}
         self.remotes: dict[int, Remote] = {}
         self._numbers = 0
@@ -56,6 +58,8 @@ class FakeLink:
         self.sent.set()
 
     def call(self, remote: Remote, service: Service, number: int, payload: bytes) -> None:
+        if self.refusal is not None:
+            raise self.refusal
         self.calls.append((remote, service, number, payload))
         self.called.set()
 

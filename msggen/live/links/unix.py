@@ -240,10 +240,10 @@ class UnixLink:
     def _failed(self, _listener: Listener, reason: str) -> None:
         raise LinkError(reason)
 
-    def _called(self, listener: Listener, number: int, _call: int, problem: str) -> None:
+    def _unsent(self, listener: Listener, number: int, call: int, problem: str) -> None:
         vehicle = self._vehicles.get(self._offset + number)
-        if problem and vehicle is not None:
-            listener.warned(f"a call was not sent: {problem}")
+        if vehicle is not None:
+            listener.refused(vehicle.remote, call, problem)
 
     def _answered(self, _listener: Listener, question: int, value: object) -> None:
         self._hand((EVENT, question), value)
@@ -304,7 +304,7 @@ _EVENTS: Mapping[str, Callable[..., None]] = {
     "identified": UnixLink._identified,  # noqa: SLF001
     "warned": UnixLink._warned,  # noqa: SLF001
     "failed": UnixLink._failed,  # noqa: SLF001
-    "called": UnixLink._called,  # noqa: SLF001
+    "unsent": UnixLink._unsent,  # noqa: SLF001
     "answer": UnixLink._answered,  # noqa: SLF001
 }
 

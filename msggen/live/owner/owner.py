@@ -213,7 +213,7 @@ class Owner(Hub):
         self.link.call(remote, service, number, call.payload)
 
     def _refuse_call(self, remote: Remote, call: Call, problem: str) -> None:
-        self.send(call.program, event_of("called", remote.number, call.number, problem))
+        self.send(call.program, event_of("unsent", remote.number, call.number, problem))
 
     def look(self) -> None:
         """Measure the rate of samples, once in a second, and end calls without a reply. The caller holds the lock."""

@@ -52,7 +52,7 @@ def obey(owner: Owner, program: Program, record: Record) -> None:
         if vehicle is not None:
             _ON_VEHICLE[kind](owner, program, vehicle, index, when, body)
         elif kind == CALL:
-            owner.send(program, event_of("called", number, when, "the vehicle has just disconnected"))
+            owner.send(program, event_of("unsent", number, when, "the vehicle has just disconnected"))
 
 
 def _publish(owner: Owner, program: Program, vehicle: Carried, index: int, _when: int, body: bytes) -> None:

@@ -103,6 +103,12 @@ class Hub:
         if entry is not None:
             entry.calls.replied(number, payload)
 
+    def refused(self, remote: Remote, number: int, problem: str) -> None:
+        """End the call that was not sent."""
+        entry = self.entries.get(remote.number)
+        if entry is not None:
+            entry.calls.refused(number, problem)
+
     def lost(self, remote: Remote, missing: int) -> None:
         """Count lost samples."""
         entry = self.entries.get(remote.number)

@@ -163,6 +163,32 @@ def test_a_call_that_nobody_waits_for_keeps_no_other_one_waiting(link: FakeLink,
 
 
 @pytest.mark.usefixtures("server")
+@pytest.mark.parametrize("is_direct", [True, False])
+def test_a_call_that_is_refused_raises_at_once(
+    is_direct: bool,  # noqa: FBT001
+    link: FakeLink,
+    path: Path,
+    px4_types: Any,
+) -> None:
+    own = FakeLink(px4_types) if is_direct else link
+    with Vehicle(own if is_direct else UnixLink(str(path))) as vehicle:
+        own.connect()
+        vehicle.wait_connected(WAIT)
+        own.refusal = LinkError("the vehicle does not acknowledge what it gets")
+        request = px4_types.srv.VehicleCommand.Request()
+        for _ in range(2):
+            begun = time.monotonic()
+            with pytest.raises(LinkError) as caught:
+                vehicle.call(request, 60.0)
+            assert time.monotonic() - begun < WAIT
+            assert (type(caught.value), str(caught.value)) == (LinkError, str(own.refusal))
+        own.refusal = None
+        with pytest.raises(LinkTimeoutError):
+            vehicle.call(request, 0.05)
+    assert len(own.calls) == 1
+
+
+@pytest.mark.usefixtures("server")
 def test_a_call_ends_when_the_vehicle_does(link: FakeLink, path: Path, px4_types: Any) -> None:
     remote = link.connect()
     with Vehicle(UnixLink(str(path))) as vehicle:
