@@ -31,7 +31,7 @@ PATIENCE = 30.0
 
 _NOTICE = 2.0
 """How long to wait in s before saying so."""
-_IN_NAMESPACE = re.compile("(rt)?/?[^/]+(/.+)?/fmu/(in|out)/")
+_IN_NAMESPACE = re.compile("(?!rt/fmu/)(?:rt/|/)?([^/]+(?:/.+)?)/fmu/(?:in|out)/")
 
 
 class Connection(NamedTuple):
@@ -94,7 +94,7 @@ def connection(options: argparse.Namespace) -> Iterator[Connection]:
 
     A session that an earlier program began is continued. If that left no record of the session, its topics must be
     those of the given types, or else of the newest release, and its namespace is not known (docs/vehicle.md). If the
-    user names a topic in a namespace, the vehicle then has to begin a new session.
+    user names a topic in a namespace, that selects the vehicle then, as --namespace does.
     """
     from msggen.live import LinkError, Vehicle
     from msggen.live.vehicle.selection import is_unnamed
@@ -106,16 +106,17 @@ def connection(options: argparse.Namespace) -> Iterator[Connection]:
     try:
         with ExitStack() as stack:
 
-            def opened(types: ModuleType | None) -> Vehicle:
+            def opened(types: ModuleType) -> Vehicle:
                 vehicle = stack.enter_context(Vehicle(link, types, **selection))
                 _wait(vehicle, link, options.wait or PATIENCE)
                 return vehicle
 
-            known: ModuleType | None = package
+            known = package
             vehicle = opened(known)
-            if is_unnamed(vehicle.remote) and not vehicle.remote.namespace and _names_namespace(options):
+            named = _named_namespace(options)
+            if is_unnamed(vehicle.remote) and not vehicle.remote.namespace and named and not options.namespace:
                 vehicle.close()
-                known = None
+                selection["namespace"] = named
                 vehicle = opened(known)
             remote, release = vehicle.remote, vehicle.firmware.release
             label = options.types or options.px4 or package.__name__
@@ -140,10 +141,11 @@ def owner_of(link: str, error: LinkError) -> str:
     return f"; {few(list(map(str, owners)))} has it" if owners else ""
 
 
-def _names_namespace(options: argparse.Namespace) -> bool:
-    """Whether a topic that the user names is in a namespace."""
+def _named_namespace(options: argparse.Namespace) -> str:
+    """Return the namespace of the first topic that the user names in one, or ""."""
     topics = [getattr(options, "topic", None) or "", *getattr(options, "topics", ())]
-    return any(_IN_NAMESPACE.match(topic) for topic in topics)
+    found = filter(None, map(_IN_NAMESPACE.match, topics))
+    return next((each[1] for each in found), "")
 
 
 def link_of(options: argparse.Namespace) -> str:

@@ -54,10 +54,15 @@ class Remote(NamedTuple):
     """The namespace without slashes at both ends: `uav_1`, or "" without one or if it is not known."""
     continued: bool
     """Whether the link continues a session that an earlier program began. Without a record of it, its key is 0 here."""
+    alone: bool | None = None
+    """Without a record: whether no other vehicle is on the link. None if that is not known yet, or not needed."""
 
 
 class Connected(NamedTuple):
-    """A vehicle has begun a session. Its routes follow."""
+    """A vehicle has begun a session. Its routes follow.
+
+    Another one with the same number tells `Remote.alone` of a vehicle that is connected.
+    """
 
     remote: Remote
 

@@ -96,6 +96,12 @@ class UnixLink:
             own, _ = self._find(remote)
             self._send(event_of("cancel", own, number))
 
+    def renew(self, remote: Remote) -> None:
+        """End the session of a vehicle, which then connects anew, unless other programs use the link."""
+        with suppress(LinkError):
+            number, _ = self._find(remote)
+            self._send(event_of("renew", number))
+
     def follow(self, remote: Remote, route: Route, *, is_followed: bool) -> None:
         """Begin or end to take the samples of a route."""
         with suppress(LinkError, KeyError):
@@ -210,9 +216,10 @@ class UnixLink:
 
     def _connected(self, listener: Listener, values: list[Any]) -> None:
         number, *others = values
-        self._last_number = self._offset + number
-        remote = Remote(self._last_number, *others)
-        self._vehicles[remote.number] = KnownVehicle.of(remote)
+        self._last_number = max(self._last_number, self._offset + number)
+        remote = Remote(self._offset + number, *others)
+        found = self._vehicles.get(remote.number)
+        self._vehicles[remote.number] = found._replace(remote=remote) if found else KnownVehicle.of(remote)
         listener.connected(remote)
 
     def _opened(self, listener: Listener, number: int, kind: str, values: list[Any]) -> None:

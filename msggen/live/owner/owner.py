@@ -75,8 +75,13 @@ class Owner(Hub):
     # --- What happens on the link, in its thread
 
     def connected(self, remote: Remote) -> None:
-        """Tell the programs of a vehicle."""
+        """Tell the programs of a vehicle, or what has become known of one."""
         with self.lock:
+            found = self.vehicles.get(remote.number)
+            if found is not None:
+                found.known = found.known._replace(remote=remote)
+                self._tell("connected", list(remote))
+                return
             calls = CallQueue(
                 lambda number, call: self._send_call(remote, number, call),
                 lambda call, problem: self._refuse_call(remote, call, problem),

@@ -161,6 +161,14 @@ def _cancel(owner: Owner, program: Program, number: int, call: int) -> None:
         vehicle.calls.cancel(program, call)
 
 
+def _renew(owner: Owner, program: Program, number: int) -> None:
+    vehicle = owner.vehicles.get(number)
+    renew = getattr(owner.link, "renew", None)
+    is_only = not any(each.has_joined and each is not program for each in owner.programs)
+    if vehicle is not None and renew is not None and program.has_joined and is_only:
+        renew(vehicle.known.remote)
+
+
 def _ask(owner: Owner, program: Program, question: int, what: str) -> None:
     owner.send(program, event_of("answer", question, _ANSWERS[what](owner, program)))
 
@@ -220,6 +228,7 @@ _REQUESTS: Mapping[str, Callable[..., None]] = {
     "hello": _hello,
     "follow": _follow,
     "cancel": _cancel,
+    "renew": _renew,
     "ask": _ask,
     "stop": _stop,
 }

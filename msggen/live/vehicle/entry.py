@@ -6,11 +6,12 @@ import time
 from collections.abc import Callable
 
 from msggen.live.link import Link, Remote, Route, Service
-from msggen.live.messages.packages import Decoding, Packages
+from msggen.live.messages.names import is_topic
+from msggen.live.messages.packages import Decoding, NamedTopic, Packages
 from msggen.live.vehicle.calls import Calls
 from msggen.live.vehicle.feed import Feed
 from msggen.live.vehicle.firmware import Firmware, FormatCheck, identify, releases
-from msggen.live.vehicle.selection import Selection, is_same
+from msggen.live.vehicle.selection import Selection, is_same, is_unnamed, may_have
 from msggen.live.vehicle.watch import Watch
 
 SETTLED_S = 1.0
@@ -47,6 +48,13 @@ class Entry:
         """Whether the vehicle has opened all its routes: the service is the last one, and samples come after it."""
         is_settled = bool(self.routes) and time.monotonic() - self.opened_at > SETTLED_S
         return bool(self.heard_ns or self.services or self.check.is_complete or is_settled)
+
+    def has(self, topic: NamedTopic, route: Route) -> bool:
+        """Whether a topic, with or without a namespace in its name, is a route of this vehicle."""
+        namespace = topic.namespace
+        if namespace is not None and may_have(self.remote, namespace):
+            namespace = self.remote.namespace
+        return is_topic(route.name, topic.stem, namespace)
 
     def firmware(self) -> Firmware:
         """Return the firmware, as far as it is known."""
@@ -90,3 +98,8 @@ class Member:
     def accepts(self, remote: Remote) -> bool:
         """Whether to take a vehicle that connects. After the first one, only that vehicle is taken again."""
         return self.selection.accepts(remote) and (self.last is None or is_same(self.last, remote))
+
+    def prefers(self, remote: Remote) -> bool:
+        """Whether a vehicle is the one that was asked for, and the own one was only taken for it."""
+        own = self.entry.remote if self.entry is not None else remote
+        return is_unnamed(own) and not self.selection.matches(own) and self.selection.matches(remote)
