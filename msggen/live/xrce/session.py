@@ -9,6 +9,7 @@ from typing import ClassVar, Final, NamedTuple
 
 from msggen.live.link import Connected, Disconnected, LinkError, Lost, Opened, Remote, Replied, Route, Sample, Service
 from msggen.live.xrce import entities, wire
+from msggen.live.xrce.creations import creations
 from msggen.live.xrce.entities import RefusedError
 from msggen.live.xrce.inventory import PARTICIPANT, Inventory, Reading
 from msggen.live.xrce.outbox import Address, Outbox, host
@@ -214,6 +215,7 @@ class Session:
                 self.journal.add(submessage)
         if self.inventory.namespace is None:
             raise WireError("record without a participant")
+        self.inventory.limit(record.sizes)
         self.hashes = record.hashes
         self.recorded = self.settled = self.journal.version
         self._next_create = record.next
@@ -224,7 +226,9 @@ class Session:
     def learn(self, routes: Iterable[Route]) -> None:
         """Continue a session whose samples have shown what the client has created."""
         self.inventory.continue_with(routes)
-        self.journal.give_up()
+        for part in creations(self.inventory.namespace or "", self.inventory.routes()):
+            for submessage in wire.submessages(part):
+                self.journal.add(submessage)
         self._is_learnt = True
         self._continue()
         self._ask_numbers()
@@ -246,7 +250,8 @@ class Session:
             name = f"{self.inventory.namespace}/px4_micro_xrce_dds"
             parts = (wire.Create(wire.NO_REQUEST, PARTICIPANT, entities.Participant(name).pack()).pack(), *parts)
         create, following = self.create, self.input.expected or 0
-        return Record(self.address, create.key, self.session_id, create.mtu, following, parts, self.hashes)
+        sizes = self.inventory.sizes()
+        return Record(self.address, create.key, self.session_id, create.mtu, following, parts, self.hashes, sizes)
 
     def _continue(self) -> None:
         self.continued = True

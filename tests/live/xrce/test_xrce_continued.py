@@ -382,6 +382,35 @@ def test_the_samples_show_which_ids_a_client_has(own: list[Route]) -> None:
     assert world.agent.lost == 0
 
 
+def test_a_session_without_a_record_leaves_one() -> None:
+    request = "px4_msgs/srv/VehicleCommand_Request"
+    others = [Route("/fmu/in/b", "px4_msgs/msg/B", "in", 9), Route("/fmu/vehicle_command", request, "in", SERVICE)]
+    world, client = stranger(joined([[*DEFAULT, *others], SHIFTED]))
+    several(client, *((route.object_id, route.size) for route in DEFAULT))
+    world.settle()
+    assert len(world.all(Opened)) == len(DEFAULT) + 2
+    world.agent.remember(1, {"px4_msgs/msg/A": 5})
+    record = record_of(world.agent)
+    for _ in range(2):
+        after = World(Agent(0.0, records=[record]), client)
+        several(client, *((route.object_id, route.size) for route in DEFAULT))
+        after.settle()
+        assert after.all(Connected) == world.all(Connected)
+        assert {event.route for event in after.all(Opened)} == {event.route for event in world.all(Opened)}
+        assert [event.route for event in after.all(Sample)] == DEFAULT
+        assert after.agent.hashes(1) == {"px4_msgs/msg/A": 5}
+        client.received.clear()
+        assert after.agent._sessions[client.address].record() == record
+        after.agent.publish(1, 9, LE + b"sample")
+        after.agent.call(1, SERVICE, 1, LE + b"request")
+        after.settle()
+        assert [each[-6:] for each in client.samples()] == [b"sample", b"equest"]
+    several(client, (1, 9))
+    after.settle()
+    assert isinstance(after.events[-1], Disconnected), "its topics are others than those that were learnt"
+    assert records_of(after.agent) == {client.address: None}
+
+
 @pytest.mark.parametrize("other", ["none", "ping", "late ping", "session", "record"])
 def test_a_vehicle_without_a_record_is_alone_if_no_other_one_is_heard(other: str) -> None:
     world, client = stranger()
@@ -647,6 +676,11 @@ def test_px4_is_continued_without_a_record(px4_types: Any) -> None:
     service = Service("/fmu/vehicle_command", request, reply, SERVICE)
     assert {event.route for event in done.all(Opened)} == {*default[:-1], service}
     assert done.all(Disconnected) == []
+    left = done.agent._sessions[PORT].record()
+    assert left is not None
+    again = Agent(0.0, records=[left])
+    assert again._sessions[PORT].inventory.routes() == done.agent._sessions[PORT].inventory.routes()
+    assert again._sessions[PORT].record() == left
 
 
 def test_px4_is_not_continued_with_the_ids_of_another_board(px4_types: Any) -> None:
