@@ -119,7 +119,7 @@ def _record(options: argparse.Namespace) -> int:
     with connection(options) as found:
         if not found.knows_namespace:
             text = "topics are recorded without a namespace, because an earlier program began the session"
-            print(f"warning: {text}: it is known when the vehicle connects again", file=sys.stderr)
+            print(f"warning: {text}: name it with --namespace", file=sys.stderr)
         _check_topics(options, choice, found.vehicle)
         from msggen.generate.cache import package_of
 

@@ -227,7 +227,10 @@ def test_a_continued_session_is_taken_for_the_one_asked_for_if_it_is_alone(
         remote = link.connect(0, continued=True)
         assert not vehicle.is_connected
         link.user().connected(remote._replace(alone=True))
-        assert vehicle.remote == remote._replace(alone=True)
+        assert vehicle.remote == remote._replace(alone=True, namespace=selection.get("namespace", ""))
+        front = "/uav_1/fmu/" if "namespace" in selection else "/fmu/"
+        assert all(route.name.startswith(front) for route in vehicle.routes)
+        assert all(service.name.startswith(front) for service in vehicle.services)
         link.sample(remote, px4_types.VehicleStatus(timestamp=1))
         assert [message.timestamp for message, _ in status.arrived()] == [1]
         vehicle.publish(px4_types.TrajectorySetpoint(), "/uav_1/fmu/in/trajectory_setpoint")

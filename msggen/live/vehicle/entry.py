@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from typing import TypeVar
 
 from msggen.live.link import Link, Remote, Route, Service
 from msggen.live.messages.names import is_topic
@@ -17,6 +18,7 @@ from msggen.live.vehicle.watch import Watch
 SETTLED_S = 1.0
 """A vehicle with routes, but without a service and samples, has all of them if none was opened for this time, in s."""
 
+RouteT = TypeVar("RouteT", Route, Service)
 Row = tuple[Callable[[bytes, int, Decoding], None], Decoding]
 
 
@@ -98,6 +100,18 @@ class Member:
     def accepts(self, remote: Remote) -> bool:
         """Whether to take a vehicle that connects. After the first one, only that vehicle is taken again."""
         return self.selection.accepts(remote) and (self.last is None or is_same(self.last, remote))
+
+    @property
+    def namespace(self) -> str:
+        """The namespace of the vehicle, or the one that selects it if it has not told any."""
+        own = self.entry.remote.namespace if self.entry is not None else ""
+        return own or self.selection.namespace or ""
+
+    def named(self, route: RouteT) -> RouteT:
+        """Return a route or a service with its name in this namespace."""
+        if self.entry is None or self.entry.remote.namespace or not self.namespace:
+            return route
+        return route._replace(name=f"/{self.namespace}{route.name}")
 
     def prefers(self, remote: Remote) -> bool:
         """Whether a vehicle is the one that was asked for, and the own one was only taken for it."""

@@ -361,7 +361,7 @@ class Hub:
                     if decoding is not None:
                         rows.append((feed.push, decoding))
             if route.direction == "out":
-                rows += [(watch.of(route), _NOT_DECODED) for watch in member.watches]
+                rows += [(watch.of(member.named(route)), _NOT_DECODED) for watch in member.watches]
         entry.table = {**entry.table, route.name: tuple(rows)}
         if self._following is not None and (route.name in entry.followed) != bool(rows):
             (entry.followed.add if rows else entry.followed.remove)(route.name)

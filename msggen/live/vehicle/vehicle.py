@@ -172,18 +172,21 @@ class Vehicle:
 
     @property
     def remote(self) -> Remote:
-        """The vehicle that is connected: its address, key and namespace. Raises NotConnectedError."""
-        return self._entry().remote
+        """The vehicle that is connected: its address, key and namespace. Raises NotConnectedError.
+
+        If it has not told its namespace, as an earlier program began its session, this is the one that selects it.
+        """
+        return self._entry().remote._replace(namespace=self._member.namespace)
 
     @property
     def routes(self) -> tuple[Route, ...]:
         """The topics of the vehicle that is connected. Raises NotConnectedError."""
-        return tuple(self._entry().routes.values())
+        return tuple(map(self._member.named, tuple(self._entry().routes.values())))
 
     @property
     def services(self) -> tuple[Service, ...]:
         """The services of the vehicle that is connected. Raises NotConnectedError."""
-        return tuple(self._entry().services.values())
+        return tuple(map(self._member.named, tuple(self._entry().services.values())))
 
     @property
     def firmware(self) -> Firmware:
