@@ -7,6 +7,7 @@ import os
 import re
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from types import ModuleType
@@ -25,12 +26,15 @@ from msggen.sources.sources import find_sources
 
 if TYPE_CHECKING:
     from msggen.live import LinkError, Vehicle
+    from msggen.live.link import Route
 
 PATIENCE = 30.0
 """How long to wait for a vehicle, in s: PX4's client takes up to 14 s to notice that a program has ended."""
 
 _NOTICE = 2.0
 """How long to wait in s before saying so."""
+_LOADING = 1.0
+"""The time in s after which no further release is loaded."""
 _IN_NAMESPACE = re.compile("(?!rt/fmu/)(?:rt/|/)?([^/]+(?:/.+)?)/fmu/(?:in|out)/")
 
 
@@ -118,13 +122,14 @@ def connection(options: argparse.Namespace) -> Iterator[Connection]:
                 vehicle.close()
                 selection["namespace"] = named
                 vehicle = opened(known)
-            remote, release = vehicle.remote, vehicle.firmware.release
+            release = vehicle.firmware.release
             label = options.types or options.px4 or package.__name__
             if given is None and release:
                 package, label = package_of(release), release
             if package is not known:
                 first, vehicle = vehicle, opened(package)  # on the link that is open
                 first.close()
+            remote = vehicle.remote
             knows_namespace = bool(remote.namespace) or not is_unnamed(remote)
             yield Connection(vehicle, package, link, label, knows_namespace)
     except LinkError as error:
@@ -173,6 +178,27 @@ def expected_package(options: argparse.Namespace) -> ModuleType:
     return given_package(options) or _newest()
 
 
+def routes_to_continue(options: argparse.Namespace) -> tuple[Route, ...]:
+    """Return the routes with which a process that has no types continues a session without a record.
+
+    They are those of the package that the options or the settings name, or else of the embedded releases, the newest
+    first, as many as are loaded in a second: a vehicle waits for an answer for 3 s, and a package that is not built yet
+    takes about a second. Raises InputError.
+    """
+    from msggen.live.links.known import joined
+    from msggen.live.messages.packages import known_routes
+
+    given = given_package(options)
+    if given is not None:
+        return joined(known_routes((given,)))
+    packages, end = [_newest()], time.monotonic() + _LOADING
+    for release in EMBEDDED[1:]:
+        if time.monotonic() > end:
+            break
+        packages.append(package_of(release))
+    return joined(known_routes(tuple(packages)))
+
+
 def _newest() -> ModuleType:
     return package_of(EMBEDDED[0])
 
@@ -180,13 +206,14 @@ def _newest() -> ModuleType:
 def given_package(options: argparse.Namespace) -> ModuleType | None:
     """Return the package that the options or the settings name, or None. Raises InputError if it cannot be used."""
     settings = settings_of(options)
-    named = options.px4 or options.types or settings.types
+    px4, types = getattr(options, "px4", None), getattr(options, "types", None)
+    named = px4 or types or settings.types
     if named is None:
         return None
-    if options.px4:
-        found = package_from(find_sources(options.px4))
+    if px4:
+        found = package_from(find_sources(px4))
     else:
-        found = import_package(named, "" if options.types else os.path.dirname(settings.origin))
+        found = import_package(named, "" if types else os.path.dirname(settings.origin))
     if not getattr(topics_of(found), "ENDPOINTS", ()):
         raise input_error(named, "L103", "no topics of the bridge: no dds_topics.yaml", 0)
     return found

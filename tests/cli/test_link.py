@@ -13,10 +13,12 @@ from typing import Any
 import pytest
 
 from msggen.cli import parser_for
-from msggen.cli.link import connection, expected_package, given_package, link_of
+from msggen.cli.link import connection, expected_package, given_package, link_of, routes_to_continue
 from msggen.generate.cache import cache_folder, package_of
 from msggen.live import Vehicle
+from msggen.live.links.known import joined
 from msggen.live.links.link_types import DEFAULT
+from msggen.live.messages.packages import known_routes
 from msggen.live.sim import Options, Simulator
 from support.commands import run
 from support.ports import free_port
@@ -256,6 +258,17 @@ def test_a_package_without_topics_is_refused(working_folder: Path) -> None:
     assert outcome.stderr == "fw: L103 no topics of the bridge: no dds_topics.yaml\n1 error\n"
 
 
+def test_a_process_without_types_knows_the_topics_of_the_setting_or_of_releases(working_folder: Path) -> None:
+    words = ["link", "serve"]
+    own = given_package(options("--types", TYPES))
+    assert own is not None
+    newest = known_routes((package_of("v1.18"),))
+    found = routes_to_continue(parser_for(words).parse_args(words))
+    assert found[: len(joined(newest))] == joined(newest)
+    (working_folder / "pyproject.toml").write_text(f'[tool.msggen]\ntypes = "{TYPES}"\n')
+    assert routes_to_continue(parser_for(words).parse_args(words)) == joined(known_routes((own,)))
+
+
 # Sessions of earlier commands
 
 
@@ -304,8 +317,10 @@ def test_without_a_record_a_session_is_continued_whatever_its_namespace_is(
             earlier.wait_connected(20)
         shutil.rmtree(state / "msggen", ignore_errors=True)
         with connection(parser_for(words).parse_args(words)) as found:
-            assert (found.vehicle.remote.continued, found.knows_namespace) == (True, False)
-            assert found.vehicle.remote.namespace == ""
+            is_named = "/" in topic
+            assert (found.vehicle.remote.continued, found.knows_namespace) == (True, is_named)
+            assert found.vehicle.remote.namespace == (namespace if is_named else "")
+            assert all(route.name.startswith("/uav_1/") == is_named for route in found.vehicle.routes)
             name = f"/{topic.strip('/')}" if "/" in topic else topic
             assert found.vehicle.subscribe(name).wait_for(bool, 20)
 

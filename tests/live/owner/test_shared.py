@@ -353,6 +353,20 @@ def test_the_command_lists_and_stops_owners(url: str, px4_types: Any, capsys: py
     assert owners() == []
 
 
+def test_serving_continues_a_session_without_a_record(url: str, px4_types: Any) -> None:
+    with Simulator(px4_types, url, [Options(sync="off", rate=50.0, key=1)]):
+        leave_unrecorded(url, px4_types, 1, is_direct=True)
+        command = [sys.executable, "-m", "msggen", "link", "serve", "--link", url]
+        environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
+            assert process.stdout
+            assert f"{url} is open" in process.stdout.readline()
+            with Vehicle(url) as vehicle:
+                assert vehicle.wait_connected(WAIT).continued
+            process.send_signal(signal.SIGINT)
+            process.stdout.read()
+
+
 def test_serving_in_the_foreground_tells_what_happens(url: str, px4_types: Any) -> None:
     command = [sys.executable, "-m", "msggen", "link", "serve", "--link", url]
     with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from msggen.generate.cache import package_of
 from msggen.live.link import (
     Connected,
     Disconnected,
@@ -25,10 +26,11 @@ from msggen.live.messages.object_ids import object_ids_of
 from msggen.live.messages.packages import known_routes
 from msggen.live.xrce import entities, wire
 from msggen.live.xrce.agent import Agent
-from msggen.live.xrce.continuation import joined
+from msggen.live.xrce.continuation import Continuation, joined
 from msggen.live.xrce.outbox import Address
 from msggen.live.xrce.record import Record
 from msggen.live.xrce.session import QUESTIONS, Limits
+from msggen.sources.embedded import EMBEDDED
 from support.xrce_captures import Row, load
 from support.xrce_client import PARTICIPANT, SERVICE, Client, Network, World, connected
 
@@ -679,8 +681,30 @@ def test_px4_is_continued_without_a_record(px4_types: Any) -> None:
     left = done.agent._sessions[PORT].record()
     assert left is not None
     again = Agent(0.0, records=[left])
-    assert again._sessions[PORT].inventory.routes() == done.agent._sessions[PORT].inventory.routes()
+    routes, expected = (each._sessions[PORT].inventory.routes() for each in (again, done.agent))
+    assert [route[:4] for route in routes] == [route[:4] for route in expected]
+    assert routes[:31] == expected[:31], "the sizes of what the vehicle publishes, too"
     assert again._sessions[PORT].record() == left
+
+
+@pytest.mark.slow  # it loads all releases
+def test_the_samples_of_a_release_rule_out_all_others() -> None:
+    known = {release: known_routes((package_of(release),)) for release in EMBEDDED}
+    continuation = Continuation(joined(each for sets in known.values() for each in sets), 64)
+    for sets in known.values():
+        for own in sets:
+            written = [route for route in own if route.direction == "out"]
+            samples = [
+                wire.Sample(b"\0\0", entities.object_id(route.object_id, entities.WRITER), bytes(max(0, route.size)))
+                for route in written
+            ]
+            continuation.greet(PORT, 0.0)
+            continuation.observe(0, samples, PORT)
+            found = continuation.proved(PORT)
+            assert found is not None
+            assert found.routes == tuple(own)
+            continuation.end(PORT, 0.0)
+            continuation.tick(100.0)
 
 
 def test_px4_is_not_continued_with_the_ids_of_another_board(px4_types: Any) -> None:
