@@ -31,10 +31,11 @@ from msggen.live.link import (
 from msggen.live.xrce import wire
 from msggen.live.xrce.continuation import Continuation
 from msggen.live.xrce.entities import RefusedError
+from msggen.live.xrce.limits import Limits
 from msggen.live.xrce.outbox import Address, Outbox, host
 from msggen.live.xrce.places import find_least
 from msggen.live.xrce.record import Record
-from msggen.live.xrce.session import Limits, Session
+from msggen.live.xrce.session import Session
 from msggen.live.xrce.streams import NEAR
 from msggen.live.xrce.wire import BEST_EFFORT, ENCAPSULATION, WRITE_DATA, WireError
 

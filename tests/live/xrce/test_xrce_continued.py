@@ -27,9 +27,9 @@ from msggen.live.messages.packages import known_routes
 from msggen.live.xrce import entities, wire
 from msggen.live.xrce.agent import Agent
 from msggen.live.xrce.continuation import Continuation, joined
+from msggen.live.xrce.limits import QUESTIONS, Limits
 from msggen.live.xrce.outbox import Address
 from msggen.live.xrce.record import Record
-from msggen.live.xrce.session import QUESTIONS, Limits
 from msggen.sources.embedded import EMBEDDED
 from support.xrce_captures import Row, load
 from support.xrce_client import PARTICIPANT, SERVICE, Client, Network, World, connected
