@@ -164,7 +164,7 @@ def _cancel(owner: Owner, program: Program, number: int, call: int) -> None:
 def _renew(owner: Owner, program: Program, number: int) -> None:
     vehicle = owner.vehicles.get(number)
     renew = getattr(owner.link, "renew", None)
-    is_only = not any(each.has_joined and each is not program for each in owner.programs)
+    is_only = not any(each.has_joined and not each.is_gone and each is not program for each in owner.programs)
     if vehicle is not None and renew is not None and program.has_joined and is_only:
         renew(vehicle.known.remote)
 
