@@ -86,6 +86,9 @@ class Meter:
     def replied(self, remote: Remote, service: Service, number: int, payload: bytes) -> None:
         """Do nothing."""
 
+    def refused(self, remote: Remote, number: int, problem: str) -> None:
+        """Do nothing."""
+
     def lost(self, remote: Remote, missing: int) -> None:
         """Do nothing: what arrived is counted."""
 

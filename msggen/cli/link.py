@@ -7,6 +7,7 @@ import os
 import re
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from types import ModuleType
@@ -25,13 +26,16 @@ from msggen.sources.sources import find_sources
 
 if TYPE_CHECKING:
     from msggen.live import LinkError, Vehicle
+    from msggen.live.link import Route
 
 PATIENCE = 30.0
 """How long to wait for a vehicle, in s: PX4's client takes up to 14 s to notice that a program has ended."""
 
 _NOTICE = 2.0
 """How long to wait in s before saying so."""
-_IN_NAMESPACE = re.compile("(rt)?/?[^/]+(/.+)?/fmu/(in|out)/")
+_LOADING = 1.0
+"""The time in s after which no further release is loaded."""
+_IN_NAMESPACE = re.compile("(?!rt/fmu/)(?:rt/|/)?([^/]+(?:/.+)?)/fmu/(?:in|out)/")
 
 
 class Connection(NamedTuple):
@@ -94,7 +98,7 @@ def connection(options: argparse.Namespace) -> Iterator[Connection]:
 
     A session that an earlier program began is continued. If that left no record of the session, its topics must be
     those of the given types, or else of the newest release, and its namespace is not known (docs/vehicle.md). If the
-    user names a topic in a namespace, the vehicle then has to begin a new session.
+    user names a topic in a namespace, that selects the vehicle then, as --namespace does.
     """
     from msggen.live import LinkError, Vehicle
     from msggen.live.vehicle.selection import is_unnamed
@@ -107,7 +111,7 @@ def connection(options: argparse.Namespace) -> Iterator[Connection]:
     try:
         with ExitStack() as stack:
 
-            def opened(types: ModuleType | None) -> Vehicle:
+            def opened(types: ModuleType) -> Vehicle:
                 vehicle = stack.enter_context(Vehicle(link, types, **selection))
                 if vehicle.url != link and vehicle.url not in told:
                     told.append(vehicle.url)
@@ -115,19 +119,21 @@ def connection(options: argparse.Namespace) -> Iterator[Connection]:
                 _wait(vehicle, vehicle.url, options.wait or PATIENCE)
                 return vehicle
 
-            known: ModuleType | None = package
+            known = package
             vehicle = opened(known)
-            if is_unnamed(vehicle.remote) and not vehicle.remote.namespace and _names_namespace(options):
+            named = _named_namespace(options)
+            if is_unnamed(vehicle.remote) and not vehicle.remote.namespace and named and not options.namespace:
                 vehicle.close()
-                known = None
+                selection["namespace"] = named
                 vehicle = opened(known)
-            remote, release = vehicle.remote, vehicle.firmware.release
+            release = vehicle.firmware.release
             label = options.types or options.px4 or package.__name__
             if given is None and release:
                 package, label = package_of(release), release
             if package is not known:
                 first, vehicle = vehicle, opened(package)  # on the link that is open
                 first.close()
+            remote = vehicle.remote
             knows_namespace = bool(remote.namespace) or not is_unnamed(remote)
             yield Connection(vehicle, package, vehicle.url, label, knows_namespace)
     except LinkError as error:
@@ -144,10 +150,11 @@ def owner_of(link: str, error: LinkError) -> str:
     return f"; {few(list(map(str, owners)))} has it" if owners else ""
 
 
-def _names_namespace(options: argparse.Namespace) -> bool:
-    """Whether a topic that the user names is in a namespace."""
+def _named_namespace(options: argparse.Namespace) -> str:
+    """Return the namespace of the first topic that the user names in one, or ""."""
     topics = [getattr(options, "topic", None) or "", *getattr(options, "topics", ())]
-    return any(_IN_NAMESPACE.match(topic) for topic in topics)
+    found = filter(None, map(_IN_NAMESPACE.match, topics))
+    return next((each[1] for each in found), "")
 
 
 def link_of(options: argparse.Namespace) -> str:
@@ -175,6 +182,27 @@ def expected_package(options: argparse.Namespace) -> ModuleType:
     return given_package(options) or _newest()
 
 
+def routes_to_continue(options: argparse.Namespace) -> tuple[Route, ...]:
+    """Return the routes with which a process that has no types continues a session without a record.
+
+    They are those of the package that the options or the settings name, or else of the embedded releases, the newest
+    first, as many as are loaded in a second: a vehicle waits for an answer for 3 s, and a package that is not built yet
+    takes about a second. Raises InputError.
+    """
+    from msggen.live.links.known import joined
+    from msggen.live.messages.packages import known_routes
+
+    given = given_package(options)
+    if given is not None:
+        return joined(known_routes((given,)))
+    packages, end = [_newest()], time.monotonic() + _LOADING
+    for release in EMBEDDED[1:]:
+        if time.monotonic() > end:
+            break
+        packages.append(package_of(release))
+    return joined(known_routes(tuple(packages)))
+
+
 def _newest() -> ModuleType:
     return package_of(EMBEDDED[0])
 
@@ -182,13 +210,14 @@ def _newest() -> ModuleType:
 def given_package(options: argparse.Namespace) -> ModuleType | None:
     """Return the package that the options or the settings name, or None. Raises InputError if it cannot be used."""
     settings = settings_of(options)
-    named = options.px4 or options.types or settings.types
+    px4, types = getattr(options, "px4", None), getattr(options, "types", None)
+    named = px4 or types or settings.types
     if named is None:
         return None
-    if options.px4:
-        found = package_from(find_sources(options.px4))
+    if px4:
+        found = package_from(find_sources(px4))
     else:
-        found = import_package(named, "" if options.types else os.path.dirname(settings.origin))
+        found = import_package(named, "" if types else os.path.dirname(settings.origin))
     if not getattr(topics_of(found), "ENDPOINTS", ()):
         raise input_error(named, "L103", "no topics of the bridge: no dds_topics.yaml", 0)
     return found

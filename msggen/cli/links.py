@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from msggen.base.diagnostics import counted, few, input_error
 from msggen.base.exit_codes import DONE
-from msggen.cli.link import add_address, add_allowed, link_of
+from msggen.cli.link import add_address, add_allowed, link_of, routes_to_continue
 from msggen.cli.options import Commands, add_command, add_group, add_shared
 from msggen.cli.table import Column, objects_of, print_table
 from msggen.cli.values import non_empty
@@ -96,6 +96,7 @@ def _serve(options: argparse.Namespace) -> int:
     from msggen.live.links.shared import start_owner
 
     place, wanted = _wanted(options)
+    wanted = wanted._replace(known=routes_to_continue(options))
     try:
         if options.background:
             start_owner(place, wanted, stays=True)

@@ -128,7 +128,7 @@ def _record(options: argparse.Namespace) -> int:
     with connection(options) as found:
         if not found.knows_namespace:
             text = "topics are recorded without a namespace, because an earlier program began the session"
-            print(f"warning: {text}: with --namespace NAME, the vehicle begins another one", file=sys.stderr)
+            print(f"warning: {text}: name it with --namespace", file=sys.stderr)
         if options.direction != "out" and not found.vehicle.is_shared:
             options.parser.error(f"argument --direction: {not_shared(found.link)}")
         _check_topics(options, choice, found.vehicle)

@@ -175,7 +175,8 @@ class _Observer(Hub):
             self.link.follow(remote, route, is_followed=True)
 
     def connected(self, remote: Remote) -> None:
-        self._meters[remote.number], self._ages[remote.number] = Meter(), {}
+        self._meters.setdefault(remote.number, Meter())  # a vehicle is told again when more is known of it
+        self._ages.setdefault(remote.number, {})
         super().connected(remote)
 
     def sample(self, remote: Remote, route: Route, payload: bytes, time: int) -> None:

@@ -54,10 +54,15 @@ class Remote(NamedTuple):
     """The namespace without slashes at both ends: `uav_1`, or "" without one or if it is not known."""
     continued: bool
     """Whether the link continues a session that an earlier program began. Without a record of it, its key is 0 here."""
+    alone: bool | None = None
+    """Without a record: whether no other vehicle is on the link. None if that is not known yet, or not needed."""
 
 
 class Connected(NamedTuple):
-    """A vehicle has begun a session. Its routes follow."""
+    """A vehicle has begun a session. Its routes follow.
+
+    Another one with the same number tells `Remote.alone` of a vehicle that is connected.
+    """
 
     remote: Remote
 
@@ -96,6 +101,15 @@ class Replied(NamedTuple):
     payload: bytes
 
 
+class Refused(NamedTuple):
+    """The request with a number was not sent. Only a link of others tells: `call` of the others raises LinkError."""
+
+    remote: Remote
+    number: int
+    problem: str
+    """The text of that error."""
+
+
 class Lost(NamedTuple):
     """Samples of a vehicle did not arrive: their sequence numbers are missing."""
 
@@ -125,7 +139,7 @@ class Failed(NamedTuple):
     reason: str
 
 
-Event: TypeAlias = Connected | Opened | Disconnected | Sample | Replied | Lost | Identified | Warned | Failed
+Event: TypeAlias = Connected | Opened | Disconnected | Sample | Replied | Refused | Lost | Identified | Warned | Failed
 """What can happen on a link."""
 
 METHODS: Mapping[type[Event], str] = MappingProxyType({event: event.__name__.lower() for event in get_args(Event)})
@@ -152,6 +166,9 @@ class Listener(Protocol):
 
     def replied(self, remote: Remote, service: Service, number: int, payload: bytes) -> None:
         """Take a `Replied`."""
+
+    def refused(self, remote: Remote, number: int, problem: str) -> None:
+        """Take a `Refused`."""
 
     def lost(self, remote: Remote, missing: int) -> None:
         """Take a `Lost`."""

@@ -13,10 +13,12 @@ from typing import Any
 import pytest
 
 from msggen.cli import parser_for
-from msggen.cli.link import connection, expected_package, given_package, link_of
+from msggen.cli.link import connection, expected_package, given_package, link_of, routes_to_continue
 from msggen.generate.cache import cache_folder, package_of
 from msggen.live import Vehicle
+from msggen.live.links.known import joined
 from msggen.live.links.link_types import DEFAULT
+from msggen.live.messages.packages import known_routes
 from msggen.live.sim import Options, Simulator
 from support.commands import run
 from support.ports import free_port
@@ -256,6 +258,17 @@ def test_a_package_without_topics_is_refused(working_folder: Path) -> None:
     assert outcome.stderr == "fw: L103 no topics of the bridge: no dds_topics.yaml\n1 error\n"
 
 
+def test_a_process_without_types_knows_the_topics_of_the_setting_or_of_releases(working_folder: Path) -> None:
+    words = ["link", "serve"]
+    own = given_package(options("--types", TYPES))
+    assert own is not None
+    newest = known_routes((package_of("v1.18"),))
+    found = routes_to_continue(parser_for(words).parse_args(words))
+    assert found[: len(joined(newest))] == joined(newest)
+    (working_folder / "pyproject.toml").write_text(f'[tool.msggen]\ntypes = "{TYPES}"\n')
+    assert routes_to_continue(parser_for(words).parse_args(words)) == joined(known_routes((own,)))
+
+
 # Sessions of earlier commands
 
 
@@ -288,24 +301,28 @@ def test_a_record_has_the_key_and_the_namespace_of_a_vehicle(words: list[str], u
 @pytest.mark.parametrize(
     "case",
     [
-        ("", "vehicle_status", True),
-        ("uav_1", "vehicle_status", True),
-        ("uav_1", "/uav_1/fmu/out/vehicle_status_v4", False),
-        ("uav_1", "uav_1/fmu/out/vehicle_status", False),
+        ("", "vehicle_status"),
+        ("uav_1", "vehicle_status"),
+        ("uav_1", "/uav_1/fmu/out/vehicle_status_v4"),
+        ("uav_1", "uav_1/fmu/out/vehicle_status"),
     ],
 )
-def test_without_a_record_a_session_is_continued_if_its_namespace_does_not_matter(
-    case: tuple[str, str, bool], url: str, state: Path, px4_types: Any
+def test_without_a_record_a_session_is_continued_whatever_its_namespace_is(
+    case: tuple[str, str], url: str, state: Path, px4_types: Any
 ) -> None:
-    namespace, topic, is_continued = case
+    namespace, topic = case
     words = ["topic", "echo", topic, "--link", url]
     with Simulator(px4_types, url, [SHORT._replace(namespace=namespace)]):
         with Vehicle(url, px4_types) as earlier:
             earlier.wait_connected(20)
         shutil.rmtree(state / "msggen", ignore_errors=True)
         with connection(parser_for(words).parse_args(words)) as found:
-            assert (found.vehicle.remote.continued, found.knows_namespace) == (is_continued, not is_continued)
-            assert found.vehicle.remote.namespace == ("" if is_continued else namespace)
+            is_named = "/" in topic
+            assert (found.vehicle.remote.continued, found.knows_namespace) == (True, is_named)
+            assert found.vehicle.remote.namespace == (namespace if is_named else "")
+            assert all(route.name.startswith("/uav_1/") == is_named for route in found.vehicle.routes)
+            name = f"/{topic.strip('/')}" if "/" in topic else topic
+            assert found.vehicle.subscribe(name).wait_for(bool, 20)
 
 
 def test_a_folder_of_records_that_cannot_be_written_is_not_needed(

@@ -73,7 +73,7 @@ def test_the_first_vehicle_is_taken_and_the_second_is_told_once(
         assert vehicle.remote == first
     own = "the vehicle at 127.0.0.1:40000 (key 1)"
     text = f"the vehicle at 127.0.0.1:2 (key 2) connected too and is ignored, as this Vehicle has {own}"
-    assert caplog.messages == [f"{text}: select one by its key, namespace or address"]
+    assert caplog.messages == [f"{text}: select one by key, namespace or address"]
 
 
 def test_two_vehicles_for_two_objects_are_not_told(link: FakeLink, caplog: pytest.LogCaptureFixture) -> None:
@@ -204,9 +204,68 @@ def test_a_continued_session_with_a_record_is_selected_by_its_key_and_namespace(
 def test_a_continued_session_that_no_selection_accepts_is_told(
     link: FakeLink, caplog: pytest.LogCaptureFixture
 ) -> None:
-    with Vehicle(link, key=1):
-        link.connect(0, continued=True)
+    with Vehicle(link, key=1), Vehicle(link, namespace="uav_1"):
+        remote = link.connect(0, continued=True)
+        assert link.renewed == []
+        link.user().connected(remote._replace(alone=False))
     assert "continues an earlier session" in caplog.text
+    assert {each.number for each in link.renewed} == {remote.number}
+
+
+def test_a_vehicle_that_others_use_is_not_renewed(link: FakeLink) -> None:
+    with Vehicle(link), Vehicle(link, key=1):
+        link.connect(0, continued=True, alone=False)
+        assert link.renewed == []
+
+
+@pytest.mark.parametrize("selection", [{"key": 5}, {"namespace": "uav_1"}, {"key": 5, "namespace": "uav_1"}])
+def test_a_continued_session_is_taken_for_the_one_asked_for_if_it_is_alone(
+    selection: dict[str, Any], link: FakeLink, px4_types: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    with Vehicle(link, px4_types, **selection) as vehicle:
+        status = vehicle.subscribe("/uav_1/fmu/out/vehicle_status")
+        remote = link.connect(0, continued=True)
+        assert not vehicle.is_connected
+        link.user().connected(remote._replace(alone=True))
+        assert vehicle.remote == remote._replace(alone=True, namespace=selection.get("namespace", ""))
+        front = "/uav_1/fmu/" if "namespace" in selection else "/fmu/"
+        assert all(route.name.startswith(front) for route in vehicle.routes)
+        assert all(service.name.startswith(front) for service in vehicle.services)
+        link.sample(remote, px4_types.VehicleStatus(timestamp=1))
+        assert [message.timestamp for message, _ in status.arrived()] == [1]
+        vehicle.publish(px4_types.TrajectorySetpoint(), "/uav_1/fmu/in/trajectory_setpoint")
+        link.disconnect(remote)
+        other = link.connect(6, "uav_2")
+        assert not vehicle.is_connected
+        assert "is not the one that was asked for" in caplog.text
+        link.disconnect(other)
+        again = link.connect(5, "uav_1")
+        assert vehicle.remote == again
+    assert link.renewed == []
+
+
+def test_the_vehicle_that_was_asked_for_replaces_one_that_was_taken_for_it(
+    link: FakeLink, px4_types: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    with Vehicle(link, px4_types, key=5) as vehicle, Vehicle(link, px4_types) as any_one:
+        status = vehicle.subscribe("vehicle_status")
+        first = link.connect(0, continued=True, alone=True)
+        assert [vehicle.remote, any_one.remote] == [first, first]
+        second = link.connect(5, address="127.0.0.2:40000")
+        assert [vehicle.remote, any_one.remote] == [second, first]
+        link.sample(first, px4_types.VehicleStatus(timestamp=1))
+        link.sample(second, px4_types.VehicleStatus(timestamp=2))
+        assert [message.timestamp for message, _ in status.arrived()] == [2]
+        with Vehicle(link, key=5) as late:
+            assert late.remote == second
+    assert "is the one that was asked for" in caplog.text
+
+
+def test_a_continued_session_of_another_namespace_is_not_taken(link: FakeLink) -> None:
+    with Vehicle(link, namespace="uav_1") as vehicle, Vehicle(link, key=3) as by_key:
+        remote = link.connect(0, "uav_2", continued=True, alone=True)
+        assert not vehicle.is_connected
+        assert by_key.remote == remote
 
 
 def test_a_wrong_selection_is_told(link: FakeLink) -> None:

@@ -33,9 +33,12 @@ class FakeLink:
         self.published: list[tuple[Remote, Route, bytes]] = []
         self.calls: list[tuple[Remote, Service, int, bytes]] = []
         self.called = threading.Event()
+        self.renewed: list[Remote] = []
         self.sent = threading.Event()
         self.closed = threading.Event()
         self.error: LinkError | None = None
+        self.refusal: LinkError | None = None
+        """Why the vehicle takes no request."""
         self.opened: dict[int, list[Route | Service]] = {}
         self.remotes: dict[int, Remote] = {}
         self._numbers = 0
@@ -56,11 +59,16 @@ class FakeLink:
         self.sent.set()
 
     def call(self, remote: Remote, service: Service, number: int, payload: bytes) -> None:
+        if self.refusal is not None:
+            raise self.refusal
         self.calls.append((remote, service, number, payload))
         self.called.set()
 
     def routes(self, remote: Remote) -> Sequence[Route | Service]:
         return tuple(self.opened[remote.number])
+
+    def renew(self, remote: Remote) -> None:
+        self.renewed.append(remote)
 
     def statistics(self) -> Statistics:
         return Statistics(0, len(self.published), 0, 0, 0, 0)
@@ -82,12 +90,13 @@ class FakeLink:
         address: str = "127.0.0.1:40000",
         *,
         continued: bool = False,
+        alone: bool | None = None,
         routes: Iterable[Route] | None = None,
         is_open: bool = True,
     ) -> Remote:
         """Let a vehicle connect and open the routes, by default those of the package, and the service."""
         self._numbers += 1
-        remote = Remote(self._numbers, address, key, namespace, continued)
+        remote = Remote(self._numbers, address, key, namespace, continued, alone)
         self.opened[remote.number] = []
         self.remotes[remote.number] = remote
         self.user().connected(remote)

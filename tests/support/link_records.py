@@ -25,6 +25,7 @@ class Records:
         self.gone: list[tuple[Remote, str]] = []
         self.samples: list[Sample] = []
         self.replies: list[tuple[Remote, Service, int, bytes]] = []
+        self.refusals: list[tuple[Remote, int, str]] = []
         self.losses: list[tuple[Remote, int]] = []
         self.definitions: list[tuple[Remote, dict[str, int], bool]] = []
         self.warnings: list[str] = []
@@ -77,6 +78,10 @@ class Records:
     def replied(self, remote: Remote, service: Service, number: int, payload: bytes) -> None:
         with self._change():
             self.replies.append((remote, service, number, payload))
+
+    def refused(self, remote: Remote, number: int, problem: str) -> None:
+        with self._change():
+            self.refusals.append((remote, number, problem))
 
     def lost(self, remote: Remote, missing: int) -> None:
         with self._change():

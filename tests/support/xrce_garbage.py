@@ -18,7 +18,7 @@ if __name__ == "__main__":
 from msggen.live.link import Route
 from msggen.live.xrce import wire
 from msggen.live.xrce.agent import Agent
-from msggen.live.xrce.session import Limits
+from msggen.live.xrce.limits import Limits
 from msggen.live.xrce.streams import INPUT_WINDOW, OUTPUT_WINDOW
 from support.xrce_captures import SESSIONS, sent
 

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 from msggen.live.link import Remote, Route, Service
 
-PROTOCOL = 1
+PROTOCOL = 2
 """The version of these records. Both sides tell it first; programs with another one use a link of their own."""
 
 HEADER = struct.Struct("<BIHqI")

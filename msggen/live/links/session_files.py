@@ -20,7 +20,7 @@ from typing import Any, Final
 from msggen.live.xrce.outbox import Address
 from msggen.live.xrce.record import Record
 
-VERSION: Final = 1
+VERSION: Final = 2
 PATIENCE: Final = 7.0
 """Seconds after which a client that was not answered has left its session."""
 TOUCH: Final = 2.0
@@ -142,6 +142,7 @@ def pack(link: str, record: Record, boot: str) -> bytes:
         **record._asdict(),
         "parts": [part.hex() for part in record.parts],
         "hashes": dict(record.hashes),
+        "sizes": {str(number): size for number, size in record.sizes.items()},
     }
     return json.dumps({"version": VERSION, "digest": _digest(_canonical(content)), "record": content}).encode()
 
@@ -160,6 +161,7 @@ def unpack(data: bytes) -> tuple[str, Record, str]:
             address=address if isinstance(address, str) else (str(address[0]), *map(int, address[1:])),
             parts=tuple(map(bytes.fromhex, content["parts"])),
             hashes=MappingProxyType({str(name): int(value) for name, value in content["hashes"].items()}),
+            sizes=MappingProxyType({int(number): int(size) for number, size in content["sizes"].items()}),
             **numbers,
         )
         return str(content["link"]), record, str(content["boot"])

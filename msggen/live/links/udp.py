@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from functools import lru_cache
 
-from msggen.live.link import LinkError, Listener, Route, deliver
+from msggen.live.link import LinkError, Listener, Remote, Route, deliver
 from msggen.live.links.agent_link import AgentLink
 from msggen.live.links.link_types import PORT
 from msggen.live.xrce.outbox import Address
@@ -112,6 +112,11 @@ class UdpLink(AgentLink):
     def name(self) -> str:
         """Return the address of the link."""
         return f"udp://{self.host}:{self.port}"
+
+    def renew(self, remote: Remote) -> None:
+        """End the session of a vehicle, which then connects anew and tells its key and its namespace."""
+        with self.lock, suppress(LinkError):
+            self.agent.renew(remote.number)
 
     def dropped(self) -> int:
         """Return how many datagrams the kernel has dropped. Known on Linux."""

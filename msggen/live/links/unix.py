@@ -14,7 +14,8 @@ from queue import Empty, SimpleQueue
 from typing import Any
 
 from msggen.base.version import __version__
-from msggen.live.link import NOTHING, LinkError, Listener, Publisher, Remote, Route, Sample, Service, Statistics
+from msggen.live.link import LinkError, Listener, Remote, Route, Sample, Service
+from msggen.live.links.asking import Asking
 from msggen.live.links.guard import guarded
 from msggen.live.links.records import (
     CALL,
@@ -32,7 +33,6 @@ from msggen.live.links.records import (
     event_of,
     record_of,
 )
-from msggen.live.xrce.agent import Client
 
 _CHUNK = 1 << 18
 _ANSWER_S = 1.0
@@ -45,22 +45,21 @@ class LeavingError(LinkError):
     """The owner ends: it was killed, or it makes room for one of this version of msggen."""
 
 
-class UnixLink:
+class UnixLink(Asking):
     """A link that another process owns, at the path of its socket."""
 
     def __init__(self, path: str) -> None:
+        super().__init__()
         self.path = path
         self._socket: socket.socket | None = None
         self._thread: threading.Thread | None = None
         self._lock = threading.Lock()
         """Held while a record is sent, so that records are whole."""
         self._vehicles: dict[int, KnownVehicle] = {}
-        self._offset = self._last_number = 0
-        """The number of the last vehicle of the owners before this one."""
+        self._last_number = 0
         self._answers: dict[tuple[object, ...], SimpleQueue[Any]] = {}
         self._questions = itertools.count(1)
         self._is_closing = False
-        self._statistics = NOTHING
 
     def open(self) -> socket.socket:
         """Return a connected socket whose owner has greeted this program. Raises LinkError."""
@@ -101,6 +100,12 @@ class UnixLink:
             own, _ = self._find(remote)
             self._send(event_of("cancel", own, number))
 
+    def renew(self, remote: Remote) -> None:
+        """End the session of a vehicle, which then connects anew, unless other programs use the link."""
+        with suppress(LinkError):
+            number, _ = self._find(remote)
+            self._send(event_of("renew", number))
+
     def follow(self, remote: Remote, route: Route, *, is_followed: bool) -> None:
         """Begin or end to take the samples of a route."""
         with suppress(LinkError, KeyError):
@@ -121,42 +126,15 @@ class UnixLink:
         """Return the answer of the owner to a question: its `state`, `clients` and so on. None if there is none."""
         question = next(self._questions)
         with suppress(LinkError):
+            if self._is_closing:
+                return None
             return self._answer((EVENT, question), event_of("ask", question, what))
         return None
-
-    def clients(self) -> list[Client]:
-        """Return all clients that have begun a session at the owner, also those that are silent by now."""
-        found = [Client(*each) for each in self.ask("clients") or ()]
-        return [each._replace(number=each.number + self._offset) if each.number else each for each in found]
-
-    def refusals(self) -> dict[str, int]:
-        """Return how many datagrams the owner has refused, by reason."""
-        return dict(self.ask("refusals") or {})
-
-    def publishers(self, remote: Remote) -> list[Publisher]:
-        """Return the running programs that have published to a vehicle. From any thread."""
-        found = self.ask("publishers") or {}
-        return [Publisher(*each) for each in found.get(str(remote.number - self._offset), ())]
-
-    def warnings(self) -> list[str]:
-        """Return what the owner has warned of, also before this program has joined."""
-        return list(self.ask("warnings") or ())
-
-    def address(self) -> str:
-        """Return the address at which the owner listens, "" if it does not answer."""
-        return str((self.ask("state") or {}).get("address", ""))
 
     def routes(self, remote: Remote) -> Sequence[Route | Service]:
         """Return the routes and services of a connected vehicle, or none if it is not connected."""
         found = self._vehicles.get(remote.number)
         return (*found.routes, *found.services) if found else ()
-
-    def statistics(self) -> Statistics:
-        """Return the counters of the owner, or the last known ones if it does not answer."""
-        found = None if self._is_closing else self.ask("statistics")
-        if found is not None:
-            self._statistics = Statistics(*found)
-        return self._statistics
 
     def close(self) -> None:
         """Leave. The owner and the vehicles go on. Can be repeated."""
@@ -228,9 +206,10 @@ class UnixLink:
 
     def _connected(self, listener: Listener, values: list[Any]) -> None:
         number, *others = values
-        self._last_number = self._offset + number
-        remote = Remote(self._last_number, *others)
-        self._vehicles[remote.number] = KnownVehicle.of(remote)
+        self._last_number = max(self._last_number, self._offset + number)
+        remote = Remote(self._offset + number, *others)
+        found = self._vehicles.get(remote.number)
+        self._vehicles[remote.number] = found._replace(remote=remote) if found else KnownVehicle.of(remote)
         listener.connected(remote)
 
     def _opened(self, listener: Listener, number: int, kind: str, values: list[Any]) -> None:
@@ -258,10 +237,10 @@ class UnixLink:
     def _failed(self, _listener: Listener, reason: str) -> None:
         raise LinkError(reason)
 
-    def _called(self, listener: Listener, number: int, _call: int, problem: str) -> None:
+    def _unsent(self, listener: Listener, number: int, call: int, problem: str) -> None:
         vehicle = self._vehicles.get(self._offset + number)
-        if problem and vehicle is not None:
-            listener.warned(f"a call was not sent: {problem}")
+        if vehicle is not None:
+            listener.refused(vehicle.remote, call, problem)
 
     def _answered(self, _listener: Listener, question: int, value: object) -> None:
         self._hand((EVENT, question), value)
@@ -322,7 +301,7 @@ _EVENTS: Mapping[str, Callable[..., None]] = {
     "identified": UnixLink._identified,  # noqa: SLF001
     "warned": UnixLink._warned,  # noqa: SLF001
     "failed": UnixLink._failed,  # noqa: SLF001
-    "called": UnixLink._called,  # noqa: SLF001
+    "unsent": UnixLink._unsent,  # noqa: SLF001
     "answer": UnixLink._answered,  # noqa: SLF001
 }
 

@@ -88,8 +88,13 @@ class Owner(Hub):
     # --- What happens on the link, in its thread
 
     def connected(self, remote: Remote) -> None:
-        """Tell the programs of a vehicle."""
+        """Tell the programs of a vehicle, or what has become known of one."""
         with self.lock:
+            found = self.vehicles.get(remote.number)
+            if found is not None:
+                found.known = found.known._replace(remote=remote)
+                self._tell("connected", list(remote))
+                return
             calls = CallQueue(
                 lambda number, call: self._send_call(remote, number, call),
                 lambda call, problem: self._refuse_call(remote, call, problem),
@@ -228,7 +233,7 @@ class Owner(Hub):
         self.link.call(remote, service, number, call.payload)
 
     def _refuse_call(self, remote: Remote, call: Call, problem: str) -> None:
-        self.send(call.program, event_of("called", remote.number, call.number, problem))
+        self.send(call.program, event_of("unsent", remote.number, call.number, problem))
 
     def look(self) -> None:
         """Measure the rate of samples, once in a second, and end calls without a reply. The caller holds the lock."""

@@ -53,7 +53,7 @@ def obey(owner: Owner, program: Program, record: Record) -> None:
         if vehicle is not None:
             _ON_VEHICLE[kind](owner, program, vehicle, index, when, body)
         elif kind == CALL:
-            owner.send(program, event_of("called", number, when, "the vehicle has just disconnected"))
+            owner.send(program, event_of("unsent", number, when, "the vehicle has just disconnected"))
 
 
 def _publish(owner: Owner, program: Program, vehicle: Carried, index: int, _when: int, body: bytes) -> None:
@@ -162,6 +162,14 @@ def _cancel(owner: Owner, program: Program, number: int, call: int) -> None:
         vehicle.calls.cancel(program, call)
 
 
+def _renew(owner: Owner, program: Program, number: int) -> None:
+    vehicle = owner.vehicles.get(number)
+    renew = getattr(owner.link, "renew", None)
+    is_only = not any(each.has_joined and not each.is_gone and each is not program for each in owner.programs)
+    if vehicle is not None and renew is not None and program.has_joined and is_only:
+        renew(vehicle.known.remote)
+
+
 def _ask(owner: Owner, program: Program, question: int, what: str) -> None:
     answer = _ANSWERS.get(what)
     owner.send(program, event_of("answer", question, answer and answer(owner, program)))
@@ -236,6 +244,7 @@ _REQUESTS: Mapping[str, Callable[..., None]] = {
     "hello": _hello,
     "follow": _follow,
     "cancel": _cancel,
+    "renew": _renew,
     "ask": _ask,
     "stop": _stop,
 }

@@ -21,6 +21,13 @@ class _Call:
     def __init__(self) -> None:
         self.number = -1
         self.reply: bytes | None = None
+        self.problem = ""
+        """Why the owner of the link has not sent it."""
+
+    @property
+    def is_over(self) -> bool:
+        """Whether nothing follows."""
+        return self.reply is not None or bool(self.problem)
 
 
 class Calls:
@@ -36,7 +43,8 @@ class Calls:
     def call(self, service: Service, payload: bytes, timeout: float) -> bytes:
         """Return the reply to a request. The time-out in s includes the time in the queue.
 
-        Raises LinkTimeoutError, NotConnectedError if the vehicle disconnects, and LinkError if too many calls wait.
+        Raises LinkTimeoutError, NotConnectedError if the vehicle disconnects, and LinkError if too many calls wait or
+        the vehicle does not take the request.
         """
         check_outside_callback()
         deadline = time.monotonic() + timeout
@@ -51,9 +59,11 @@ class Calls:
                 self._last += 1
                 call.number = self._last
             self._link.call(self._remote, service, call.number, payload)
-            self._wait(lambda: call.reply is not None, deadline, service, f"no reply within {timeout:g} s")
+            self._wait(lambda: call.is_over, deadline, service, f"no reply within {timeout:g} s")
+            if call.problem:
+                raise LinkError(call.problem)
         finally:
-            if call.reply is None and call.number > 0:
+            if call.number > 0 and not call.is_over:
                 self._cancel(call.number)
             with self._changed:
                 self._queue.remove(call)
@@ -70,6 +80,13 @@ class Calls:
         with self._changed:
             if self._queue and self._queue[0].number == number:
                 self._queue[0].reply = payload
+                self._changed.notify_all()
+
+    def refused(self, number: int, problem: str) -> None:
+        """End a call that was not sent."""
+        with self._changed:
+            if self._queue and self._queue[0].number == number:
+                self._queue[0].problem = problem
                 self._changed.notify_all()
 
     def fail(self, reason: str) -> None:

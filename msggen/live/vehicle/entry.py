@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from typing import TypeVar
 
-from msggen.live.link import Link, Remote, Route, Service
-from msggen.live.messages.packages import Decoding, Packages
+from msggen.live.link import FormatError, Link, Remote, Route, Service
+from msggen.live.messages.names import is_topic
+from msggen.live.messages.packages import Decoding, NamedTopic, Packages, UnknownFormatError, decoding_of
 from msggen.live.vehicle.calls import Calls
 from msggen.live.vehicle.feed import Feed
 from msggen.live.vehicle.firmware import Firmware, FormatCheck, identify, releases
-from msggen.live.vehicle.selection import Selection, is_same
+from msggen.live.vehicle.selection import Selection, is_same, is_unnamed, may_have
 from msggen.live.vehicle.watch import Watch
 
 SETTLED_S = 1.0
 """A vehicle with routes, but without a service and samples, has all of them if none was opened for this time, in s."""
 
+RouteT = TypeVar("RouteT", Route, Service)
 Row = tuple[Callable[[bytes, int, Decoding], None], Decoding]
 
 
@@ -48,6 +51,28 @@ class Entry:
         is_settled = bool(self.routes) and time.monotonic() - self.opened_at > SETTLED_S
         return bool(self.heard_ns or self.services or self.check.is_complete or is_settled)
 
+    def has(self, topic: NamedTopic, route: Route) -> bool:
+        """Whether a topic, with or without a namespace in its name, is a route of this vehicle."""
+        namespace = topic.namespace
+        if namespace is not None and may_have(self.remote, namespace):
+            namespace = self.remote.namespace
+        return is_topic(route.name, topic.stem, namespace)
+
+    def decoding(self, feed: Feed, route: Route, packages: Packages) -> Decoding | None:
+        """Return how the samples of a route become messages of a subscription. None if they do not: it fails then."""
+        if feed.error is not None:
+            return None
+        if feed.options.is_raw:
+            return Decoding(feed.topic.message, bytes)
+        known = self.hash_of(route.ros_type)
+        try:
+            return decoding_of(feed.topic, route.name, packages, known, is_converted=feed.options.is_converted)
+        except UnknownFormatError as error:
+            feed.fail(FormatError(f"{error}: {_cure(feed.topic.package.__name__, route, self.firmware())}"))
+        except FormatError as error:
+            feed.fail(error)
+        return None
+
     def firmware(self) -> Firmware:
         """Return the firmware, as far as it is known."""
         routes, check = tuple(self.routes.values()), self.check
@@ -66,6 +91,14 @@ class Entry:
                 message = ros_type.rpartition("/")[2]
                 return next((row.message_hash for row in known if row.message == message), None)
         return found
+
+
+def _cure(own: str, route: Route, firmware: Firmware) -> str:
+    """Return how to get types with the vehicle's definition of a route."""
+    if not firmware.release or route.ros_type.rpartition("/")[2] in firmware.differing:
+        return "build types of the vehicle's own firmware, msggen build --px4 PX4-Autopilot"
+    types = f"types=({own}, package_of('{firmware.release}'))"
+    return f"give types of its release too, {types}, with package_of from msggen.generate.cache"
 
 
 class Member:
@@ -90,3 +123,20 @@ class Member:
     def accepts(self, remote: Remote) -> bool:
         """Whether to take a vehicle that connects. After the first one, only that vehicle is taken again."""
         return self.selection.accepts(remote) and (self.last is None or is_same(self.last, remote))
+
+    @property
+    def namespace(self) -> str:
+        """The namespace of the vehicle, or the one that selects it if it has not told any."""
+        own = self.entry.remote.namespace if self.entry is not None else ""
+        return own or self.selection.namespace or ""
+
+    def named(self, route: RouteT) -> RouteT:
+        """Return a route or a service with its name in this namespace."""
+        if self.entry is None or self.entry.remote.namespace or not self.namespace:
+            return route
+        return route._replace(name=f"/{self.namespace}{route.name}")
+
+    def prefers(self, remote: Remote) -> bool:
+        """Whether a vehicle is the one that was asked for, and the own one was only taken for it."""
+        own = self.entry.remote if self.entry is not None else remote
+        return is_unnamed(own) and not self.selection.matches(own) and self.selection.matches(remote)

@@ -8,13 +8,13 @@ from collections.abc import Callable, Mapping, Sequence
 from logging import getLogger
 from typing import cast
 
-from msggen.live.link import FollowingLink, FormatError, Link, Publisher, Remote, Route, Service
-from msggen.live.messages.names import is_topic, stem_of
-from msggen.live.messages.packages import Decoding, NamedTopic, UnknownFormatError, decoding_of
+from msggen.live.link import FollowingLink, Link, Publisher, Remote, Route, Service
+from msggen.live.messages.names import stem_of
+from msggen.live.messages.packages import Decoding, NamedTopic
 from msggen.live.vehicle.entry import Entry, Member, Row
 from msggen.live.vehicle.feed import Feed, Item, check_outside_callback
-from msggen.live.vehicle.firmware import RESPONSE, RETRY_NS, Firmware, Remembering
-from msggen.live.vehicle.selection import is_same, is_unnamed, shown, why_missing
+from msggen.live.vehicle.firmware import RESPONSE, RETRY_NS, Remembering
+from msggen.live.vehicle.selection import is_same, is_unnamed, may_be_meant, shown, why_missing, why_unknown
 from msggen.live.vehicle.watch import Watch
 
 LOGGER = getLogger("msggen.live")
@@ -44,7 +44,10 @@ class Hub:
     # the thread of the link
 
     def connected(self, remote: Remote) -> None:
-        """Give a vehicle to the members that wait for it."""
+        """Give a vehicle to the members that wait for it, also when more becomes known of it."""
+        if remote.number in self.entries:
+            self._learn(remote)
+            return
         known = self.link.hashes(remote) if isinstance(self.link, Remembering) else {}
         with self.changed:
             self.thread = threading.get_ident()
@@ -53,6 +56,18 @@ class Hub:
             for member in self.members:
                 self._offer(member, entry)
             self.changed.notify_all()
+
+    def _learn(self, remote: Remote) -> None:
+        """Take note of whether a vehicle is alone, on which selections and namespaces in names depend."""
+        with self.changed:
+            entry = self.entries[remote.number]
+            entry.remote = remote
+            for member in self.members:
+                if member.entry is entry:
+                    member.last = remote
+                else:
+                    self._offer(member, entry)
+            self.evaluate(entry, None)
 
     def opened(self, remote: Remote, route: Route | Service) -> None:
         """Connect a route with the subscriptions of it."""
@@ -102,6 +117,12 @@ class Hub:
         entry = self.entries.get(remote.number)
         if entry is not None:
             entry.calls.replied(number, payload)
+
+    def refused(self, remote: Remote, number: int, problem: str) -> None:
+        """End the call that was not sent."""
+        entry = self.entries.get(remote.number)
+        if entry is not None:
+            entry.calls.refused(number, problem)
 
     def lost(self, remote: Remote, missing: int) -> None:
         """Count lost samples."""
@@ -173,7 +194,7 @@ class Hub:
 
     def _tell_missing(self, member: Member, entry: Entry) -> None:
         for feed in member.feeds:
-            has_route = any(self._is_route_of(feed.topic, route) for route in entry.routes.values())
+            has_route = any(self._is_route_of(feed.topic, route, entry) for route in entry.routes.values())
             if not has_route and id(feed) not in member.told:
                 member.told.add(id(feed))
                 why = why_missing(entry.remote, feed.topic.namespace)
@@ -185,7 +206,7 @@ class Hub:
         """Add a member, and give it a vehicle that is connected already."""
         with self.changed:
             self.members = (*self.members, member)
-            for entry in tuple(self.entries.values()):
+            for entry in sorted(self.entries.values(), key=lambda each: not member.selection.matches(each.remote)):
                 self._offer(member, entry)
 
     def leave(self, member: Member) -> None:
@@ -193,9 +214,7 @@ class Hub:
         with self.changed:
             self.members = tuple(each for each in self.members if each is not member)
             feeds, member.feeds, member.watches, member.is_closed = member.feeds, (), (), True
-            entry, member.entry = member.entry, None
-            if entry is not None:
-                self._rebuild(entry)
+            self._release(member)
             self.changed.notify_all()
         for feed in feeds:
             feed.close()
@@ -212,7 +231,7 @@ class Hub:
                 return
             entry.check.prefer(feed.topic.message.__msg__.ros_type)
             for route in tuple(entry.routes.values()):
-                if self._is_route_of(feed.topic, route):
+                if self._is_route_of(feed.topic, route, entry):
                     self._connect(entry, route)
             if self._following is not None and entry.check.is_complete:
                 self._tell_missing(member, entry)
@@ -225,7 +244,7 @@ class Hub:
         if self._following is None or entry is None:
             return None
         for route in tuple(entry.routes.values()):
-            if self._is_route_of(feed.topic, route):
+            if self._is_route_of(feed.topic, route, entry):
                 rows = [decoding for push, decoding in entry.table.get(route.name, ()) if push == feed.push]
                 sample = self._following.last(entry.remote, route) if rows else None
                 if sample is not None:
@@ -240,7 +259,10 @@ class Hub:
     def publishers(self, member: Member) -> Sequence[Publisher]:
         """Return the programs that publish to the vehicle of a member."""
         entry = member.entry
-        return () if self._following is None or entry is None else self._following.publishers(entry.remote)
+        if self._following is None or entry is None:
+            return ()
+        found = self._following.publishers(entry.remote)
+        return [each._replace(topic=member.named(entry.routes[each.topic]).name) for each in found]
 
     def detach(self, member: Member, feed: Feed) -> None:
         """End a subscription. Can be repeated."""
@@ -290,14 +312,28 @@ class Hub:
         """Give a vehicle to a member if it waits for such a one, or tell it of another vehicle."""
         remote = entry.remote
         if member.entry is None and member.accepts(remote):
-            member.entry, member.last = entry, remote
-            LOGGER.info("%s connected", shown(remote))
-            for feed in member.feeds:
-                feed.error = None
-            for route in tuple(entry.routes.values()):
-                self._connect(entry, route)
+            self._take(member, entry)
+        elif member.entry is not None and member.entry is not entry and member.prefers(remote):
+            LOGGER.warning("%s is the one that was asked for, and not %s", shown(remote), shown(member.entry.remote))
+            self._release(member)
+            self._take(member, entry)
         elif member.entry is not entry:
             self._tell_of_another(member, remote)
+            if member.entry is None and may_be_meant(member.selection, remote):
+                self._renew(remote)
+
+    def _take(self, member: Member, entry: Entry) -> None:
+        member.entry, member.last = entry, entry.remote
+        LOGGER.info("%s connected", shown(entry.remote))
+        for feed in member.feeds:
+            feed.error = None
+        for route in tuple(entry.routes.values()):
+            self._connect(entry, route)
+
+    def _release(self, member: Member) -> None:
+        entry, member.entry = member.entry, None
+        if entry is not None:
+            self._rebuild(entry)
 
     def _tell_of_another(self, member: Member, remote: Remote) -> None:
         selection, own = member.selection, member.last
@@ -306,17 +342,23 @@ class Hub:
             return
         if selection.is_any and own is not None and not is_same(own, remote):
             member.has_told_of_another = True
-            text = (
-                "%s connected too and is ignored, as this Vehicle has %s: select one by its key, namespace or address"
-            )
+            text = "%s connected too and is ignored, as this Vehicle has %s: select one by key, namespace or address"
             LOGGER.warning(text, shown(remote), shown(own))
-        elif is_unnamed(remote) and not selection.accepts(remote):
+        elif own is None and may_be_meant(selection, remote):
             member.has_told_of_another = True
-            text = "%s continues an earlier session, so its key and namespace are not known: select it by its address"
-            LOGGER.warning(text, shown(remote))
+            LOGGER.warning("%s", why_unknown(remote))
+        elif own is not None and is_unnamed(own) and is_same(own, remote) and not selection.matches(remote):
+            member.has_told_of_another = True
+            LOGGER.warning("%s has connected again, and is not the one that was asked for", shown(remote))
 
-    def _is_route_of(self, topic: NamedTopic, route: Route) -> bool:
-        return route.direction == topic.direction and is_topic(route.name, topic.stem, topic.namespace)
+    def _renew(self, remote: Remote) -> None:
+        """Let a vehicle tell its key and its namespace, which connects anew, if nobody uses it here."""
+        renew = getattr(self.link, "renew", None)
+        if renew is not None and all(member.entry is not self.entries[remote.number] for member in self.members):
+            renew(remote)
+
+    def _is_route_of(self, topic: NamedTopic, route: Route, entry: Entry) -> bool:
+        return route.direction == topic.direction and entry.has(topic, route)
 
     def _connect(self, entry: Entry, route: Route) -> None:
         """Decide for each subscription of a route how its samples are decoded, or that it fails."""
@@ -327,30 +369,15 @@ class Hub:
             if member.entry is not entry:
                 continue
             for feed in member.feeds:
-                if self._is_route_of(feed.topic, route):
-                    decoding = self._decoding(member, feed, entry, route)
+                if self._is_route_of(feed.topic, route, entry):
+                    decoding = entry.decoding(feed, route, member.packages)
                     if decoding is not None:
                         rows.append((feed.push, decoding))
-            rows += [(watch.of(route), _NOT_DECODED) for watch in member.watches if watch.takes(route)]
+            rows += [(watch.of(member.named(route)), _NOT_DECODED) for watch in member.watches if watch.takes(route)]
         entry.table = {**entry.table, route.name: tuple(rows)}
         if self._following is not None and (route.name in entry.followed) != bool(rows):
             (entry.followed.add if rows else entry.followed.remove)(route.name)
             self._following.follow(entry.remote, route, is_followed=bool(rows))
-
-    def _decoding(self, member: Member, feed: Feed, entry: Entry, route: Route) -> Decoding | None:
-        if feed.error is not None:
-            return None
-        if feed.options.is_raw:
-            return Decoding(feed.topic.message, bytes)
-        known = entry.hash_of(route.ros_type)
-        try:
-            is_converted = feed.options.is_converted
-            return decoding_of(feed.topic, route.name, member.packages, known, is_converted=is_converted)
-        except UnknownFormatError as error:
-            feed.fail(FormatError(f"{error}: {_cure(feed.topic.package.__name__, route, entry.firmware())}"))
-        except FormatError as error:
-            feed.fail(error)
-        return None
 
     def _rebuild(self, entry: Entry) -> None:
         for route in tuple(entry.routes.values()):
@@ -359,11 +386,3 @@ class Hub:
 
 
 _NOT_DECODED = Decoding(object, bytes)  # type: ignore[arg-type]
-
-
-def _cure(own: str, route: Route, firmware: Firmware) -> str:
-    """Return how to get types with the vehicle's definition of a route."""
-    if not firmware.release or route.ros_type.rpartition("/")[2] in firmware.differing:
-        return "build types of the vehicle's own firmware, msggen build --px4 PX4-Autopilot"
-    types = f"types=({own}, package_of('{firmware.release}'))"
-    return f"give types of its release too, {types}, with package_of from msggen.generate.cache"

@@ -20,12 +20,17 @@ class Selection(NamedTuple):
         return self == Selection()
 
     def accepts(self, remote: Remote) -> bool:
-        """Whether a vehicle is meant."""
+        """Whether a vehicle is meant, or the only one on the link may be the one that is meant."""
+        may_be = bool(is_unnamed(remote) and remote.alone)
         return (
             (self.address in (None, remote.address, host_of(remote.address)))
-            and (self.key is None or remote.key == self.key)
-            and (self.namespace is None or remote.namespace == self.namespace)
+            and (self.key in (None, remote.key) or may_be)
+            and (self.namespace in (None, remote.namespace) or (may_be and not remote.namespace))
         )
+
+    def matches(self, remote: Remote) -> bool:
+        """Whether a vehicle is meant, by what is known of it."""
+        return self.accepts(remote._replace(alone=None))
 
 
 def host_of(address: str) -> str:
@@ -37,6 +42,17 @@ def host_of(address: str) -> str:
 def is_unnamed(remote: Remote) -> bool:
     """Whether neither key nor namespace are known: the session of an earlier program that left no record of it."""
     return remote.continued and not remote.key
+
+
+def may_be_meant(selection: Selection, remote: Remote) -> bool:
+    """Whether one of several vehicles whose key and namespace are not known may be the one that is meant."""
+    is_one_of_several = is_unnamed(remote) and remote.alone is False and not selection.matches(remote)
+    return is_one_of_several and selection.accepts(remote._replace(alone=True))
+
+
+def may_have(remote: Remote, namespace: str) -> bool:
+    """Whether the topics of a vehicle may be in a namespace."""
+    return remote.namespace == namespace or bool(is_unnamed(remote) and remote.alone and not remote.namespace)
 
 
 def is_same(earlier: Remote, later: Remote) -> bool:
@@ -54,11 +70,17 @@ def shown(remote: Remote) -> str:
     return f"the vehicle at {remote.address} (key {remote.key}{namespace})"
 
 
+def why_unknown(remote: Remote) -> str:
+    """Return why a vehicle cannot be selected by its key or its namespace, if it is not the only one on the link."""
+    text = f"{shown(remote)} continues an earlier session, so its key and namespace are not known"
+    return f"{text}: it connects again if no other program uses it; otherwise select it by its address"
+
+
 def why_missing(remote: Remote, namespace: str | None) -> str:
     """Return why a vehicle does not have a topic in `namespace`, or in its own one if that is None."""
     if namespace in (None, remote.namespace):
         return "it is not in the dds_topics.yaml of its firmware"
     if is_unnamed(remote) and not remote.namespace:
-        how = "leave it out of the name, or select the vehicle by namespace=, so that it begins another one"
+        how = "leave it out of the name, or select the vehicle by namespace="
         return f"its namespace is not known, as an earlier program began its session: {how}"
     return f"its namespace is '{remote.namespace}'" if remote.namespace else "it has no namespace"

@@ -23,7 +23,7 @@ from msggen.live.link import (
 )
 from msggen.live.links.known import joined
 from msggen.live.links.link_types import DEFAULT
-from msggen.live.messages.names import is_topic, stem_of
+from msggen.live.messages.names import stem_of
 from msggen.live.messages.packages import (
     Endpoint,
     MessageT,
@@ -103,10 +103,7 @@ class Vehicle:
         selection = Selection(key, None if namespace is None else namespace.strip("/"), address)
         self._member = Member(selection, self._packages)
         self._routes: dict[tuple[type, object], tuple[Entry, Route, object]] = {}
-        # without a record, a session of an earlier program tells no key and no namespace: if they select, the vehicle
-        # connects again
-        is_any = key is None and namespace is None
-        known = joined(known_routes(self._packages)) if is_any else ()
+        known = joined(known_routes(self._packages))
         allowed = (allow,) if isinstance(allow, (str, int)) else tuple(allow)
         self._name, opened = link_of(url, allowed, known, is_direct=direct)
         self._hub = join_hub(self._name, opened, self._member, allowed)
@@ -189,18 +186,21 @@ class Vehicle:
 
     @property
     def remote(self) -> Remote:
-        """The vehicle that is connected: its address, key and namespace. Raises NotConnectedError."""
-        return self._entry().remote
+        """The vehicle that is connected: its address, key and namespace. Raises NotConnectedError.
+
+        If it has not told its namespace, as an earlier program began its session, this is the one that selects it.
+        """
+        return self._entry().remote._replace(namespace=self._member.namespace)
 
     @property
     def routes(self) -> tuple[Route, ...]:
         """The topics of the vehicle that is connected. Raises NotConnectedError."""
-        return tuple(self._entry().routes.values())
+        return tuple(map(self._member.named, tuple(self._entry().routes.values())))
 
     @property
     def services(self) -> tuple[Service, ...]:
         """The services of the vehicle that is connected. Raises NotConnectedError."""
-        return tuple(self._entry().services.values())
+        return tuple(map(self._member.named, tuple(self._entry().services.values())))
 
     @property
     def firmware(self) -> Firmware:
@@ -494,7 +494,7 @@ class Vehicle:
             expected = found.message.__name__
             raise TopicError(f"'{found.stem}' has messages of {expected}, not of {cls.__name__}")
         for route in tuple(entry.routes.values()):
-            if route.direction == "in" and is_topic(route.name, found.stem, found.namespace):
+            if route.direction == "in" and entry.has(found, route):
                 check_sent(cls, route, entry.hash_of(route.ros_type))
                 return route
         if not entry.is_ready:

@@ -20,6 +20,7 @@ from types import MappingProxyType
 from typing import Final, NamedTuple
 
 from msggen.live.link import (
+    Connected,
     Event,
     LinkError,
     Route,
@@ -30,10 +31,11 @@ from msggen.live.link import (
 from msggen.live.xrce import wire
 from msggen.live.xrce.continuation import Continuation
 from msggen.live.xrce.entities import RefusedError
+from msggen.live.xrce.limits import Limits
 from msggen.live.xrce.outbox import Address, Outbox, host
 from msggen.live.xrce.places import find_least
 from msggen.live.xrce.record import Record
-from msggen.live.xrce.session import Limits, Session
+from msggen.live.xrce.session import Session
 from msggen.live.xrce.streams import NEAR
 from msggen.live.xrce.wire import BEST_EFFORT, ENCAPSULATION, WRITE_DATA, WireError
 
@@ -48,6 +50,7 @@ _REPEATED = 0.5  # seconds in which a second CREATE_CLIENT is the first one, dou
 _REPLACED = 0.5  # seconds of silence after which a client that began later is the same one, restarted
 _WARNINGS = 20  # of a kind in a minute: a hostile sender can provoke any number of some kinds
 _MINUTE = 60.0
+_LISTEN = 1.2  # seconds in which each client of PX4 is heard that has a session: it pings every 1.01 s
 
 
 def everybody(address: Address) -> bool:  # noqa: ARG001
@@ -190,6 +193,19 @@ class Agent:
             elif not self._replace_silent(session):
                 session.tick(self._clock)
         self._continuation.tick(self._clock)
+        if self._clock >= _LISTEN:
+            self._tell_alone()
+
+    def _tell_alone(self) -> None:
+        """Report whether a vehicle whose key is not known is the only one: only then can its user select it."""
+        for session in self._connected.values():
+            remote = session.remote
+            if remote is not None and session.continued and not session.create.key:
+                others = (each for each in self._sessions.values() if each is not session and not each.is_unheard)
+                alone = not any(others) and self._continuation.is_alone(session.address)
+                if alone != remote.alone:
+                    session.remote = remote._replace(alone=alone)
+                    self._outbox.events.append(Connected(session.remote))
 
     def take_events(self) -> list[Event]:
         """Return the events since the last call."""
@@ -237,6 +253,13 @@ class Agent:
         if hashes != session.hashes:
             session.hashes = MappingProxyType(dict(hashes))
             session.journal.version += 1
+
+    def renew(self, number: int) -> None:
+        """End the session of vehicle `Remote.number`: it connects anew, and tells its key and its namespace.
+
+        Raises LinkError if it is not connected.
+        """
+        self._forget(self._find(number), "the vehicle has to connect again, to tell its key and its namespace")
 
     def publish(self, number: int, object_id: int, payload: bytes) -> None:
         """Send a sample to vehicle `Remote.number`, to its route of direction `in` with this `Route.object_id`.

@@ -72,6 +72,10 @@ class Continuation:
             self._strangers[address] = _Stranger(self._candidates, now)
         return True
 
+    def is_alone(self, address: Address) -> bool:
+        """Whether the client at an address is the only one that has been heard with a session of an earlier program."""
+        return not {*self._strangers, *self._ended} - {address}
+
     def has_refused(self, address: Address) -> bool:
         """Whether the client at an address cannot be continued."""
         return address in self._ended

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 from msggen.live.link import Route, Service
@@ -83,6 +83,15 @@ class Inventory:
             else:
                 reader = entities.object_id(route.object_id, entities.READER)
                 self.readings[reader] = Reading(route, wire.NO_REQUEST, wire.BEST_EFFORT)
+
+    def sizes(self) -> Mapping[int, int]:
+        """Return the known sizes of samples, by the numbers of their topics."""
+        return {route.object_id: route.size for route in self.writers.values() if route.size >= 0}
+
+    def limit(self, sizes: Mapping[int, int]) -> None:
+        """Take the sizes of samples, by the numbers of their topics."""
+        for object_id, route in self.writers.items():
+            self.writers[object_id] = route._replace(size=sizes.get(route.object_id, route.size))
 
     def grant_participant(self) -> None:
         """Take for granted that the client has created its participant. Its first topic tells the namespace."""

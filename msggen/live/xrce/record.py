@@ -12,6 +12,9 @@ from msggen.live.xrce.outbox import Address
 _NOTHING: Mapping[str, int] = MappingProxyType({})
 
 
+_NO_SIZES: Mapping[int, int] = MappingProxyType({})
+
+
 class Record(NamedTuple):
     """A session: all that another agent needs and cannot ask for. The client tells the sequence numbers."""
 
@@ -27,6 +30,8 @@ class Record(NamedTuple):
     """The CREATE and READ_DATA of the client, as submessages in their order. They tell the namespace, too."""
     hashes: Mapping[str, int] = _NOTHING
     """The `message_hash` of the vehicle's definitions by ROS type, as far as they are known."""
+    sizes: Mapping[int, int] = _NO_SIZES
+    """The sizes of samples by the object ids of topics, of a session whose topics were learnt from its samples."""
 
 
 class Journal:

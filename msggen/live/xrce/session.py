@@ -5,12 +5,26 @@ from __future__ import annotations
 import struct
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
-from typing import ClassVar, Final, NamedTuple
+from typing import ClassVar, Final
 
 from msggen.live.link import Connected, Disconnected, LinkError, Lost, Opened, Remote, Replied, Route, Sample, Service
 from msggen.live.xrce import entities, wire
+from msggen.live.xrce.creations import creations
 from msggen.live.xrce.entities import RefusedError
 from msggen.live.xrce.inventory import PARTICIPANT, Inventory, Reading
+from msggen.live.xrce.limits import (
+    ABSENCE,
+    HEARTBEAT_PERIOD,
+    IDLE,
+    LOSSES,
+    QUESTION_PERIOD,
+    QUESTIONS,
+    REPETITIONS,
+    REPLIES,
+    REPLY_TICKS,
+    VEHICLE,
+    Limits,
+)
 from msggen.live.xrce.outbox import Address, Outbox, host
 from msggen.live.xrce.record import Journal, Record
 from msggen.live.xrce.streams import (
@@ -25,59 +39,11 @@ from msggen.live.xrce.streams import (
 )
 from msggen.live.xrce.wire import BEST_EFFORT, RELIABLE, Submessage, WireError
 
-HEARTBEAT_PERIOD: Final = 0.1
-"""Seconds without acknowledgement after which a HEARTBEAT asks for it."""
-REPLY_TICKS: Final = 50
-"""Ticks after a request in which a lost reply is asked for: 5 s."""
-REPLIES: Final = 32
-"""The most datagrams that answer a datagram, so that no client keeps a link busy with its own. PX4's needs up to 4."""
-REPETITIONS: Final = 4
-"""The most messages that are sent again after an ACKNACK: as many as PX4's client keeps."""
-VEHICLE: Final = 32
-"""Entities from which on a client keeps its place when others want it. PX4's client has 70 or more."""
-IDLE: Final = 0.5
-"""Seconds without a sample or a new entity after which it does not keep it. PX4's client sends some 100 in them."""
-LOSSES: Final = 16
-"""The most missing messages that count for a message: the others count with those that follow. So what a forged session
-makes up is bounded by what it sends, and a burst of a vehicle that goes on is counted as a whole soon after it."""
-ABSENCE: Final = 1.0
-"""Seconds of silence after which no HEARTBEAT is sent: its address may be a forged one."""
-
-QUESTIONS: Final = 4
-"""How often the sequence numbers of a continued session are asked for, in case that the answers are lost."""
-QUESTION_PERIOD: Final = 0.3
-"""Seconds between them."""
-
 _WRITE = struct.Struct("<BBH2x2s")  # the header of a WRITE_DATA, request id and object id
 _ANY: Final = 1 << 62
 _BEFORE_ALL: Final = 0xFFFF  # a number that is older than the one of each of the first 32767 messages
 _PING: Final = b"\x00\x0a"  # the request id of each ping of PX4's client
 _MOST_MISSING: Final = 0x8000  # of messages that are not counted yet: as many as a jump can be
-
-
-class Limits(NamedTuple):
-    """Bounds of an agent."""
-
-    clients: int = 64
-    """Sessions, with those that are silent."""
-    message: int = 4096
-    """Bytes of a message from or to a client. PX4's client sends and takes up to 508."""
-    fragments: int = 65536
-    """Bytes of a client's joined fragments."""
-    entities: int = 1024
-    """Entities of a client. PX4's client has about 200."""
-    text: int = 255
-    """Characters of a topic's or a type's name."""
-    outgoing: int = 4096
-    """Datagrams that wait for `take_outgoing`."""
-    silence: float = 5.0
-    """Seconds after which a silent client is reported as disconnected. PX4's client sends every second."""
-    memory: float = 60.0
-    """Seconds after which a silent client is forgotten. Until then it continues its session if it sends again."""
-    patience: float = 7.0
-    """Seconds after which the client of a record is forgotten if it was not heard. PX4's client waits for 5 s."""
-    record: int = 131_072
-    """Bytes of the entities in a record. Those of PX4's client have 20,000."""
 
 
 class Session:
@@ -214,6 +180,7 @@ class Session:
                 self.journal.add(submessage)
         if self.inventory.namespace is None:
             raise WireError("record without a participant")
+        self.inventory.limit(record.sizes)
         self.hashes = record.hashes
         self.recorded = self.settled = self.journal.version
         self._next_create = record.next
@@ -224,7 +191,9 @@ class Session:
     def learn(self, routes: Iterable[Route]) -> None:
         """Continue a session whose samples have shown what the client has created."""
         self.inventory.continue_with(routes)
-        self.journal.give_up()
+        for part in creations(self.inventory.namespace or "", self.inventory.routes()):
+            for submessage in wire.submessages(part):
+                self.journal.add(submessage)
         self._is_learnt = True
         self._continue()
         self._ask_numbers()
@@ -246,7 +215,8 @@ class Session:
             name = f"{self.inventory.namespace}/px4_micro_xrce_dds"
             parts = (wire.Create(wire.NO_REQUEST, PARTICIPANT, entities.Participant(name).pack()).pack(), *parts)
         create, following = self.create, self.input.expected or 0
-        return Record(self.address, create.key, self.session_id, create.mtu, following, parts, self.hashes)
+        sizes = self.inventory.sizes()
+        return Record(self.address, create.key, self.session_id, create.mtu, following, parts, self.hashes, sizes)
 
     def _continue(self) -> None:
         self.continued = True

@@ -16,7 +16,7 @@ from msggen.live.vehicle.firmware import REQUEST, RESPONSE, Known, answer_of, re
 from msggen.live.xrce import client as xrce
 from msggen.live.xrce.client_entities import Reader, Settings, Sync, Writer
 from msggen.live.xrce.client_events import Connected, Disconnected, Received
-from msggen.live.xrce.session import Limits
+from msggen.live.xrce.limits import Limits
 from msggen.live.xrce.wire import ENCAPSULATION
 from msggen.recordings.decode.schemas import hash_of
 from msggen.recordings.log.log import Log

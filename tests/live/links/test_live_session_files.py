@@ -47,7 +47,7 @@ def told() -> Told:
 
 def test_what_was_written_is_read(tmp_path: Path, told: Told) -> None:
     folder = tmp_path / "state" / "sessions"
-    device = RECORD._replace(address="/dev/ttyUSB0", key=0)
+    device = RECORD._replace(address="/dev/ttyUSB0", key=0, sizes=MappingProxyType({5: 16, 4095: 8}))
     told.records(folder).write([(ADDRESS, RECORD), (device.address, device)])
     told.records(folder, "udp://127.0.0.1:9999").write([(ADDRESS, RECORD._replace(key=9))])
     assert sorted(told.records(folder).load(), key=str) == sorted([RECORD, device], key=str)
@@ -137,9 +137,9 @@ def test_a_damaged_file_is_set_aside_and_told_once(content: bytes, tmp_path: Pat
 def test_a_newer_version_is_set_aside(tmp_path: Path, told: Told) -> None:
     told.records(tmp_path).write([(ADDRESS, RECORD)])
     (path,) = tmp_path.iterdir()
-    path.write_text(path.read_text().replace('"version": 1', '"version": 2'))
+    path.write_text(path.read_text().replace('"version": 2', '"version": 3'))
     assert told.records(tmp_path).load() == []
-    assert told[0].endswith("it has another version, 2")
+    assert told[0].endswith("it has another version, 3")
 
 
 @pytest.mark.parametrize("field", ["key", "session_id", "mtu", "next"])

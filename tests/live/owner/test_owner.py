@@ -164,6 +164,32 @@ def test_a_call_that_nobody_waits_for_keeps_no_other_one_waiting(link: FakeLink,
 
 
 @pytest.mark.usefixtures("server")
+@pytest.mark.parametrize("is_direct", [True, False])
+def test_a_call_that_is_refused_raises_at_once(
+    is_direct: bool,  # noqa: FBT001
+    link: FakeLink,
+    path: Path,
+    px4_types: Any,
+) -> None:
+    own = FakeLink(px4_types) if is_direct else link
+    with Vehicle(own if is_direct else UnixLink(str(path))) as vehicle:
+        own.connect()
+        vehicle.wait_connected(WAIT)
+        own.refusal = LinkError("the vehicle does not acknowledge what it gets")
+        request = px4_types.srv.VehicleCommand.Request()
+        for _ in range(2):
+            begun = time.monotonic()
+            with pytest.raises(LinkError) as caught:
+                vehicle.call(request, 60.0)
+            assert time.monotonic() - begun < WAIT
+            assert (type(caught.value), str(caught.value)) == (LinkError, str(own.refusal))
+        own.refusal = None
+        with pytest.raises(LinkTimeoutError):
+            vehicle.call(request, 0.05)
+    assert len(own.calls) == 1
+
+
+@pytest.mark.usefixtures("server")
 def test_a_call_ends_when_the_vehicle_does(link: FakeLink, path: Path, px4_types: Any) -> None:
     remote = link.connect()
     with Vehicle(UnixLink(str(path))) as vehicle:
@@ -185,6 +211,27 @@ def test_the_owner_asks_for_definitions_once_for_all_programs(link: FakeLink, pa
             late.wait_connected(WAIT)
             assert late.wait_firmware(WAIT).hashes == early.firmware.hashes
         assert len(asked) == len({*asked}) == len(early.firmware.hashes)
+
+
+def test_only_a_program_that_is_alone_lets_a_vehicle_connect_again(link: FakeLink, path: Path, server: Server) -> None:
+    remote = link.connect(0, continued=True)
+    unknown = remote._replace(alone=False)
+    with Vehicle(UnixLink(str(path))) as other:
+        other.wait_connected(WAIT)
+        with Vehicle(own := UnixLink(str(path)), key=5) as vehicle:
+            hub = vehicle._hub
+            until(lambda: hub.entries)
+            link.user().connected(unknown)
+            until(lambda: [entry.remote for entry in hub.entries.values()] == [unknown])
+            with hub.changed:  # the thread of the link has asked for what it wants
+                pass
+            assert own.ask("state")["vehicles"][0]["alone"] is False
+            assert link.renewed == []
+        assert other.remote == unknown
+    until(lambda: not server.owner.programs)
+    with Vehicle(UnixLink(str(path)), key=5):
+        until(lambda: link.renewed)
+    assert link.renewed == [unknown]
 
 
 def test_a_program_is_told_nothing_before_it_is_welcome(link: FakeLink, path: Path, server: Server) -> None:
@@ -358,7 +405,7 @@ def test_random_frames_end_the_connection_of_their_program_only(
     frames: int, link: FakeLink, path: Path, px4_types: Any
 ) -> None:
     choose = random.Random(28)  # noqa: S311 - no secret
-    names = ("hello", "follow", "cancel", "ask", "connected", "x")
+    names = ("hello", "follow", "cancel", "ask", "renew", "connected", "x")
     values: tuple[object, ...] = (0, 1, -1, 2**40, "", "state", "clients", None, True, [], {}, [1], hello(), 1.5)
 
     def frame() -> bytes:

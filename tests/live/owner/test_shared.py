@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import signal
 import socket
 import subprocess
@@ -23,6 +24,7 @@ from msggen.live import LinkError, Vehicle
 from msggen.live.links.address import parse_address
 from msggen.live.links.opening import can_share, open_link
 from msggen.live.links.places import place_of, runtime_folder
+from msggen.live.links.session_files import records_folder
 from msggen.live.links.shared import SharedLink
 from msggen.live.links.unix import connected
 from msggen.live.owner.process import IDLE, idle
@@ -165,6 +167,46 @@ def test_a_killed_owner_is_started_again_and_programs_go_on(url: str, times: int
             until(lambda before: status.received > before, status.received)
             vehicle.publish(px4_types.TrajectorySetpoint())
         assert status.undecodable == 0
+
+
+def leave_unrecorded(url: str, types: Any, count: int, *, is_direct: bool) -> None:
+    """Connect vehicles, and leave their sessions without a record, as a program on another computer does."""
+    vehicles = [Vehicle(url, types, key=key, direct=is_direct) for key in range(1, count + 1)]
+    for vehicle in vehicles:
+        vehicle.wait_connected(WAIT)
+        vehicle.subscribe("vehicle_status").wait_for(bool, WAIT)
+    for vehicle in vehicles:
+        vehicle.close()
+    pids = [each.state["pid"] for each in owners()]
+    end_owners()
+    for pid in pids:
+        until(lambda pid: not is_alive(pid), pid)
+    shutil.rmtree(records_folder())
+
+
+@pytest.mark.parametrize("is_direct", [True, False])
+def test_a_selected_vehicle_is_continued_without_a_record(url: str, is_direct: bool, px4_types: Any) -> None:  # noqa: FBT001
+    with Simulator(px4_types, url, [Options(sync="off", rate=50.0, key=1, namespace="uav_1")]):
+        leave_unrecorded(url, px4_types, 1, is_direct=is_direct)
+        with Vehicle(url, px4_types, key=1, namespace="uav_1", direct=is_direct) as vehicle:
+            remote = vehicle.wait_connected(WAIT)
+            assert (remote.continued, remote.alone) == (True, True)
+            assert vehicle.subscribe("/uav_1/fmu/out/vehicle_status").wait_for(bool, WAIT)
+            command = px4_types.VehicleCommand(command=400, param1=1.0, target_system=1)
+            assert vehicle.call(px4_types.srv.VehicleCommand.Request(request=command), WAIT).reply.command == 400
+            with Vehicle(url, px4_types, namespace="uav_1", direct=is_direct) as late:
+                assert late.wait_connected(WAIT) == remote
+
+
+@pytest.mark.parametrize("is_direct", [True, False])
+def test_one_of_several_vehicles_without_a_record_connects_again(url: str, is_direct: bool, px4_types: Any) -> None:  # noqa: FBT001
+    both = [Options(sync="off", rate=50.0, key=key) for key in (1, 2)]
+    with Simulator(px4_types, url, both):
+        leave_unrecorded(url, px4_types, 2, is_direct=is_direct)
+        with Vehicle(url, px4_types, key=2, direct=is_direct) as vehicle:
+            remote = vehicle.wait_connected(WAIT)
+            assert (remote.continued, remote.key) == (False, 2)
+            assert vehicle.subscribe("vehicle_status").wait_for(bool, WAIT)
 
 
 def test_a_socket_of_a_killed_owner_is_replaced(url: str, runtime: Path, px4_types: Any) -> None:
@@ -352,6 +394,20 @@ def test_the_command_lists_and_stops_owners(url: str, px4_types: Any, capsys: py
     assert f"no process owns it: {url} is owned" in capsys.readouterr().err
     assert main(["link", "stop", url]) == 0
     assert owners() == []
+
+
+def test_serving_continues_a_session_without_a_record(url: str, px4_types: Any) -> None:
+    with Simulator(px4_types, url, [Options(sync="off", rate=50.0, key=1)]):
+        leave_unrecorded(url, px4_types, 1, is_direct=True)
+        command = [sys.executable, "-m", "msggen", "link", "serve", "--link", url]
+        environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
+            assert process.stdout
+            assert f"{url} is open" in process.stdout.readline()
+            with Vehicle(url) as vehicle:
+                assert vehicle.wait_connected(WAIT).continued
+            process.send_signal(signal.SIGINT)
+            process.stdout.read()
 
 
 def test_serving_in_the_foreground_tells_what_happens(url: str, px4_types: Any) -> None:

@@ -23,7 +23,8 @@ from msggen.live.link import (
 )
 from msggen.live.xrce import entities, wire
 from msggen.live.xrce.agent import Agent
-from msggen.live.xrce.session import LOSSES, REPLIES, Limits, Session
+from msggen.live.xrce.limits import LOSSES, REPLIES, Limits
+from msggen.live.xrce.session import Session
 from msggen.live.xrce.streams import OUTPUT_WINDOW
 from support.xrce_captures import sent
 from support.xrce_client import PARTICIPANT, SERVICE, Client, Network, World, connected, start

@@ -257,7 +257,8 @@ def test_a_running_session_is_continued() -> None:
     after = [row for row in rows("takeover") if row.time >= started]
     done = Replay(started, known_routes())
     done.feed(after)
-    assert done.all(Connected) == [Connected(Remote(1, "127.0.0.1:50001", 0, "", continued=True))]
+    remote = Remote(1, "127.0.0.1:50001", 0, "", continued=True)
+    assert done.all(Connected) == [Connected(remote), Connected(remote._replace(alone=True))]
     written = [row.data for row in after if row.sender == "client" and row.data[4] == wire.WRITE_DATA]
     assert len(done.all(Sample)) == len(written) - 4 > 200, "those that proved the firmware"
     assert done.all(Lost) == []

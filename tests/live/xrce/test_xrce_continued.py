@@ -8,15 +8,29 @@ from typing import Any
 
 import pytest
 
-from msggen.live.link import Connected, Disconnected, Event, Lost, Opened, Remote, Replied, Route, Sample, Service
+from msggen.generate.cache import package_of
+from msggen.live.link import (
+    Connected,
+    Disconnected,
+    Event,
+    LinkError,
+    Lost,
+    Opened,
+    Remote,
+    Replied,
+    Route,
+    Sample,
+    Service,
+)
 from msggen.live.messages.object_ids import object_ids_of
 from msggen.live.messages.packages import known_routes
 from msggen.live.xrce import entities, wire
 from msggen.live.xrce.agent import Agent
-from msggen.live.xrce.continuation import joined
+from msggen.live.xrce.continuation import Continuation, joined
+from msggen.live.xrce.limits import QUESTIONS, Limits
 from msggen.live.xrce.outbox import Address
 from msggen.live.xrce.record import Record
-from msggen.live.xrce.session import QUESTIONS, Limits
+from msggen.sources.embedded import EMBEDDED
 from support.xrce_captures import Row, load
 from support.xrce_client import PARTICIPANT, SERVICE, Client, Network, World, connected
 
@@ -370,6 +384,75 @@ def test_the_samples_show_which_ids_a_client_has(own: list[Route]) -> None:
     assert world.agent.lost == 0
 
 
+def test_a_session_without_a_record_leaves_one() -> None:
+    request = "px4_msgs/srv/VehicleCommand_Request"
+    others = [Route("/fmu/in/b", "px4_msgs/msg/B", "in", 9), Route("/fmu/vehicle_command", request, "in", SERVICE)]
+    world, client = stranger(joined([[*DEFAULT, *others], SHIFTED]))
+    several(client, *((route.object_id, route.size) for route in DEFAULT))
+    world.settle()
+    assert len(world.all(Opened)) == len(DEFAULT) + 2
+    world.agent.remember(1, {"px4_msgs/msg/A": 5})
+    record = record_of(world.agent)
+    for _ in range(2):
+        after = World(Agent(0.0, records=[record]), client)
+        several(client, *((route.object_id, route.size) for route in DEFAULT))
+        after.settle()
+        assert after.all(Connected) == world.all(Connected)
+        assert {event.route for event in after.all(Opened)} == {event.route for event in world.all(Opened)}
+        assert [event.route for event in after.all(Sample)] == DEFAULT
+        assert after.agent.hashes(1) == {"px4_msgs/msg/A": 5}
+        client.received.clear()
+        assert after.agent._sessions[client.address].record() == record
+        after.agent.publish(1, 9, LE + b"sample")
+        after.agent.call(1, SERVICE, 1, LE + b"request")
+        after.settle()
+        assert [each[-6:] for each in client.samples()] == [b"sample", b"equest"]
+    several(client, (1, 9))
+    after.settle()
+    assert isinstance(after.events[-1], Disconnected), "its topics are others than those that were learnt"
+    assert records_of(after.agent) == {client.address: None}
+
+
+@pytest.mark.parametrize("other", ["none", "ping", "late ping", "session", "record"])
+def test_a_vehicle_without_a_record_is_alone_if_no_other_one_is_heard(other: str) -> None:
+    world, client = stranger()
+    second = Client(50002)
+    second.next = 900
+    if other != "record":
+        world.clients.append(second)
+    else:
+        world.agent.resume([Record(second.address, 7, 0x81, 508, 0, record_of(connected()[0].agent).parts)])
+    if other == "ping":
+        second.ping(in_session=True)
+    for step in range(40):
+        several(client, *((route.object_id, route.size) for route in DEFAULT))
+        client.ping(in_session=True)
+        if step == 20:
+            {"late ping": lambda: second.ping(in_session=True), "session": second.begin}.get(other, lambda: None)()
+        world.run(0.1)
+    remotes = [event.remote for event in world.all(Connected) if event.remote.address.endswith("50001")]
+    alone = [None, other != "ping"] + [False] * (other in {"late ping", "session"})
+    assert [each.alone for each in remotes] == alone
+    assert {each._replace(alone=None) for each in remotes} == {Remote(1, "127.0.0.1:50001", 0, "", continued=True)}
+
+
+def test_a_vehicle_that_is_renewed_connects_again_and_tells_its_names() -> None:
+    world, client = stranger()
+    several(client, *((route.object_id, route.size) for route in DEFAULT))
+    world.settle()
+    world.agent.renew(1)
+    client.ping(in_session=True)
+    several(client, *((route.object_id, route.size) for route in DEFAULT))
+    world.settle()
+    assert [type(event) for event in world.events if not isinstance(event, (Opened, Sample))] == [
+        Connected,
+        Disconnected,
+    ]
+    assert not wire.Info.unpack(client.all(wire.INFO)[-1]).known
+    with pytest.raises(LinkError, match="not connected"):
+        world.agent.renew(1)
+
+
 @pytest.mark.parametrize("own", [routes((1, 8), (2, 16), (4, 8)), routes((9, 8)), routes((1, 9))])
 def test_a_set_that_does_not_fit_is_never_continued(own: list[Route]) -> None:
     world, client = stranger()
@@ -587,14 +670,41 @@ def test_px4_is_continued_without_a_record(px4_types: Any) -> None:
     default, *others = known_routes((px4_types,))
     assert len(others) == 1
     done = Replay("learnt", known=joined([default, *others])).run()
-    (connection,) = done.all(Connected)
-    assert connection.remote == Remote(1, "127.0.0.1:50001", 0, "", continued=True)
+    remote = Remote(1, "127.0.0.1:50001", 0, "", continued=True)
+    assert [event.remote for event in done.all(Connected)] == [remote, remote._replace(alone=True)]
     assert len(done.all(Sample)) == len(done.written()), "13 topics in the first datagram"
     assert [(event.route.object_id, event.payload[4:]) for event in done.all(Sample)] == done.written()
     request, reply = (f"px4_msgs/srv/VehicleCommand_{end}" for end in ("Request", "Response"))
     service = Service("/fmu/vehicle_command", request, reply, SERVICE)
     assert {event.route for event in done.all(Opened)} == {*default[:-1], service}
     assert done.all(Disconnected) == []
+    left = done.agent._sessions[PORT].record()
+    assert left is not None
+    again = Agent(0.0, records=[left])
+    routes, expected = (each._sessions[PORT].inventory.routes() for each in (again, done.agent))
+    assert [route[:4] for route in routes] == [route[:4] for route in expected]
+    assert routes[:31] == expected[:31], "the sizes of what the vehicle publishes, too"
+    assert again._sessions[PORT].record() == left
+
+
+@pytest.mark.slow  # it loads all releases
+def test_the_samples_of_a_release_rule_out_all_others() -> None:
+    known = {release: known_routes((package_of(release),)) for release in EMBEDDED}
+    continuation = Continuation(joined(each for sets in known.values() for each in sets), 64)
+    for sets in known.values():
+        for own in sets:
+            written = [route for route in own if route.direction == "out"]
+            samples = [
+                wire.Sample(b"\0\0", entities.object_id(route.object_id, entities.WRITER), bytes(max(0, route.size)))
+                for route in written
+            ]
+            continuation.greet(PORT, 0.0)
+            continuation.observe(0, samples, PORT)
+            found = continuation.proved(PORT)
+            assert found is not None
+            assert found.routes == tuple(own)
+            continuation.end(PORT, 0.0)
+            continuation.tick(100.0)
 
 
 def test_px4_is_not_continued_with_the_ids_of_another_board(px4_types: Any) -> None:
@@ -625,8 +735,9 @@ def test_px4_goes_on_after_its_time_synchronization(has_record: bool, record: Re
     early = record._replace(parts=record.parts[:1], next=1)
     given: dict[str, Any] = {"records": [early]} if has_record else {"known": joined(known_routes((px4_types,)))}
     done = Replay("sync", **given).run()
-    (connection,) = done.all(Connected)
+    connection, *further = done.all(Connected)
     assert connection.remote == Remote(1, "127.0.0.1:50001", int(has_record), "", continued=True)
+    assert [event.remote for event in further] == [connection.remote._replace(alone=True)] * (not has_record)
     asked = [row for row in done.rows if row.data[4] == wire.TIMESTAMP]
     assert len(done.answers(wire.TIMESTAMP_REPLY)) == len(asked) > 250
     assert len(done.all(Opened)) == 31 + 38 + 1

@@ -6,7 +6,7 @@ import doctest
 import re
 
 from msggen.live.xrce import wire
-from msggen.live.xrce.session import Limits
+from msggen.live.xrce.limits import Limits
 from support.repository import ROOT
 
 PAGE = (ROOT / "docs" / "xrce.md").read_text(encoding="utf-8")
