@@ -205,7 +205,7 @@ def test_tab_imports_no_package_without_names(project: Path, marks: Path) -> Non
 # Commands that import the package of the settings
 
 IMPORTING = {
-    *("call", "command", "doctor", "record", "relay", "top", "view"),
+    *("call", "command", "doctor", "link serve", "record", "relay", "top", "view"),
     *("topic bw", "topic delay", "topic echo", "topic find", "topic hz", "topic info", "topic list", "topic pub"),
 }
 """The commands that import the package that `types` in the settings names. SECURITY.md lists them."""
