@@ -283,7 +283,7 @@ def test_a_wait_without_a_limit_tells_once_what_to_check(
 ) -> None:
     monkeypatch.setattr(vehicle_module, "PATIENCE", 0.05)
     with Vehicle(link) as vehicle:
-        vehicle._name = link_name
+        vehicle.url = link_name
         timer = threading.Timer(0.6, link.connect)
         timer.start()
         vehicle.wait_connected()
