@@ -31,8 +31,8 @@ if TYPE_CHECKING:
 PATIENCE = 30.0
 """How long to wait for a vehicle, in s: PX4's client takes up to 14 s to notice that a program has ended."""
 
-_NOTICE = 2.0
-"""How long to wait in s before saying so."""
+_NOTICE = 3.0
+"""How long to wait in s before saying so: PX4's client asks for an agent on this computer every 2 s."""
 _LOADING = 1.0
 """The time in s after which no further release is loaded."""
 _IN_NAMESPACE = re.compile("(?!rt/fmu/)(?:rt/|/)?([^/]+(?:/.+)?)/fmu/(?:in|out)/")
