@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import os
-import sys
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from msggen.base.exit_codes import DONE
 from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
+from msggen.cli.screen import can_draw, held_warnings
 from msggen.cli.watching import add_window, watching
 from msggen.show.report.json import dump
 
@@ -21,8 +19,6 @@ if TYPE_CHECKING:
     from msggen.show.top.rows import Row, Table
     from msggen.show.top.view import View
 
-_NOTICES = 20
-"""The number of warnings that are kept."""
 _REFRESH = 0.5
 """The time in s after which the table is drawn again."""
 
@@ -52,23 +48,12 @@ def _top(options: argparse.Namespace) -> int:
         meter = Meter(options.window)
         with found.vehicle.watch(meter):
             source = _Source(found, meter)
-            if options.once or options.json or not _is_live():
+            if options.once or options.json or not can_draw():
                 _print_once(source, options.window, is_json=options.json)
             else:
                 with watching():
                     _run(source)
     return DONE
-
-
-def _is_live() -> bool:
-    """Whether there is a terminal that can be drawn on. Windows has no termios."""
-    if not sys.stdout.isatty() or os.environ.get("TERM", "dumb") == "dumb":
-        return False
-    try:
-        import termios  # noqa: F401
-    except ImportError:
-        return False
-    return True
 
 
 class _Source:
@@ -137,7 +122,7 @@ def _run(source: _Source) -> None:
 
     console = Console()
     view, table, due = View(), source.table(), 0.0
-    with _warnings() as source.notices, Terminal() as terminal:
+    with held_warnings() as source.notices, Terminal() as terminal:
         while not view.is_ended:
             now = time.monotonic()
             if now >= due:
@@ -147,30 +132,6 @@ def _run(source: _Source) -> None:
             terminal.draw(ansi(console, screen(table, view, _values(source, view, table.rows), width, height), width))
             for key in terminal.keys(max(0.0, due - time.monotonic())):
                 view = press(view, key, view.shown(table.rows), page_of(height))
-
-
-@contextmanager
-def _warnings() -> Iterator[Sequence[str]]:
-    """Collect the warnings about the link, which would spoil the screen, and print them at the end."""
-    from logging import Handler, LogRecord, getLogger
-
-    texts: list[str] = []
-
-    class _Collector(Handler):
-        def emit(self, record: LogRecord) -> None:
-            texts.append(record.getMessage())
-            del texts[:-_NOTICES]
-
-    logger, collector = getLogger("msggen.live"), _Collector()
-    propagates, logger.propagate = logger.propagate, False
-    logger.addHandler(collector)
-    try:
-        yield texts
-    finally:
-        logger.removeHandler(collector)
-        logger.propagate = propagates
-        for text in texts:
-            print(text, file=sys.stderr)
 
 
 def _values(source: _Source, view: View, rows: Sequence[Row]) -> list[str]:
