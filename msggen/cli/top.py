@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any
 
 from msggen.base.exit_codes import DONE
 from msggen.cli.link import Connection, add_link, connection
@@ -16,6 +17,7 @@ from msggen.show.report.json import dump
 
 if TYPE_CHECKING:
     from msggen.live.vehicle.meter import Meter
+    from msggen.show.top.health import Health
     from msggen.show.top.rows import Row, Table
     from msggen.show.top.view import View
 
@@ -60,9 +62,10 @@ class _Source:
     """Makes tables of a vehicle, also while it is disconnected."""
 
     def __init__(self, found: Connection, meter: Meter) -> None:
+        from msggen.show.top.history import History
         from msggen.show.top.rows import limits_of
 
-        self._found, self._meter = found, meter
+        self._found, self._meter, self._history = found, meter, History()
         self._limits = limits_of(found.package)
         self._routes, self._namespace, self._lost = found.vehicle.routes, found.vehicle.remote.namespace, 0
         self.notices: Sequence[str] = ()
@@ -79,9 +82,28 @@ class _Source:
             trouble = str(error).partition(";")[0]
         now = time.time_ns()
         rows = rows_of(self._routes, self._meter.flows(now), self._limits, self._namespace, now)
+        rows = self._history.add(rows, now)
         namespace = f"  /{self._namespace}" if self._namespace else ""
         label = f"{self._found.label}  {self._found.link}{namespace}"
-        return Table(rows, label, trouble, self._lost, "".join(self.notices[-1:]))
+        return Table(rows, label, trouble, self._lost, "".join(self.notices[-1:]), self._health(rows))
+
+    def _health(self, rows: Sequence[Row]) -> Health:
+        """Return the state of the vehicle, as its newest messages tell it."""
+        from msggen.show.top.health import BATTERY, STATUS, health_of
+
+        newest = [self._newest(rows, stem) for stem in (STATUS, BATTERY)]
+        return health_of(*newest)
+
+    def _newest(self, rows: Sequence[Row], stem: str) -> Any:
+        """Return the newest message of a topic, or None without one that can be decoded."""
+        from msggen.live import LinkError
+        from msggen.live.messages.names import is_topic
+
+        for row in rows:
+            if row.flow is not None and is_topic(row.topic, stem):
+                with suppress(LinkError, ValueError):
+                    return self._found.vehicle.decode(row.route, row.flow.payload)
+        return None
 
     def values(self, row: Row) -> list[str]:
         """Return the newest message of a topic as lines, or why there are none."""
