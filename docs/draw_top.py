@@ -6,17 +6,22 @@ import io
 import socket
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 from rich.text import Text
 
 from msggen.cli.packages import import_package
 from msggen.live import Vehicle
+from msggen.live.messages.names import is_topic
 from msggen.live.sim import Options, Simulator
 from msggen.live.vehicle.meter import Meter
 from msggen.show.top.drawing import screen
-from msggen.show.top.rows import Table, limits_of, rows_of
+from msggen.show.top.health import BATTERY, STATUS, health_of
+from msggen.show.top.history import History
+from msggen.show.top.rows import Row, Table, limits_of, rows_of
 from msggen.show.top.view import View
 
 WIDTH, HEIGHT = 104, 24
@@ -44,14 +49,23 @@ def measured(seconds: float) -> Table:
         free.bind(("127.0.0.1", 0))
         url = f"udp://127.0.0.1:{free.getsockname()[1]}"
     px4_types = import_package(str(Path(__file__).resolve().parent.parent / "generated" / "px4_types"))
-    meter = Meter()
+    meter, history = Meter(), History()
     with Vehicle(url, px4_types) as vehicle, Simulator(px4_types, url, [Options(sync="short")]):
         vehicle.wait_connected(30)
         with vehicle.watch(meter):
-            time.sleep(seconds)
-        now = time.time_ns()
-        rows = rows_of(vehicle.routes, meter.flows(now), limits_of(px4_types), "", now)
-        return Table(rows, "v1.18  udp://127.0.0.1:8888", lost=vehicle.lost)
+            end = time.monotonic() + seconds
+            while time.monotonic() < end:
+                time.sleep(0.5)
+                now = time.time_ns()
+                rows = history.add(rows_of(vehicle.routes, meter.flows(now), limits_of(px4_types), "", now), now)
+        health = health_of(*[newest(vehicle, rows, stem) for stem in (STATUS, BATTERY)])
+        return Table(rows, "v1.18  udp://127.0.0.1:8888", lost=vehicle.lost, health=health)
+
+
+def newest(vehicle: Vehicle, rows: Sequence[Row], stem: str) -> Any:
+    """Return the newest message of a topic that was heard."""
+    flows = [(row.route, row.flow) for row in rows if row.flow is not None and is_topic(row.topic, stem)]
+    return vehicle.decode(flows[0][0], flows[0][1].payload)
 
 
 def draw(seconds: float = 30.0) -> str:

@@ -115,6 +115,9 @@ def recorded_fields(_: str, options: argparse.Namespace) -> Iterator[str]:
 
 def recorded_paths(prefix: str, options: argparse.Namespace) -> Iterator[str]:
     """Yield the paths of the columns of all topics: `vehicle_status.nav_state`."""
+    if not hasattr(options, "file"):
+        yield from _live_paths(prefix, options)
+        return
     from msggen import recordings
     from msggen.recordings.columns.arrays import names_of
 
@@ -122,6 +125,14 @@ def recorded_paths(prefix: str, options: argparse.Namespace) -> Iterator[str]:
         for topic in log.chosen(None):
             name = topic.name if prefix.startswith("/") else _numbered(topic)
             yield from [f"{name}.{column}" for column in names_of(log.dtype(topic))]
+
+
+def _live_paths(prefix: str, options: argparse.Namespace) -> Iterator[str]:
+    """Yield the paths of the fields of the topic in `prefix`, or of all that PX4 publishes."""
+    topic, dot, path = prefix.partition(".")
+    names = names_of(options)
+    for each in [topic] if dot else topics(prefix, argparse.Namespace(**vars(options), topics=())):
+        yield from [f"{each}.{rest}" for rest in _paths(path, names, names.fields_of_topic(each, "out"))]
 
 
 def _numbered(topic: Topic) -> str:

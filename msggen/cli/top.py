@@ -3,26 +3,24 @@
 from __future__ import annotations
 
 import argparse
-import os
-import sys
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any
 
 from msggen.base.exit_codes import DONE
 from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
+from msggen.cli.screen import can_draw, held_warnings
 from msggen.cli.watching import add_window, watching
 from msggen.show.report.json import dump
 
 if TYPE_CHECKING:
     from msggen.live.vehicle.meter import Meter
+    from msggen.show.top.health import Health
     from msggen.show.top.rows import Row, Table
     from msggen.show.top.view import View
 
-_NOTICES = 20
-"""The number of warnings that are kept."""
 _REFRESH = 0.5
 """The time in s after which the table is drawn again."""
 
@@ -52,7 +50,7 @@ def _top(options: argparse.Namespace) -> int:
         meter = Meter(options.window)
         with found.vehicle.watch(meter):
             source = _Source(found, meter)
-            if options.once or options.json or not _is_live():
+            if options.once or options.json or not can_draw():
                 _print_once(source, options.window, is_json=options.json)
             else:
                 with watching():
@@ -60,24 +58,14 @@ def _top(options: argparse.Namespace) -> int:
     return DONE
 
 
-def _is_live() -> bool:
-    """Whether there is a terminal that can be drawn on. Windows has no termios."""
-    if not sys.stdout.isatty() or os.environ.get("TERM", "dumb") == "dumb":
-        return False
-    try:
-        import termios  # noqa: F401
-    except ImportError:
-        return False
-    return True
-
-
 class _Source:
     """Makes tables of a vehicle, also while it is disconnected."""
 
     def __init__(self, found: Connection, meter: Meter) -> None:
+        from msggen.show.top.history import History
         from msggen.show.top.rows import limits_of
 
-        self._found, self._meter = found, meter
+        self._found, self._meter, self._history = found, meter, History()
         self._limits = limits_of(found.package)
         self._routes, self._namespace, self._lost = found.vehicle.routes, found.vehicle.remote.namespace, 0
         self.notices: Sequence[str] = ()
@@ -94,9 +82,28 @@ class _Source:
             trouble = str(error).partition(";")[0]
         now = time.time_ns()
         rows = rows_of(self._routes, self._meter.flows(now), self._limits, self._namespace, now)
+        rows = self._history.add(rows, now)
         namespace = f"  /{self._namespace}" if self._namespace else ""
         label = f"{self._found.label}  {self._found.link}{namespace}"
-        return Table(rows, label, trouble, self._lost, "".join(self.notices[-1:]))
+        return Table(rows, label, trouble, self._lost, "".join(self.notices[-1:]), self._health(rows))
+
+    def _health(self, rows: Sequence[Row]) -> Health:
+        """Return the state of the vehicle, as its newest messages tell it."""
+        from msggen.show.top.health import BATTERY, STATUS, health_of
+
+        newest = [self._newest(rows, stem) for stem in (STATUS, BATTERY)]
+        return health_of(*newest)
+
+    def _newest(self, rows: Sequence[Row], stem: str) -> Any:
+        """Return the newest message of a topic, or None without one that can be decoded."""
+        from msggen.live import LinkError
+        from msggen.live.messages.names import is_topic
+
+        for row in rows:
+            if row.flow is not None and is_topic(row.topic, stem):
+                with suppress(LinkError, ValueError):
+                    return self._found.vehicle.decode(row.route, row.flow.payload)
+        return None
 
     def values(self, row: Row) -> list[str]:
         """Return the newest message of a topic as lines, or why there are none."""
@@ -137,7 +144,7 @@ def _run(source: _Source) -> None:
 
     console = Console()
     view, table, due = View(), source.table(), 0.0
-    with _warnings() as source.notices, Terminal() as terminal:
+    with held_warnings() as source.notices, Terminal() as terminal:
         while not view.is_ended:
             now = time.monotonic()
             if now >= due:
@@ -147,30 +154,6 @@ def _run(source: _Source) -> None:
             terminal.draw(ansi(console, screen(table, view, _values(source, view, table.rows), width, height), width))
             for key in terminal.keys(max(0.0, due - time.monotonic())):
                 view = press(view, key, view.shown(table.rows), page_of(height))
-
-
-@contextmanager
-def _warnings() -> Iterator[Sequence[str]]:
-    """Collect the warnings about the link, which would spoil the screen, and print them at the end."""
-    from logging import Handler, LogRecord, getLogger
-
-    texts: list[str] = []
-
-    class _Collector(Handler):
-        def emit(self, record: LogRecord) -> None:
-            texts.append(record.getMessage())
-            del texts[:-_NOTICES]
-
-    logger, collector = getLogger("msggen.live"), _Collector()
-    propagates, logger.propagate = logger.propagate, False
-    logger.addHandler(collector)
-    try:
-        yield texts
-    finally:
-        logger.removeHandler(collector)
-        logger.propagate = propagates
-        for text in texts:
-            print(text, file=sys.stderr)
 
 
 def _values(source: _Source, view: View, rows: Sequence[Row]) -> list[str]:

@@ -206,7 +206,8 @@ def test_tab_imports_no_package_without_names(project: Path, marks: Path) -> Non
 
 IMPORTING = {
     *("call", "command", "doctor", "link serve", "record", "relay", "top", "view"),
-    *("topic bw", "topic delay", "topic echo", "topic find", "topic hz", "topic info", "topic list", "topic pub"),
+    *("topic bw", "topic delay", "topic echo", "topic find", "topic hz", "topic info", "topic list"),
+    *("topic plot", "topic pub"),
 }
 """The commands that import the package that `types` in the settings names. SECURITY.md lists them."""
 
@@ -230,6 +231,7 @@ WORDS = {
     "render": ["--template", "a.j2", "-o", "out"],
     "sim": ["--for", "0.01", "--count", "1"],
     "sync": ["px4_msgs"],
+    "topic plot": ["vehicle_status.nav_state", "--wait", "0.01"],
     "topic pub": ["vehicle_command", "{}"],
     "topic find": ["VehicleStatus"],
     "topic info": ["vehicle_status"],

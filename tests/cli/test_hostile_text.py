@@ -141,6 +141,14 @@ CASES: dict[str, list[list[str]]] = {
     "topic hz": [["-n", "1"], ["-n", "1", "--json"], [NAME, "-n", "1"]],
     "topic info": [[name] for name in (NAME, PIECES[0])] + [[PIECES[0], "--json"]],
     "topic list": [[], ["-t"], ["--json"], ["-v", "--window", "0.1"]],
+    "topic plot": [
+        [f"{NAME}.x", "--for", "0.2"],
+        [NAME],
+        [f"message_format_response.{NAME}", "--for", "0.2"],
+        ["message_format_response.timestamp", "--for", "0.2"],
+        ["message_format_response.timestamp", "--for", "0.2", "-o", f"{FILE}.svg"],
+        ["message_format_response.topic_name", "-o", f"{FILE}.jpg"],
+    ],
     "topic pub": [
         [NAME, "{}"],
         ["vehicle_command", f"{{x: '{NAME}'}}", "--once"],

@@ -38,6 +38,7 @@ OF_OTHERS = {
     "log": {"-o", "--output", "-n", "--count", "--field", "--format"},
     "doctor": {"--json", "--for"},
     "topic": {"-t", "-v", "--verbose"},
+    "topic plot": {"-o", "--output", "--window"},
     "top": {"--once"},
     "px4-generate": {"--json", "-f"},
 }
@@ -49,7 +50,7 @@ def meanings() -> dict[str, dict[str, tuple[object, ...]]]:
     found: dict[str, dict[str, tuple[object, ...]]] = defaultdict(dict)
     for command in COMMANDS.keys() - {"sim", "play", "record"}:
         for action in actions(command):
-            of_others = OF_OTHERS.get(command.partition(" ")[0], set())
+            of_others = OF_OTHERS.get(command.partition(" ")[0], set()) | OF_OTHERS.get(command, set())
             for spelling in {*action.option_strings} - of_others:
                 found[spelling][command] = meaning(action)
     return found

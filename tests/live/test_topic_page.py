@@ -51,4 +51,13 @@ def test_a_command_prints_what_the_page_shows(
 
 
 def test_the_page_has_commands_of_all_actions() -> None:
-    assert {command.split()[2] for command, _ in SESSIONS} >= {"list", "info", "find", "echo", "hz", "bw", "delay"}
+    assert {command.split()[2] for command, _ in SESSIONS} >= {
+        "list",
+        "info",
+        "find",
+        "echo",
+        "plot",
+        "hz",
+        "bw",
+        "delay",
+    }

@@ -14,6 +14,7 @@ import pytest
 from msggen.cli import main
 from msggen.live.sim import Options, Simulator
 from msggen.show.top.drawing import screen
+from msggen.show.top.health import Health
 from msggen.show.top.rows import Table
 from msggen.show.top.terminal import keys_in
 from msggen.show.top.view import _CHANGES, _PAGES, _STEPS, View
@@ -48,7 +49,8 @@ def rate_of(text: str, topic: str) -> float:
 def test_keys_and_sizes(url: str, program: TerminalProgram, px4_types: ModuleType) -> None:
     with Simulator(px4_types, url, [SOON]):
         text = program.wait_for(lambda text: rate_of(text, "/fmu/out/collision_constraints") > 1)
-        assert text.startswith(f"msggen top  {PACKAGE}  {url}")
+        text = program.wait_for(lambda text: text.startswith("msggen top  AUTO_LOITER  DISARMED  battery "))
+        assert PACKAGE[:20] in text.splitlines()[0]
         assert "31 topics, " in text
         program.press("/status_v4\r")
         program.wait_for(lambda text: "filter: status_v4" in text and "odometry" not in text)
@@ -58,13 +60,21 @@ def test_keys_and_sizes(url: str, program: TerminalProgram, px4_types: ModuleTyp
         program.wait_for(lambda text: "nav_state" not in text and "q quit" in text)
         program.press("\033")
         program.wait_for(lambda text: "odometry" in text)
+        program.press("?")
+        program.wait_for(lambda text: "explain the keys" in text and "odometry" not in text)
+        program.press("x")
+        program.wait_for(lambda text: "odometry" in text)
         program.press("s\033[B ")
         program.wait_for(lambda text: "sort: rate" in text and "paused" in text.splitlines()[0])
         program.resize(60, 12)
         program.wait_for(lambda text: text.splitlines()[2].split() == ["topic", "Hz", "age", "s"])
-        program.resize(110, 40)
-        program.wait_for(lambda text: "longest s" in text and text.splitlines()[-1].startswith("q quit"))
+        program.resize(120, 40)
+        program.wait_for(
+            lambda text: "longest s" in text and "last 20 s" in text and text.splitlines()[-1].startswith("q quit")
+        )
         assert "/fmu/out/wind" in program.text
+        program.press(" ")
+        program.wait_for(lambda text: re.search(r"vehicle_odometry +[\d.]+ +[▅▆▇]{3}", text))
         program.press("\x03")
         assert program.wait() == 0
     assert program.is_restored
@@ -103,6 +113,8 @@ def test_a_pipe_gets_the_table_once(url: str, px4_types: Any, capsys: pytest.Cap
     odometry = next(each for each in document["topics"] if each["topic"] == "/fmu/out/vehicle_odometry")
     assert (odometry["message"], odometry["limit_hz"], odometry["size_bytes"]) == ("VehicleOdometry", 100.0, 118)
     assert document["vehicle"] == f"{PACKAGE}  {url}"
+    assert (document["mode"], document["arming"], document["failsafe"]) == ("AUTO_LOITER", "DISARMED", False)
+    assert 0 < document["battery"] <= 1
 
 
 def test_warnings_do_not_spoil_the_screen(url: str, program: TerminalProgram, px4_types: ModuleType) -> None:
@@ -153,8 +165,9 @@ def test_the_page_shows_what_the_command_prints(url: str, px4_types: Any, capsys
 
 
 def test_the_picture_of_the_page_is_a_screen_of_the_command() -> None:
+    health = Health("AUTO_LOITER", "DISARMED", battery=1.0)
     picture = (ROOT / "docs" / "top.svg").read_text(encoding="utf-8").replace("&#160;", " ")
-    table = Table((), "v1.18  udp://127.0.0.1:8888")
+    table = Table((), "v1.18  udp://127.0.0.1:8888", health=health)
     title, _, heading, *_, keys = screen(table, View(sort="bandwidth"), (), 104, 24)
     for line in (title, heading, keys):
         assert all(word in picture for word in line.plain.split())

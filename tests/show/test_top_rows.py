@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
 from types import ModuleType
 
 from msggen.live.link import Route
 from msggen.live.vehicle.meter import Meter
 from msggen.show.top.drawing import plain
+from msggen.show.top.health import Health, health_of
+from msggen.show.top.history import SECONDS, History, sparkline
 from msggen.show.top.rows import Table, as_document, limits_of, rows_of
 
 SECOND = 1_000_000_000
@@ -90,3 +93,67 @@ def test_the_document_and_the_plain_table_have_the_same_topics() -> None:
     assert lines[0].split()[1:] == ["-", "-", "-", "-", "-", "0", "-", "silent"]
     assert document["topics"][0]["rate_hz"] is None
     assert (document["topics"][1]["rate_hz"], document["topics"][1]["age_s"]) == (2.0, 0.0)
+
+
+# --- the rates of the last seconds
+
+
+def history_of(meter: Meter, times: Sequence[float]) -> tuple[float, ...]:
+    """Return the rates of the one topic of a meter that is looked at at some times in s."""
+    history = History()
+    for time in times:
+        now = round(time * SECOND)
+        kept = Meter(1e6)
+        for arrival, size in meter._topics[STATUS.name].samples:
+            if arrival <= now:
+                kept(STATUS, bytes(size), arrival)
+        (row,) = history.add(rows_of([STATUS], kept.flows(now), {}, "uav_1", now), now)
+    return tuple(row.rates)
+
+
+def test_each_whole_second_has_a_rate() -> None:
+    meter = Meter(1e6)
+    for time in [*(each / 10 for each in range(100, 150)), *(each / 5 for each in range(80, 90))]:
+        meter(STATUS, bytes(24), round((time + 0.05) * SECOND))
+    rates = history_of(meter, [10 + each / 2 for each in range(17)])
+    assert [round(rate) for rate in rates] == [10, 10, 10, 10, 0, 5, 5]
+    assert sparkline(rates) == "▇▇▇▇▁▄▄"
+
+
+def test_the_rates_go_on_after_a_pause_and_when_the_clock_is_set_back() -> None:
+    meter = Meter(1e6)
+    for number in range(1000):
+        meter(STATUS, bytes(24), number * SECOND // 10)
+    rates = history_of(meter, [1.0, 1.5, 2.0, 95.25, 95.75, 96.0])
+    assert len(rates) == SECONDS
+    assert all(9 < rate < 11 for rate in rates)
+    history, (row,) = History(), rows_of([STATUS], meter.flows(SECOND), {}, "uav_1", SECOND)
+    for time, samples in ((50, 100), (51, 110), (40, 120), (41, 130), (42, 140)):
+        (row,) = history.add([row._replace(samples=samples)], time * SECOND)
+    assert [*row.rates] == [20.0, 10.0]
+
+
+def test_a_topic_without_samples_has_no_line() -> None:
+    history = History()
+    for now in (SECOND, 3 * SECOND):
+        (row,) = history.add(rows_of([ACK], [], {}, "uav_1", now), now)
+    assert sparkline(row.rates) == ""
+    assert sparkline((0.0, 50.0, 100.0)) == "▁▄▇"
+
+
+# --- the state of the vehicle
+
+
+def test_messages_tell_the_state(px4_types: ModuleType) -> None:
+    status = px4_types.VehicleStatus(nav_state=5, arming_state=2, failsafe=True)
+    battery = px4_types.BatteryStatus(remaining=0.5, warning=1)
+    assert health_of(status, battery) == Health("AUTO_RTL", "ARMED", True, 0.5, "LOW")  # noqa: FBT003
+    assert health_of(px4_types.VehicleStatus(nav_state=200), None)[0] == "unknown"
+
+
+def test_what_no_message_tells_is_not_known(px4_types: ModuleType) -> None:
+    for battery in (None, px4_types.BatteryStatus(remaining=-1.0), px4_types.BatteryStatus(remaining=math.nan)):
+        health = health_of(None, battery)
+        assert (health[:3], math.isnan(health.battery), health.warning) == (("", "", False), True, "")
+    document = as_document(Table((), "", health=health_of(None, None)))
+    assert (document["mode"], document["arming"], document["battery"]) == (None, None, None)

@@ -11,11 +11,12 @@ from hypothesis import strategies as st
 from msggen.live.link import Route
 from msggen.live.vehicle.meter import Meter
 from msggen.show.top.drawing import screen
+from msggen.show.top.health import Health
 from msggen.show.top.rows import Row, Table, rows_of
-from msggen.show.top.view import COLUMNS, View, press
+from msggen.show.top.view import _CHANGES, _OTHERS, _PAGES, _STEPS, COLUMNS, HELP, View, press
 
 KEYS = ("up", "down", "page up", "page down", "home", "end", "left", "right", "enter", "escape", "backspace", "space")
-LETTERS = tuple("aoqjkgGprsS/éß漢")
+LETTERS = tuple("aoqjkgGprsS/?éß漢")
 NUMBERS = [column for column in COLUMNS if column not in ("topic", "state")]
 
 
@@ -119,6 +120,32 @@ def test_a_screen_of_any_size_is_filled_exactly(keys: list[str], width: int, hei
 
 
 def test_a_narrow_screen_has_fewer_columns() -> None:
-    wide, narrow = (screen(TABLE, View(), (), width, 40)[2].plain.split() for width in (110, 60))
-    assert wide == ["topic", "Hz", "limit", "age", "s", "kB/s", "bytes", "samples", "longest", "s"]
-    assert narrow == ["topic", "Hz", "age", "s"]
+    heads = [screen(TABLE, View(), (), width, 40)[2].plain.split() for width in (116, 104, 80, 60)]
+    assert heads[0] == [
+        *("topic", "Hz", "last", "20", "s", "limit", "age", "s", "kB/s", "bytes", "samples", "longest", "s")
+    ]
+    assert heads[1] == ["topic", "Hz", "last", "20", "s", "limit", "age", "s", "kB/s", "bytes"]
+    assert heads[2] == ["topic", "Hz", "limit", "age", "s", "kB/s", "bytes"]
+    assert heads[3] == ["topic", "Hz", "age", "s"]
+
+
+def test_the_head_line_has_the_state_of_the_vehicle() -> None:
+    assert screen(TABLE, View(), (), 100, 20)[0].plain == "msggen top  v1.18  udp://127.0.0.1:8888"
+    flying = TABLE._replace(health=Health("AUTO_RTL", "ARMED", True, 0.125, "CRITICAL"), lost=3)  # noqa: FBT003
+    assert screen(flying, View(), (), 120, 20)[0].plain == (
+        "msggen top  AUTO_RTL  ARMED  FAILSAFE  battery 12 % CRITICAL  v1.18  udp://127.0.0.1:8888  3 lost"
+    )
+    hostile = TABLE._replace(health=Health(mode="\x1b[2J"))
+    assert screen(hostile, View(), (), 100, 20)[0].plain.startswith(r"msggen top  \x1b[2J  v1.18")
+
+
+def test_the_help_explains_every_key() -> None:
+    view = pressed("?")
+    lines = [line.plain.rstrip() for line in screen(TABLE, view, (), 80, 24)]
+    named = {key for keys, _ in HELP for key in keys.split(", ")}
+    assert {*_STEPS, *_PAGES, *_OTHERS, *_CHANGES, "enter"} - {"ctrl-c"} == named
+    assert all(any(line.strip().startswith(keys) and line.endswith(what) for line in lines) for keys, what in HELP)
+    assert lines[-1] == "any key back to the table"
+    assert pressed("x", view=view) == View()
+    assert pressed("ctrl-c", view=view).is_ended
+    assert pressed("/", "?").filter == "?"

@@ -5,20 +5,17 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from msggen.base.diagnostics import few, input_error, printable
-from msggen.base.disk.resources import resource
+from msggen.base.diagnostics import few, printable
 from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.cli.log.arguments import CODES, add_file, add_times, asked_time, check_times
 from msggen.cli.log.opening import opened, print_notes, print_problems
 from msggen.cli.log.progress import busy_bar
-from msggen.cli.options import Commands, add_command, add_shared, check_parent, refuse
+from msggen.cli.options import Commands, add_command, add_shared, refuse
 from msggen.cli.packages import missing_extra
-from msggen.cli.printing import number_of_bytes
-from msggen.cli.values import local_path, non_empty
+from msggen.cli.pictures import add_picture, check_picture, import_matplotlib, write_picture
+from msggen.cli.values import non_empty
 from msggen.recordings.files.paths import stem_of
 
 if TYPE_CHECKING:
@@ -51,27 +48,21 @@ def add_to(actions: Commands) -> None:
         help="vehicle_local_position.z, vehicle_attitude.q, actuator_motors.control[0], 'sensor_gps[1].eph' of the "
         "second instance",
     )
-    parser.add_argument(
-        "-o", "--output", metavar="FILE", type=local_path, help="file to write: .png, .svg or .pdf (default: a window)"
-    )
+    add_picture(parser, "a window")
     add_times(parser)
     add_shared(parser, "-q, --quiet")
 
 
 def _plot(options: argparse.Namespace) -> int:
     check_times(options)
+    import_matplotlib("R102")
     try:
-        with _elsewhere():
-            import matplotlib as mpl
+        import matplotlib as mpl
+
         from msggen.recordings.log import plot
     except ImportError as error:
         raise missing_extra(error, "plot", "R102") from None
-    ending = os.path.splitext(options.output or "")[1].removeprefix(".").lower()
-    if options.output and ending not in plot.ENDINGS:
-        known = ", ".join(f".{each}" for each in plot.ENDINGS)
-        refuse(options, f"argument -o/--output: expected a name that ends in {known}, found '{options.output}'")
-    if options.output:
-        check_parent(options.output)
+    check_picture(options)
     with opened(options, options.file) as log:
         with busy_bar(options, f"reading {options.file}"):
             series, empty = _read(options, log)
@@ -83,30 +74,10 @@ def _plot(options: argparse.Namespace) -> int:
             print(f"{options.file}: there are no samples of {few(empty)}{asked_time(options)}", file=sys.stderr)
         print_problems(options, log.problems)
         if series and options.output:
-            _write(options, log, series, ending)
+            write_picture(options, _drawn(options, log, series))
         elif series:
             _show(options, log, series)
         return FINDINGS if empty or log.problems else DONE
-
-
-@contextmanager
-def _elsewhere() -> Iterator[None]:
-    """Stand in a folder of msggen without modules if the current folder has a matplotlibrc.
-
-    matplotlib reads it when it is imported, and with it would run LaTeX, listen on a port, import modules, or wait for
-    a pipe.
-    """
-    if not os.path.lexists("matplotlibrc"):
-        yield
-        return
-    here = os.getcwd()
-    for name in {"MATPLOTLIBRC", "MPLCONFIGDIR"} & os.environ.keys():
-        os.environ[name] = os.path.abspath(os.environ[name])
-    os.chdir(resource("templates"))
-    try:
-        yield
-    finally:
-        os.chdir(here)
 
 
 def _read(options: argparse.Namespace, log: Log) -> tuple[Sequence[Series], Sequence[str]]:
@@ -123,20 +94,6 @@ def _read(options: argparse.Namespace, log: Log) -> tuple[Sequence[Series], Sequ
 def _has_display() -> bool:
     """Whether there is a screen, where the environment tells."""
     return sys.platform in ("win32", "darwin") or any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY", "MPLBACKEND")))
-
-
-def _write(options: argparse.Namespace, log: Log, series: Sequence[Series], ending: str) -> None:
-    from msggen.base.disk.staging import written_aside
-    from msggen.recordings.log import plot
-
-    picture = plot.render(_drawn(options, log, series), ending)
-    try:
-        with written_aside({os.path.abspath(options.output): picture}, flushed=False) as move_into_place:
-            move_into_place()
-    except OSError as error:
-        raise input_error(options.output, "R101", f"cannot be written: {error.strerror}", 0) from None
-    if not options.quiet:
-        print(f"{options.output}: {number_of_bytes(len(picture))}")
 
 
 def _show(options: argparse.Namespace, log: Log, series: Sequence[Series]) -> None:

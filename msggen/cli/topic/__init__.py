@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from msggen.cli.options import Commands, add_group
-from msggen.cli.topic import echo, info, listing, measuring, pub
+from msggen.cli.topic import echo, info, listing, measuring, plot, pub
 
-_MODULES = (listing, info, echo, measuring, pub)
+_MODULES = (listing, info, echo, plot, measuring, pub)
 """The modules of the actions, in the order of the help."""
 
 
@@ -14,7 +14,7 @@ def add_to(commands: Commands) -> None:
     actions = add_group(
         commands,
         "topic",
-        help="list, print, measure and publish the topics of a running vehicle",
+        help="list, print, plot, measure and publish the topics of a running vehicle",
         description="Look at the topics of a running vehicle, and publish to them, without an agent, DDS or ROS.",
     )
     for module in _MODULES:

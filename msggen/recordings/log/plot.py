@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
@@ -38,7 +38,9 @@ __all__ = [
     "NoSamplesError",
     "Series",
     "draw",
+    "draw_panels",
     "draw_series",
+    "panels_of",
     "parse_path",
     "read_series",
     "render",
@@ -86,24 +88,35 @@ def draw_series(
     figure: Figure | None = None,
 ) -> Figure:
     """Draw fields that `read_series` has read of a recording for the same time. See `draw`."""
+    title = os.path.basename(os.path.abspath(log.path))
+    return draw_panels(list(series), title, start=start, modes=read_modes(log, start=start, stop=stop), figure=figure)
+
+
+def draw_panels(
+    series: Sequence[Series],
+    title: str,
+    *,
+    start: float | None = None,
+    modes: Series | None = None,
+    figure: Figure | None = None,
+) -> Figure:
+    """Draw fields over time from `start` on, with flight modes as the background. See `draw`."""
     import matplotlib as mpl
     from matplotlib.figure import Figure as NewFigure
 
     with mpl.rc_context(_LITERAL):  # each text takes it over when it is made
-        return _drawn(log, list(series), start, stop, figure or NewFigure())
+        return _drawn(series, title, start or _begin_of(series), modes, figure or NewFigure())
 
 
-def _drawn(log: Log, series: Sequence[Series], start: float | None, stop: float | None, figure: Figure) -> Figure:
+def _drawn(series: Sequence[Series], title: str, low: float, modes: Series | None, figure: Figure) -> Figure:
     """Draw fields into a figure, and return it."""
-    low = start or _begin_of(series)
-    panels = list(_panels(each.since(low) for each in series))
+    panels = panels_of([each.since(low) for each in series])
     heights = [_height(panel) for panel in panels]
     figure.set_size_inches(_WIDTH, sum(heights) + _MARGIN)
     figure.set_dpi(_DPI)
     figure.set_layout_engine("constrained")
     grid = figure.subplots(len(panels), 1, sharex=True, squeeze=False, gridspec_kw={"height_ratios": heights})
     every: list[Axes] = list(grid[:, 0])
-    modes = read_modes(log, start=start, stop=stop)
     modes = modes and modes.since(low)
     high = max(each.end for each in series)
     high = high if high > low else low + 1.0
@@ -116,7 +129,7 @@ def _drawn(log: Log, series: Sequence[Series], start: float | None, stop: float 
             _draw_modes(axes, modes, low, high, is_top=axes is every[0])
     every[0].set_xlim(low, high)
     every[-1].set_xlabel("time since the start [s]")
-    figure.suptitle(shown(os.path.basename(os.path.abspath(log.path))), fontsize="medium")
+    figure.suptitle(shown(title), fontsize="medium")
     return figure
 
 
@@ -131,17 +144,17 @@ def render(figure: Figure, ending: str) -> bytes:
     return out.getvalue()
 
 
-def thinned(times: NDArray[np.float64], values: NDArray[Any]) -> NDArray[np.intp]:
-    """Return the indices of the samples that a line needs, in order: all of them if they are few.
+def thinned(times: NDArray[np.float64], values: NDArray[Any], pixels: int = PIXELS) -> NDArray[np.intp]:
+    """Return the indices of the samples that a line of so many pixels needs, in order: all of them if they are few.
 
     Of the samples in each pixel they are the first, the last, the smallest, the largest and the first that is no
     number. So the line has every peak, and it is broken wherever the line of all samples is.
     """
     count = len(times)
-    if count <= 4 * PIXELS or times[-1] <= times[0]:
+    if count <= 4 * pixels or times[-1] <= times[0]:
         return np.arange(count)
-    pixels = ((times - times[0]) * ((PIXELS - 1) / (times[-1] - times[0]))).astype(np.intp)
-    starts = np.append(np.flatnonzero(np.append(True, pixels[1:] != pixels[:-1])), count)
+    places = ((times - times[0]) * ((pixels - 1) / (times[-1] - times[0]))).astype(np.intp)
+    starts = np.append(np.flatnonzero(np.append(True, places[1:] != places[:-1])), count)
     kept = [starts[:-1], starts[1:] - 1]
     missing = np.isnan(values)
     for begin, end in zip(starts[:-1].tolist(), starts[1:].tolist(), strict=True):
@@ -162,8 +175,8 @@ def _begin_of(series: Iterable[Series]) -> float:
     return min(float(each.times[0]) for each in series) if is_older else 0.0
 
 
-def _panels(series: Iterable[Series]) -> Iterator[list[Series]]:
-    """Yield the series of each panel: one with names, or all of one unit, in the order of the first of each.
+def panels_of(series: Iterable[Series]) -> list[list[Series]]:
+    """Return the series of each panel: one with names, or all of one unit, in the order of the first of each.
 
     Fields without a unit share a panel only with the other elements of their array.
     """
@@ -172,7 +185,7 @@ def _panels(series: Iterable[Series]) -> Iterator[list[Series]]:
         unit = normalized_unit(each.unit)
         alone = each.label if each.is_named else "" if unit else re.sub(r"\[\d+\]$", "", each.label)
         panels.setdefault(f"{unit} {alone}", []).append(each)
-    yield from panels.values()
+    return list(panels.values())
 
 
 def _height(panel: Sequence[Series]) -> float:

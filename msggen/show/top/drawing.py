@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from rich.text import Text
 
 from msggen.base.foreign import escaped
+from msggen.show.top.health import Health
+from msggen.show.top.history import SECONDS, sparkline
 from msggen.show.top.rows import Row, Table
-from msggen.show.top.view import View
+from msggen.show.top.view import HELP, View
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -51,7 +53,10 @@ _NUMBERS = (
     _Column("longest", "longest s", 9, lambda row: _number(row.longest)),
     _Column("state", "", 6, lambda row: row.state),
 )
-_DISPENSABLE = ("longest", "samples", "size", "limit", "bandwidth")
+_RATES = _Column("rates", f"last {SECONDS} s", SECONDS, lambda row: sparkline(row.rates))
+_COLUMNS = (_NUMBERS[0], _RATES, *_NUMBERS[1:])
+"""The columns of a screen, on which the rates are drawn again and again."""
+_DISPENSABLE = ("longest", "samples", "rates", "size", "limit", "bandwidth")
 """The columns that a narrow screen does not have, the first one first."""
 
 _STYLES = {"silent": "dim", "late": "red", "": ""}
@@ -62,7 +67,9 @@ def screen(table: Table, view: View, values: Sequence[str], width: int, height: 
     lines = [_title(table, view), _text(table.trouble, "bold red") if table.trouble else Text(table.summary)]
     lines += [_text(table.notice, "yellow")] if table.notice else []
     shown = view.shown(table.rows)
-    if view.is_open and shown:
+    if view.is_help:
+        lines += [Text(), *_help()]
+    elif view.is_open and shown:
         lines += [*_table(shown[view.selected(shown)], view, width), Text()]
         room = height - len(lines) - 1
         start = min(view.scroll, max(0, len(values) - room))
@@ -101,13 +108,39 @@ def _text(foreign: str, style: str = "") -> Text:
 
 
 def _title(table: Table, view: View) -> Text:
-    title = Text.assemble(("msggen top", "bold"), f"  {escaped(table.label)}")
+    title = Text.assemble(("msggen top", "bold"))
     if view.is_paused:
         title.append("  paused", "bold yellow")
+    for text, style in _health(table.health):
+        title.append(f"  {escaped(text)}", style)
+    title.append(f"  {escaped(table.label)}")
+    if table.lost:
+        title.append(f"  {table.lost} lost", "yellow")
     return title
 
 
+def _health(health: Health) -> Iterator[tuple[str, str]]:
+    """Yield the state of the vehicle in words, each with its style."""
+    if health.mode:
+        yield health.mode, "bold"
+    if health.arming:
+        yield health.arming, "bold red" if health.arming == "ARMED" else "bold"
+    if health.is_failsafe:
+        yield "FAILSAFE", "bold red reverse"
+    if not math.isnan(health.battery):
+        warning = f" {health.warning}" if health.warning else ""
+        yield f"battery {health.battery:.0%}{warning}".replace("%", " %"), "bold yellow" if warning else ""
+
+
+def _help() -> list[Text]:
+    """Return the keys and what they do."""
+    width = max(len(keys) for keys, _ in HELP)
+    return [Text.assemble((f"  {keys:{width}}", "bold"), f"   {what}") for keys, what in HELP]
+
+
 def _keys(view: View) -> Text:
+    if view.is_help:
+        return Text.assemble(("any key", "bold"), " back to the table")
     if view.is_typing:
         return Text.assemble(("filter: ", "bold"), view.filter, ("_", "blink"), "   enter keep   escape clear")
     if view.is_open:
@@ -115,7 +148,7 @@ def _keys(view: View) -> Text:
     else:
         filtered = f"filter: {view.filter}" if view.filter else "filter"
         pairs = [("q", "quit"), ("enter", "values"), ("/", filtered), ("s", f"sort: {view.sort}"), ("r", "reverse")]
-    pairs.append(("space", "go on" if view.is_paused else "pause"))
+    pairs += [("space", "go on" if view.is_paused else "pause"), ("?", "help")]
     return Text("   ").join(Text.assemble((key, "bold"), f" {what}") for key, what in pairs)
 
 
@@ -140,7 +173,7 @@ def _table(row: Row, view: View, width: int) -> list[Text]:
 
 def _columns(width: int) -> tuple[list[_Column], int]:
     """Return the columns for which a screen has room, and the width of the names."""
-    columns = [*_NUMBERS]
+    columns = [*_COLUMNS]
     for name in (*_DISPENSABLE, ""):
         names = width - sum(column.width + 1 for column in columns)
         if names >= _NARROWEST:
@@ -165,5 +198,7 @@ def _line(row: Row, columns: Sequence[_Column], names: int) -> Text:
     """Return the line of a topic. Of a name that is too long, the end is shown, which tells it from others."""
     topic = escaped(row.topic)
     name = topic if len(topic) <= names else f"…{topic[1 - names :]}"
-    numbers = "".join(f" {column.text(row):>{column.width}}" for column in columns)
-    return Text(f"{name:{names}}{numbers}", style=_STYLES[row.state])
+    line = Text(f"{name:{names}}", style=_STYLES[row.state])
+    for column in columns:
+        line.append(" ").append(f"{column.text(row):>{column.width}}", "cyan" if column is _RATES else None)
+    return line

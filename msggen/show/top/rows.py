@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from types import ModuleType
 from typing import Any, NamedTuple
 
 from msggen.live.link import Route
 from msggen.live.messages.names import stem_of, without_namespace
 from msggen.live.vehicle.meter import Flow
+from msggen.show.top.health import Health
 
 _REGULAR = 5
 """A topic with this many samples,"""
@@ -45,6 +46,8 @@ class Row(NamedTuple):
     """`silent` without a sample, `late` after several intervals without one, else ""."""
     flow: Flow | None
     route: Route
+    rates: Sequence[float] = ()
+    """The samples in each of the last seconds, the oldest first."""
 
 
 class Table(NamedTuple):
@@ -59,6 +62,7 @@ class Table(NamedTuple):
     """Samples that did not arrive."""
     notice: str = ""
     """The newest warning about the link."""
+    health: Health = Health()
 
     @property
     def summary(self) -> str:
@@ -131,6 +135,10 @@ def as_document(table: Table) -> dict[str, Any]:
     """Return the table for JSON: units are in the keys, and None stands for what is not known."""
     return {
         "vehicle": table.label,
+        "mode": table.health.mode or None,
+        "arming": table.health.arming or None,
+        "failsafe": table.health.is_failsafe,
+        "battery": _known(table.health.battery),
         "lost": table.lost,
         "topics": [
             {

@@ -32,6 +32,8 @@ class View(NamedTuple):
     """Whether the values of the selected topic are shown."""
     scroll: int = 0
     """The number of lines of values above the first one that is shown."""
+    is_help: bool = False
+    """Whether the keys are explained in place of the table."""
     is_ended: bool = False
 
     def shown(self, rows: Sequence[Row]) -> list[Row]:
@@ -50,8 +52,8 @@ class View(NamedTuple):
 
 def press(view: View, key: str, shown: Sequence[Row], page: int) -> View:
     """Return the view after a key. `shown` are the rows of the view, and `page` is the number of rows on a screen."""
-    if view.is_typing and key != "ctrl-c":
-        return _type(view, key)
+    if (view.is_typing or view.is_help) and key != "ctrl-c":
+        return _type(view, key) if view.is_typing else view._replace(is_help=False)
     if key in _STEPS or key in _PAGES:
         return _move(view, _STEPS.get(key, 0) + _PAGES.get(key, 0) * max(1, page), shown)
     if key == "enter" and shown:
@@ -79,7 +81,24 @@ _CHANGES: Mapping[str, Callable[[View], View]] = {
     "r": lambda view: view._replace(is_reversed=not view.is_reversed),
     "s": lambda view: _sort(view, 1),
     "S": lambda view: _sort(view, -1),
+    "?": lambda view: view._replace(is_help=True),
 }
+
+HELP = (
+    ("up, down, home, end", "select a topic, or scroll its values"),
+    ("k, j, g, G", "the same"),
+    ("page up, page down", "the same, by a screen"),
+    ("enter", "show the last values of the topic"),
+    ("left, right", "show the values of another topic"),
+    ("/", "show only the topics whose names contain what you type"),
+    ("s, S", "sort by the next or the previous column"),
+    ("r", "reverse the order"),
+    ("space, p", "pause, go on"),
+    ("escape", "clear the filter"),
+    ("q", "leave the values, or quit"),
+    ("?", "explain the keys"),
+)
+"""The keys, and what each does."""
 
 
 def _type(view: View, key: str) -> View:

@@ -1,0 +1,85 @@
+"""The pictures that commands draw with matplotlib, and write to files."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from msggen.base.diagnostics import input_error
+from msggen.base.disk.resources import resource
+from msggen.cli.options import Group, check_parent, refuse
+from msggen.cli.packages import missing_extra
+from msggen.cli.printing import number_of_bytes
+from msggen.cli.values import local_path
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def add_picture(group: Group, otherwise: str) -> None:
+    """Add the option that names the file of a picture. `otherwise` is what happens without it."""
+    text = f"file to write: .png, .svg or .pdf (default: {otherwise})"
+    group.add_argument("-o", "--output", metavar="FILE", type=local_path, help=text)
+
+
+def import_matplotlib(code: str) -> None:
+    """Import matplotlib. Raises InputError with this code if the extra is not installed.
+
+    Stands in a folder of msggen without modules meanwhile if the current folder has a matplotlibrc. matplotlib reads
+    it when it is imported, and with it would run LaTeX, listen on a port, import modules, or wait for a pipe.
+    """
+    try:
+        with _elsewhere():
+            import matplotlib as mpl
+    except ImportError as error:
+        raise missing_extra(error, "plot", code) from None
+    del mpl
+
+
+@contextmanager
+def _elsewhere() -> Iterator[None]:
+    if not os.path.lexists("matplotlibrc"):
+        yield
+        return
+    here = os.getcwd()
+    for name in {"MATPLOTLIBRC", "MPLCONFIGDIR"} & os.environ.keys():
+        os.environ[name] = os.path.abspath(os.environ[name])
+    os.chdir(resource("templates"))
+    try:
+        yield
+    finally:
+        os.chdir(here)
+
+
+def check_picture(options: argparse.Namespace) -> None:
+    """Report a name that is none of a picture, or a folder that there is not. A wrong name ends the process."""
+    from msggen.recordings.log import plot
+
+    if not options.output:
+        return
+    if _ending(options.output) not in plot.ENDINGS:
+        known = ", ".join(f".{each}" for each in plot.ENDINGS)
+        refuse(options, f"argument -o/--output: expected a name that ends in {known}, found '{options.output}'")
+    check_parent(options.output)
+
+
+def write_picture(options: argparse.Namespace, figure: Figure) -> None:
+    """Write a figure to the file of the options. Raises InputError."""
+    from msggen.base.disk.staging import written_aside
+    from msggen.recordings.log import plot
+
+    picture = plot.render(figure, _ending(options.output))
+    try:
+        with written_aside({os.path.abspath(options.output): picture}, flushed=False) as move_into_place:
+            move_into_place()
+    except OSError as error:
+        raise input_error(options.output, "R101", f"cannot be written: {error.strerror}", 0) from None
+    if not options.quiet:
+        print(f"{options.output}: {number_of_bytes(len(picture))}")
+
+
+def _ending(path: str) -> str:
+    return os.path.splitext(path)[1].removeprefix(".").lower()
