@@ -1,14 +1,16 @@
-"""Tests that docs/beyond.md shows what its command prints, and that the bridge has nothing of what it says is missing."""
+"""Tests that docs/beyond.md shows what its command prints, and that the bridge lacks what it says is missing."""
 
 from __future__ import annotations
 
 import shlex
 from types import ModuleType
-
-import pytest
+from typing import TYPE_CHECKING
 
 from msggen.cli import main
 from support.repository import ROOT
+
+if TYPE_CHECKING:
+    import pytest
 
 PAGE = (ROOT / "docs" / "beyond.md").read_text(encoding="utf-8")
 
