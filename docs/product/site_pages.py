@@ -17,7 +17,7 @@ GROUPS = {
     ),
     "Vehicle": (
         *("docs/vehicle", "docs/connect", "docs/sim", "docs/topic", "docs/top", "docs/command", "docs/doctor"),
-        *("docs/links", "docs/link", "docs/ros2", "docs/view"),
+        *("docs/links", "docs/link", "docs/beyond", "docs/ros2", "docs/view"),
     ),
     "Recordings": ("docs/record", "docs/recordings", "docs/reading", "docs/fleet", "docs/recording_formats"),
     "Reference": (

@@ -45,7 +45,7 @@ class Effect(Enum):
     SILENT = "silent"
     """Readers decode wrong values without an error."""
     WIRE = "wire"
-    """Nodes with the other definition do not get the samples, or refuse them."""
+    """Nodes with the other definition get no samples, refuse them, or misread them."""
     BUILD = "build"
     """Source code that uses the definition no longer builds, or changes its behavior."""
     OTHER = "other"

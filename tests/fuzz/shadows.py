@@ -69,6 +69,7 @@ WORDS = {
     "topic echo": "vehicle_status",
     "topic find": "VehicleStatus",
     "topic info": "vehicle_status",
+    "topic plot": "vehicle_status.nav_state --for 0.01",
     "topic pub": "vehicle_command {}",
     "view": "--for 0.01 --port 0",
 }

@@ -20,7 +20,7 @@ from msggen.show.report.line import conclusion, is_misread, line, remedies, sile
 
 _TITLES = {
     Effect.SILENT: "silent: readers decode wrong values without an error",
-    Effect.WIRE: "wire: nodes with the other definition get no samples, or refuse them",
+    Effect.WIRE: "wire: nodes with the other definition get no samples, refuse them, or misread them",
     Effect.BUILD: "build: source code has to change",
     Effect.OTHER: "other",
 }
