@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from msggen.base.diagnostics import counted, few, input_error
 from msggen.base.exit_codes import DONE
-from msggen.cli.link import add_address, add_allowed, link_of
+from msggen.cli.link import add_address, add_allowed, for_people, link_of
 from msggen.cli.options import Commands, add_command, add_group, add_shared
 from msggen.cli.table import Column, objects_of, print_table
 from msggen.cli.values import non_empty
@@ -85,7 +85,7 @@ def _wanted(options: argparse.Namespace) -> tuple[Place, Wanted]:
     try:
         return place_of(address), Wanted(address, tuple(options.allow))
     except LinkError as error:
-        raise input_error(link, "L102", str(error), 0) from None
+        raise input_error(link, "L102", for_people(error), 0) from None
 
 
 def _serve(options: argparse.Namespace) -> int:
@@ -102,7 +102,9 @@ def _serve(options: argparse.Namespace) -> int:
     except LinkError as error:
         from msggen.cli.link import owner_of
 
-        raise input_error(str(wanted.address), "L102", f"{error}{owner_of(str(wanted.address), error)}", 0) from None
+        raise input_error(
+            str(wanted.address), "L102", f"{for_people(error)}{owner_of(str(wanted.address), error)}", 0
+        ) from None
     return DONE
 
 
@@ -148,7 +150,7 @@ def _running() -> list[Running]:
     try:
         return running()
     except LinkError as error:
-        raise input_error("msggen link", "L102", str(error), 0) from None
+        raise input_error("msggen link", "L102", for_people(error), 0) from None
 
 
 def _stop(options: argparse.Namespace) -> int:
@@ -159,7 +161,7 @@ def _stop(options: argparse.Namespace) -> int:
     try:
         stop(place)
     except LinkError as error:
-        raise input_error(place.name, "L102", str(error), 0) from None
+        raise input_error(place.name, "L102", for_people(error), 0) from None
     return DONE
 
 

@@ -15,7 +15,7 @@ from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
 from msggen.cli.printing import finite, number_of_bytes
 from msggen.cli.table import Column, print_table
-from msggen.cli.topic.naming import add_topics, heard
+from msggen.cli.topic.naming import add_topics, heard, names_check
 from msggen.cli.watching import add_limits, add_window, rounds, watching
 from msggen.show.report.json import dump
 
@@ -198,7 +198,7 @@ def _add(actions: Commands, name: str, measure: type[_Measure], **about: Any) ->
 
 
 def _measure(options: argparse.Namespace, kind: type[_Measure]) -> int:
-    with connection(options) as found:
+    with connection(options, names_check(options, options.topics), needs_types=False) as found:
         topics = heard(options, found, options.topics)
         names = [topic.name for topic in topics]
         measure, chosen = kind(options, found), frozenset(names)
