@@ -31,10 +31,10 @@ _MODULES = {**{name: name.replace("-", "_") for name in _COMMANDS}, "link": "lin
 
 _ACTIONS = {
     **dict.fromkeys(("info", "show", "plot", "convert", "cut", "merge", "repair"), "log"),
-    **dict.fromkeys(("echo", "hz", "bw", "delay", "list", "pub"), "topic"),
+    **dict.fromkeys(("echo", "hz", "bw", "delay", "list", "pub", "type", "find"), "topic"),
 }
 """The commands of actions that users type without them."""
-_SYNONYMS = {"type": "info", "show": "info"}
+_SYNONYMS = {"show": "info"}
 """What is called otherwise in ROS 2, for suggestions."""
 
 
@@ -106,7 +106,9 @@ class _Parser(argparse.ArgumentParser):
         if not positional:
             self._check_stray(args)
         self.given.clear()
-        if any(action.nargs in (argparse.OPTIONAL, argparse.ZERO_OR_MORE) for action in positional):
+        if any(
+            action.nargs in (argparse.OPTIONAL, argparse.ZERO_OR_MORE, argparse.ONE_OR_MORE) for action in positional
+        ):
             args = self._options_first(args)
         options, unknown = super().parse_known_args(args, namespace)
         if unknown:

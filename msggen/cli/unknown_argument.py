@@ -15,7 +15,6 @@ from msggen.sources.tree import Folder
 from msggen.sources.tree_layout import is_firmware
 
 _OTHER_WORDS = {
-    ("topic echo", "--filter"): "write the filter behind the topic: msggen topic echo TOPIC FILTER",
     ("record", "-a"): "all topics are recorded without it",
     ("record", "--all"): "all topics are recorded without it",
     ("play", "--speed"): "use --rate",

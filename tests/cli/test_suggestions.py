@@ -70,7 +70,6 @@ def test_a_part_of_a_tree_has_the_same_hint_in_each_command(
     [
         ("command NAV_TAKEOFF --altitude 10", "'--altitude': write a parameter without dashes, altitude=VALUE"),
         ("command arm --jsno", "'--jsno', did you mean '--json'?"),
-        ("topic echo vehicle_status --filter x", "'--filter': write the filter behind the topic: msggen topic echo"),
         ("topic pub trajectory_setpoint px4_msgs/msg/TrajectorySetpoint {}", "'{}': leave out the type, px4_msgs/msg/"),
         ("record -a", "'-a': all topics are recorded without it"),
         ("record --all -o x", "'--all': all topics are recorded without it"),
