@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from msggen.base.diagnostics import suggestion
 from msggen.base.exit_codes import DONE, FINDINGS
+from msggen.base.foreign import Styled, escaped
 from msggen.cli.chosen_types import expected_types
 from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.message import add_timeout, settle
 from msggen.cli.names import names_of
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, refuse
+from msggen.cli.table import BOLD, styled
 from msggen.cli.values import Deferred, non_empty
 from msggen.show.report.json import dump
 
@@ -79,7 +81,7 @@ def _command(options: argparse.Namespace) -> int:
     if options.list or options.command is None:
         expected = expected_types(options).package
         rows = _all(expected) if options.command is None else _one(_found(options, expected)[0])
-        print(*rows, sep="\n")
+        print(*map(Styled, rows), sep="\n")
         return DONE
     with connection(options, lambda package: _message(options, package, (1, 1))) as found:
         return _send(options, found)
@@ -252,12 +254,12 @@ def _all(package: ModuleType) -> Iterator[str]:
     width = max(map(len, known), default=0)
     for name, command in known.items():
         parameters = " ".join(f"{each.name}={each.unit or _kind(each)}" for each in command.params)
-        yield f"{name:{width}}  {parameters}".rstrip()
+        yield f"{styled(f'{name:{width}}', BOLD)}  {escaped(parameters)}".rstrip()
 
 
 def _one(command: Any) -> Iterator[str]:
     """Yield the description of a command, and a line for each parameter."""
-    yield f"{command.name} ({command.value}): {command.description}"
+    yield f"{styled(command.name, BOLD)} ({command.value}): {escaped(command.description)}"
     rows = [
         (each.name, f"param{each.number}", each.unit, each.range.replace(",", " to "), each) for each in command.params
     ]
@@ -265,7 +267,7 @@ def _one(command: Any) -> Iterator[str]:
     for *cells, each in rows:
         members = "" if each.enum is None else f": {', '.join(each.enum.__members__)}"
         line = "  ".join(str(cell).ljust(width) for cell, width in zip(cells, widths, strict=True) if width)
-        yield f"  {line}  {each.description}{members}"
+        yield f"  {escaped(f'{line}  {each.description}{members}')}"
 
 
 def _kind(parameter: Any) -> str:

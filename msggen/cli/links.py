@@ -12,7 +12,7 @@ from msggen.base.diagnostics import counted, few, input_error
 from msggen.base.exit_codes import DONE
 from msggen.cli.link import add_address, add_allowed, for_people, link_of
 from msggen.cli.options import Commands, add_command, add_group, add_shared
-from msggen.cli.table import Column, objects_of, print_table
+from msggen.cli.table import RED, YELLOW, Column, objects_of, print_table
 from msggen.cli.values import non_empty
 from msggen.live.links.link_types import LINK_TYPES, usages
 from msggen.show.report.json import dump
@@ -215,7 +215,7 @@ _COLUMNS: tuple[Column[Running], ...] = (
     Column("programs", "", _of("programs", [])),
     Column("", "programs", lambda running: len(running.state.get("programs", ())), align=">"),
     Column("samples_per_second", "samples/s", _of("rate"), lambda rate: f"{rate:.0f}", ">"),
-    Column("lost", "lost", _lost, align=">"),
+    Column("lost", "lost", _lost, align=">", style=lambda lost: YELLOW if lost else 0),
     Column("log", "log", lambda running: running.place.log),
-    Column("problem", "problem", lambda running: running.problem),
+    Column("problem", "problem", lambda running: running.problem, style=lambda _: RED),
 )

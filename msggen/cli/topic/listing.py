@@ -14,7 +14,7 @@ from msggen.base.exit_codes import DONE
 from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.options import Commands, add_command, add_shared, refuse
 from msggen.cli.printing import number_of_bytes
-from msggen.cli.table import Column, objects_of, print_table
+from msggen.cli.table import DIM, YELLOW, Column, objects_of, print_table
 from msggen.cli.topic.naming import add_topic, names_check, topic_of
 from msggen.cli.values import non_empty
 from msggen.cli.watching import add_window
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from msggen.live.messages.lookup import Named
     from msggen.live.vehicle.meter import Flow
 
+_NOT_THERE = "not on the vehicle"
 _ENDED = 5.0
 """After how many times the time between samples a topic has ended."""
 
@@ -135,7 +136,7 @@ def _state(row: _Row) -> str:
     """Return why a topic has no rate, "" if it has one."""
     topic, flow, now = row
     if flow is None:
-        return "not on the vehicle" if topic.route is None else "silent" if topic.direction == "out" else ""
+        return _NOT_THERE if topic.route is None else "silent" if topic.direction == "out" else ""
     if math.isnan(flow.rate):
         return "one sample"
     is_over = now - flow.last > _ENDED * 1e9 * max(1 / flow.rate, flow.longest)  # a burst of answers has a rate, too
@@ -155,13 +156,20 @@ def _columns(options: argparse.Namespace) -> Iterator[Column[_Row]]:
     if options.verbose:
         yield Column("samples", "", lambda row: row.flow.samples if row.flow else 0)
         yield Column("rate", "", lambda row: row.flow and row.flow.rate)
-        yield Column("", "rate", lambda row: _state(row) or (row.flow and f"{row.flow.rate:.1f} Hz"), align=">")
+        yield Column(
+            "", "rate", lambda row: _state(row) or (row.flow and f"{row.flow.rate:.1f} Hz"), align=">", style=_style
+        )
         yield Column("size", "size", lambda row: row.flow and row.flow.size, "{} B".format, ">")
         yield Column("bandwidth", "", lambda row: row.flow and row.flow.bandwidth)
         yield Column("", "bandwidth", _bandwidth, align=">")
         yield Column(
             "age", "age", lambda row: row.flow and max(row.now - row.flow.last, 0) / 1e9, "{:.1f} s".format, ">"
         )
+
+
+def _style(rate: str | None) -> int:
+    """Return the style of a rate, or of the state of a topic without one."""
+    return 0 if not rate or rate.endswith(" Hz") else DIM if rate == _NOT_THERE else YELLOW
 
 
 def _bandwidth(row: _Row) -> str:
