@@ -147,3 +147,12 @@ def test_the_embedded_release_is_suggested_for_a_patch_release(tree: Path, capsy
     assert said("v1.16.3") == ", did you mean 'v1.16'?"
     assert main(["breaking", "--px4", "v1.18", "--against", "v1.17.0"]) == FAILED
     assert capsys.readouterr().err.splitlines()[0].endswith(" nor a revision of v1.18, did you mean 'v1.17'?")
+
+
+def test_an_undeclared_topic_names_the_line_that_declares_it(working_folder: Path, capsys: Capture) -> None:
+    topics = "publications:\n  - topic: /fmu/out/rear_rpm\n    type: px4_msgs::msg::Rpm\n"
+    write_definitions(working_folder, {"fw/dds_topics.yaml": topics, "fw/msg/Rpm.msg": "uint64 timestamp\n"})
+    assert main(["build", "--px4", "fw"]) == FAILED
+    assert ": Y202 no message declares the topic 'rear_rpm', which takes '# TOPICS rpm rear_rpm' in Rpm.msg" in (
+        capsys.readouterr().err
+    )
