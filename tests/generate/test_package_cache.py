@@ -18,6 +18,7 @@ import pytest
 from msggen.base.diagnostics import InputError
 from msggen.base.version import __version__
 from msggen.generate import cache
+from msggen.generate.build import Build
 from support.owners import give, needs_owners
 from support.repository import ROOT
 
@@ -54,14 +55,14 @@ def test_a_package_is_built_once_and_imported(home: Path) -> None:
 def test_a_build_that_takes_long_is_told_once(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    run = cache.Build.run
+    run = Build.run
 
-    def slow(build: cache.Build, *, write: bool) -> Any:
+    def slow(build: Build, *, write: bool) -> Any:
         time.sleep(0.2)
         return run(build, write=write)
 
     monkeypatch.setattr(cache, "_PATIENCE", 0.01)
-    monkeypatch.setattr(cache.Build, "run", slow)
+    monkeypatch.setattr(Build, "run", slow)
     for _ in range(2):
         cache.folder_of("v1.14")
     assert caplog.messages == ["building the types of the embedded PX4 v1.14, once: the next start does not wait"]
