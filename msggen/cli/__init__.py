@@ -18,7 +18,7 @@ from msggen.base.diagnostics import Diagnostic, InputError, printable
 from msggen.base.exit_codes import DONE, FAILED, FINDINGS, INTERRUPTED
 from msggen.base.foreign import guarded_output
 from msggen.base.location import Location
-from msggen.cli.options import writes
+from msggen.cli.options import WrongArgumentError, writes
 from msggen.cli.parser import output_format_of, parser_for
 from msggen.cli.printing import discard_output, print_document, print_errors, print_notices
 
@@ -52,6 +52,8 @@ def _main(words: Sequence[str]) -> int:
             print_errors(error.diagnostics, ", nothing written" if options.writes else "")
         print_document(error.diagnostics, output_format_of(words))
         return FAILED
+    except WrongArgumentError as error:
+        error.parser.error(str(error))
     except BrokenPipeError:
         discard_output()
         is_judging = hasattr(options, "output_format") or (options.writes and not writes(options))

@@ -9,8 +9,8 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from msggen.base.exit_codes import DONE
-from msggen.cli.link import add_link, connection, expected_package
-from msggen.cli.message import add_timeout, add_values, read_values, settle
+from msggen.cli.link import add_link, connection
+from msggen.cli.message import add_timeout, add_values, read_values, wait_told
 from msggen.cli.options import FAILED_CODES, Commands, add_command, refuse
 from msggen.cli.values import non_empty
 
@@ -41,16 +41,19 @@ def _call(options: argparse.Namespace) -> int:
     if options.values is None and (options.service or "").startswith(("{", "-")):
         options.service, options.values = None, options.service
     values = read_values(options)
-    values.message(service_of(options, expected_package(options)).Request)  # errors are told before a vehicle connects
-    with connection(options) as found:
-        request = values.message(service_of(options, found.package).Request)
-        settle(found, type(request))
+
+    def request_of(package: ModuleType) -> Any:
+        return values.message(service_of(options, package).Request)
+
+    with connection(options, request_of) as found:
+        request = request_of(found.package)
+        wait_told(found, type(request).__msg__.ros_type)
         print(*found.package.show(found.vehicle.call(request, options.timeout)).split("\n"), sep="\n")
     return DONE
 
 
 def service_of(options: argparse.Namespace, package: ModuleType) -> Any:
-    """Return the class of the service that the user names, or of the only one. A wrong name ends the process."""
+    """Return the class of the service that the user names, or of the only one. A wrong name is a wrong argument."""
     services = getattr(package, "srv", None)
     known = {
         _plain(name): getattr(services, name) for name in dir(services) if hasattr(getattr(services, name), "Request")

@@ -10,10 +10,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from msggen.base.diagnostics import suggestion
 from msggen.base.exit_codes import DONE, FINDINGS
-from msggen.cli.link import Connection, add_link, connection, expected_package, given_package
+from msggen.base.foreign import Styled, escaped
+from msggen.cli.chosen_types import expected_types
+from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.message import add_timeout, settle
 from msggen.cli.names import names_of
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, refuse
+from msggen.cli.table import BOLD, styled
 from msggen.cli.values import Deferred, non_empty
 from msggen.show.report.json import dump
 
@@ -76,15 +79,23 @@ def add_to(commands: Commands) -> None:
 
 def _command(options: argparse.Namespace) -> int:
     if options.list or options.command is None:
-        expected = expected_package(options)
+        expected = expected_types(options).package
         rows = _all(expected) if options.command is None else _one(_found(options, expected)[0])
-        print(*rows, sep="\n")
+        print(*map(Styled, rows), sep="\n")
         return DONE
-    given = given_package(options)
-    if given is not None:
-        _message(options, given, (1, 1))  # errors are told before a vehicle connects
-    with connection(options) as found:
+    with connection(options, lambda package: _message(options, package, (1, 1))) as found:
         return _send(options, found)
+
+
+def _package(found: Connection) -> ModuleType:
+    """Return the package with the VehicleCommand of the vehicle, which is waited for."""
+    from msggen.live.messages.lookup import named_topic
+    from msggen.live.messages.packages import package_of_class
+    from msggen.live.vehicle.command import COMMAND
+
+    topic = named_topic(COMMAND, "in", found.package, found.vehicle.routes)
+    message = settle(found, topic).message
+    return found.package if message is None else package_of_class(message)
 
 
 class _Outcome(NamedTuple):
@@ -99,9 +110,11 @@ def _send(options: argparse.Namespace, found: Connection) -> int:
     """Send the command, and print the answer."""
     from msggen.live.vehicle.command import address_of
 
-    message: Any = _message(options, found.package, options.target or address_of(found.vehicle))
-    settle(found, type(message))
-    name = _found(options, found.package)[0].name
+    if found.has_one_package:
+        _message(options, found.package, (1, 1))  # errors are told before the vehicle has told its definition
+    package = _package(found)
+    message: Any = _message(options, package, options.target or address_of(found.vehicle))
+    name = _found(options, package)[0].name
     outcome = _outcome(options, found, name, message)
     if options.json:
         numbers = {each: getattr(outcome.answer, each, None) for each in _NUMBERS}
@@ -168,7 +181,7 @@ def _commands(package: ModuleType) -> dict[str, Any]:
 
 
 def _found(options: argparse.Namespace, package: ModuleType) -> tuple[Any, list[str]]:
-    """Return the command that the user names, and its parameters. A wrong name ends the process."""
+    """Return the command that the user names, and its parameters. Raises WrongArgumentError for a wrong name."""
     name, *first = _plain(options.command)
     known = _commands(package)
     if name not in known:
@@ -186,7 +199,7 @@ def _plain(text: str) -> Sequence[str]:
 
 
 def _message(options: argparse.Namespace, package: ModuleType, target: tuple[int, int]) -> Message:
-    """Return the message with the parameters that the user gives. A wrong one ends the process."""
+    """Return the message with the parameters that the user gives. Raises WrongArgumentError for a wrong one."""
     command, words = _found(options, package)
     enums = {each.name: each.enum for each in command.params} | {
         f"param{each.number}": each.enum for each in command.params
@@ -241,12 +254,12 @@ def _all(package: ModuleType) -> Iterator[str]:
     width = max(map(len, known), default=0)
     for name, command in known.items():
         parameters = " ".join(f"{each.name}={each.unit or _kind(each)}" for each in command.params)
-        yield f"{name:{width}}  {parameters}".rstrip()
+        yield f"{styled(f'{name:{width}}', BOLD)}  {escaped(parameters)}".rstrip()
 
 
 def _one(command: Any) -> Iterator[str]:
     """Yield the description of a command, and a line for each parameter."""
-    yield f"{command.name} ({command.value}): {command.description}"
+    yield f"{styled(command.name, BOLD)} ({command.value}): {escaped(command.description)}"
     rows = [
         (each.name, f"param{each.number}", each.unit, each.range.replace(",", " to "), each) for each in command.params
     ]
@@ -254,7 +267,7 @@ def _one(command: Any) -> Iterator[str]:
     for *cells, each in rows:
         members = "" if each.enum is None else f": {', '.join(each.enum.__members__)}"
         line = "  ".join(str(cell).ljust(width) for cell, width in zip(cells, widths, strict=True) if width)
-        yield f"  {line}  {each.description}{members}"
+        yield f"  {escaped(f'{line}  {each.description}{members}')}"
 
 
 def _kind(parameter: Any) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import re
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from msggen.cli.call import request_like
@@ -37,6 +38,9 @@ def topics(prefix: str, options: argparse.Namespace) -> Iterator[str]:
     for endpoint in names_of(options).endpoints:
         if endpoint.direction in ways:
             yield endpoint.ros_name if prefix.startswith("/") else endpoint.uorb_topic
+    if hasattr(options, "filter") and len(options.topics or ()) == 1:  # a condition behind a topic
+        with suppress(KeyError):
+            yield from conditions(prefix, options)
 
 
 def messages(_: str, options: argparse.Namespace) -> Iterator[str]:
@@ -82,7 +86,8 @@ def values(prefix: str, options: argparse.Namespace) -> Iterator[str]:
 
 def _fields(options: argparse.Namespace, names: Names, way: Way = "out") -> Mapping[str, Field]:
     """Return the fields of the topic in the options. Raises KeyError."""
-    return names.fields_of_topic(options.topic or "", way)
+    several = getattr(options, "topics", None)
+    return names.fields_of_topic((several[0] if several else options.topic) or "", way)
 
 
 def _paths(prefix: str, names: Names, own: Mapping[str, Field]) -> Iterator[str]:

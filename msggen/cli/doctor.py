@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 from msggen.base.diagnostics import input_error
 from msggen.base.exit_codes import DONE, FINDINGS
-from msggen.cli.link import add_link, given_package, link_of
+from msggen.cli.chosen_types import known_types
+from msggen.cli.link import add_link, for_people, link_of
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_output_format, add_shared
 from msggen.cli.packages import import_package
 from msggen.cli.printing import print_report
-from msggen.cli.sources import settings_of
 from msggen.cli.values import non_empty
 from msggen.sources.embedded import EMBEDDED
 
@@ -64,7 +64,7 @@ def _doctor(options: argparse.Namespace) -> int:
     from msggen.doctor.observe import look_around
 
     options.output_format = "json" if options.json else options.output_format
-    given = given_package(options)
+    given = known_types(options)
     address = _address(options)
     seen = _observe(options, address, getattr(options, "for") or _SECONDS)
     seen = look_around(seen, address._replace(port=seen.port))
@@ -74,10 +74,8 @@ def _doctor(options: argparse.Namespace) -> int:
     else:
         from msggen.doctor.expected import expected_of
 
-        label = options.types or options.px4 or settings_of(options).types or given.__name__
-        expected = dict.fromkeys(
-            (each.remote.number for each in seen.vehicles), expected_of(given, label, is_given=True)
-        )
+        numbers = (each.remote.number for each in seen.vehicles)
+        expected = dict.fromkeys(numbers, expected_of(given.package, given.label, is_given=True))
     report = diagnose(Case(seen, expected, tuple(options.topics), _selection(options)))
     print_report(report, options)
     return FINDINGS if report.fails else DONE
@@ -108,7 +106,7 @@ def _observe(options: argparse.Namespace, address: Address, seconds: float) -> O
     try:
         return observe(address, plan._replace(wait=options.wait) if options.wait else plan, tell)
     except LinkError as error:
-        raise input_error(str(address), "L102", str(error), 0) from None
+        raise input_error(str(address), "L102", for_people(error), 0) from None
 
 
 def _embedded(release: str) -> Expected:

@@ -3,46 +3,53 @@
 from __future__ import annotations
 
 import argparse
-import os
 import re
 import sys
 import threading
-import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from types import ModuleType
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
-from msggen.base.diagnostics import few, input_error
+from msggen.base.diagnostics import InputError, few, input_error
 from msggen.base.location import Location
-from msggen.cli.options import Group, add_shared
-from msggen.cli.packages import import_package, topics_of
+from msggen.cli.agreement import Chosen, types_for
+from msggen.cli.chosen_types import Types, is_given, known_types, release_types
+from msggen.cli.options import Group, WrongArgumentError, add_shared
 from msggen.cli.sources import settings_of
 from msggen.cli.values import KEY, local_path, non_empty, positive
-from msggen.generate.cache import package_from, package_of
 from msggen.live.links.link_types import DEFAULT, usages
 from msggen.sources.embedded import EMBEDDED
-from msggen.sources.sources import find_sources
 
 if TYPE_CHECKING:
     from msggen.live import LinkError, Vehicle
-    from msggen.live.link import Route
+    from msggen.live.messages.lookup import Named
+
+Check: TypeAlias = Callable[[ModuleType], object]
+"""Checks names in the arguments of a command with a generated package."""
 
 PATIENCE = 30.0
 """How long to wait for a vehicle, in s: PX4's client takes up to 14 s to notice that a program has ended."""
 
 _NOTICE = 3.0
 """How long to wait in s before saying so: PX4's client asks for an agent on this computer every 2 s."""
-_LOADING = 1.0
-"""The time in s after which no further release is loaded."""
+_AT_ONCE = 0.5
+"""How long to wait in s before the names in the arguments are checked with the types of a vehicle that is not there."""
 _IN_NAMESPACE = re.compile("(?!rt/fmu/)(?:rt/|/)?([^/]+(?:/.+)?)/fmu/(?:in|out)/")
+
+_CALLS = re.compile(r"[;:] [^;:]*\b(?:wait_connected|routes|encode)\(.*")
+"""The end of an error that names what programs call."""
+_KEYWORDS = re.compile(r"\b(allow|key|namespace)=(?=[, ])")
+_TYPES_CURE = "name the vehicle's firmware, --px4 PX4-Autopilot, or its package, --types"
 
 
 class Connection(NamedTuple):
     """A connected vehicle, and the generated package with its messages.
 
     `link` is the address. `label` names the package for people: its release, or the value of --types.
-    `knows_namespace` is False in a session of an earlier program that left no record of it.
+    `knows_namespace` is False in a session of an earlier program that left no record of it. `chosen` are all types that
+    the vehicle's definitions are looked for in.
     """
 
     vehicle: Vehicle
@@ -50,6 +57,16 @@ class Connection(NamedTuple):
     link: str
     label: str
     knows_namespace: bool = True
+    chosen: Chosen = Chosen(())
+
+    @property
+    def has_one_package(self) -> bool:
+        """Whether no other types may have the vehicle's definition of a topic."""
+        return len(self.chosen.types) < 2  # noqa: PLR2004
+
+    def fitting(self, topic: Named) -> Named:
+        """Return a topic with the vehicle's definition, if the vehicle has told it and one of the types has it."""
+        return self.chosen.fitting(self.vehicle, topic)
 
 
 def add_link(parser: argparse.ArgumentParser, *, has_types: bool = True) -> None:
@@ -62,8 +79,8 @@ def add_link(parser: argparse.ArgumentParser, *, has_types: bool = True) -> None
             "--types",
             metavar="NAME|DIR",
             type=local_path,
-            help="generated package with the vehicle's messages (default: the setting `types`, or the embedded release "
-            "that the vehicle has)",
+            help="generated package with the vehicle's messages (default: the setting `types`, the firmware of the "
+            "settings or in the current folder if the vehicle has it, or else the vehicle's embedded release)",
         )
         add_shared(source, "--px4")
     group.add_argument("--key", metavar="N", type=KEY, help="key of the vehicle, its UXRCE_DDS_KEY")
@@ -90,54 +107,99 @@ def add_allowed(group: Group) -> None:
 
 
 @contextmanager
-def connection(options: argparse.Namespace) -> Iterator[Connection]:
+def connection(
+    options: argparse.Namespace, check: Check | None = None, *, needs_types: bool = True
+) -> Iterator[Connection]:
     """Connect to the vehicle that the options of `add_link` name, and close the link at the end.
 
-    Says on stderr that it waits, if nothing connects for a while. Raises InputError if the link cannot be opened, or
-    nothing connects.
+    Types that the options name are used in any case. Those of the current folder are used for the topics of which they
+    have the vehicle's definition, and those of the vehicle's release for others, with a warning.
+
+    `check` gets the package of a vehicle that has not connected yet, and raises WrongArgumentError or InputError for
+    names that it does not have. If no types are known, any embedded release may have them, or with `needs_types` False
+    the vehicle alone. Says on stderr that it waits, if nothing connects for a while. Raises InputError if the link
+    cannot be opened, or nothing connects.
 
     A session that an earlier program began is continued. If that left no record of the session, its topics must be
-    those of the given types, or else of the newest release, and its namespace is not known (docs/vehicle.md). If the
+    those of the known types, or else of the newest release, and its namespace is not known (docs/vehicle.md). If the
     user names a topic in a namespace, that selects the vehicle then, as --namespace does.
     """
     from msggen.live import LinkError, Vehicle
     from msggen.live.vehicle.selection import is_unnamed
 
-    link = link_of(options)
-    given = given_package(options)
-    package = given or _newest()
+    link, known = link_of(options), known_types(options)
+    absent = _check_of_absent(options, check, known, needs_types=needs_types)
     told: list[str] = []
     selection = {name: getattr(options, name) for name in ("namespace", "key", "allow", "direct")}
     try:
         with ExitStack() as stack:
 
-            def opened(types: ModuleType) -> Vehicle:
-                vehicle = stack.enter_context(Vehicle(link, types, **selection))
+            def opened(*types: Types) -> Vehicle:
+                vehicle = stack.enter_context(Vehicle(link, [each.package for each in types], **selection))
                 if vehicle.url != link and vehicle.url not in told:
                     told.append(vehicle.url)
                     print(f"listening on {vehicle.url}", file=sys.stderr, flush=True)
-                _wait(vehicle, vehicle.url, options.wait or PATIENCE)
+                _wait(vehicle, vehicle.url, options.wait or PATIENCE, absent)
                 return vehicle
 
-            known = package
-            vehicle = opened(known)
+            first: tuple[Types, ...] = (known or release_types(EMBEDDED[0]),)
+            vehicle = opened(*first)
             named = _named_namespace(options)
             if is_unnamed(vehicle.remote) and not vehicle.remote.namespace and named and not options.namespace:
                 vehicle.close()
                 selection["namespace"] = named
-                vehicle = opened(known)
-            release = vehicle.firmware.release
-            label = options.types or options.px4 or package.__name__
-            if given is None and release:
-                package, label = package_of(release), release
-            if package is not known:
-                first, vehicle = vehicle, opened(package)  # on the link that is open
-                first.close()
+                vehicle = opened(*first)
+            chosen = Chosen((known,)) if known and is_given(options) else types_for(vehicle, known)
+            if chosen.types != first:
+                before, vehicle = vehicle, opened(*chosen.types)  # on the link that is open
+                before.close()
             remote = vehicle.remote
+            package, label = chosen.types[0]
             knows_namespace = bool(remote.namespace) or not is_unnamed(remote)
-            yield Connection(vehicle, package, vehicle.url, label, knows_namespace)
+            yield Connection(vehicle, package, vehicle.url, label, knows_namespace, chosen)
     except LinkError as error:
-        raise input_error(link, "L102", f"{error}{owner_of(link, error)}", 0) from None
+        raise input_error(link, "L102", f"{for_people(error)}{owner_of(link, error)}", 0) from None
+
+
+def _check_of_absent(
+    options: argparse.Namespace, check: Check | None, known: Types | None, *, needs_types: bool
+) -> Callable[[], object] | None:
+    """Return what to check if no vehicle is there. For types that the options name, this is checked at once.
+
+    Raises what `check` raises.
+    """
+    if check is None or (known is None and not needs_types):
+        return None
+    if known is None:
+        return partial(_check_releases, check)
+    if is_given(options):
+        check(known.package)
+        return None
+    return partial(check, known.package)
+
+
+def _check_releases(check: Check) -> None:
+    """Raise the error of `check` for the newest release, if no release has the names."""
+    from msggen.generate.cache import package_of
+
+    errors: list[InputError | WrongArgumentError] = []
+    for release in EMBEDDED:
+        try:
+            check(package_of(release))
+        except (InputError, WrongArgumentError) as error:
+            errors.append(error)
+        else:
+            return
+    raise errors[0]
+
+
+def for_people(error: LinkError) -> str:
+    """Return the text of an error with options of the command line instead of what programs call in Python."""
+    from msggen.live import FormatError
+
+    if isinstance(error, FormatError):
+        return f"{str(error).rpartition(': ')[0]}: {_TYPES_CURE}"
+    return _KEYWORDS.sub(r"--\1", _CALLS.sub("", str(error)))
 
 
 def owner_of(link: str, error: LinkError) -> str:
@@ -174,61 +236,14 @@ def link_of(options: argparse.Namespace) -> str:
         raise input_error(place.path, "L101", str(error), place.line, place.column) from None
 
 
-def expected_package(options: argparse.Namespace) -> ModuleType:
-    """Return the package that `connection` begins with: the given one, or that of the newest release.
-
-    Raises InputError.
-    """
-    return given_package(options) or _newest()
-
-
-def routes_to_continue(options: argparse.Namespace) -> tuple[Route, ...]:
-    """Return the routes with which a process that has no types continues a session without a record.
-
-    They are those of the package that the options or the settings name, or else of the embedded releases, the newest
-    first, as many as are loaded in a second: a vehicle waits for an answer for 3 s, and a package that is not built yet
-    takes about a second. Raises InputError.
-    """
-    from msggen.live.links.known import joined
-    from msggen.live.messages.packages import known_routes
-
-    given = given_package(options)
-    if given is not None:
-        return joined(known_routes((given,)))
-    packages, end = [_newest()], time.monotonic() + _LOADING
-    for release in EMBEDDED[1:]:
-        if time.monotonic() > end:
-            break
-        packages.append(package_of(release))
-    return joined(known_routes(tuple(packages)))
-
-
-def _newest() -> ModuleType:
-    return package_of(EMBEDDED[0])
-
-
-def given_package(options: argparse.Namespace) -> ModuleType | None:
-    """Return the package that the options or the settings name, or None. Raises InputError if it cannot be used."""
-    settings = settings_of(options)
-    px4, types = getattr(options, "px4", None), getattr(options, "types", None)
-    named = px4 or types or settings.types
-    if named is None:
-        return None
-    if px4:
-        found = package_from(find_sources(px4))
-    else:
-        found = import_package(named, "" if types else os.path.dirname(settings.origin))
-    if not getattr(topics_of(found), "ENDPOINTS", ()):
-        raise input_error(named, "L103", "no topics of the bridge: no dds_topics.yaml", 0)
-    return found
-
-
-def _wait(vehicle: Vehicle, link: str, patience: float) -> None:
-    """Wait for the vehicle. Raises LinkError."""
+def _wait(vehicle: Vehicle, link: str, patience: float, check: Callable[[], object] | None) -> None:
+    """Wait for the vehicle. Raises LinkError, and what `check` raises if no vehicle is there."""
 
     def tell() -> None:
         print(f"waiting for a vehicle on {link}", file=sys.stderr, flush=True)
 
+    if check is not None and not _is_there(vehicle, min(_AT_ONCE, patience)):
+        check()
     timer = threading.Timer(_NOTICE, tell)
     timer.daemon = True
     if patience > _NOTICE:
@@ -237,3 +252,14 @@ def _wait(vehicle: Vehicle, link: str, patience: float) -> None:
         vehicle.wait_connected(patience)
     finally:
         timer.cancel()
+
+
+def _is_there(vehicle: Vehicle, seconds: float) -> bool:
+    """Whether a vehicle connects within a time. Raises LinkError if the link has failed."""
+    from msggen.live import LinkTimeoutError
+
+    try:
+        vehicle.wait_connected(seconds)
+    except LinkTimeoutError:
+        return False
+    return True

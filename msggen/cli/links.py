@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 from msggen.base.diagnostics import counted, few, input_error
 from msggen.base.exit_codes import DONE
-from msggen.cli.link import add_address, add_allowed, link_of, routes_to_continue
+from msggen.cli.chosen_types import routes_to_continue
+from msggen.cli.link import add_address, add_allowed, for_people, link_of
 from msggen.cli.options import Commands, add_command, add_group, add_shared
-from msggen.cli.table import Column, objects_of, print_table
+from msggen.cli.table import RED, YELLOW, Column, objects_of, print_table
 from msggen.cli.values import non_empty
 from msggen.live.links.link_types import LINK_TYPES, usages
 from msggen.show.report.json import dump
@@ -88,7 +89,7 @@ def _wanted(options: argparse.Namespace) -> tuple[Place, Wanted]:
     try:
         return place_of(address), Wanted(address, tuple(options.allow))
     except LinkError as error:
-        raise input_error(link, "L102", str(error), 0) from None
+        raise input_error(link, "L102", for_people(error), 0) from None
 
 
 def _serve(options: argparse.Namespace) -> int:
@@ -106,7 +107,9 @@ def _serve(options: argparse.Namespace) -> int:
     except LinkError as error:
         from msggen.cli.link import owner_of
 
-        raise input_error(str(wanted.address), "L102", f"{error}{owner_of(str(wanted.address), error)}", 0) from None
+        raise input_error(
+            str(wanted.address), "L102", f"{for_people(error)}{owner_of(str(wanted.address), error)}", 0
+        ) from None
     return DONE
 
 
@@ -150,7 +153,7 @@ def _running() -> list[Running]:
     try:
         return running()
     except LinkError as error:
-        raise input_error("msggen link", "L102", str(error), 0) from None
+        raise input_error("msggen link", "L102", for_people(error), 0) from None
 
 
 def _stop(options: argparse.Namespace) -> int:
@@ -161,7 +164,7 @@ def _stop(options: argparse.Namespace) -> int:
     try:
         stop(place)
     except LinkError as error:
-        raise input_error(place.name, "L102", str(error), 0) from None
+        raise input_error(place.name, "L102", for_people(error), 0) from None
     return DONE
 
 
@@ -215,8 +218,8 @@ _COLUMNS: tuple[Column[Running], ...] = (
     Column("programs", "", _of("programs", [])),
     Column("", "programs", lambda running: len(running.state.get("programs", ())), align=">"),
     Column("samples_per_second", "samples/s", _of("rate"), lambda rate: f"{rate:.0f}", ">"),
-    Column("lost", "lost", _lost, align=">"),
+    Column("lost", "lost", _lost, align=">", style=lambda lost: YELLOW if lost else 0),
     Column("socket", "", lambda running: running.place.socket),
     Column("log", "log", lambda running: running.place.log),
-    Column("problem", "problem", lambda running: running.problem),
+    Column("problem", "problem", lambda running: running.problem, style=lambda _: RED),
 )

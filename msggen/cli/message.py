@@ -18,6 +18,7 @@ from msggen.live.links.link_types import type_named
 
 if TYPE_CHECKING:
     from msggen.cli.names import Field, Names
+    from msggen.live.messages.lookup import Named
     from msggen.live.messages.packages import Message
 
     MessageT = TypeVar("MessageT", bound=Message)
@@ -98,15 +99,22 @@ def _read(options: argparse.Namespace) -> tuple[bytes, str]:
     return (options.values or "").encode(errors="replace"), _ARGUMENT
 
 
-def settle(found: Connection, cls: type[Message]) -> None:
-    """Wait until the vehicle has said which definition of a message it has, so that a different one is refused.
+def settle(found: Connection, topic: Named) -> Named:
+    """Wait until the vehicle has told its definition of a topic, and return the topic with it.
 
-    Releases before v1.15 do not say it, and are waited for only shortly. In DDS, the writer has to be found as well.
+    Releases before v1.15 do not tell it, and are waited for only shortly. In DDS, the writer has to be found as well.
     """
+    ros_type = topic.route.ros_type if topic.route else ""
+    wait_told(found, ros_type)
+    return found.fitting(topic)
+
+
+def wait_told(found: Connection, ros_type: str) -> None:
+    """Wait until the vehicle has told its definition of a type, and in DDS until the writer is found."""
     deadline = time.monotonic() + _PATIENCE
     while time.monotonic() < deadline:
         firmware = found.vehicle.firmware
-        if firmware.is_complete or cls.__msg__.ros_type in firmware.hashes:
+        if firmware.is_complete or ros_type in firmware.hashes:
             break
         time.sleep(_SLICE)
     if type_named(found.link).has_domain:

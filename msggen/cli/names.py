@@ -85,10 +85,11 @@ class Names(NamedTuple):
 
 
 def names_of(options: argparse.Namespace) -> Names:
-    """Return the names in the package that the options or the settings name, or in that of the newest release.
+    """Return the names in the package that the options or the current folder name, or in that of the newest release.
 
     Raises InputError, OSError and, for a package without names, ValueError.
     """
+    from msggen.cli.chosen_types import folder_sources
     from msggen.generate.cache import folder_from, folder_of
     from msggen.sources.embedded import EMBEDDED
     from msggen.sources.settings import read_settings
@@ -96,12 +97,11 @@ def names_of(options: argparse.Namespace) -> Names:
 
     options.settings = read_settings(os.curdir)  # without the note of `settings_of`, which nobody asked for
     types = options.types or options.settings.types
-    if options.px4:
-        folder = folder_from(find_sources(options.px4))
-    elif types:
+    sources = find_sources(options.px4) if options.px4 else None if types else folder_sources(options.settings)
+    if types and not sources:
         folder = types if names_folder(types) else _installed(types)
     else:
-        folder = folder_of(EMBEDDED[0])
+        folder = folder_from(sources) if sources else folder_of(EMBEDDED[0])
     return read_names(read_bytes(os.path.join(folder, "names.json")))
 
 

@@ -110,10 +110,17 @@ def add_group(commands: Commands, name: str, **about: Any) -> Commands:
     return parser.add_subparsers(prog=parser.prog, metavar="ACTION", required=True, help=text)
 
 
+class WrongArgumentError(Exception):
+    """A wrong argument of the command that `parser` parses. It ends the process with the exit code 2."""
+
+    def __init__(self, parser: argparse.ArgumentParser, text: str) -> None:
+        super().__init__(text)
+        self.parser = parser
+
+
 def refuse(options: argparse.Namespace, text: str) -> NoReturn:
-    """Report a wrong argument of the command that the options belong to, and end the process."""
-    parser: argparse.ArgumentParser = options.parser
-    parser.error(text)
+    """Raise WrongArgumentError for the command that the options belong to."""
+    raise WrongArgumentError(options.parser, text)
 
 
 def add_shared(group: Group, *names: str, **more: Any) -> None:

@@ -10,9 +10,10 @@ import os
 import sys
 from collections.abc import Sequence
 from functools import partial
+from itertools import chain
 from typing import Any, NoReturn
 
-from msggen.base.diagnostics import Diagnostic, printable, suggestion
+from msggen.base.diagnostics import Diagnostic, printable
 from msggen.base.exit_codes import FAILED
 from msggen.base.foreign import Styled, escaped
 from msggen.base.location import Location
@@ -21,21 +22,18 @@ from msggen.cli.options import FAILED_CODES
 from msggen.cli.printing import colour, print_document, terminal_width
 from msggen.cli.values import Deferred
 
-_COMMANDS = (
-    *("build", "sync", "check", "breaking", "lint", "bump", "render", "docs"),
-    *("sim", "link", "topic", "view", "top", "command", "call", "record", "play", "log", "doctor", "relay"),
-    *("px4-generate", "releases", "rules", "completion"),
-)
-_MODULES = {**{name: name.replace("-", "_") for name in _COMMANDS}, "link": "links", "explain": "rules"}
-"""The module of each command."""
-
-_ACTIONS = {
-    **dict.fromkeys(("info", "show", "plot", "convert", "cut", "merge", "repair"), "log"),
-    **dict.fromkeys(("echo", "hz", "bw", "delay", "list", "pub"), "topic"),
+_GROUPS = {
+    "Types": ("build", "render", "docs", "px4-generate"),
+    "Firmware in step": ("sync", "check", "breaking", "lint", "bump"),
+    "Vehicle": ("topic", "top", "view", "command", "call", "doctor", "link", "relay", "sim"),
+    "Recordings": ("record", "play", "log"),
+    "Help": ("releases", "rules", "explain", "completion"),
 }
-"""The commands of actions that users type without them."""
-_SYNONYMS = {"type": "info", "show": "info"}
-"""What is called otherwise in ROS 2, for suggestions."""
+"""The commands by the group in the help."""
+_NAMES = tuple(chain.from_iterable(_GROUPS.values()))
+_MODULES = {**{name: name.replace("-", "_") for name in _NAMES}, "link": "links", "explain": "rules"}
+"""The module of each command."""
+_COMMAND = "COMMAND"
 
 
 def output_format_of(words: Sequence[str]) -> str:
@@ -57,6 +55,18 @@ class _Formatter(argparse.HelpFormatter):
         super().add_argument(action)
         if action.nargs == argparse.PARSER:
             self._action_max_length += 2  # argparse ignores the indentation of commands
+
+    def _format_action(self, action: argparse.Action) -> str:
+        if action.metavar != _COMMAND or action.nargs != argparse.PARSER:
+            return super()._format_action(action)
+        commands = {each.dest: each for each in self._iter_indented_subactions(action)}
+        parts = []
+        for title, names in _GROUPS.items():
+            parts.append(f"{'':{self._current_indent}}{title}\n")
+            self._indent()
+            parts += [self._format_action(commands[name]) for name in names if name in commands]
+            self._dedent()
+        return "".join(parts)
 
 
 class _StoreOnce(argparse._StoreAction):  # noqa: SLF001 - argparse has no public name
@@ -106,7 +116,9 @@ class _Parser(argparse.ArgumentParser):
         if not positional:
             self._check_stray(args)
         self.given.clear()
-        if any(action.nargs in (argparse.OPTIONAL, argparse.ZERO_OR_MORE) for action in positional):
+        if any(
+            action.nargs in (argparse.OPTIONAL, argparse.ZERO_OR_MORE, argparse.ONE_OR_MORE) for action in positional
+        ):
             args = self._options_first(args)
         options, unknown = super().parse_known_args(args, namespace)
         if unknown:
@@ -206,12 +218,11 @@ class _Parser(argparse.ArgumentParser):
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.choices is not None and value not in action.choices:
+            from msggen.cli.unknown_argument import error_for_choice
+
+            is_command = action.metavar == _COMMAND and action.nargs == argparse.PARSER
             choices = list(map(str, action.choices))
-            command = _ACTIONS.get(str(value), "")
-            is_action = command in choices and self.prog == "msggen"
-            hint = suggestion(_SYNONYMS.get(str(value), str(value)), choices)
-            hint = f", did you mean '{command} {value}'?" if is_action else hint
-            raise argparse.ArgumentError(action, f"invalid choice: {value!r} (choose from {', '.join(choices)}){hint}")
+            raise argparse.ArgumentError(action, error_for_choice(str(value), choices, is_command=is_command))
 
 
 class _PrintCMakeFolder(argparse.Action):
@@ -239,7 +250,8 @@ def parser_for(words: Sequence[str]) -> argparse.ArgumentParser:
     parser.add_argument(
         "--cmake-dir", action=_PrintCMakeFolder, nargs=0, help="show the value for CMake's msggen_DIR and exit"
     )
-    commands = parser.add_subparsers(prog=parser.prog, metavar="COMMAND", required=True)
+    parser._positionals.title = "commands"  # noqa: SLF001 - a group of its own would come after the options
+    commands = parser.add_subparsers(prog=parser.prog, metavar=_COMMAND, required=True)
     known = _MODULES.get(words[0]) if words else None
     for module in dict.fromkeys([known] if known else _MODULES.values()):
         __import__(f"msggen.cli.{module}", fromlist=["add_to"]).add_to(commands)  # importlib would take longer

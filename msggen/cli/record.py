@@ -8,15 +8,16 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from types import ModuleType
 from typing import TYPE_CHECKING
 
 from msggen.base.diagnostics import counted, few, input_error
 from msggen.base.exit_codes import DONE
 from msggen.base.recording_formats import MCAP
 from msggen.cli.link import Connection, add_link, connection
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, check_parent
+from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, check_parent, refuse
 from msggen.cli.packages import missing_extra
 from msggen.cli.printing import discard_output, number_of_bytes
 from msggen.cli.status import Status
@@ -125,13 +126,18 @@ def _record(options: argparse.Namespace) -> int:
     check_packages("R101")
     check_free(_first_file(options.output, options))
     choice = Choice(options.topics, options.exclude)
-    with connection(options) as found:
+
+    def check(package: ModuleType) -> None:
+        rows = ((each.direction, each.ros_name, each.message.__msg__.ros_type) for each in package.topics.ENDPOINTS)
+        _check_topics(options, choice, rows)
+
+    with connection(options, check, needs_types=False) as found:
         if not found.knows_namespace:
             text = "topics are recorded without a namespace, because an earlier program began the session"
             print(f"warning: {text}: name it with --namespace", file=sys.stderr)
         if options.direction != "out" and not found.vehicle.is_shared:
             options.parser.error(f"argument --direction: {not_shared(found.link)}")
-        _check_topics(options, choice, found.vehicle)
+        _check_topics(options, choice, ((each.direction, each.name, each.ros_type) for each in found.vehicle.routes))
         from msggen.generate.cache import package_of
 
         definitions = Definitions(found.vehicle, found.package, package_of)
@@ -198,20 +204,18 @@ def _open(options: argparse.Namespace, choice: Choice, definitions: Definitions)
         raise input_error(path, "R101", f"cannot be written: {error.strerror}", 0) from None
 
 
-def _check_topics(options: argparse.Namespace, choice: Choice, vehicle: Vehicle) -> None:
-    """Refuse names that no topic of the vehicle has."""
-    named = {way: _named(vehicle, way) for way in ("out", "in")}
+def _check_topics(options: argparse.Namespace, choice: Choice, rows: Iterable[tuple[str, str, str]]) -> None:
+    """Refuse names that no topic has. The rows are directions, names and types of those of a vehicle."""
+    named: dict[str, list[tuple[str, str]]] = {"out": [], "in": []}
+    for direction, *topic in rows:
+        named[direction].append((topic[0], topic[1]))
     way = options.direction
     problem = choice.problem([*named["out"], *named["in"]] if way == "both" else named[way])
     if problem and not choice.problem([*named["out"], *named["in"]]):
         verb = "publishes" if way == "in" else "reads"
-        options.parser.error(f"argument TOPIC: PX4 {verb} some of these topics: --direction both records all of them")
+        refuse(options, f"argument TOPIC: PX4 {verb} some of these topics: --direction both records all of them")
     if problem:
-        options.parser.error(f"argument TOPIC: {problem}: `msggen topic list` prints those of the vehicle")
-
-
-def _named(vehicle: Vehicle, way: str) -> list[tuple[str, str]]:
-    return [(route.name, route.ros_type) for route in vehicle.routes if route.direction == way]
+        refuse(options, f"argument TOPIC: {problem}: `msggen topic list` prints those of the vehicle")
 
 
 # The run

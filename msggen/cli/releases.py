@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import argparse
+from typing import NamedTuple
 
 from msggen.base.exit_codes import DONE
 from msggen.cli.options import Commands, add_command
-
-_HEADINGS = ("release", "messages", "services", "topics", "endpoints")
+from msggen.cli.table import DIM, Column, print_table
 
 
 def add_to(commands: Commands) -> None:
@@ -24,12 +24,26 @@ def add_to(commands: Commands) -> None:
 def _releases(_: argparse.Namespace) -> int:
     from msggen.sources.embedded import EMBEDDED
 
-    print("  ".join(_HEADINGS))
-    for release in EMBEDDED:
-        numbers = zip(_counts(release), _HEADINGS[1:], strict=True)
-        row = "  ".join([release.ljust(len(_HEADINGS[0])), *(f"{number:{len(name)}}" for number, name in numbers)])
-        print(f"{row}  default" if release == EMBEDDED[0] else row)
+    print_table(_COLUMNS, [_Row(release, _counts(release), is_default=release == EMBEDDED[0]) for release in EMBEDDED])
     return DONE
+
+
+class _Row(NamedTuple):
+    """A release, and its numbers of messages, services, topics and endpoints."""
+
+    release: str
+    counts: tuple[int, ...]
+    is_default: bool
+
+
+_COLUMNS: tuple[Column[_Row], ...] = (
+    Column("", "release", lambda row: row.release),
+    Column("", "messages", lambda row: row.counts[0], align=">"),
+    Column("", "services", lambda row: row.counts[1], align=">"),
+    Column("", "topics", lambda row: row.counts[2], align=">"),
+    Column("", "endpoints", lambda row: row.counts[3], align=">"),
+    Column("", " ", lambda row: "default" if row.is_default else "", style=lambda _: DIM),
+)
 
 
 def _counts(release: str) -> tuple[int, ...]:

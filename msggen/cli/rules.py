@@ -43,7 +43,8 @@ def _rules(options: argparse.Namespace) -> int:
     from msggen.show.report.rules import list_rules, write_json
     from msggen.show.report.table import RULES
 
-    print(Styled((write_json if options.output_format == "json" else list_rules)(RULES)))
+    is_json = options.output_format == "json"
+    print(Styled(write_json(RULES) if is_json else list_rules(RULES, colour=colour(sys.stdout))))
     return DONE
 
 

@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING
 
 from msggen.base.diagnostics import counted, input_error, suggestion
 from msggen.base.exit_codes import DONE
+from msggen.cli.chosen_types import Types, folder_types, given_types, release_types
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
-from msggen.cli.packages import import_package, topics_of
+from msggen.cli.packages import topics_of
 from msggen.cli.status import Status
 from msggen.cli.values import Deferred, finite, local_path, non_empty, positive, share, whole
 from msggen.cli.watching import watching
-from msggen.generate.cache import package_from
 from msggen.live.links.link_types import CLIENTS, DEFAULT, usages
+from msggen.sources.embedded import EMBEDDED
 from msggen.sources.sources import find_sources
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ def add_to(commands: Commands) -> None:
         help="simulate vehicles that connect to a program, for tests without PX4",
         description="Simulate PX4's client: vehicles that fly, publish, and answer commands and format requests, for "
         "programs that use msggen.live and for other agents of DDS-XRCE. By default, they have the messages of the "
-        "newest embedded release.",
+        "settings or of the PX4-Autopilot tree in the current folder, or else of the newest embedded release.",
         epilog=f"Exit codes: 0 done, or vehicles ended by Ctrl-C, {FAILED_CODES}",
     )
     parser.add_argument(
@@ -150,7 +151,7 @@ def _version(text: str) -> tuple[str, int]:
 
 
 def _sim(options: argparse.Namespace) -> int:
-    package, label = _package(options)
+    package, label = _types(options)
     _check_messages(options, package)
     simulator = _open(options, package)
     try:
@@ -297,13 +298,9 @@ def _contents(package: ModuleType) -> str:
 # The package
 
 
-def _package(options: argparse.Namespace) -> tuple[ModuleType, str]:
-    """Return the package to simulate, and its name for people."""
-    if options.types:
-        found, label = import_package(options.types), options.types
-    else:
-        sources = find_sources(options.px4)
-        found, label = package_from(sources), sources.label
-    if not getattr(topics_of(found), "ENDPOINTS", ()):
-        raise input_error(options.types or options.px4, "L103", "no topics of the bridge: no dds_topics.yaml", 0)
-    return found, label
+def _types(options: argparse.Namespace) -> Types:
+    """Return the types to simulate: those of the options, of the current folder, or of the newest release."""
+    found = given_types(options) or folder_types(options, is_needed=True)
+    if found and not options.px4:
+        return found
+    return (found or release_types(EMBEDDED[0]))._replace(label=find_sources(options.px4).label)

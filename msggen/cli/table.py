@@ -2,13 +2,32 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, Literal, TypeVar
 
 from msggen.base.diagnostics import printable
+from msggen.base.foreign import Styled
+from msggen.cli.printing import colour
 
 RowT = TypeVar("RowT")
+
+BOLD, DIM, RED, YELLOW = 1, 2, 31, 33
+"""Styles of texts on a terminal, as numbers of SGR. 0 is none."""
+
+
+def styled(text: str, style: int) -> str:
+    """Return a text in a style for stdout, if that has colours. The spaces around it have none."""
+    plain = text.strip()
+    if not (style and plain and colour(sys.stdout)):
+        return text
+    front, _, end = text.partition(plain)
+    return f"{front}\033[{style}m{plain}\033[0m{end}"
+
+
+def _no_style(_: Any) -> int:
+    return 0
 
 
 @dataclass(frozen=True)
@@ -24,6 +43,8 @@ class Column(Generic[RowT]):
     """Returns the text of a value. That of None is ""."""
     align: Literal["<", ">"] = "<"
     """The side at which the texts are aligned, as in a format."""
+    style: Callable[[Any], int] = _no_style
+    """Returns the style of a value."""
 
     def text(self, row: RowT) -> str:
         """Return the text of a cell."""
@@ -40,13 +61,15 @@ def objects_of(columns: Iterable[Column[RowT]], rows: Iterable[RowT]) -> list[di
 def print_table(columns: Iterable[Column[RowT]], rows: Sequence[RowT]) -> None:
     """Print rows under their headings, without empty columns.
 
-    Cells are made `printable`, so that the columns stay aligned.
+    Cells are made `printable`, so that the columns stay aligned. On a terminal, headings are bold.
     """
     shown: list[list[str]] = []
     for column in columns:
         texts = [printable(column.text(row)) for row in rows] if column.heading else []
         if any(texts):
             width = max(map(len, (column.heading, *texts)))
-            shown.append([f"{text:{column.align}{width}}" for text in (column.heading, *texts)])
+            styles = [BOLD, *(column.style(column.value(row)) for row in rows)]
+            cells = [f"{text:{column.align}{width}}" for text in (column.heading, *texts)]
+            shown.append([*map(styled, cells, styles)])
     for line in zip(*shown, strict=True):
-        print("  ".join(line).rstrip())
+        print(Styled("  ".join(line).rstrip()))

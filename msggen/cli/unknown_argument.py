@@ -10,22 +10,11 @@ from typing import Any
 
 from msggen.base.diagnostics import suggestion
 from msggen.base.disk.git import is_revision
+from msggen.cli.pointers import ACTIONS, ARGUMENTS, COMMANDS, SYNONYMS
 from msggen.sources.embedded import names_release
 from msggen.sources.tree import Folder
 from msggen.sources.tree_layout import is_firmware
 
-_OTHER_WORDS = {
-    ("topic echo", "--filter"): "write the filter behind the topic: msggen topic echo TOPIC FILTER",
-    ("record", "-a"): "all topics are recorded without it",
-    ("record", "--all"): "all topics are recorded without it",
-    ("play", "--speed"): "use --rate",
-    ("play", "--link"): "use --to",
-    ("play", "--port"): "name it with --to udp://127.0.0.1:PORT",
-    ("sim", "--port"): "name it in the address: msggen sim udp://127.0.0.1:PORT",
-    ("sim", "--link"): "write the address alone: msggen sim udp://127.0.0.1:8888",
-    ("sim", "--vehicles"): "use --count",
-}
-"""What to do about the words of other programs, by command and word."""
 _NEAR = 0.75
 """How similar the options of a command with parameters must be to be suggested."""
 _MOST = 4
@@ -65,6 +54,17 @@ def _hint_for(parser: Any, wrong: str, given: Sequence[str], all_commands: Calla
     return f": expected {f'one {names[0]} per run' if len(names) == 1 else ' and '.join(names)}"
 
 
+def error_for_choice(value: str, choices: Sequence[str], *, is_command: bool) -> str:
+    """Return the message about a word that is none of the choices of an argument, such as the commands."""
+    pointer = COMMANDS.get(value.lower()) if is_command else None
+    if pointer:
+        return f"no command {value!r}: {pointer}"
+    command = ACTIONS.get(value, "") if is_command else ""
+    near = suggestion(SYNONYMS.get(value, value), choices)
+    hint = f", did you mean '{command} {value}'?" if command in choices else near
+    return f"invalid choice: {value!r} (choose from {', '.join(choices)}){hint}"
+
+
 def _of_other_programs(parser: Any, wrong: str, given: Sequence[str]) -> str:
     """Return what to do about a word that other programs have, "" for other words."""
     command, known = parser.prog.partition(" ")[2], parser._option_string_actions  # noqa: SLF001
@@ -75,7 +75,7 @@ def _of_other_programs(parser: Any, wrong: str, given: Sequence[str]) -> str:
         return ": name it with --link udp://127.0.0.1:PORT"
     if command == "command" and wrong.startswith("--") and not get_close_matches(wrong, known, cutoff=_NEAR):
         return f": write a parameter without dashes, {wrong[2:].replace('-', '_')}=VALUE"
-    other = _OTHER_WORDS.get((command, wrong))
+    other = ARGUMENTS.get((command, wrong))
     return f": {other}" if other else ""
 
 

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 from msggen.base.diagnostics import counted, input_error
 from msggen.base.exit_codes import DONE
 from msggen.base.foreign import escaped
-from msggen.cli.link import add_link, connection, given_package
+from msggen.cli.chosen_types import is_given, known_types
+from msggen.cli.link import add_link, connection
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
 from msggen.cli.packages import missing_extra
 from msggen.cli.values import local_path, non_empty, whole
@@ -104,12 +105,12 @@ def _show_recording(options: argparse.Namespace) -> None:
 
 
 def _packages(options: argparse.Namespace) -> Iterator[ModuleType]:
-    """Yield the packages whose definitions a recording may have: the one that is given, or the embedded releases."""
-    given = given_package(options)
-    if given is not None:
-        yield given
-        return
-    yield from map(package_of, EMBEDDED)
+    """Yield the packages whose definitions a recording may have: the given one, or the folder's and all releases."""
+    known = known_types(options)
+    if known is not None:
+        yield known.package
+    if not is_given(options):
+        yield from map(package_of, EMBEDDED)
 
 
 def _recording(path: str) -> Log:

@@ -6,7 +6,9 @@ import importlib.util
 import os
 import sys
 import tempfile
-from contextlib import suppress
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from functools import cache
 from importlib.machinery import ModuleSpec
 from shutil import rmtree
@@ -18,6 +20,9 @@ from msggen.base.version import __version__
 from msggen.generate.build import Build
 from msggen.sources.embedded import ARCHIVED, unknown_release
 from msggen.sources.sources import Sources, find_sources, with_archived
+
+_PATIENCE = 1.0
+"""After which time in s a build is told: it takes half a second on a computer that is not busy."""
 
 _ANY = "vehicle_types"
 """The name of packages that are not of an embedded release."""
@@ -138,7 +143,8 @@ def _built_in(root: str, sources: Sources, name: str) -> str:
         place = os.path.join(root, f"{__version__}-{build.inputs[:16]}")
         folder = os.path.join(place, name)
         if not os.path.isdir(folder):
-            build.run(write=True)
+            with _telling(sources.label):
+                build.run(write=True)
             os.makedirs(place, mode=0o700, exist_ok=True)
             try:
                 os.rename(os.path.join(made, name), folder)
@@ -148,6 +154,21 @@ def _built_in(root: str, sources: Sources, name: str) -> str:
         return folder
     finally:
         rmtree(made, ignore_errors=True)
+
+
+@contextmanager
+def _telling(label: str) -> Iterator[None]:
+    """Log what is built in the block, if that takes long enough that a person wonders."""
+    from logging import getLogger
+
+    text = "building the types of %s, once: the next start does not wait"
+    timer = threading.Timer(_PATIENCE, lambda: getLogger(__name__).warning(text, label))
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
 
 
 def import_folder(name: str, folder: str) -> ModuleType:

@@ -175,8 +175,9 @@ def check_bridge(
             yield Diagnostic(entry.type_location, "Y201", text)
         elif topic not in owners:
             declared = names[name].topic_names
-            hint = suggestion(topic, declared) or f": '{name}' declares {', '.join(declared)}"
-            yield Diagnostic(entry.location, "Y202", f"no message declares the topic '{topic}'{hint}")
+            hint = suggestion(topic, declared) or f": '{name}' declares {few(declared)}"
+            cure = f"which takes '# TOPICS {' '.join((*declared, topic))}' in {name}.msg"
+            yield Diagnostic(entry.location, "Y202", f"no message declares the topic '{topic}', {cure}{hint}")
         elif owners[topic] is not names[name]:
             text = f"topic '{topic}' carries '{owners[topic].name}', found '{name}'"
             yield Diagnostic(entry.type_location, "Y203", text)

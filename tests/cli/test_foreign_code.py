@@ -205,9 +205,9 @@ def test_tab_imports_no_package_without_names(project: Path, marks: Path) -> Non
 # Commands that import the package of the settings
 
 IMPORTING = {
-    *("call", "command", "doctor", "link serve", "record", "relay", "top", "view"),
+    *("call", "command", "doctor", "link serve", "record", "relay", "sim", "top", "view"),
     *("topic bw", "topic delay", "topic echo", "topic find", "topic hz", "topic info", "topic list"),
-    *("topic plot", "topic pub"),
+    *("topic plot", "topic pub", "topic type"),
 }
 """The commands that import the package that `types` in the settings names. SECURITY.md lists them."""
 
@@ -235,6 +235,7 @@ WORDS = {
     "topic pub": ["vehicle_command", "{}"],
     "topic find": ["VehicleStatus"],
     "topic info": ["vehicle_status"],
+    "topic type": ["vehicle_status"],
     "topic echo": ["vehicle_status"],
     "record": ["-o", "flight.mcap"],
 }

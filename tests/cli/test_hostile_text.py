@@ -136,6 +136,9 @@ CASES: dict[str, list[list[str]]] = {
         *_each("--for", "0.2", of=[[name] for name in (NAME, PIECES[0])]),
         ["message_format_response", f"timestamp == '{NAME}'", "--once"],
         ["message_format_response", "--field", NAME, "--once"],
+        ["message_format_response", "message_format_response", "--once"],
+        ["message_format_response", PIECES[0], "--json", "--for", "0.2"],
+        [NAME, "--filter", NAME, "--for", "0.2"],
     ],
     "topic find": [[f"{NAME}/msg/{NAME}"], [PIECES[0]]],
     "topic hz": [["-n", "1"], ["-n", "1", "--json"], [NAME, "-n", "1"]],
@@ -154,6 +157,7 @@ CASES: dict[str, list[list[str]]] = {
         ["vehicle_command", f"{{x: '{NAME}'}}", "--once"],
         ["vehicle_command", "{}", "--for", "0.1"],
     ],
+    "topic type": [[name] for name in (NAME, PIECES[0])],
     "view": [[f"{FILE}.mcap", "--port", "0", "--for", "0.1"], [f"{FILE}.bad.mcap"], ["--host", NAME, f"{FILE}.mcap"]],
 }
 LIVE = {"call", "command", "doctor", "record", "top", *(name for name in CASES if name.startswith("topic "))}

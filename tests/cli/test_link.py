@@ -13,7 +13,8 @@ from typing import Any
 import pytest
 
 from msggen.cli import parser_for
-from msggen.cli.link import connection, expected_package, given_package, link_of, routes_to_continue
+from msggen.cli.chosen_types import expected_types, given_types, known_types, routes_to_continue
+from msggen.cli.link import connection, link_of
 from msggen.generate.cache import cache_folder, package_of
 from msggen.live import Vehicle
 from msggen.live.links.known import joined
@@ -125,9 +126,9 @@ def test_a_name_is_found_below_a_folder_of_the_path(working_folder: Path, monkey
     """As with PYTHONPATH=generated, also if this is the current folder."""
     (working_folder / "types_on_path").symlink_to(TYPES)
     monkeypatch.setattr(sys, "path", [*sys.path, str(working_folder)])
-    found = given_package(options("--types", "types_on_path"))
+    found = given_types(options("--types", "types_on_path"))
     assert found is not None
-    assert found.__path__ == [str(working_folder / "types_on_path")]
+    assert found.package.__path__ == [str(working_folder / "types_on_path")]
 
 
 def test_a_folder_is_imported_without_its_neighbours(working_folder: Path) -> None:
@@ -135,12 +136,15 @@ def test_a_folder_is_imported_without_its_neighbours(working_folder: Path) -> No
         (working_folder / name).write_text(MARKING)
     (working_folder / "types_of_mine").symlink_to(TYPES)
     before = sys.path[:]
-    found = given_package(options("--types", "./types_of_mine"))
-    assert found is not None
+    given = given_types(options("--types", "./types_of_mine"))
+    assert given is not None
+    found = given.package
     assert found.topics.out.vehicle_status.message.decode(found.VehicleStatus().encode()) == found.VehicleStatus()
     assert sys.path == before
     assert not (working_folder / "executed").exists()
-    assert given_package(options("--types", f"{working_folder}/types_of_mine")) is found
+    again = given_types(options("--types", f"{working_folder}/types_of_mine"))
+    assert again is not None
+    assert again.package is found
 
 
 def test_a_folder_does_not_take_the_place_of_a_module(working_folder: Path) -> None:
@@ -232,7 +236,9 @@ def test_settings_name_link_and_types(url: str, px4_types: Any, working_folder: 
     assert link_of(options()) == url
     assert link_of(options("--link", "udp://127.0.0.1:1")) == "udp://127.0.0.1:1"
     (working_folder / "pyproject.toml").write_text(f'[tool.msggen]\nlink = "{url}"\ntypes = "{TYPES}"\n')
-    assert getattr(given_package(options()), "__name__", "") == "px4_types"
+    known = known_types(options())
+    assert known is not None
+    assert known.package.__name__ == "px4_types"
     with Simulator(px4_types, url, [SHORT]), connection(options()) as found:
         assert (found.link, found.package) == (url, px4_types)
         assert found.vehicle.is_connected
@@ -247,7 +253,7 @@ def test_a_wrong_link_of_the_settings_is_told_where_it_is(working_folder: Path) 
 
 def test_without_options_and_settings_the_link_is_the_default(working_folder: Path) -> None:  # noqa: ARG001
     assert link_of(options()) == DEFAULT
-    assert given_package(options()) is None
+    assert known_types(options()) is None
 
 
 def test_a_package_without_topics_is_refused(working_folder: Path) -> None:
@@ -260,13 +266,13 @@ def test_a_package_without_topics_is_refused(working_folder: Path) -> None:
 
 def test_a_process_without_types_knows_the_topics_of_the_setting_or_of_releases(working_folder: Path) -> None:
     words = ["link", "serve"]
-    own = given_package(options("--types", TYPES))
+    own = given_types(options("--types", TYPES))
     assert own is not None
     newest = known_routes((package_of("v1.18"),))
     found = routes_to_continue(parser_for(words).parse_args(words))
     assert found[: len(joined(newest))] == joined(newest)
     (working_folder / "pyproject.toml").write_text(f'[tool.msggen]\ntypes = "{TYPES}"\n')
-    assert routes_to_continue(parser_for(words).parse_args(words)) == joined(known_routes((own,)))
+    assert routes_to_continue(parser_for(words).parse_args(words)) == joined(known_routes((own.package,)))
 
 
 # Sessions of earlier commands
@@ -275,7 +281,7 @@ def test_a_process_without_types_knows_the_topics_of_the_setting_or_of_releases(
 @pytest.mark.usefixtures("cache", "state")
 def test_a_command_continues_the_session_of_an_earlier_one(url: str, px4_types: Any) -> None:
     given = options("--link", url)
-    assert expected_package(given) is package_of("v1.18")
+    assert expected_types(given).package is package_of("v1.18")
     with Simulator(px4_types, url, [SHORT]):
         for is_continued in (False, True, True):
             with connection(given) as found:

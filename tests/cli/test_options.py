@@ -116,6 +116,21 @@ def test_the_help_lists_each_command_in_a_line(
     assert listed == [*dict.fromkeys(command.split()[0] for command in COMMANDS)]
 
 
+def test_the_help_has_the_commands_in_groups(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["--help"])
+    commands, _, _ = capsys.readouterr().out.partition("\ncommands:\n")[2].partition("\noptions:\n")
+    groups = re.split(r"(?m)^  (\S.*)$", commands)
+    found = {
+        title: re.findall(r"(?m)^ {4}(\S+) ", text) for title, text in zip(groups[1::2], groups[2::2], strict=True)
+    }
+    assert [*found] == ["Types", "Firmware in step", "Vehicle", "Recordings", "Help"]
+    assert {"build", "docs"} < {*found["Types"]}
+    assert {"sync", "check", "breaking"} < {*found["Firmware in step"]}
+    assert {"topic", "doctor", "sim"} < {*found["Vehicle"]}
+    assert found["Recordings"] == ["record", "play", "log"]
+
+
 PAGES = {command: command for command in ("build", "sync", "check", "bump", "render")}
 PAGES |= {"breaking": "check", "docs": "site", "lint": "lint", "record": "record", "play": "record"}
 

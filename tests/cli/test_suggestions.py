@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 from pathlib import Path
 
 import pytest
 
 from msggen.cli import DONE, FAILED, FINDINGS, main
+from msggen.cli.pointers import COMMANDS
 from support.catalogs import write_definitions
+from support.commands import COMMANDS as OWN
+from support.repository import ROOT
 
 VERSIONED = "uint32 MESSAGE_VERSION = 0\nuint64 timestamp\n"
 TREE = {"msg/versioned/Lamp.msg": VERSIONED, "msg/Rpm.msg": "uint64 timestamp\n", "src/modules/README": ""}
@@ -70,7 +74,6 @@ def test_a_part_of_a_tree_has_the_same_hint_in_each_command(
     [
         ("command NAV_TAKEOFF --altitude 10", "'--altitude': write a parameter without dashes, altitude=VALUE"),
         ("command arm --jsno", "'--jsno', did you mean '--json'?"),
-        ("topic echo vehicle_status --filter x", "'--filter': write the filter behind the topic: msggen topic echo"),
         ("topic pub trajectory_setpoint px4_msgs/msg/TrajectorySetpoint {}", "'{}': leave out the type, px4_msgs/msg/"),
         ("record -a", "'-a': all topics are recorded without it"),
         ("record --all -o x", "'--all': all topics are recorded without it"),
@@ -85,6 +88,35 @@ def test_the_words_of_other_programs_have_hints(line: str, hint: str, capsys: Ca
     with pytest.raises(SystemExit):
         main(line.split())
     assert f"unknown argument {hint}" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("word", [*COMMANDS, "MicroXRCEAgent"])
+def test_a_word_of_another_program_points_to_a_command_or_a_page(word: str, capsys: Capture) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        main([word, "--port", "x"])
+    assert stopped.value.code == FAILED
+    first = capsys.readouterr().err.splitlines()[0]
+    assert first.startswith(f"msggen: error: argument COMMAND: no command '{word}': ")
+    assert "choose from" not in first
+    for line in re.findall("`msggen ([^`]+)`", first):
+        names = line.split()
+        if not names[0].startswith("-") and names[0] != "COMMAND":
+            assert any(" ".join(names[:count]) in OWN for count in (1, 2)), line
+            assert {name for name in names if name.startswith("--")} <= options_of(names), line
+    for page in re.findall(r"docs/\S+\.md", first):
+        assert (ROOT / page).is_file()
+
+
+def options_of(words: list[str]) -> set[str]:
+    """Return the options of the command that words begin with."""
+    found = OWN.get(" ".join(words[:2])) or OWN[words[0]]
+    return {*found._option_string_actions}
+
+
+def test_the_words_of_the_programs_that_people_know_are_there() -> None:
+    assert {"param", "node", "service", "bag", "interface", "shell", "help"} <= {*COMMANDS}
+    assert {"takeoff", "telemetry", "ulog_info", "ulog2csv", "microxrceagent", "udp4"} <= {*COMMANDS}
+    assert not {name.split()[0] for name in OWN} & {*COMMANDS}
 
 
 @pytest.mark.parametrize(("line", "meant"), [("info flight.ulg", "log info"), ("echo vehicle_status", "topic echo")])
@@ -115,3 +147,12 @@ def test_the_embedded_release_is_suggested_for_a_patch_release(tree: Path, capsy
     assert said("v1.16.3") == ", did you mean 'v1.16'?"
     assert main(["breaking", "--px4", "v1.18", "--against", "v1.17.0"]) == FAILED
     assert capsys.readouterr().err.splitlines()[0].endswith(" nor a revision of v1.18, did you mean 'v1.17'?")
+
+
+def test_an_undeclared_topic_names_the_line_that_declares_it(working_folder: Path, capsys: Capture) -> None:
+    topics = "publications:\n  - topic: /fmu/out/rear_rpm\n    type: px4_msgs::msg::Rpm\n"
+    write_definitions(working_folder, {"fw/dds_topics.yaml": topics, "fw/msg/Rpm.msg": "uint64 timestamp\n"})
+    assert main(["build", "--px4", "fw"]) == FAILED
+    assert ": Y202 no message declares the topic 'rear_rpm', which takes '# TOPICS rpm rear_rpm' in Rpm.msg" in (
+        capsys.readouterr().err
+    )

@@ -22,6 +22,7 @@ from msggen.cli.watching import rounds
 from msggen.generate.cache import package_of
 from msggen.live import LinkError, LinkTimeoutError, Vehicle
 from msggen.live.link import Route
+from msggen.live.messages.lookup import Named
 from msggen.live.sim import Misbehaviour, Options, Simulator
 from support.commands import COMMANDS, Outcome, run
 from support.fake_link import FakeLink
@@ -58,13 +59,13 @@ def test_every_action_takes_the_link() -> None:
 
 def test_a_wrong_action_gets_the_right_one() -> None:
     for words, text in {
-        "topic ecko": "argument ACTION: invalid choice: 'ecko' (choose from list, find, info, ",
+        "topic ecko": "argument ACTION: invalid choice: 'ecko' (choose from list, type, find, info, ",
         "topic": "the following arguments are required: ACTION",
         "topic --link x list": "unknown argument '--link': name an action first",
         "topic list --field x": "unknown argument '--field': an option of topic echo",
         "build --link x": "unknown argument '--link': an option of ",
         "topic list foo": "unknown argument 'foo'\n",
-        "topic type": "did you mean 'info'?",
+        "topic show": "did you mean 'info'?",
     }.items():
         outcome = run(words.split())
         assert outcome.code == 2
@@ -236,7 +237,7 @@ def test_a_topic_that_was_heard_once_is_not_silent(
             return iter([None])
 
         found = nullcontext(Connection(vehicle, px4_types, "fake", "v1.18"))
-        monkeypatch.setattr("msggen.cli.topic.measuring.connection", lambda _: found)
+        monkeypatch.setattr("msggen.cli.topic.measuring.connection", lambda *_, **__: found)
         monkeypatch.setattr("msggen.cli.topic.measuring.rounds", once)
         assert run(["topic", action, "vtx"]).stdout == "one sample\n"
         _, *rows = run(["topic", action, "vtx", "wind"]).stdout.splitlines()
@@ -261,7 +262,7 @@ def unknown(px4_types: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """A vehicle with a topic `mine` of a message that the types do not have, for all actions."""
 
     @contextmanager
-    def connected(_: object) -> Iterator[Connection]:
+    def connected(*_: object, **__: object) -> Iterator[Connection]:
         link = FakeLink(px4_types)
         with Vehicle(link, px4_types) as vehicle:
             link.open(link.connect(), Route("/fmu/out/mine", "px4_msgs/msg/Mine", "out", 4000))
@@ -334,7 +335,7 @@ def trouble(px4_types: Any, monkeypatch: pytest.MonkeyPatch) -> Iterator[_Troubl
         link.connect()
         for module in ("echo", "measuring"):
             found = nullcontext(Connection(vehicle, px4_types, "fake", "v1.18"))
-            monkeypatch.setattr(f"msggen.cli.topic.{module}.connection", lambda _, found=found: found)
+            monkeypatch.setattr(f"msggen.cli.topic.{module}.connection", lambda *_, found=found, **__: found)
         monkeypatch.setattr("msggen.cli.topic.echo._PATIENCE", 0.01)  # it tells no hashes
         yield vehicle
 
@@ -352,7 +353,11 @@ def test_a_link_that_fails_ends_a_command() -> None:
 
 
 def test_a_link_that_fails_ends_an_echo(trouble: _Trouble, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("msggen.cli.topic.echo._confirm", lambda *_: trouble.fail())
+    def confirmed(_: object, topic: Named) -> Named:
+        trouble.fail()
+        return topic
+
+    monkeypatch.setattr("msggen.cli.topic.echo._confirmed", confirmed)
     with pytest.raises(LinkError, match="the link failed: no power"):
         run(["topic", "echo", "vehicle_status"])
 
@@ -395,3 +400,63 @@ def test_ctrl_c_and_a_closed_pipe_end_a_command_with_0(words: list[str], link: l
         program.stdout.close()
         assert program.wait(timeout=60) == 0
         assert without_notices(program.stderr.read()) == ""
+
+
+# Several topics, and types
+
+
+def test_type_prints_the_type(link: list[str]) -> None:
+    for name in ("vehicle_gps_position", "/fmu/out/vehicle_gps_position", "SensorGps"):
+        assert topic("type", name, link=link) == (0, "px4_msgs/msg/SensorGps\n", "")
+
+
+def test_echo_prints_several_topics_with_their_names(link: list[str]) -> None:
+    names = {"/fmu/out/vehicle_status_v4", "/fmu/out/vehicle_attitude"}
+    text = topic("echo", "vehicle_status", "VehicleAttitude", "-n", "2", link=link).stdout
+    blocks = text.split("---\n")
+    assert blocks.pop() == ""
+    assert sorted(block.partition("\n")[0] for block in blocks) == sorted(f"# {name}" for name in [*names] * 2)
+    assert all(re.search(r"(?m)^timestamp: \d+  # us$", block) for block in blocks)
+    rows = topic("echo", "vehicle_status", "VehicleAttitude", "--once", "--json", link=link).stdout.splitlines()
+    objects = [json.loads(row) for row in rows]
+    assert {each["topic"] for each in objects} == names
+    assert all(each["message"]["timestamp"] > 0 for each in objects)
+
+
+def test_a_field_is_that_of_the_topics_that_have_it(link: list[str]) -> None:
+    words = ["echo", "vehicle_status", "vehicle_attitude", "--once", "--json"]
+    rows = topic(*words, "--field", "nav_state", "--field", "timestamp", link=link).stdout.splitlines()
+    found = {row["topic"].rpartition("/")[2]: row["message"] for row in map(json.loads, rows)}
+    assert [*found["vehicle_status_v4"]] == ["nav_state", "timestamp"]
+    assert [*found["vehicle_attitude"]] == ["timestamp"]
+    outcome = topic(*words, "--field", "nothing", link=link)
+    assert outcome.code == 2
+    assert "argument --field: VehicleStatus has no field 'nothing'" in outcome.stderr
+
+
+def test_a_filter_is_an_option_too(link: list[str]) -> None:
+    words = ["--field", "nav_state", "--once"]
+    for condition in (["--filter", "nav_state==AUTO_LOITER"], ["nav_state==AUTO_LOITER"]):
+        assert topic("echo", "vehicle_status", *condition, *words, link=link).stdout == "4 (AUTO_LOITER)\n---\n"
+        assert topic("echo", *words, "vehicle_status", *condition, link=link).stdout == "4 (AUTO_LOITER)\n---\n"
+    none = topic("echo", "wind", "vehicle_status", "--filter", "timestamp < 0", "--for", "1.2", link=link)
+    assert none.stdout == ""
+    first, second = none.stderr.splitlines()
+    assert re.fullmatch(r"/fmu/out/wind: (no message arrived|none of \d+ messages? met the condition)", first)
+    assert re.fullmatch(r"/fmu/out/vehicle_status_v4: none of \d+ messages met the condition", second)
+
+
+@pytest.mark.parametrize(
+    ("words", "error"),
+    [
+        (["wind", "vehicle_status", "--csv"], "argument --csv: only with one topic, as topics have different columns"),
+        (["wind", "vehicle_status", "x > 1"], "argument TOPIC: 'x > 1' is a condition: write it once, as --filter"),
+        (["wind", "x > 1", "--filter", "x > 2"], "argument TOPIC: 'x > 1' is a condition: write it once, as --filter"),
+        (["wind", "vehicle_status", "--filter", "nav_state == 4"], "argument --filter: column 1: Wind has no field "),
+        (["wind", "vehicle_statsu"], "argument TOPIC: no topic 'vehicle_statsu', did you mean 'vehicle_status'?"),
+    ],
+)  # fmt: skip
+def test_wrong_uses_of_several_topics_end_with_a_line(words: list[str], error: str, link: list[str]) -> None:
+    outcome = topic("echo", *words, link=link)
+    assert (outcome.code, outcome.stdout) == (2, "")
+    assert error in outcome.stderr.splitlines()[0]

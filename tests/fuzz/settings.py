@@ -42,6 +42,7 @@ COMMANDS = (
         "doctor --for 0.01 --wait 0.01",
     ),
     *("topic info vehicle_status --wait 0.01", "topic pub vehicle_command {} --wait 0.01", "call {} --wait 0.01"),
+    "sim --for 0.01",
     *(
         "record -o made.mcap --wait 0.01",
         "top --once --wait 0.01",

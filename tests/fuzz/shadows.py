@@ -37,7 +37,7 @@ from support.ulog import write_ulog
 
 COUNT = 80
 
-IMPORTING = frozenset(("call", "command", "doctor", "record", "relay", "top", "view"))
+IMPORTING = frozenset(("call", "command", "doctor", "record", "relay", "sim", "top", "view"))
 """The commands that import the package of the settings, with all of `topic`."""
 
 WORDS = {
@@ -71,6 +71,7 @@ WORDS = {
     "topic info": "vehicle_status",
     "topic plot": "vehicle_status.nav_state --for 0.01",
     "topic pub": "vehicle_command {}",
+    "topic type": "vehicle_status",
     "view": "--for 0.01 --port 0",
 }
 """Arguments with which a command does something, and ends."""

@@ -7,6 +7,7 @@ import stat
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
@@ -17,6 +18,7 @@ import pytest
 from msggen.base.diagnostics import InputError
 from msggen.base.version import __version__
 from msggen.generate import cache
+from msggen.generate.build import Build
 from support.owners import give, needs_owners
 from support.repository import ROOT
 
@@ -26,6 +28,7 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """An empty cache, and no package that is imported already."""
     monkeypatch.setattr(sys, "platform", "linux")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr(cache, "_PATIENCE", 60.0)  # tests compare all that is logged
     for name in [name for name in sys.modules if name.startswith("px4_v")]:  # imported by other tests
         monkeypatch.delitem(sys.modules, name)
     yield tmp_path / "msggen"
@@ -47,6 +50,22 @@ def test_a_package_is_built_once_and_imported(home: Path) -> None:
     assert again is not package
     assert {path: path.stat().st_mtime_ns for path in folder.rglob("*.py")} == times
     assert [path.name for path in home.iterdir()] == [folder.name], "nothing is left of the build"
+
+
+def test_a_build_that_takes_long_is_told_once(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    run = Build.run
+
+    def slow(build: Build, *, write: bool) -> Any:
+        time.sleep(0.2)
+        return run(build, write=write)
+
+    monkeypatch.setattr(cache, "_PATIENCE", 0.01)
+    monkeypatch.setattr(Build, "run", slow)
+    for _ in range(2):
+        cache.folder_of("v1.14")
+    assert caplog.messages == ["building the types of the embedded PX4 v1.14, once: the next start does not wait"]
 
 
 def test_a_release_without_archived_versions_has_a_package() -> None:

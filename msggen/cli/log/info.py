@@ -23,7 +23,7 @@ from msggen.cli.log.opening import (
 from msggen.cli.log.progress import busy_bar
 from msggen.cli.options import Commands, add_command, add_shared
 from msggen.cli.printing import number_of_bytes
-from msggen.cli.table import Column, objects_of, print_table
+from msggen.cli.table import YELLOW, Column, objects_of, print_table
 from msggen.cli.values import non_empty
 from msggen.show.report.json import dump
 
@@ -249,7 +249,7 @@ _COLUMNS: Sequence[Column[_Row]] = (
     Column("first", "first", lambda row: row.seconds(row.topic.first), "{:.3f}".format, ">"),
     Column("last", "last", lambda row: row.seconds(row.topic.last), "{:.3f}".format, ">"),
     Column("gaps", "", lambda row: [tuple(map(row.seconds, gap)) for gap in row.gaps]),
-    Column("", "gaps", lambda row: _gaps(row.gaps), align=">"),
+    Column("", "gaps", lambda row: _gaps(row.gaps), align=">", style=lambda _: YELLOW),
 )
 
 

@@ -3,24 +3,25 @@
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 import time
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, suppress
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from msggen.base.diagnostics import counted
 from msggen.base.exit_codes import DONE, FINDINGS
-from msggen.base.foreign import Styled
-from msggen.cli.link import Connection, add_link, connection
+from msggen.cli.link import Connection, add_link, connection, for_people
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, refuse
-from msggen.cli.topic.naming import add_topic, heard
+from msggen.cli.topic.naming import SPELLINGS, heard, named
+from msggen.cli.topic.printer import Printer, check_fields, condition_of
 from msggen.cli.values import non_empty, positive
 from msggen.cli.watching import add_limits, rounds, watching
 
 if TYPE_CHECKING:
     from msggen.live import Subscription, Vehicle
-    from msggen.live.messages.expression import Condition, ConditionError
+    from msggen.live.messages.expression import Condition
     from msggen.live.messages.lookup import Named
 
 _PERIOD = 0.05
@@ -29,6 +30,8 @@ _PATIENCE = 1.0
 """How long to wait for the vehicle's definition, in s. It is asked for that of a subscription first."""
 _NOTICE = 3.0
 """After how many seconds without a sample to say so."""
+_CONDITION = re.compile(r"[\s=<>!&|^()%*+]")
+"""What a condition has, and no name of a topic."""
 
 
 def add_to(actions: Commands) -> None:
@@ -37,15 +40,19 @@ def add_to(actions: Commands) -> None:
         actions,
         "echo",
         _echo,
-        help="print the messages of a topic",
-        description="Print the messages of a topic as they arrive, with names of enums and units, until Ctrl-C.",
-        epilog=f"Exit codes: 0 done, or ended by Ctrl-C, 1 fewer than N messages in the time of --for, {FAILED_CODES}",
+        help="print the messages of topics",
+        description="Print the messages of topics as they arrive, with names of enums and units, until Ctrl-C. A "
+        "condition can stand behind a single topic, too: a second word with an operator, a space or parentheses is "
+        "one. Of several topics, each has its own number of messages, by -n or --once.",
+        epilog="Example: `msggen topic echo vehicle_status 'arming_state == ARMED' --once`. "
+        f"Exit codes: 0 done, or ended by Ctrl-C, 1 fewer than N messages in the time of --for, {FAILED_CODES}",
     )
-    add_topic(parser)
     parser.add_argument(
-        "filter",
-        metavar="FILTER",
-        nargs="?",
+        "topics", metavar="TOPIC", nargs="+", type=non_empty, help=f"topics to print, or TOPIC FILTER; {SPELLINGS}"
+    )
+    parser.add_argument(
+        "--filter",
+        metavar="CONDITION",
         type=non_empty,
         help="print only messages that meet a condition, such as 'arming_state == ARMED and abs(vz) < 0.2'",
     )
@@ -55,7 +62,7 @@ def add_to(actions: Commands) -> None:
         type=non_empty,
         action="append",
         default=[],
-        help="print only this value: nav_state, position[2], esc[0].esc_rpm; repeatable",
+        help="print only this value, of the topics that have it: nav_state, position[2], esc[0].esc_rpm; repeatable",
     )
     parser.add_argument("--once", action="store_true", help="end after the first message")
     parser.add_argument("--every", metavar="SECONDS", type=positive, help="print at most one message in this time")
@@ -68,31 +75,59 @@ def add_to(actions: Commands) -> None:
 
 
 def _echo(options: argparse.Namespace) -> int:
+    _read_words(options)
+    condition = condition_of(options)
+    with connection(options, lambda package: _check(options, condition, package)) as found, ExitStack() as stack:
+        topics = [found.fitting(topic) for topic in heard(options, found, options.topics)]
+        _check_known(options, found, topics)
+        subscriptions = [stack.enter_context(_subscribed(options, found.vehicle, topic)) for topic in topics]
+        topics = [_confirmed(found, topic) for topic in topics]
+        messages = [topic.message for topic in topics if topic.message]
+        check_fields(options, messages)
+        printers = [Printer(options, condition, topic.name if len(topics) > 1 else "") for topic in topics]
+        for printer, message in zip(printers, messages, strict=True):
+            printer.prepare(message)
+        streams = [_Stream(*each) for each in zip(topics, subscriptions, printers, strict=True)]
+        return _print(options, found, streams)
+
+
+def _read_words(options: argparse.Namespace) -> None:
+    """Take a condition behind a topic for that of --filter. Refuse options that exclude each other."""
+    options.filter_name = "--filter"
+    conditions = [word for word in options.topics[1:] if _CONDITION.search(word)]
+    if conditions and (options.filter or len(options.topics) > 2):  # noqa: PLR2004 - a topic and a condition
+        refuse(options, f"argument TOPIC: '{conditions[0]}' is a condition: write it once, as --filter CONDITION")
+    if conditions:
+        options.filter, options.filter_name = options.topics.pop(), "FILTER"
+    if options.csv and len(options.topics) > 1:
+        refuse(options, "argument --csv: only with one topic, as topics have different columns: use --json")
     if options.quote_formulas and not options.csv:
         refuse(options, "argument --quote-formulas: only with --csv")
     if options.once:
         if options.count:
             refuse(options, "argument --once: not allowed with argument -n/--count")
         options.count = 1
-    condition = _condition(options)
-    with connection(options) as found:
-        (topic,) = heard(options, found, [options.topic])
-        message = topic.message
-        if message is None:
-            refuse(
-                options,
-                f"argument TOPIC: {found.label} has no definition of '{topic.name}': name the vehicle's firmware, "
-                "--px4 PX4-Autopilot",
-            )
-        printer = _Printer(options, condition)
-        printer.prepare(message)
-        with _subscribed(options, found.vehicle, topic) as samples:
-            _confirm(found.vehicle, topic)
-            return _print(options, found, topic, samples, printer)
+
+
+def _check(options: argparse.Namespace, condition: Condition | None, package: ModuleType) -> None:
+    """Refuse names of topics and fields that a package does not have."""
+    topics = [named(options, text, "out", package) for text in options.topics]
+    messages = [topic.message for topic in topics if topic.message]
+    check_fields(options, messages)
+    for message in messages:
+        Printer(options, condition).prepare(message)
+
+
+def _check_known(options: argparse.Namespace, found: Connection, topics: Sequence[Named]) -> None:
+    """Refuse topics whose definition is not known."""
+    for topic in topics:
+        if topic.message is None:
+            text = f"{found.label} has no definition of '{topic.name}'"
+            refuse(options, f"argument TOPIC: {text}: name the vehicle's firmware, --px4 PX4-Autopilot")
 
 
 def _subscribed(options: argparse.Namespace, vehicle: Vehicle, topic: Named) -> Subscription[Any]:
-    """Return the samples of a topic. Ends the process if the types have another version of it."""
+    """Return the samples of a topic. Raises WrongArgumentError if the types have another version of it."""
     from msggen.live import TopicError
 
     try:
@@ -103,147 +138,102 @@ def _subscribed(options: argparse.Namespace, vehicle: Vehicle, topic: Named) -> 
 
 def _refuse_types(options: argparse.Namespace, error: Exception) -> NoReturn:
     """Report types that are not the vehicle's. The end of the error is a cure for programs."""
-    how = "name the vehicle's firmware, --px4 PX4-Autopilot, or its package, --types"
-    refuse(options, f"argument TOPIC: {str(error).rpartition(': ')[0]}: {how}")
+    from msggen.live import FormatError
+
+    refuse(options, f"argument TOPIC: {for_people(FormatError(str(error)))}")
 
 
-def _confirm(vehicle: Vehicle, topic: Named) -> None:
-    """Wait until the vehicle has told its definition of a topic, so that no message of another one is printed."""
+def _confirmed(found: Connection, topic: Named) -> Named:
+    """Return a topic with the vehicle's definition, which is waited for: no message of another one is printed."""
     from msggen.live import LinkError
 
     deadline = time.monotonic() + _PATIENCE
     with suppress(LinkError):
         while topic.route is not None and time.monotonic() < deadline:
-            firmware = vehicle.firmware
+            firmware = found.vehicle.firmware
             if firmware.is_complete or topic.route.ros_type in firmware.hashes:
-                return
-            time.sleep(_PERIOD / 5)
-
-
-def _condition(options: argparse.Namespace) -> Condition | None:
-    """Parse the condition, before the vehicle is asked. A wrong one ends the process."""
-    from msggen.live.messages.expression import Condition, ConditionError
-
-    try:
-        return Condition(options.filter) if options.filter else None
-    except ConditionError as error:
-        _refuse(options, error)
-
-
-def _refuse(options: argparse.Namespace, error: ConditionError) -> NoReturn:
-    refuse(options, f"argument FILTER: column {error.column}: {error}")
-
-
-def _print(
-    options: argparse.Namespace, found: Connection, topic: Named, samples: Subscription[Any], printer: _Printer
-) -> int:
-    from msggen.live import FormatError
-
-    is_told = False
-    with watching():
-        if options.count == 1:
-            _print_last(options, samples, printer)
-        for number, _ in enumerate(() if printer.is_done else rounds(options, found.vehicle, _PERIOD)):
-            try:
-                for message, arrival in samples.arrived():
-                    printer.take(message, arrival)
-                    if printer.is_done:
-                        break
-            except FormatError as error:
-                _refuse_types(options, error)
-            if printer.is_done:
                 break
-            if not (is_told or samples.received) and number * _PERIOD > _NOTICE:
-                is_told = True
-                print(f"waiting for a sample of {topic.name}{_absence(topic)}", file=sys.stderr, flush=True)
-    for text in printer.summary(samples):
-        print(text, file=sys.stderr)
-    return FINDINGS if getattr(options, "for") and options.count and not printer.is_done else DONE
+            time.sleep(_PERIOD / 5)
+        return found.fitting(topic)
+    return topic
 
 
-def _print_last(options: argparse.Namespace, samples: Subscription[Any], printer: _Printer) -> None:
-    """Print the last message from before this command, if the process that owns the link has it."""
+class _Stream:
+    """The samples of a topic, and what prints them."""
+
+    def __init__(self, topic: Named, samples: Subscription[Any], printer: Printer) -> None:
+        self.topic, self.samples, self.printer = topic, samples, printer
+        self._is_told = False
+
+    def arrived(self) -> Iterator[tuple[int, Any]]:
+        """Yield the times and messages that have arrived. Raises FormatError."""
+        for message, arrival in self.samples.arrived():
+            yield arrival, message
+
+    def take_last(self) -> None:
+        """Print the last message from before this command, if the process that owns the link has it."""
+        last = self.samples.last()
+        if last is not None:
+            self.printer.take(*last)
+
+    def tell_silence(self) -> None:
+        """Say once that no sample has arrived."""
+        if not (self._is_told or self.samples.received):
+            self._is_told = True
+            print(f"waiting for a sample of {self.topic.name}{_absence(self.topic)}", file=sys.stderr, flush=True)
+
+
+def _print(options: argparse.Namespace, found: Connection, streams: Sequence[_Stream]) -> int:
+    """Print messages until the end, and return the exit code."""
     from msggen.live import FormatError
 
-    try:
-        last = samples.last()
-    except FormatError as error:
-        _refuse_types(options, error)
-    if last is not None:
-        printer.take(*last)
+    with watching():
+        try:
+            _follow(options, found, streams)
+        except FormatError as error:
+            _refuse_types(options, error)
+    for stream in streams:
+        for text in stream.printer.summary(stream.samples):
+            print(text, file=sys.stderr)
+    return FINDINGS if getattr(options, "for") and options.count and not _are_done(streams) else DONE
+
+
+def _follow(options: argparse.Namespace, found: Connection, streams: Sequence[_Stream]) -> None:
+    """Print what arrives until all is printed, or the time is over. Raises FormatError."""
+    if options.count == 1:
+        for stream in streams:
+            stream.take_last()
+    if _are_done(streams):
+        return
+    for number, _ in enumerate(rounds(options, found.vehicle, _PERIOD)):
+        _print_arrived(streams)
+        if _are_done(streams):
+            return
+        if number * _PERIOD > _NOTICE:
+            for stream in streams:
+                stream.tell_silence()
+
+
+def _are_done(streams: Sequence[_Stream]) -> bool:
+    return all(stream.printer.is_done for stream in streams)
+
+
+def _print_arrived(streams: Sequence[_Stream]) -> None:
+    """Print what has arrived of all topics, by the time of arrival. Raises FormatError."""
+    if len(streams) == 1:
+        (stream,) = streams
+        for arrival, message in stream.arrived():
+            stream.printer.take(message, arrival)
+            if stream.printer.is_done:
+                return
+        return
+    rows = [(arrival, index, message) for index, each in enumerate(streams) for arrival, message in each.arrived()]
+    for arrival, index, message in sorted(rows, key=lambda row: row[:2]):
+        if not streams[index].printer.is_done:
+            streams[index].printer.take(message, arrival)
 
 
 def _absence(topic: Named) -> str:
     if topic.route is None:
         return ", which the vehicle does not have"
     return ", which programs on this link publish to PX4" if topic.direction == "in" else ""
-
-
-class _Printer:
-    """Prints messages that meet a condition, up to a number of them, and at most one in a time."""
-
-    def __init__(self, options: argparse.Namespace, condition: Condition | None) -> None:
-        self._options, self._condition = options, condition
-        self._has_lines = not (options.json or options.csv)
-        self._made: dict[type, tuple[Callable[[Any], bool] | None, Callable[[Any], str]]] = {}
-        self._seen = self._printed = self._last = 0
-        self._every = round((options.every or 0) * 1e9)
-
-    @property
-    def is_done(self) -> bool:
-        """Whether the number of messages was printed."""
-        return self._options.count is not None and self._printed >= self._options.count
-
-    def prepare(self, message: type[Any]) -> tuple[Callable[[Any], bool] | None, Callable[[Any], str]]:
-        """Return what to do with messages of a class. A wrong condition or path ends the process."""
-        from functools import partial
-
-        from msggen.live.messages.expression import ConditionError
-        from msggen.live.messages.formats import csv_writer, json_writer, text_writer
-        from msggen.live.messages.places import PlaceError
-
-        options = self._options
-        rows = partial(csv_writer, quotes_formulas=options.quote_formulas)
-        writer = json_writer if options.json else rows if options.csv else text_writer
-        try:
-            write = writer(message, options.field)
-        except PlaceError as error:
-            refuse(options, f"argument --field: {error}")
-        try:
-            condition = self._condition.of(message) if self._condition else None
-        except ConditionError as error:
-            _refuse(options, error)
-        self._made[message] = condition, write
-        return condition, write
-
-    def take(self, message: Any, arrival: int) -> None:
-        """Print a message, if it is one to print."""
-        self._seen += 1
-        if self._every and arrival - self._last < self._every:
-            return
-        cls = type(message)
-        condition, write = self._made.get(cls) or self.prepare(cls)
-        if condition is None or condition(message):
-            if self._options.csv and not self._printed:
-                self._print_header(cls)
-            print(Styled(f"{write(message)}\n---") if self._has_lines else write(message))
-            self._printed += 1
-            self._last = arrival
-
-    def _print_header(self, cls: type[Any]) -> None:
-        from msggen.live.messages.formats import csv_header
-
-        print(csv_header(cls, self._options.field))
-
-    def summary(self, samples: Subscription[Any]) -> list[str]:
-        """Return what to say at the end."""
-        told = []
-        if self._condition and not self._printed and self._seen:
-            told.append(f"none of {counted(self._seen, 'message')} met the condition")
-        elif not self._seen:
-            told.append("no message arrived")
-        if samples.dropped:
-            told.append(f"{counted(samples.dropped, 'message')} left out, because the output is slow")
-        if samples.undecodable:
-            told.append(f"{counted(samples.undecodable, 'sample')} could not be decoded")
-        return told

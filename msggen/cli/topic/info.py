@@ -14,7 +14,7 @@ from msggen.base.exit_codes import DONE
 from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.options import Commands, add_command, add_shared
 from msggen.cli.table import Column, objects_of, print_table
-from msggen.cli.topic.naming import add_topic, topic_of
+from msggen.cli.topic.naming import add_topic, names_check, topic_of
 from msggen.show.report.json import dump
 
 if TYPE_CHECKING:
@@ -41,9 +41,10 @@ def add_to(actions: Commands) -> None:
 
 
 def _info(options: argparse.Namespace) -> int:
-    with connection(options) as found:
+    with connection(options, names_check(options, [options.topic]), needs_types=False) as found:
         topic = topic_of(options, options.topic, found, "out")
         hashed = _vehicle_hash(found, topic)
+        topic = found.fitting(topic)
         facts = [*_facts(topic, hashed, found.label), *_publishers(found.vehicle, topic)]
         if options.json:
             print(dump({key: value for fact in facts for key, value in fact.values.items()} | _definition(topic)))

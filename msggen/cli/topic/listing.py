@@ -1,4 +1,4 @@
-"""`msggen topic list` and `msggen topic find`."""
+"""`msggen topic list`, `msggen topic type` and `msggen topic find`."""
 
 from __future__ import annotations
 
@@ -7,13 +7,15 @@ import math
 import sys
 import time
 from collections.abc import Iterator
+from types import ModuleType
 from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.base.exit_codes import DONE
 from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.options import Commands, add_command, add_shared, refuse
 from msggen.cli.printing import number_of_bytes
-from msggen.cli.table import Column, objects_of, print_table
+from msggen.cli.table import DIM, YELLOW, Column, objects_of, print_table
+from msggen.cli.topic.naming import add_topic, names_check, topic_of
 from msggen.cli.values import non_empty
 from msggen.cli.watching import add_window
 from msggen.show.report.json import dump
@@ -22,6 +24,7 @@ if TYPE_CHECKING:
     from msggen.live.messages.lookup import Named
     from msggen.live.vehicle.meter import Flow
 
+_NOT_THERE = "not on the vehicle"
 _ENDED = 5.0
 """After how many times the time between samples a topic has ended."""
 
@@ -29,6 +32,7 @@ _ENDED = 5.0
 def add_to(actions: Commands) -> None:
     """Add the actions to `msggen topic`."""
     _add_list(actions)
+    _add_type(actions)
     _add_find(actions)
 
 
@@ -52,6 +56,19 @@ def _add_list(actions: Commands) -> None:
     parser.add_argument("--direction", choices=("out", "in"), metavar="WAY", help="only the topics of a way: out, in")
     add_window(parser)
     add_shared(parser, "--json")
+    add_link(parser)
+
+
+def _add_type(actions: Commands) -> None:
+    parser = add_command(
+        actions,
+        "type",
+        _print_type,
+        help="print the type of a topic",
+        description="Print the type of a topic in ROS 2, such as px4_msgs/msg/VehicleStatus. `msggen topic info` shows "
+        "its fields.",
+    )
+    add_topic(parser)
     add_link(parser)
 
 
@@ -85,7 +102,7 @@ def _list(options: argparse.Namespace) -> int:
             print_table(_columns(options), rows)
         else:
             for row in rows:
-                print(f"{row.topic.name} [{_type(row)}]" if options.show_types else row.topic.name)
+                print(f"{row.topic.name} [{_type(row.topic)}]" if options.show_types else row.topic.name)
     return DONE
 
 
@@ -108,9 +125,8 @@ class _Row(NamedTuple):
     now: int
 
 
-def _type(row: _Row) -> str:
+def _type(topic: Named) -> str:
     """Return the type of a topic in ROS 2, "" if it is not known."""
-    topic = row.topic
     if topic.route is not None:
         return topic.route.ros_type
     return topic.endpoint.message.__msg__.ros_type if topic.endpoint is not None else ""
@@ -120,7 +136,7 @@ def _state(row: _Row) -> str:
     """Return why a topic has no rate, "" if it has one."""
     topic, flow, now = row
     if flow is None:
-        return "not on the vehicle" if topic.route is None else "silent" if topic.direction == "out" else ""
+        return _NOT_THERE if topic.route is None else "silent" if topic.direction == "out" else ""
     if math.isnan(flow.rate):
         return "one sample"
     is_over = now - flow.last > _ENDED * 1e9 * max(1 / flow.rate, flow.longest)  # a burst of answers has a rate, too
@@ -130,17 +146,19 @@ def _state(row: _Row) -> str:
 def _columns(options: argparse.Namespace) -> Iterator[Column[_Row]]:
     """Yield what is told of each topic."""
     yield Column("topic", "topic", lambda row: row.topic.name)
-    yield Column("type", "", _type)
+    yield Column("type", "", lambda row: _type(row.topic))
     yield Column("direction", "way", lambda row: row.topic.direction)
     yield Column("on_vehicle", "", lambda row: row.topic.route is not None)
     if options.show_types:
-        yield Column("", "type", _type)
+        yield Column("", "type", lambda row: _type(row.topic))
     else:
-        yield Column("", "message", lambda row: _type(row).rpartition("/")[2])
+        yield Column("", "message", lambda row: _type(row.topic).rpartition("/")[2])
     if options.verbose:
         yield Column("samples", "", lambda row: row.flow.samples if row.flow else 0)
         yield Column("rate", "", lambda row: row.flow and row.flow.rate)
-        yield Column("", "rate", lambda row: _state(row) or (row.flow and f"{row.flow.rate:.1f} Hz"), align=">")
+        yield Column(
+            "", "rate", lambda row: _state(row) or (row.flow and f"{row.flow.rate:.1f} Hz"), align=">", style=_style
+        )
         yield Column("size", "size", lambda row: row.flow and row.flow.size, "{} B".format, ">")
         yield Column("bandwidth", "", lambda row: row.flow and row.flow.bandwidth)
         yield Column("", "bandwidth", _bandwidth, align=">")
@@ -149,12 +167,26 @@ def _columns(options: argparse.Namespace) -> Iterator[Column[_Row]]:
         )
 
 
+def _style(rate: str | None) -> int:
+    """Return the style of a rate, or of the state of a topic without one."""
+    return 0 if not rate or rate.endswith(" Hz") else DIM if rate == _NOT_THERE else YELLOW
+
+
 def _bandwidth(row: _Row) -> str:
     return f"{number_of_bytes(row.flow.bandwidth)}/s" if row.flow and not _state(row) else ""
 
 
+def _print_type(options: argparse.Namespace) -> int:
+    with connection(options, names_check(options, [options.topic]), needs_types=False) as found:
+        topic = topic_of(options, options.topic, found, "out")
+        print(_type(topic))
+        if topic.route is None:
+            print(f"the vehicle does not have {topic.name}", file=sys.stderr)
+    return DONE
+
+
 def _find(options: argparse.Namespace) -> int:
-    with connection(options) as found:
+    with connection(options, lambda package: _message_type(options, package), needs_types=False) as found:
         ros_type = _ros_type(options, found)
         names = sorted(route.name for route in found.vehicle.routes if route.ros_type == ros_type)
         print(*names, sep="\n", end="\n" if names else "")
@@ -164,14 +196,18 @@ def _find(options: argparse.Namespace) -> int:
 
 
 def _ros_type(options: argparse.Namespace, found: Connection) -> str:
-    """Return the type that the user names. A wrong name ends the process."""
+    """Return the type that the user names. Raises WrongArgumentError for a wrong name."""
+    for route in found.vehicle.routes:  # also of messages that the package does not have
+        if options.message_type in (route.ros_type, route.ros_type.rpartition("/")[2]):
+            return route.ros_type
+    return _message_type(options, found.package)
+
+
+def _message_type(options: argparse.Namespace, package: ModuleType) -> str:
+    """Return the type that the user names, of a package. Raises WrongArgumentError for a wrong name."""
     from msggen.live.messages.lookup import message_named
 
-    text = options.message_type
-    for route in found.vehicle.routes:  # also of messages that the package does not have
-        if text in (route.ros_type, route.ros_type.rpartition("/")[2]):
-            return route.ros_type
     try:
-        return str(message_named(text, found.package).__msg__.ros_type)
+        return str(message_named(options.message_type, package).__msg__.ros_type)
     except KeyError as error:
         refuse(options, f"argument MESSAGE: {error}")

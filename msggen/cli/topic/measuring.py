@@ -14,8 +14,8 @@ from msggen.base.foreign import Styled
 from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
 from msggen.cli.printing import finite, number_of_bytes
-from msggen.cli.table import Column, print_table
-from msggen.cli.topic.naming import add_topics, heard
+from msggen.cli.table import YELLOW, Column, print_table
+from msggen.cli.topic.naming import add_topics, heard, names_check
 from msggen.cli.watching import add_limits, add_window, rounds, watching
 from msggen.show.report.json import dump
 
@@ -28,6 +28,7 @@ _PERIOD = 1.0
 _CODES = f"Exit codes: 0 done, or ended by Ctrl-C, {FAILED_CODES}"
 _NOT_IN_SYNC = "not in sync"
 _NO_RATE = "one sample"
+_SILENT = "silent"
 
 
 class _Measure(ABC):
@@ -198,7 +199,7 @@ def _add(actions: Commands, name: str, measure: type[_Measure], **about: Any) ->
 
 
 def _measure(options: argparse.Namespace, kind: type[_Measure]) -> int:
-    with connection(options) as found:
+    with connection(options, names_check(options, options.topics), needs_types=False) as found:
         topics = heard(options, found, options.topics)
         names = [topic.name for topic in topics]
         measure, chosen = kind(options, found), frozenset(names)
@@ -218,6 +219,10 @@ def _measure(options: argparse.Namespace, kind: type[_Measure]) -> int:
     return DONE
 
 
+def _style(cell: str) -> int:
+    return YELLOW if cell in (_SILENT, _NO_RATE, _NOT_IN_SYNC) else 0
+
+
 def _report(options: argparse.Namespace, measure: _Measure, names: Sequence[str]) -> None:
     """Print what was measured, and which of the topics that the user has named are silent."""
     rows = sorted(measure.rows(time.time_ns()), key=lambda row: str(row["topic"]))
@@ -232,8 +237,9 @@ def _report(options: argparse.Namespace, measure: _Measure, names: Sequence[str]
         print("no new messages")
     else:
         blank = [""] * (len(measure.heads) - 2)
-        cells = [*map(measure.cells, rows), *([name, "silent", *blank] for name in silent)]
+        cells = [*map(measure.cells, rows), *([name, _SILENT, *blank] for name in silent)]
         columns = [
-            Column("", head, itemgetter(index), align=">" if index else "<") for index, head in enumerate(measure.heads)
+            Column("", head, itemgetter(index), align=">" if index else "<", style=_style)
+            for index, head in enumerate(measure.heads)
         ]
         print_table(columns, cells)

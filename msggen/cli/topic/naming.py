@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from types import ModuleType
 from typing import TYPE_CHECKING
 
-from msggen.cli.link import Connection
+from msggen.cli.link import Check, Connection
 from msggen.cli.options import refuse
 from msggen.cli.values import non_empty
 
 if TYPE_CHECKING:
+    from msggen.live.link import Route
     from msggen.live.messages.lookup import Named
     from msggen.live.messages.packages import Way
 
@@ -36,23 +38,33 @@ def add_topics(parser: argparse.ArgumentParser) -> None:
 
 
 def topic_of(options: argparse.Namespace, text: str, found: Connection, way: Way) -> Named:
+    """Return the topic that the user names, as `named` does for the vehicle that is connected."""
+    return named(options, text, way, found.package, found.vehicle.routes)
+
+
+def named(options: argparse.Namespace, text: str, way: Way, package: ModuleType, routes: Sequence[Route] = ()) -> Named:
     """Return the topic that the user names, one of the direction `way` if there are several.
 
-    A wrong name ends the process.
+    Raises WrongArgumentError for a name that neither the package nor the routes have.
     """
     from msggen.live import TopicError
     from msggen.live.messages.lookup import named_topic
 
     try:
-        return named_topic(text, way, found.package, found.vehicle.routes)
+        return named_topic(text, way, package, routes)
     except TopicError as error:
         refuse(options, f"argument TOPIC: {error}")
+
+
+def names_check(options: argparse.Namespace, texts: Sequence[str]) -> Check:
+    """Return a function that raises WrongArgumentError for names of topics that a package does not have."""
+    return lambda package: [named(options, text, "out", package) for text in texts]
 
 
 def heard(options: argparse.Namespace, found: Connection, texts: Sequence[str]) -> list[Named]:
     """Return topics that the user names: PX4 publishes them, or programs that share the link publish them to PX4.
 
-    A wrong name ends the process.
+    Raises WrongArgumentError for a wrong name.
     """
     topics = [topic_of(options, text, found, "out") for text in texts]
     for topic in topics:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 from msggen.base.diagnostics import few
 from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.base.foreign import Styled
-from msggen.cli.link import Connection, add_link, connection, given_package
+from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, refuse
 from msggen.cli.packages import missing_extra
 from msggen.cli.pictures import add_picture, check_picture, import_matplotlib, write_picture
@@ -84,10 +84,8 @@ class _Field(NamedTuple):
 
 def _plot(options: argparse.Namespace) -> int:
     _check_packages(options)
-    paths, given = _paths(options), given_package(options)
-    if given is not None:
-        _found(options, paths, given)  # errors are told before a vehicle connects
-    with connection(options) as found:
+    paths = _paths(options)
+    with connection(options, lambda package: _found(options, paths, package)) as found:
         fields = _found(options, paths, found.package, found.vehicle.routes)
         _check_heard(options, found, fields)
         curves = _Curves(options, found, fields)

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 
 from msggen.base.diagnostics import counted
 from msggen.base.exit_codes import DONE
-from msggen.cli.link import add_link, connection, given_package
+from msggen.cli.link import add_link, connection
 from msggen.cli.message import Values, add_values, read_values, settle
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, refuse
-from msggen.cli.topic.naming import SPELLINGS_IN, add_topic
+from msggen.cli.topic.naming import SPELLINGS_IN, add_topic, named
 from msggen.cli.values import Deferred, positive
 from msggen.cli.watching import add_limits, watching
 
@@ -53,13 +53,12 @@ def add_to(actions: Commands) -> None:
 def _pub(options: argparse.Namespace) -> int:
     if options.once and options.count:
         refuse(options, "argument --once: not allowed with argument -n/--count")
-    values, given = read_values(options), given_package(options)
-    if given is not None:
-        _message(options, values, _named(options, given))  # errors are told before a vehicle connects
-    with connection(options) as found:
+    values = read_values(options)
+    with connection(options, lambda package: _message(options, values, _named(options, package))) as found:
         topic = _named(options, found.package, found.vehicle.routes)
-        message = _message(options, values, topic)
-        settle(found, type(message))
+        if found.has_one_package:
+            _message(options, values, topic)  # errors are told before the vehicle has told its definition
+        message = _message(options, values, settle(found, topic))
         _repeat(lambda: found.vehicle.publish(message, topic.name), message, options)
     return DONE
 
@@ -73,14 +72,8 @@ def _rate(text: str) -> float:
 
 
 def _named(options: argparse.Namespace, package: ModuleType, routes: Sequence[Route] = ()) -> Named:
-    """Return the topic that the user names. A wrong name ends the process."""
-    from msggen.live import TopicError
-    from msggen.live.messages.lookup import named_topic
-
-    try:
-        topic = named_topic(options.topic, "in", package, routes)
-    except TopicError as error:
-        refuse(options, f"argument TOPIC: {error}")
+    """Return the topic that the user names. Raises WrongArgumentError for a wrong name."""
+    topic = named(options, options.topic, "in", package, routes)
     if topic.direction == "out":
         text = f"PX4 publishes '{topic.name}', and does not read it: msggen topic echo prints it"
         refuse(options, f"argument TOPIC: {text}")

@@ -58,11 +58,12 @@ MARKS: Mapping[str, MarkText] = MappingProxyType(
 """The texts about marks, by the mark as findings have it, or its first word."""
 
 
-def list_rules(rules: Sequence[Rule]) -> str:
+def list_rules(rules: Sequence[Rule], *, colour: bool = False) -> str:
     """Return a line for each rule: ID, category, purpose, and whether it is optional."""
+    bold, plain = ("\033[1m", "\033[0m") if colour else ("", "")
     names = max(len(rule.id) for rule in rules)
     categories = max(len(rule.category.name) for rule in rules)
-    lines = [f"{rule.id:{names}}  {rule.category.name:{categories}}  {rule.purpose}" for rule in rules]
+    lines = [f"{bold}{rule.id:{names}}{plain}  {rule.category.name:{categories}}  {rule.purpose}" for rule in rules]
     return "\n".join(line if rule.is_default else f"{line} (optional)" for line, rule in zip(lines, rules, strict=True))
 
 
