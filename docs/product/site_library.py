@@ -13,6 +13,7 @@ FACADES = ("msggen", "msggen.live", "msggen.recordings")
 PUBLIC = {
     "msggen.cli": {"main"},
     "msggen.doctor.case": {"Case"},
+    "msggen.doctor.decoding": {"decoded"},
     "msggen.doctor.diagnose": {"diagnose"},
     "msggen.doctor.expected": {"expected_of"},
     "msggen.doctor.observe": {"Plan", "observe"},

@@ -33,9 +33,18 @@ class Category(Enum):
     DEFINITION = "samples arrive, but are decoded with another definition, or not at all"
     TIME = "samples arrive, but their timestamps are those of another clock"
     FLOW = "samples arrive rarely, or some of them do not arrive"
+    SETPOINT = "programs send setpoints, but the vehicle does not follow them"
 
 
-OF_VEHICLES = (Category.LINK, Category.SESSION, Category.NAME, Category.DEFINITION, Category.TIME, Category.FLOW)
+OF_VEHICLES = (
+    Category.LINK,
+    Category.SESSION,
+    Category.NAME,
+    Category.DEFINITION,
+    Category.TIME,
+    Category.FLOW,
+    Category.SETPOINT,
+)
 """The categories of what is wrong with a running vehicle. Their findings are about no lines of a file."""
 
 
@@ -172,8 +181,9 @@ class Report:
     `lint` has no previous side: `previous` is "". `compared` is the number of messages and services that both sides
     have, or that `lint` read. `summary` is one line for people. `notices` are the warnings and notes about the sources;
     they are not findings. `advice` is a line on what to do about the whole report, "" if the findings say it. `ignored`
-    is the number of findings that were ignored. `unmatched` has the names to ignore that match nothing, each with a
-    hint for the user. `messages` are those of both sides whose bytes changed.
+    is the number of findings that were ignored. `answers` are lines about what the user has asked. `unmatched` has the
+    names to ignore that match nothing, each with a hint for the user. `messages` are those of both sides whose bytes
+    changed.
     """
 
     previous: str
@@ -185,6 +195,7 @@ class Report:
     notices: tuple[Diagnostic, ...] = ()
     advice: str = ""
     ignored: int = 0
+    answers: tuple[str, ...] = ()
     unmatched: Mapping[str, str] = field(default_factory=dict)
     messages: tuple[Resized, ...] = ()
 

@@ -18,7 +18,8 @@ from msggen.cli.values import non_empty
 from msggen.sources.embedded import EMBEDDED
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
+    from types import ModuleType
 
     from msggen.doctor.expected import Expected
     from msggen.doctor.observation import Observation
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from msggen.live.vehicle.selection import Selection
     from msggen.sources.sources import Sources
 
+_FOR_PEOPLE = ("full", "concise")
 _SECONDS = 5.0
 _LEAST = 1.0
 """The time in s for which `check --live` watches a vehicle. It goes on until the vehicle has told its definitions."""
@@ -37,10 +39,10 @@ def add_to(commands: Commands) -> None:
         commands,
         "doctor",
         _doctor,
-        help="find out why nothing arrives from a vehicle",
+        help="find out why nothing arrives from a vehicle, or why it does not follow setpoints",
         description=f"Watch a link to a vehicle, by default for {_SECONDS:g} s, and say why nothing arrives, or not "
-        "what a program expects: the port, agents, the session, names, definitions, times, rates and losses, in this "
-        "order. Nothing is changed at the vehicle.",
+        "what a program expects, or why the vehicle does not follow setpoints: the port, agents, the session, names, "
+        "definitions, times, rates, losses, and what programs send, in this order. Nothing is changed at the vehicle.",
         epilog="Examples: `msggen doctor`, `msggen doctor /fmu/out/vehicle_status`, `msggen doctor --types px4_types "
         f"--link dds://0`. Exit codes: 0 nothing found, 1 findings, {FAILED_CODES}",
     )
@@ -50,16 +52,23 @@ def add_to(commands: Commands) -> None:
         nargs="*",
         type=non_empty,
         help="topic that does not arrive, as the program has it, such as /fmu/out/vehicle_status, vehicle_status or "
-        "VehicleStatus (default: all)",
+        "VehicleStatus; or a topic that the vehicle reads, such as trajectory_setpoint (default: all)",
     )
     add_shared(parser, "--for")
     add_link(parser)
     add_output_format(parser)
     add_shared(parser, "--json")
+    parser.add_argument(
+        "-v",
+        "--verbose",
+        action="store_true",
+        help="list all topics and definitions that differ, if the vehicle has another release",
+    )
 
 
 def _doctor(options: argparse.Namespace) -> int:
     from msggen.doctor.case import Case
+    from msggen.doctor.decoding import decoded
     from msggen.doctor.diagnose import diagnose
     from msggen.doctor.observe import look_around
 
@@ -68,6 +77,7 @@ def _doctor(options: argparse.Namespace) -> int:
     address = _address(options)
     seen = _observe(options, address, getattr(options, "for") or _SECONDS)
     seen = look_around(seen, address._replace(port=seen.port))
+    seen = decoded(seen, lambda vehicle: _packages(given and given.package, vehicle.release))
     expected: Mapping[int, Expected]
     if given is None:
         expected = {each.remote.number: _embedded(each.release) for each in seen.vehicles}
@@ -76,7 +86,8 @@ def _doctor(options: argparse.Namespace) -> int:
 
         numbers = (each.remote.number for each in seen.vehicles)
         expected = dict.fromkeys(numbers, expected_of(given.package, given.label, is_given=True))
-    report = diagnose(Case(seen, expected, tuple(options.topics), _selection(options)))
+    is_brief = options.output_format in _FOR_PEOPLE and not options.verbose
+    report = diagnose(Case(seen, expected, tuple(options.topics), _selection(options)), is_brief=is_brief)
     print_report(report, options)
     return FINDINGS if report.fails else DONE
 
@@ -107,6 +118,16 @@ def _observe(options: argparse.Namespace, address: Address, seconds: float) -> O
         return observe(address, plan._replace(wait=options.wait) if options.wait else plan, tell)
     except LinkError as error:
         raise input_error(str(address), "L102", for_people(error), 0) from None
+
+
+def _packages(given: ModuleType | None, release: str) -> Iterator[ModuleType]:
+    """Yield the packages that may have the definitions of a vehicle."""
+    from msggen.generate.cache import package_of
+
+    if given is not None:
+        yield given
+    if release:
+        yield package_of(release)
 
 
 def _embedded(release: str) -> Expected:

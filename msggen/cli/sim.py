@@ -127,6 +127,7 @@ def _add_misbehaviour(parser: argparse.ArgumentParser) -> None:
         "--clock-off", metavar="SECONDS", type=finite, default="0", help="error of the timestamps of samples"
     )
     group.add_argument("--no-time-reply", action="store_true", help="lose the answers to requests for the time")
+    group.add_argument("--no-position", action="store_true", help="have no estimate of the position")
     group.add_argument(
         "--seed", metavar="N", type=whole(0, 2**32), default="0", help="of all that is random (default: 0)"
     )
@@ -261,6 +262,7 @@ def _options_of_vehicles(options: argparse.Namespace) -> Iterator[Options]:
         versions=dict(options.version),
         clock_off=options.clock_off,
         no_time_reply=options.no_time_reply,
+        no_position=options.no_position,
     )
     if options.key + options.count - 1 > _MOST_KEYS:
         options.parser.error(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from statistics import median
 from typing import NamedTuple
 
 from msggen.base.location import Location
@@ -17,7 +18,8 @@ from msggen.live.xrce.agent import Client
 SILENT = 2.0
 """The time in s without any sample after which a vehicle counts as silent. The rarest one has several a second."""
 
-
+_FIRST_UTC = 1e15
+"""Timestamps below are times since boot: as UTC in us, it is in September 2001."""
 _OVERLAP = 0.5
 """The time in s for which a client must be heard after another one of its key began, so that they are two clients."""
 
@@ -70,6 +72,22 @@ class Case(NamedTuple):
     def expected_by(self, vehicle: VehicleSeen) -> Expected:
         """Return what the user expects of a vehicle."""
         return self.expected[vehicle.remote.number]
+
+    def age(self, vehicle: VehicleSeen) -> float | None:
+        """Return how old the samples of a vehicle are by their timestamps, in s: the median of its topics, or None.
+
+        A delay of one topic is not an error of the clock.
+        """
+        messages = self.expected_by(vehicle).messages
+        own = {route.name: messages.get(message_of(route)) for route in vehicle.routes}
+        stamped = {name for name, message in own.items() if message is not None and message.is_stamped}
+        ages = [topic.age for name, topic in vehicle.topics.items() if name in stamped and topic.age is not None]
+        return median(ages) if ages else None
+
+    def has_utc(self, vehicle: VehicleSeen) -> bool:
+        """Whether the timestamps of a vehicle are known to be UTC, not times since boot."""
+        age = self.age(vehicle)
+        return age is not None and self.seen.now / 1e3 - age * 1e6 >= _FIRST_UTC
 
     def change(self, subject: str, text: str) -> Change:
         """Return a finding about a subject."""

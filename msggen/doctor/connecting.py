@@ -17,6 +17,21 @@ _REFUSALS = {
     "address that is not allowed": "address is not in --allow",
     "key that is not allowed": "key is not allowed",
 }
+_NO_DAMAGE = frozenset(
+    {
+        *_REFUSALS,
+        "message of an unknown session",
+        "sample of another firmware than the expected one",
+        "reply to a request of another program",
+        "data of an unknown entity",
+    }
+)
+"""Reasons for which intact datagrams are refused. Those that begin with `too many` are further ones."""
+_DAMAGED = 5
+"""The damaged datagrams that are reported, at least."""
+_DAMAGED_SHARE = 0.01
+_OVERLAP = 0.5
+"""The time in s for which a client may be heard after its next session began."""
 _RETRIES = 3
 """The requests for the time without an answer that are enough to say so. PX4's client repeats one after 1 s."""
 
@@ -149,8 +164,39 @@ def find_no_time(case: Case) -> Iterator[Change]:
 
 
 def _waits_for_time(case: Case, client: Client) -> bool:
+    """Whether a client repeats its request for the time. The time after its last message does not count."""
     is_ready = any(each.remote.number == client.number and each.routes for each in case.seen.vehicles)
-    return not is_ready and _RETRIES <= client.timestamps <= 1.5 * client.age + 1
+    if is_ready or _has_restarted(case, client):
+        return False
+    return _RETRIES <= client.timestamps <= 1.5 * (client.age - client.silence) + 1
+
+
+def _has_restarted(case: Case, client: Client) -> bool:
+    """Whether a client has begun another session since."""
+    return any(
+        other.key == client.key and other.age < client.age and client.silence >= other.age - _OVERLAP
+        for other in case.seen.clients
+    )
+
+
+def find_damaged(case: Case) -> Iterator[Change]:
+    """Find datagrams that are damaged, or that are of another protocol."""
+    seen = case.seen
+    reasons = {
+        reason: count
+        for reason, count in sorted(seen.refused.items(), key=lambda each: -each[1])
+        if reason not in _NO_DAMAGE and not reason.startswith("too many")
+    }
+    number, arrived = sum(reasons.values()), seen.statistics.received + seen.statistics.refused
+    if number >= _DAMAGED and number > _DAMAGED_SHARE * arrived:
+        what = few([f"{reason}: {count}" for reason, count in reasons.items()])
+        cure = (
+            "check wires, ground and speed"
+            if seen.link_type.is_device
+            else "the network damages them, or another program sends something else to this port, such as MAVLink: "
+            f"`ss -uanp` shows which, or take another port than {seen.port}"
+        )
+        yield case.change(seen.link, f"{counted(number, 'damaged datagram')} of {arrived} refused ({what}): {cure}")
 
 
 def find_unready(case: Case) -> Iterator[Change]:
@@ -159,13 +205,15 @@ def find_unready(case: Case) -> Iterator[Change]:
     has_arrived = seen.statistics.received + seen.statistics.refused > 0 and not seen.link_type.has_domain
     if not has_arrived or any(each.routes for each in seen.vehicles):
         return
-    if not any(list(find(case)) for find in (find_no_time, find_refused, find_garbled)):
-        yield case.change(
-            seen.link,
-            f"a client sends, but has not created its topics within {seen.waited:.0f} s: it may still have the "
-            "session of an earlier program, which it ends within 14 s: run this again; if that does not help, "
-            f"packets to the vehicle get lost; {_STATUS}",
-        )
+    is_damaged = not seen.clients and any(find_damaged(case))
+    if is_damaged or any(any(find(case)) for find in (find_no_time, find_refused, find_garbled, find_restarts)):
+        return
+    yield case.change(
+        seen.link,
+        f"a client sends, but has not created its topics within {seen.waited:.0f} s: it may still have the "
+        "session of an earlier program, which it ends within 14 s: run this again; if that does not help, "
+        f"packets to the vehicle get lost; {_STATUS}",
+    )
 
 
 def find_shared_key(case: Case) -> Iterator[Change]:
@@ -179,11 +227,12 @@ def find_shared_key(case: Case) -> Iterator[Change]:
 
 
 def find_restarts(case: Case) -> Iterator[Change]:
-    """Find vehicles that begin session after session."""
+    """Find vehicles that begin session after session, unless they do so because they get no time."""
+    deaf = {client.key for client in case.seen.clients if _waits_for_time(case, client)}
     sessions: dict[tuple[int, str], list[str]] = {}
     for each in case.seen.vehicles:
         remote = each.remote
-        if remote.key not in case.shared_keys and case.selection.accepts(remote):
+        if remote.key not in {*case.shared_keys, *deaf} and case.selection.accepts(remote):
             sessions.setdefault((remote.key, remote.namespace), []).append(shown(remote))
     for names in sessions.values():
         if len(names) > 1:

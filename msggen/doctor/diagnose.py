@@ -6,15 +6,23 @@ from collections.abc import Sequence
 
 from msggen.base.diagnostics import counted, few
 from msggen.check.finding import Finding, Report, Rule
+from msggen.doctor.answers import answers
 from msggen.doctor.case import Case
 from msggen.doctor.observation import VehicleSeen
+from msggen.doctor.release import covered
 from msggen.doctor.rules import DOCTOR
 from msggen.live.vehicle.selection import shown
 
 
-def diagnose(case: Case, rules: Sequence[Rule] = DOCTOR) -> Report:
-    """Return the findings of rules in their order, and a summary that tells what was looked at."""
-    findings = tuple(Finding(rule, change) for rule in rules for change in dict.fromkeys(rule.find(case)))
+def diagnose(case: Case, rules: Sequence[Rule] = DOCTOR, *, is_brief: bool = False) -> Report:
+    """Return the findings of rules in their order, and a summary that tells what was looked at.
+
+    With `is_brief`, findings that follow from another release of the vehicle are left out.
+    """
+    every = [Finding(rule, change) for rule in rules for change in dict.fromkeys(rule.find(case))]
+    effects = covered(case) if is_brief else frozenset()
+    findings = tuple(finding for finding in every if finding.change not in effects)
+    hidden = len(every) - len(findings)
     topics = sum(len(case.routes(vehicle)) for vehicle in case.vehicles)
     verdict = f"{counted(len(findings), 'problem')} found" if findings else "no problem found"
     return Report(
@@ -24,6 +32,8 @@ def diagnose(case: Case, rules: Sequence[Rule] = DOCTOR) -> Report:
         findings=findings,
         compared=topics,
         summary=f"{verdict}: {_looked_at(case)}",
+        advice=f"--verbose lists {counted(hidden, 'difference')} of the release" if hidden else "",
+        answers=tuple(answers(case)),
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -9,8 +10,20 @@ from msggen.check.finding import Report, Rule
 from msggen.doctor.case import Case
 from msggen.doctor.diagnose import diagnose
 from msggen.doctor.expected import Definition, Expected, ExpectedTopic
-from msggen.doctor.observation import AgentSeen, Observation, Process, ReaderSeen, Sender, TopicSeen, VehicleSeen
+from msggen.doctor.observation import (
+    AgentSeen,
+    InputSeen,
+    Observation,
+    Process,
+    ProgramSeen,
+    ReaderSeen,
+    SampleSeen,
+    Sender,
+    TopicSeen,
+    VehicleSeen,
+)
 from msggen.live.link import Remote, Route, Statistics
+from msggen.live.messages.names import uorb_name
 from msggen.live.vehicle.selection import Selection
 from msggen.live.xrce.agent import Client
 
@@ -89,6 +102,127 @@ def _asked(*names: str) -> Case:
     return HEALTHY._replace(wanted=names)
 
 
+# A vehicle in Offboard mode, and a program that sends setpoints to it
+
+_NAN = math.nan
+_PROGRAM, _OTHER = ProgramSeen("offboard.py", 4713, 250, 50.0), ProgramSeen("teleop.py", 4714, 50, 10.0)
+_MODE, _SETPOINT = "/fmu/in/offboard_control_mode", "/fmu/in/trajectory_setpoint"
+_ATTITUDE_SETPOINT = "/fmu/in/vehicle_attitude_setpoint_v1"
+_ACK, _FLAGS, _PLACE = "/fmu/out/vehicle_command_ack", "/fmu/out/failsafe_flags", "/fmu/out/vehicle_local_position"
+_STEERED_ROUTES = (
+    *_ROUTES,
+    *(
+        Route(name, f"px4_msgs/msg/{message}", "in" if "/in/" in name else "out", number)
+        for number, (name, message) in enumerate(
+            {
+                _MODE: "OffboardControlMode",
+                _SETPOINT: "TrajectorySetpoint",
+                _ATTITUDE_SETPOINT: "VehicleAttitudeSetpoint",
+                _ACK: "VehicleCommandAck",
+                _FLAGS: "FailsafeFlags",
+                _PLACE: "VehicleLocalPosition",
+            }.items(),
+            400,
+        )
+    ),
+)
+_STEERED_VALUES: Mapping[str, Mapping[str, Any]] = {
+    _ROUTES[0].name: {
+        "arming_state": 2,
+        "nav_state": 14,
+        "nav_state_user_intention": 14,
+        "failsafe": False,
+        "pre_flight_checks_pass": True,
+        "vehicle_type": 1,
+    },
+    _FLAGS: {"mode_req_offboard_signal": 1 << 14, "mode_req_local_position": 1 << 14, "battery_warning": 0},
+    _PLACE: {"xy_valid": True, "z_valid": True, "v_xy_valid": True, "v_z_valid": True, "z": -5.0},
+}
+
+
+def _sample(values: Mapping[str, Any], age: float = 0.02) -> SampleSeen:
+    return SampleSeen(_NOW - round(age * 1e9), "0001", values)
+
+
+def _input(values: Mapping[str, Any], **others: Any) -> InputSeen:
+    """Return what a healthy program sends, with some of it changed."""
+    seen = InputSeen((_PROGRAM,), 250, 68, 50.0, 0.021, 0.0, (_sample(values),))
+    return seen._replace(**others)
+
+
+_POSITION = {"position": (0.0, 0.0, -5.0), "velocity": (_NAN,) * 3, "acceleration": (_NAN,) * 3}
+_MODE_INPUT, _SETPOINT_INPUT = _input({"position": True}), _input(_POSITION)
+_INPUTS = {_MODE: _MODE_INPUT, _SETPOINT: _SETPOINT_INPUT}
+_UPSIDE_DOWN = {**_POSITION, "position": (0.0, 0.0, 5.0)}
+_UNCONTROLLED = {**_POSITION, "position": (_NAN,) * 3}
+
+
+def _steered(inputs: Mapping[str, InputSeen] | None = None, **values: Mapping[str, Any]) -> Case:
+    """Return the case of a vehicle that is steered, with other inputs and other values of topics of the state."""
+    states = {name: {**known, **values.get(uorb_name(name), {})} for name, known in _STEERED_VALUES.items()}
+    samples = {name: (_sample(each),) for name, each in states.items()}
+    ack = values.get("vehicle_command_ack")
+    messages = {route.ros_type.rpartition("/")[2]: Definition(0, 0, is_stamped=True) for route in _STEERED_ROUTES}
+    versions = {"VehicleStatus": 1, "VehicleCommand": 1, "VehicleAttitudeSetpoint": 1}
+    expected = _EXPECTED._replace(
+        messages={
+            **{name: each._replace(version=versions.get(name, 0)) for name, each in messages.items()},
+            **_EXPECTED.messages,
+        },
+        topics=tuple(ExpectedTopic(route.name, route.direction) for route in _STEERED_ROUTES),
+    )
+    vehicle = _VEHICLE._replace(
+        routes=_STEERED_ROUTES,
+        topics={**_VEHICLE.topics, **dict.fromkeys((_FLAGS, _PLACE), _TOPIC)},
+        inputs=_INPUTS if inputs is None else inputs,
+        states=samples if ack is None else {**samples, _ACK: (_sample(ack, 2.0),)},
+    )
+    return HEALTHY._replace(seen=_SEEN._replace(vehicles=(vehicle,), hears_programs=True), expected={1: expected})
+
+
+STEERED = _steered()
+"""A vehicle in Offboard mode that follows the setpoints of a program. Nothing is found in it."""
+_DISARMED = {"arming_state": 1}
+
+_SETPOINT_EXAMPLES: Mapping[str, Callable[[], Case]] = {
+    "INPUT_UNPUBLISHED": lambda: _steered({})._replace(wanted=("trajectory_setpoint",)),
+    "INPUT_UNREADABLE": lambda: _steered(
+        {
+            **_INPUTS,
+            _SETPOINT: _input(
+                {}, last=(SampleSeen(_NOW, "0001", problem="it has 60 bytes, and TrajectorySetpoint has 64"),)
+            ),
+        }
+    ),
+    "SETPOINT_CONTESTED": lambda: _steered({**_INPUTS, _SETPOINT: _input(_POSITION, programs=(_PROGRAM, _OTHER))}),
+    "SETPOINT_OLD": lambda: _steered({**_INPUTS, _SETPOINT: _input(_POSITION, age=1_767_225_541.2)}),
+    "OFFBOARD_MODE_MISSING": lambda: _steered({_SETPOINT: _SETPOINT_INPUT}),
+    "OFFBOARD_MODE_SLOW": lambda: _steered({**_INPUTS, _MODE: _MODE_INPUT._replace(rate=0.8, longest=1.3)}),
+    "SETPOINT_UNSELECTED": lambda: _steered(
+        {_MODE: _MODE_INPUT, _ATTITUDE_SETPOINT: _input({"q_d": (1.0, 0.0, 0.0, 0.0), "thrust_body": (0.0, 0.0, -0.7)})}
+    ),
+    "SETPOINT_EMPTY": lambda: _steered({**_INPUTS, _SETPOINT: _input(_UNCONTROLLED)}),
+    "SETPOINT_DOWNWARD": lambda: _steered({**_INPUTS, _SETPOINT: _input(_UPSIDE_DOWN)}),
+    "POSITION_MISSING": lambda: _steered(vehicle_local_position={"xy_valid": False, "v_xy_valid": False}),
+    "FAILSAFE_ACTIVE": lambda: _steered(
+        vehicle_status={"failsafe": True, "nav_state": 18}, failsafe_flags={"offboard_control_signal_lost": True}
+    ),
+    "ARMING_REFUSED": lambda: _steered(
+        vehicle_status={**_DISARMED, "pre_flight_checks_pass": False},
+        failsafe_flags={"battery_warning": 2},
+        vehicle_command_ack={"command": 400, "result": 1},
+    ),
+    "CHECKS_FAIL": lambda: _steered(
+        vehicle_status={**_DISARMED, "pre_flight_checks_pass": False}, failsafe_flags={"battery_unhealthy": True}
+    ),
+    "NOT_ARMED": lambda: _steered(vehicle_status=_DISARMED),
+    "MODE_REFUSED": lambda: _steered(
+        vehicle_status={"nav_state": 4, "nav_state_user_intention": 4},
+        vehicle_command_ack={"command": 176, "result": 1},
+    ),
+    "MODE_OTHER": lambda: _steered(vehicle_status={"nav_state": 4, "nav_state_user_intention": 4}),
+}
+
 _EXAMPLES: Mapping[str, Callable[[], Case]] = {
     "PORT_TAKEN": lambda: _with(**_NOTHING, is_taken=True, owners=(_AGENT,)),
     "AGENT_HAS_CLIENT": lambda: _with(
@@ -132,16 +266,27 @@ _EXAMPLES: Mapping[str, Callable[[], Case]] = {
         topics={name: topic for name, topic in _VEHICLE.topics.items() if "status" not in name}
     )._replace(wanted=("vehicle_status",)),
     "READER_RELIABLE": lambda: _with(readers=(ReaderSeen("/fmu/out/vehicle_attitude", True, True),)),  # noqa: FBT003
+    "RELEASE_DIFFERS": lambda: _vehicle(
+        routes=(
+            *_ROUTES,
+            *(Route(f"/fmu/out/new_{number}", f"px4_msgs/msg/New{number}", "out", 0) for number in "12345"),
+        )
+    ),
     "TYPE_UNKNOWN": lambda: _vehicle(
         routes=(*_ROUTES, Route("/fmu/out/wheel_slip", "px4_msgs/msg/WheelSlip", "out", 300))
     ),
     "DEFINITION_DIFFERS": lambda: _vehicle(hashes={**_HASHES, _STATUS: 0xBADC0DE}),
     "TIME_NOT_SYNCED": lambda: _all_topics(age=_NOW / 1e9 - 63.5),
     "CLOCK_WRONG": lambda: _all_topics(age=3.2),
+    "DATAGRAMS_DAMAGED": lambda: _with(
+        statistics=_STATISTICS._replace(refused=96),
+        refused={"submessage longer than its message": 60, "unknown version of the protocol": 36},
+    ),
     "LINE_FULL": lambda: HEALTHY._replace(seen=_SERIAL),
     "BUFFER_FULL": lambda: _with(statistics=_STATISTICS._replace(dropped=96, lost=90)),
     "SAMPLES_LOST": lambda: _vehicle(lost=84),
     "RATE_LOW": lambda: _all_topics(samples=10),
+    **_SETPOINT_EXAMPLES,
 }
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from statistics import median
 
 from msggen.base.diagnostics import counted, few
 from msggen.check.finding import Change
@@ -11,8 +10,6 @@ from msggen.doctor.case import Case, message_of
 from msggen.doctor.observation import VehicleSeen
 from msggen.live.messages.names import stem_of, version_of, without_namespace
 
-_FIRST_UTC = 1e15
-"""Timestamps below are times since boot: as UTC in us, it is in September 2001."""
 _CLOCK = 1.0
 """The difference in s between two clocks that is reported."""
 _SHARE = 0.01
@@ -74,8 +71,8 @@ def find_differing(case: Case) -> Iterator[Change]:
 def find_unsynchronised(case: Case) -> Iterator[Change]:
     """Find vehicles whose timestamps are times since boot."""
     for vehicle in case.alive:
-        age = _age(case, vehicle)
-        if age is not None and case.seen.now / 1e3 - age * 1e6 < _FIRST_UTC:
+        age = case.age(vehicle)
+        if age is not None and not case.has_utc(vehicle):
             yield case.of(
                 vehicle,
                 "sends times since its boot, not UTC: set its parameter UXRCE_DDS_SYNCT to 1, which synchronizes the "
@@ -86,25 +83,14 @@ def find_unsynchronised(case: Case) -> Iterator[Change]:
 def find_wrong_clock(case: Case) -> Iterator[Change]:
     """Find vehicles whose clock differs from that of this computer."""
     for vehicle in case.alive:
-        age = _age(case, vehicle)
-        if age is not None and abs(age) > _CLOCK and case.seen.now / 1e3 - age * 1e6 >= _FIRST_UTC:
+        age = case.age(vehicle)
+        if age is not None and abs(age) > _CLOCK and case.has_utc(vehicle):
             where = "behind" if age > 0 else "ahead of"
             yield case.of(
                 vehicle,
                 f"sends times {abs(age):.1f} s {where} the clock of this computer: synchronize the clocks of all "
                 "computers (chrony), and restart the client after a clock was set",
             )
-
-
-def _age(case: Case, vehicle: VehicleSeen) -> float | None:
-    """Return how old the samples of a vehicle are by their timestamps, in s: the median of its topics, or None.
-
-    A delay of one topic is not an error of the clock.
-    """
-    messages = case.expected_by(vehicle).messages
-    stamped = {route.name for route in vehicle.routes if (own := messages.get(message_of(route))) and own.is_stamped}
-    ages = [topic.age for name, topic in vehicle.topics.items() if name in stamped and topic.age is not None]
-    return median(ages) if ages else None
 
 
 def find_slow(case: Case) -> Iterator[Change]:

@@ -28,11 +28,12 @@ class Misnamed(NamedTuple):
 
 
 def misnamed(case: Case) -> list[Misnamed]:
-    """Return the names that the user, or a reader in DDS, has and no vehicle has, each with the nearest reason."""
+    """Return the names that the user, a reader or a writer in DDS has and no vehicle has, with the nearest reason."""
     readers = [reader.name for reader in case.seen.readers if not reader.has_writer and "/fmu/out/" in reader.name]
+    writers = [writer.name for writer in case.seen.writers if not writer.reader_types]
     found = []
     routes = [route for vehicle in case.vehicles for route in vehicle.routes]
-    for name in dict.fromkeys((*case.wanted, *readers)):
+    for name in dict.fromkeys((*case.wanted, *readers, *writers)):
         if routes and not any(matches(name, route) for route in routes):
             kind, text = _reason(case, plain(name), routes)
             found.append(Misnamed(name, kind, text))
@@ -166,5 +167,11 @@ def find_unheard(case: Case) -> Iterator[Change]:
 def _of_kind(case: Case, kind: Kind) -> Iterator[Change]:
     for each in misnamed(case):
         if each.kind == kind:
-            reader = "" if each.name in case.wanted else "a reader in DDS gets nothing: "
-            yield case.change(each.name, reader + each.text)
+            yield case.change(each.name, _whose(case, each.name) + each.text)
+
+
+def _whose(case: Case, name: str) -> str:
+    """Return who has a name, "" if the user has named it."""
+    if name in case.wanted:
+        return ""
+    return "what a writer in DDS sends arrives nowhere: " if "/fmu/in/" in name else "a reader in DDS gets nothing: "

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from msggen.live.link import NOTHING, Remote, Route, Statistics
 from msggen.live.links.link_types import LINK_TYPES, LinkType
+from msggen.live.messages.names import uorb_name
 from msggen.live.xrce.agent import Client
 
 SIM = "msggen sim"
@@ -56,6 +57,63 @@ class ReaderSeen(NamedTuple):
     """Whether anybody publishes the topic."""
 
 
+class WriterSeen(NamedTuple):
+    """A writer of a topic that PX4 reads, of another program in the DDS domain."""
+
+    name: str
+    """The name of the topic in ROS 2."""
+    dds_type: str
+    """The type in DDS: `px4_msgs::msg::dds_::TrajectorySetpoint_`."""
+    reader_types: tuple[str, ...]
+    """The types with which the topic is read. Empty if nobody reads it."""
+
+
+class ProgramSeen(NamedTuple):
+    """A program that publishes to a topic that PX4 reads."""
+
+    name: str
+    pid: int
+    """0 if it is not known."""
+    samples: int
+    """The samples while the vehicle was watched."""
+    rate: float
+    """Samples a second."""
+
+    def __str__(self) -> str:
+        return f"{self.name} (pid {self.pid})" if self.pid else self.name
+
+
+class SampleSeen(NamedTuple):
+    """A sample, and what it contains."""
+
+    time: int
+    """The arrival in ns since 1970."""
+    data: str
+    """The bytes in hexadecimal, with the encapsulation."""
+    values: Mapping[str, Any] = {}
+    """The values by the names of fields, empty if nobody has decoded them."""
+    problem: str = ""
+    """The reason why the vehicle does not accept the sample, "" if none is known."""
+
+
+class InputSeen(NamedTuple):
+    """What programs send to a topic that PX4 reads."""
+
+    programs: tuple[ProgramSeen, ...] = ()
+    samples: int = 0
+    """The samples while the vehicle was watched."""
+    size: int = 0
+    """The bytes of the newest sample, with the encapsulation."""
+    rate: float = 0.0
+    """Samples a second."""
+    longest: float = 0.0
+    """The longest time without a sample in s, also after the last one."""
+    age: float | None = None
+    """The arrival minus the timestamp in s, of the sample where they differ least. None without timestamps."""
+    last: tuple[SampleSeen, ...] = ()
+    """The newest samples, the last one last. It can be from before, if there were none since."""
+
+
 class TopicSeen(NamedTuple):
     """The samples of a topic."""
 
@@ -85,10 +143,19 @@ class VehicleSeen(NamedTuple):
     """The arrival of the last sample in ns since 1970, 0 if there was none."""
     ended: str = ""
     """The reason why the session ended, "" if it goes on."""
+    inputs: Mapping[str, InputSeen] = {}
+    """What programs send, by the names of routes."""
+    states: Mapping[str, tuple[SampleSeen, ...]] = {}
+    """The newest samples of the topics that tell the state of the vehicle, by the names of routes."""
 
     def rate(self, name: str) -> float:
         """Return the samples a second of a topic that was heard, at most, since the first sample of any topic."""
         return (self.topics[name].samples + 1) / self.seconds if self.seconds else math.inf
+
+    def state(self, topic: str) -> Mapping[str, Any]:
+        """Return the newest values of a topic that tells the state, by its name in uORB. Empty if they are unknown."""
+        found = [samples[-1].values for name, samples in self.states.items() if samples and uorb_name(name) == topic]
+        return found[0] if found else {}
 
     @property
     def samples(self) -> int:
@@ -121,6 +188,9 @@ class Observation(NamedTuple):
     """All sessions, those that have ended too."""
     clients: tuple[Client, ...] = ()
     readers: tuple[ReaderSeen, ...] = ()
+    writers: tuple[WriterSeen, ...] = ()
+    hears_programs: bool = False
+    """Whether it is known what programs send to vehicles."""
     statistics: Statistics = NOTHING
     refused: Mapping[str, int] = {}
     """The number of datagrams that were refused, by reason."""

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from msggen.check.finding import Category, Rule
-from msggen.doctor import connecting, flowing, naming
+from msggen.doctor import connecting, flowing, naming, release
+from msggen.doctor.setpoint_rules import SETPOINT
 
 DOCTOR = (
     Rule(
@@ -167,6 +168,15 @@ DOCTOR = (
         "`ros2 topic echo`.",
     ),
     Rule(
+        "RELEASE_DIFFERS",
+        "the vehicle has another release than the types",
+        Category.DEFINITION,
+        release.find_release,
+        fix="Build the types of the vehicle's firmware: `msggen build --px4 v1.18`, and in ROS 2 check out px4_msgs "
+        "in the branch of its release. Topics and definitions that differ are findings of other rules: `--verbose` and "
+        "`--json` list them.",
+    ),
+    Rule(
         "TYPE_UNKNOWN",
         "the vehicle has a message that the types do not have",
         Category.DEFINITION,
@@ -198,6 +208,14 @@ DOCTOR = (
         flowing.find_wrong_clock,
         fix="Synchronize the clocks of all computers with chrony or systemd-timesyncd. The agent's clock is the one "
         "that the vehicle follows. Restart the client after a clock was set: it follows slowly.",
+    ),
+    Rule(
+        "DATAGRAMS_DAMAGED",
+        "datagrams arrive damaged, or are of another protocol",
+        Category.FLOW,
+        connecting.find_damaged,
+        fix="Check the network, or the wires of a serial line. If another program sends to the port, such as MAVLink, "
+        "give one of them another port. UXRCE_DDS_PRT is that of the vehicle's client.",
     ),
     Rule(
         "LINE_FULL",
@@ -233,6 +251,7 @@ DOCTOR = (
         "the link is too slow. Only topics that PX4 publishes at 100 Hz and more are judged: those that were named, "
         "or most of them.",
     ),
+    *SETPOINT,
 )
 """The rules."""
 

@@ -36,7 +36,7 @@ def meaning(action: argparse.Action) -> tuple[object, ...]:
 
 OF_OTHERS = {
     "log": {"-o", "--output", "-n", "--count", "--field", "--format"},
-    "doctor": {"--json", "--for"},
+    "doctor": {"--json", "--for", "-v", "--verbose"},
     "topic": {"-t", "-v", "--verbose"},
     "topic plot": {"-o", "--output", "--window"},
     "top": {"--once"},

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import astuple
 from typing import Any
@@ -14,9 +15,20 @@ from hypothesis import strategies as st
 from msggen.check.finding import OF_VEHICLES, Rule
 from msggen.doctor.case import Case, matches, plain
 from msggen.doctor.diagnose import diagnose
-from msggen.doctor.examples import _EXAMPLES, HEALTHY, case_of
+from msggen.doctor.examples import _EXAMPLES, HEALTHY, STEERED, case_of
 from msggen.doctor.expected import expected_of, expected_of_catalog
-from msggen.doctor.observation import AgentSeen, Observation, Process, ReaderSeen, TopicSeen, VehicleSeen
+from msggen.doctor.observation import (
+    AgentSeen,
+    InputSeen,
+    Observation,
+    Process,
+    ProgramSeen,
+    ReaderSeen,
+    SampleSeen,
+    TopicSeen,
+    VehicleSeen,
+    WriterSeen,
+)
 from msggen.doctor.rules import DOCTOR, LIVE
 from msggen.live.link import Route, Statistics
 from msggen.live.messages.names import stem_of
@@ -28,7 +40,12 @@ from msggen.sources.sources import find_sources
 SEEN = HEALTHY.seen
 VEHICLE = SEEN.vehicles[0]
 ROUTES = VEHICLE.routes
-EFFECTS = {"AGENT_HAS_CLIENT": {"PORT_TAKEN"}, "AGENT_WITHOUT_CLIENT": {"NO_CLIENT"}, "AGENT_MISSING": {"NO_CLIENT"}}
+EFFECTS = {
+    "AGENT_HAS_CLIENT": {"PORT_TAKEN"},
+    "AGENT_WITHOUT_CLIENT": {"NO_CLIENT"},
+    "AGENT_MISSING": {"NO_CLIENT"},
+    "RELEASE_DIFFERS": {"TYPE_UNKNOWN"},
+}
 """Examples that have further findings."""
 
 each_rule = pytest.mark.parametrize("rule", DOCTOR, ids=lambda rule: rule.id)
@@ -64,6 +81,11 @@ def test_the_example_of_a_rule_has_its_finding_and_no_other(rule: Rule) -> None:
     assert finding.fails
     assert "\n" not in finding.change.message
     assert finding.change.message.isprintable()
+
+
+def test_nothing_is_found_in_a_vehicle_that_follows_setpoints() -> None:
+    assert texts(STEERED) == ""
+    assert texts(STEERED._replace(wanted=("/fmu/in/trajectory_setpoint",))) == ""
 
 
 def test_every_rule_has_an_example() -> None:
@@ -295,6 +317,132 @@ def test_requests_for_the_time_are_found_if_they_are_repeated_slowly(timestamps:
     assert ids(case) == (["NO_TIME_SYNC"] if 3 <= timestamps <= 1.5 * age + 1 else ["CLIENT_UNREADY"])
 
 
+def test_a_client_that_has_restarted_is_not_told_to_lack_the_time() -> None:
+    """A client that was synchronized and is gone asks for the time no more, however long ago it began."""
+    gone = SEEN.clients[0]._replace(address="127.0.0.1:40125", number=0, age=30.0, silence=26.5, timestamps=23)
+    newest = SEEN.clients[0]._replace(age=3.5)
+    earlier = VEHICLE._replace(remote=VEHICLE.remote._replace(number=2), ended="the vehicle has begun another session")
+    assert ids(seen(clients=(newest, gone), vehicles=(earlier, VEHICLE))) == ["VEHICLE_RESTARTS"]
+    assert ids(seen(clients=(newest, gone))) == []
+
+
+def test_a_client_that_starts_over_without_the_time_has_the_first_cause_only() -> None:
+    deaf = SEEN.clients[0]._replace(age=9.0, timestamps=9)
+    first = deaf._replace(address="127.0.0.1:40125", number=0, age=20.0, silence=9.0, timestamps=10)
+    bare = VEHICLE._replace(routes=(), topics={}, hashes={}, heard=0)
+    again = bare._replace(remote=VEHICLE.remote._replace(number=2))
+    case = seen(clients=(deaf, first), vehicles=(again, bare))
+    assert ids(case) == ["NO_TIME_SYNC"]
+    assert texts(case).startswith("the client at 127.0.0.1:40123 (key 1) has asked for the time 9 times in 9 s")
+
+
+DAMAGE = st.dictionaries(
+    st.sampled_from(["wrong cookie", "too many clients", "message of an unknown session", "payload too short"]),
+    st.integers(1, 200),
+)
+
+
+@given(DAMAGE)
+def test_damaged_datagrams_are_found_from_one_percent(refused: dict[str, int]) -> None:
+    statistics = SEEN.statistics._replace(refused=sum(refused.values()))
+    damaged = refused.get("wrong cookie", 0) + refused.get("payload too short", 0)
+    is_much = damaged >= 5 and damaged > 0.01 * (statistics.received + statistics.refused)
+    assert ids(seen(refused=refused, statistics=statistics)) == (["DATAGRAMS_DAMAGED"] if is_much else [])
+
+
+# --- setpoints: what must not be found
+
+
+def steered(inputs: Mapping[str, InputSeen], **values: Any) -> Case:
+    (own,) = STEERED.seen.vehicles
+    changed = own._replace(inputs=inputs, **values)
+    return STEERED._replace(seen=STEERED.seen._replace(vehicles=(changed,)))
+
+
+STEERING = STEERED.seen.vehicles[0].inputs
+MODE, SETPOINT = "/fmu/in/offboard_control_mode", "/fmu/in/trajectory_setpoint"
+
+
+def changed(name: str, **values: Any) -> Case:
+    """Return the case of a healthy program with other values of a message."""
+    each = STEERING[name]
+    last = (each.last[-1]._replace(values={**each.last[-1].values, **values}),)
+    return steered({**STEERING, name: each._replace(last=last)})
+
+
+@given(st.floats(0, 100), st.floats(0, 9))
+def test_the_rate_of_the_control_mode_is_judged(rate: float, longest: float) -> None:
+    found = ids(steered({**STEERING, MODE: STEERING[MODE]._replace(rate=rate, longest=longest)}))
+    assert found == (["OFFBOARD_MODE_SLOW"] if longest > 1.0 or 0 < rate < 1.95 else [])
+
+
+AXIS = st.sampled_from([math.nan, -1.0, 0.0])
+
+
+@given(st.tuples(AXIS, AXIS, AXIS), st.tuples(AXIS, AXIS, AXIS), st.tuples(AXIS, AXIS, AXIS))
+def test_an_axis_needs_a_number_in_one_of_three(position: Any, velocity: Any, acceleration: Any) -> None:
+    case = changed(SETPOINT, position=position, velocity=velocity, acceleration=acceleration)
+    is_open = any(all(map(math.isnan, axis)) for axis in zip(position, velocity, acceleration, strict=True))
+    assert ids(case) == (["SETPOINT_EMPTY"] if is_open else [])
+
+
+CONTROL_FIELDS = ["position", "velocity", "acceleration", "attitude", "body_rate", "thrust_and_torque"]
+
+
+@given(st.dictionaries(st.sampled_from(CONTROL_FIELDS), st.booleans()))
+def test_the_first_field_of_the_control_mode_selects(fields: dict[str, bool]) -> None:
+    """The reference: trajectory_setpoint is the message of the first three."""
+    first = next((name for name in CONTROL_FIELDS if fields.get(name)), "")
+    fits = first in {"position", "velocity", "acceleration"}
+    case = changed(MODE, **{"position": False, **fields})
+    assert ids(case) == ([] if fits else ["SETPOINT_UNSELECTED"])
+
+
+@given(st.floats(-100, 100), st.floats(-100, 100))
+def test_a_position_below_the_origin_and_the_vehicle_is_found(z: float, own: float) -> None:
+    case = changed(SETPOINT, position=(0.0, 0.0, z))
+    (vehicle,) = case.seen.vehicles
+    place = "/fmu/out/vehicle_local_position"
+    state = vehicle.states[place][0]
+    states = {**vehicle.states, place: (state._replace(values={**state.values, "z": own}),)}
+    case = case._replace(seen=case.seen._replace(vehicles=(vehicle._replace(states=states),)))
+    assert ids(case) == (["SETPOINT_DOWNWARD"] if z > max(0.0, own) + 0.5 else [])
+
+
+def test_a_mode_of_a_program_needs_no_control_mode() -> None:
+    """It registers at PX4, and answers its arming checks."""
+    own = STEERED.seen.vehicles[0]
+    reply = "/fmu/in/arming_check_reply_v1"
+    routes = (*own.routes, Route(reply, "px4_msgs/msg/VehicleStatus", "in", 1))
+    status = own.states[ROUTES[0].name][0]
+    states = {**own.states, ROUTES[0].name: (status._replace(values={**status.values, "nav_state": 23}),)}
+    case = steered({SETPOINT: STEERING[SETPOINT], reply: STEERING[MODE]}, routes=routes, states=states)
+    assert "OFFBOARD_MODE_MISSING" not in ids(case)
+    assert "MODE_OTHER" not in ids(case)
+
+
+def test_setpoints_are_not_judged_if_other_topics_are_meant() -> None:
+    wrong = case_of(next(rule for rule in DOCTOR if rule.id == "SETPOINT_EMPTY"))
+    assert ids(wrong) == ["SETPOINT_EMPTY"]
+    assert ids(wrong._replace(wanted=("vehicle_attitude",))) == []
+    assert ids(wrong._replace(wanted=("offboard_control_mode",))) == ["SETPOINT_EMPTY"]
+
+
+def test_one_setpoint_before_the_watch_is_enough() -> None:
+    once = STEERING[SETPOINT]._replace(samples=0, rate=0.0, programs=())
+    assert ids(steered({MODE: STEERING[MODE], SETPOINT: once})) == []
+    assert ids(steered({MODE: STEERING[MODE]})) == ["SETPOINT_UNSELECTED"]
+
+
+def test_an_arming_that_was_accepted_since_is_no_refusal() -> None:
+    refused = case_of(next(rule for rule in DOCTOR if rule.id == "ARMING_REFUSED"))
+    (own,) = refused.seen.vehicles
+    acks = own.states["/fmu/out/vehicle_command_ack"]
+    later = acks[0]._replace(values={"command": 400, "result": 0})
+    both = own._replace(states={**own.states, "/fmu/out/vehicle_command_ack": (*acks, later)})
+    assert ids(refused._replace(seen=refused.seen._replace(vehicles=(both,)))) == ["CHECKS_FAIL"]
+
+
 @given(st.floats(0, 10), st.floats(0, 20))
 def test_a_client_that_restarts_does_not_share_its_key(silence: float, age: float) -> None:
     """A client that is heard after another one began is another vehicle, a client that is not has a new port."""
@@ -339,6 +487,35 @@ def test_a_port_of_another_user_is_found_without_a_name() -> None:
 # --- any observation
 
 NAMES = st.text(max_size=12) | st.sampled_from([route.name for route in ROUTES])
+VECTORS = st.tuples(*3 * [st.floats()])
+VALUES = st.fixed_dictionaries(
+    {},
+    optional={
+        **dict.fromkeys(("position", "velocity", "acceleration", "xyz", "thrust_body"), VECTORS),
+        "q_d": st.tuples(*4 * [st.floats()]),
+        "control": st.lists(st.floats(), min_size=1, max_size=3).map(tuple),
+        **dict.fromkeys(("roll", "z"), st.floats()),
+        **dict.fromkeys(("attitude", "failsafe", "xy_valid", "landed", "pre_flight_checks_pass"), st.booleans()),
+        **dict.fromkeys(("result", "arming_state", "battery_warning"), st.integers(0, 9)),
+        **dict.fromkeys(("nav_state", "nav_state_user_intention"), st.integers(0, 255)),
+        "command": st.sampled_from([400, 176, 0]),
+        "mode_req_offboard_signal": st.integers(0, 0xFFFFFFFF),
+        "offboard_control_signal_lost": st.booleans(),
+    },
+)
+SAMPLES = st.builds(SampleSeen, st.integers(0, 2 * SEEN.now), st.just("0001"), VALUES, st.sampled_from(["", "wrong"]))
+STEERED_NAMES = NAMES | st.sampled_from([route.name for route in STEERED.seen.vehicles[0].routes])
+PROGRAMS = st.builds(ProgramSeen, st.text(), st.integers(0, 9), st.integers(0, 9), st.floats(0, 1e3))
+INPUTS = st.builds(
+    InputSeen,
+    programs=st.lists(PROGRAMS, max_size=2).map(tuple),
+    samples=st.integers(0, 2),
+    size=st.integers(0, 99),
+    rate=st.floats(0, 1e3),
+    longest=st.floats(0, 9),
+    age=st.none() | st.floats(-1e9, 2e9),
+    last=st.lists(SAMPLES, max_size=2).map(tuple),
+).map(lambda each: each if each.last else each._replace(samples=0))
 VEHICLES = st.builds(
     VehicleSeen,
     remote=st.builds(
@@ -347,7 +524,10 @@ VEHICLES = st.builds(
         key=st.integers(0, 3),
         namespace=st.sampled_from(["", "a"]),
     ),
-    routes=st.lists(st.builds(Route, NAMES, NAMES, st.sampled_from(["in", "out"]), st.just(-1)), max_size=4).map(tuple),
+    routes=st.lists(
+        st.builds(Route, NAMES, NAMES, st.sampled_from(["in", "out"]), st.just(-1), st.just(-1)), max_size=4
+    ).map(tuple)
+    | st.just(STEERED.seen.vehicles[0].routes),
     topics=st.dictionaries(
         NAMES,
         st.builds(
@@ -364,6 +544,8 @@ VEHICLES = st.builds(
     seconds=st.floats(0, 9),
     heard=st.just(0) | st.just(SEEN.now),
     ended=st.sampled_from(["", "gone"]),
+    inputs=st.dictionaries(STEERED_NAMES, INPUTS, max_size=3),
+    states=st.dictionaries(STEERED_NAMES, st.lists(SAMPLES, min_size=1, max_size=2).map(tuple), max_size=3),
 )
 OBSERVATIONS = st.builds(
     SEEN._replace,
@@ -373,6 +555,10 @@ OBSERVATIONS = st.builds(
         tuple
     ),
     readers=st.lists(st.builds(ReaderSeen, NAMES, st.booleans(), st.booleans()), max_size=2).map(tuple),
+    writers=st.lists(
+        st.builds(WriterSeen, STEERED_NAMES, NAMES, st.lists(NAMES, max_size=1).map(tuple)), max_size=2
+    ).map(tuple),
+    hears_programs=st.booleans(),
     is_taken=st.booleans(),
     seconds=st.floats(0, 9),
     baud=st.integers(0, 99999),
@@ -381,7 +567,8 @@ OBSERVATIONS = st.builds(
 
 @given(OBSERVATIONS, st.lists(NAMES, max_size=2).map(tuple), st.none() | st.integers(1, 3))
 def test_any_observation_has_a_report(observation: Observation, wanted: tuple[str, ...], key: int | None) -> None:
-    report = diagnose(Case(observation, HEALTHY.expected, wanted, Selection(key=key)))
+    expected = {1: HEALTHY.expected[1], 2: STEERED.expected[1]}
+    report = diagnose(Case(observation, expected, wanted, Selection(key=key)))
     assert report.summary.startswith(("no problem found: ", f"{len(report.findings)} problem"))
     order = [rule.id for rule in DOCTOR]
     places = [order.index(finding.rule.id) for finding in report.findings]

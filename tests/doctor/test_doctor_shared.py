@@ -20,6 +20,7 @@ from msggen.doctor.case import Case
 from msggen.doctor.diagnose import diagnose
 from msggen.doctor.expected import Expected, expected_of
 from msggen.doctor.observation import Observation, TopicSeen, VehicleSeen
+from msggen.doctor.observer import Observer
 from msggen.live.link import Link, Statistics
 from msggen.live.links.address import parse_address
 from msggen.live.links.places import CAN_SHARE
@@ -111,10 +112,14 @@ def send_stray(port: int, count: int) -> None:
 
 
 def without_times(seen: Observation) -> Observation:
-    """Return an observation without what depends on when it was made, and on the first samples."""
+    """Return an observation without what depends on when it was made, and on the first samples.
+
+    Only what programs send is not known at the link itself.
+    """
     return seen._replace(
         link="",
         now=0,
+        hears_programs=False,
         vehicles=tuple(map(_timeless, seen.vehicles)),
         clients=tuple(each._replace(age=0.0, silence=0.0) for each in seen.clients),
     )
@@ -122,7 +127,8 @@ def without_times(seen: Observation) -> Observation:
 
 def _timeless(vehicle: VehicleSeen) -> VehicleSeen:
     topics = {name: TopicSeen(0, topic.size) for name, topic in sorted(vehicle.topics.items())}
-    return vehicle._replace(topics=topics, seconds=0.0, heard=vehicle.heard)
+    states = {name: tuple(each.data[:8] for each in samples[-1:]) for name, samples in vehicle.states.items()}
+    return vehicle._replace(topics=topics, seconds=0.0, heard=vehicle.heard, inputs={}, states=cast("Any", states))
 
 
 def findings(seen: Observation, expected: Expected) -> list[str]:
@@ -140,7 +146,7 @@ def wait_for(condition: Callable[[], object]) -> None:
         time.sleep(0.05)
 
 
-def is_provoked(observer: observe._Observer) -> bool:
+def is_provoked(observer: Observer) -> bool:
     """Whether all that is wrong with the vehicles has happened."""
     seen = {each.remote.namespace: each for each in observer.vehicles()}
     asked = max((client.timestamps for client in observer.clients() if client.key == 5), default=0)
@@ -159,7 +165,7 @@ def test_all_that_is_observed_arrives_through_the_owner(
     folder: Path, px4_types: Any, expected: Expected, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     link, path = UdpLink(port=free_port()), folder / "x.socket"
-    near, far = observe._Observer(link), observe._Observer(UnixLink(str(path)))
+    near, far = Observer(link), Observer(UnixLink(str(path)))
     port = link.port
     url = f"udp://127.0.0.1:{port}"
     with served(cast("Link", Overheard(link, near)), path, url):
@@ -222,7 +228,7 @@ class Told(UnixLink):
 
 def test_what_an_owner_knows_from_earlier_is_left_out_unless_it_still_holds() -> None:
     link = Told("/nowhere")
-    observer = observe._Observer(link)
+    observer = Observer(link)
     observer.warned("both")
     observer.begin()
     assert observer.warnings == ["earlier", "both"]

@@ -248,7 +248,16 @@ def test_brackets_are_no_markup() -> None:
 
 def test_json_says_everything() -> None:
     document = json.loads(rendered("json"))
-    assert list(document) == ["previous", "current", "summary", "compared", "ignored", "messages", "findings"]
+    assert list(document) == [
+        "previous",
+        "current",
+        "summary",
+        "compared",
+        "ignored",
+        "answers",
+        "messages",
+        "findings",
+    ]
     assert document["compared"] == 236
     assert document["ignored"] == 0
     assert document["findings"][4] == {

@@ -17,7 +17,12 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 from weakref import WeakValueDictionary
 
-from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication, BuiltinTopicDcpsSubscription
+from cyclonedds.builtin import (
+    BuiltinDataReader,
+    BuiltinTopicDcpsParticipant,
+    BuiltinTopicDcpsPublication,
+    BuiltinTopicDcpsSubscription,
+)
 from cyclonedds.core import (
     DDSException,
     Entity,
@@ -38,7 +43,7 @@ from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 
-__all__ = ["DDSException", "Found", "Gone", "Participant", "Reader", "Writer"]
+__all__ = ["DDSException", "Found", "Gone", "Participant", "Process", "Reader", "Writer"]
 
 EVERYTHING = SampleState.Any | ViewState.Any | InstanceState.Any
 BATCH = 256
@@ -60,6 +65,14 @@ class Found(NamedTuple):
     type: str
     is_reliable: bool
     """Whether a writer offers, or a reader requests, that no sample is lost."""
+
+
+class Process(NamedTuple):
+    """The process of a participant, as far as the participant tells it."""
+
+    name: str
+    pid: int
+    """0 if it is not told."""
 
 
 class Gone(NamedTuple):
@@ -112,6 +125,11 @@ class Participant:
                 readers.append(self._readers[token])
         return events, readers
 
+    def processes(self) -> dict[str, Process]:
+        """Return the processes of the participants in the domain, by `Found.participant`."""
+        reader = BuiltinDataReader(self._participant, BuiltinTopicDcpsParticipant)
+        return {str(each.key): _process(each.qos) for each in reader.take(BATCH) if each.qos is not None}
+
     def wake(self) -> None:
         """End a call of `wait` in another thread, or the next one at once."""
         self._guard.set(True)
@@ -143,8 +161,13 @@ class Reader:
 
     def take(self) -> list[bytes]:
         """Return the samples that have arrived, at most BATCH."""
+        return [data for _, data in self.take_written()]
+
+    def take_written(self) -> list[tuple[int, bytes]]:
+        """Return the samples that have arrived, each with the handle of its writer: that of its Found."""
         # A writer that leaves is announced by a sample of another class, without data.
-        return [sample.data for sample in self.entity.take(BATCH) if type(sample) is _Sample]
+        taken = [sample for sample in self.entity.take(BATCH) if type(sample) is _Sample]
+        return [(sample.sample_info.publication_handle, sample.data) for sample in taken]
 
 
 class Writer:
@@ -166,8 +189,18 @@ class _Sample:
 
     __slots__ = ("data", "sample_info")
 
+    sample_info: Any
+    """Set by cyclonedds."""
+
     def __init__(self, data: bytes, **_: object) -> None:
         self.data = data
+
+
+def _process(qos: Qos) -> Process:
+    """Return what the properties of a participant tell: those of Cyclone DDS, or of Fast DDS."""
+    told = {each.key: each.value for each in qos if isinstance(each, Policy.Property)}
+    pid = told.get("__Pid") or told.get("fastdds.physical_data.process") or ""
+    return Process(told.get("__ProcessName", ""), int(pid) if pid.isascii() and pid.isdecimal() else 0)
 
 
 class _Waiting(WaitSet):

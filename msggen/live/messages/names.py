@@ -12,6 +12,11 @@ def stem_of(ros_name: str) -> str:
     return _VERSION.sub("", ros_name)
 
 
+def uorb_name(name: str) -> str:
+    """Return the name in uORB of the topic with a name in ROS 2: `vehicle_status` for `/fmu/out/vehicle_status_v1`."""
+    return stem_of(name).rpartition("/")[2]
+
+
 def version_of(ros_name: str) -> int:
     """Return the version of the message in a name, 0 without a suffix (docs/wire.md, section 11)."""
     found = _VERSION.search(ros_name)

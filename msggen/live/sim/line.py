@@ -32,6 +32,8 @@ class Misbehaviour(NamedTuple):
     """The error in s of the timestamps of all samples."""
     no_time_reply: bool = False
     """Whether the agent's answers to requests for the time are lost."""
+    no_position: bool = False
+    """Whether the vehicle has no estimate of its position, so that it refuses to arm and to change to some modes."""
 
 
 class Line:

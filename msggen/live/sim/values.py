@@ -19,6 +19,7 @@ from msggen.live.sim.world import (
     MANUAL,
     MODES,
     OFFBOARD,
+    PLACED,
     POSITION,
     STABILIZED,
     TAKING_OFF,
@@ -96,20 +97,20 @@ def _vehicle_status(scene: Scene) -> Values:
         "component_id": 1,
         "safety_off": True,
         "power_input_valid": True,
-        "pre_flight_checks_pass": True,
+        "pre_flight_checks_pass": not world.why_unarmable,
     }
 
 
 def _vehicle_local_position(scene: Scene) -> Values:
-    flight, home = scene.world.flight, scene.world.home
+    flight, home, valid = scene.world.flight, scene.world.home, scene.world.has_position
     x, y, z = flight.position
     vx, vy, vz = flight.velocity
     ax, ay, az = flight.acceleration
     return {
-        "xy_valid": True, "z_valid": True, "v_xy_valid": True, "v_z_valid": True,
+        "xy_valid": valid, "z_valid": True, "v_xy_valid": valid, "v_z_valid": True,
         "x": x, "y": y, "z": z, "vx": vx, "vy": vy, "vz": vz, "z_deriv": vz, "ax": ax, "ay": ay, "az": az,
         "heading": flight.heading, "heading_var": 0.001, "unaided_heading": NAN, "heading_good_for_control": True,
-        "xy_global": True, "z_global": True, "ref_lat": home.latitude, "ref_lon": home.longitude,
+        "xy_global": valid, "z_global": True, "ref_lat": home.latitude, "ref_lon": home.longitude,
         "ref_alt": home.altitude, "dist_bottom": max(0.0, -z), "eph": 0.3, "epv": 0.4, "evh": 0.1, "evv": 0.1,
         "vxy_max": math.inf, "vz_max": math.inf, "hagl_min": math.inf, "hagl_max": math.inf, "hagl_max_z": math.inf,
         "hagl_max_xy": math.inf,
@@ -142,7 +143,7 @@ def _vehicle_global_position(scene: Scene) -> Values:
         "lon": world.longitude,
         "alt": world.altitude,
         "alt_ellipsoid": world.altitude + 47.0,
-        "lat_lon_valid": True,
+        "lat_lon_valid": world.has_position,
         "alt_valid": True,
         "eph": 0.3,
         "epv": 0.4,
@@ -268,12 +269,15 @@ def _vehicle_control_mode(scene: Scene) -> Values:
 
 def _failsafe_flags(scene: Scene) -> Values:
     world = scene.world
+    placed = (*PLACED, OFFBOARD) if world.controls_position else PLACED
     return {
         "mode_req_angular_velocity": 0xFFFFFFFF,
         "mode_req_attitude": 0xFFFFFFFF & ~(1 << MANUAL),
-        "mode_req_local_position": sum(1 << mode for mode in (POSITION, HOLD, TAKING_OFF)),
+        "mode_req_local_position": sum(1 << mode for mode in placed),
         "mode_req_offboard_signal": 1 << OFFBOARD,
         "mode_req_manual_control": sum(1 << mode for mode in _PILOTED),
+        "local_position_invalid": not world.has_position,
+        "global_position_invalid": not world.has_position,
         "auto_mission_missing": True,
         "offboard_control_signal_lost": not world.has_offboard_signal(world.time),
         "manual_control_signal_lost": True,

@@ -106,7 +106,7 @@ class SimulatedVehicle:
 
     def __init__(self, package: ModuleType, options: Options = Options()) -> None:  # noqa: B008 - it is immutable
         self.options = options
-        self.world = World(options.home, options.key)
+        self.world = World(options.home, options.key, has_position=not options.misbehaviour.no_position)
         self.sent: Counter[str] = Counter()
         """The number of samples published, by the name of the topic in ROS 2."""
         self.received: Counter[str] = Counter()

@@ -37,6 +37,8 @@ _MODE_NAMES = {
 }
 
 MODES = tuple(_MODE_NAMES)
+PLACED = (POSITION, HOLD, TAKING_OFF)
+"""The modes that need a position."""
 
 _MAIN_MODES = {1: MANUAL, 2: ALTITUDE, 3: POSITION, 6: OFFBOARD, 7: STABILIZED}
 """The modes by parameter 2 of DO_SET_MODE, besides AUTO."""
@@ -110,8 +112,10 @@ class Battery:
 class World:
     """A vehicle on the ground at its home, disarmed, in hold mode."""
 
-    def __init__(self, home: Home | None = None, system_id: int = 1) -> None:
+    def __init__(self, home: Home | None = None, system_id: int = 1, *, has_position: bool = True) -> None:
         self.home = home or Home()
+        self.has_position = has_position
+        """Whether the vehicle knows its position."""
         self.system_id = system_id
         self.flight = Flight()
         self.battery = Battery()
@@ -180,6 +184,22 @@ class World:
         return texts.get(self.disarming_reason, "")
 
     # Modes
+
+    @property
+    def controls_position(self) -> bool:
+        """Whether OffboardControlMode selects a setpoint that needs the position."""
+        return any(self._controls)
+
+    @property
+    def why_unarmable(self) -> str:
+        """Why the vehicle cannot be armed, "" if it can."""
+        if self.battery.warning > 1:
+            return "the battery is empty"
+        return "there is no position" if self._lacks_position(self.mode) else ""
+
+    def _lacks_position(self, mode: int) -> bool:
+        needs = self.controls_position if mode == OFFBOARD else mode in PLACED
+        return needs and not self.has_position
 
     @property
     def mode_name(self) -> str:
@@ -281,8 +301,8 @@ class World:
         if value == self.is_armed:
             return ACCEPTED
         if value:
-            if self.battery.warning > 1 and not is_forced:
-                return self._refuse(TEMPORARILY_REJECTED, "the battery is empty")
+            if self.why_unarmable and not is_forced:
+                return self._refuse(TEMPORARILY_REJECTED, self.why_unarmable)
             self.is_armed, self.armed_time, self.arming_reason = True, self.time, _BY_COMMAND
             self.takeoff_time = 0
         elif self.is_landed or is_forced:
@@ -311,6 +331,8 @@ class World:
     def _change(self, mode: int) -> int:
         if mode == OFFBOARD and not self.has_offboard_signal(self.time):
             return self._refuse(TEMPORARILY_REJECTED, "offboard_control_mode does not arrive at 2 Hz, or is too old")
+        if self._lacks_position(mode):
+            return self._refuse(TEMPORARILY_REJECTED, "there is no position")
         if mode == LANDING and not self.is_armed:
             return self._refuse(TEMPORARILY_REJECTED, "the vehicle is disarmed")
         self._choose(mode)
@@ -319,6 +341,8 @@ class World:
     def _take_off(self, altitude: float) -> int:
         """Climb to an altitude above mean sea level, or by 2.5 m. The vehicle waits until it is armed."""
         x, y, z = self.flight.position
+        if self._lacks_position(TAKING_OFF):
+            return self._refuse(TEMPORARILY_REJECTED, "there is no position")
         goal = z - _TAKEOFF_HEIGHT if not math.isfinite(altitude) else self.home.altitude - altitude
         if goal > z - _REACHED:
             return self._refuse(DENIED, f"param7 is {altitude:g} m above sea level, which is below the vehicle")

@@ -38,6 +38,8 @@ def write_full(report: Report, *, width: int, colour: bool) -> str:
         _environ={},
     )
     with console.capture() as capture:
+        for text in report.answers:
+            _print_line(console, Text(printable(text)))
         _print_lines(console, [each for each in report.findings if each.rule.category in OF_VEHICLES])
         of_files = [each for each in report.findings if each.rule.category not in OF_VEHICLES]
         for subject, findings in _by_subject(of_files).items():

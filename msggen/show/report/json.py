@@ -21,6 +21,7 @@ def write_report(report: Report) -> str:
         "summary": report.summary,
         "compared": report.compared,
         "ignored": report.ignored,
+        "answers": [printable(text) for text in report.answers],
         "messages": [_message(message) for message in report.messages],
         "findings": [_finding(finding) for finding in report.findings],
     }

@@ -12,8 +12,9 @@ from msggen.check.finding import Finding, Node, Report, Severity
 
 
 def write_concise(report: Report) -> str:
-    """Return a line for each finding, then the summary."""
-    return "\n".join([*map(line, report.findings), *remedies(report.findings), *conclusion(report)])
+    """Return the answers, a line for each finding, then the summary."""
+    answers, findings = map(printable, report.answers), map(line, report.findings)
+    return "\n".join([*answers, *findings, *remedies(report.findings), *conclusion(report)])
 
 
 def line(finding: Finding) -> str:

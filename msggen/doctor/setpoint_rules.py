@@ -1,0 +1,146 @@
+"""The rules about what programs send to a vehicle, in the order in which they are looked at."""
+
+from __future__ import annotations
+
+from msggen.check.finding import Category, Rule
+from msggen.doctor import arming, steering
+
+SETPOINT = (
+    Rule(
+        "INPUT_UNPUBLISHED",
+        "nobody publishes a topic that was asked for and that PX4 reads",
+        Category.SETPOINT,
+        steering.find_unpublished,
+        fix="Start the program that publishes it. Programs are heard that share the link, or that are in the domain of "
+        "`--link dds://0`. A program with `direct=True` on another link, and MAVLink, are not heard.",
+    ),
+    Rule(
+        "INPUT_UNREADABLE",
+        "the vehicle does not accept the samples: their type, size or encapsulation differs",
+        Category.SETPOINT,
+        steering.find_unreadable,
+        fix="Build the program with the definitions of the vehicle's firmware: `msggen build --px4 PX4-Autopilot`, in "
+        "ROS 2 the branch of px4_msgs for its release. PX4 reads CDR with little-endian numbers, as all DDS "
+        "libraries write it on usual computers.",
+    ),
+    Rule(
+        "SETPOINT_CONTESTED",
+        "several programs publish the same setpoint",
+        Category.SETPOINT,
+        steering.find_contested,
+        fix="End all programs but one. PX4 takes the newest sample, whoever has sent it, so the vehicle is torn "
+        "between them.",
+    ),
+    Rule(
+        "SETPOINT_OLD",
+        "the timestamps of setpoints are those of another clock",
+        Category.SETPOINT,
+        steering.find_old,
+        fix="Set `timestamp` to 0, so that PX4 takes the time of arrival, or to the time of the agent's computer in "
+        "us. In ROS 2, a node with `use_sim_time` has another time.",
+    ),
+    Rule(
+        "OFFBOARD_MODE_MISSING",
+        "setpoints arrive without offboard_control_mode",
+        Category.SETPOINT,
+        steering.find_no_mode,
+        fix="Publish OffboardControlMode too, with the field of the setpoint set, at 10 Hz. PX4 accepts Offboard mode "
+        "only while it arrives. A mode that a program adds to PX4 does not need it.",
+    ),
+    Rule(
+        "OFFBOARD_MODE_SLOW",
+        "offboard_control_mode arrives at less than 2 Hz, or with gaps of more than 1 s",
+        Category.SETPOINT,
+        steering.find_slow_mode,
+        fix="Publish it from a timer or a thread of its own, at 10 Hz, so that the rest of the program cannot delay "
+        "it: `vehicle.every(10, message)` in msggen.live. The longest gap that PX4 accepts is the parameter "
+        "COM_OF_LOSS_T, 1 s by default.",
+    ),
+    Rule(
+        "SETPOINT_UNSELECTED",
+        "offboard_control_mode selects another setpoint than the one that is published",
+        Category.SETPOINT,
+        steering.find_unselected,
+        fix="Set the field of the published setpoint. PX4 takes the first field that is set, in the order position, "
+        "velocity, acceleration (all three trajectory_setpoint), attitude (vehicle_attitude_setpoint), body_rate "
+        "(vehicle_rates_setpoint), thrust_and_torque (vehicle_thrust_setpoint and vehicle_torque_setpoint), "
+        "direct_actuator (actuator_motors and actuator_servos). Leave the fields before it false.",
+    ),
+    Rule(
+        "SETPOINT_EMPTY",
+        "a setpoint has no number where PX4 needs one",
+        Category.SETPOINT,
+        steering.find_empty,
+        fix="NaN means that a value is not controlled. A TrajectorySetpoint needs a number on each of the axes x, y "
+        "and z in position, velocity or acceleration. An attitude needs a unit quaternion and a thrust.",
+    ),
+    Rule(
+        "SETPOINT_DOWNWARD",
+        "a setpoint points down, probably because z was taken as upward",
+        Category.SETPOINT,
+        steering.find_downward,
+        fix="PX4's world is NED and its body FRD: z points down. 5 m above the origin is z = -5, climbing is a "
+        "negative velocity z, and the thrust of a multicopter is a negative `thrust_body[2]`. `px4_types.frames` "
+        "converts from ENU, as ROS has it: `frames.from_ros`.",
+    ),
+    Rule(
+        "POSITION_MISSING",
+        "the vehicle has no estimate of its position, and its setpoints need one",
+        Category.SETPOINT,
+        arming.find_no_position,
+        fix="Wait for a GPS fix, or send visual odometry. Look at `commander check`, and at the flags of "
+        "estimator_status_flags. Attitude and rates need no position.",
+    ),
+    Rule(
+        "FAILSAFE_ACTIVE",
+        "the vehicle is in a failsafe",
+        Category.SETPOINT,
+        arming.find_failsafe,
+        fix="End the cause that the finding names: start the program again that sent offboard_control_mode, charge the "
+        "battery, switch the remote control on. Then select Offboard mode again. Parameters such as COM_OBL_RC_ACT and "
+        "NAV_RCL_ACT decide what the vehicle does meanwhile.",
+    ),
+    Rule(
+        "ARMING_REFUSED",
+        "the vehicle has refused to arm",
+        Category.SETPOINT,
+        arming.find_refused_arming,
+        fix="End what the finding names. The flags of FailsafeFlags are not all that PX4 checks: the reasons "
+        "themselves are events, which do not cross the bridge. `commander check` in PX4's shell "
+        "and ground stations show them.",
+    ),
+    Rule(
+        "CHECKS_FAIL",
+        "the vehicle gets setpoints and could not be armed",
+        Category.SETPOINT,
+        arming.find_failing_checks,
+        fix="End what the finding names. Without a remote control, set COM_RC_IN_MODE to 4 or COM_RCL_EXCEPT for "
+        "Offboard mode. `commander check` in PX4's shell and ground stations show all reasons.",
+    ),
+    Rule(
+        "NOT_ARMED",
+        "the vehicle gets setpoints and is not armed",
+        Category.SETPOINT,
+        arming.find_not_armed,
+        fix="Arm it: VehicleCommand COMPONENT_ARM_DISARM with param1 = 1, `msggen command arm`. A vehicle that does "
+        "not take off within 10 s disarms itself, by the parameter COM_DISARM_PRFLT: arm it after Offboard mode "
+        "is selected.",
+    ),
+    Rule(
+        "MODE_REFUSED",
+        "the vehicle has refused another mode",
+        Category.SETPOINT,
+        arming.find_refused_mode,
+        fix="Publish OffboardControlMode for 1 s before the command, and go on publishing. With the field `position` "
+        "or `velocity`, the vehicle needs an estimate of its position.",
+    ),
+    Rule(
+        "MODE_OTHER",
+        "the vehicle gets setpoints in a mode that does not use them",
+        Category.SETPOINT,
+        arming.find_other_mode,
+        fix="Select Offboard mode: VehicleCommand DO_SET_MODE with param1 = 1 and param2 = 6. A pilot, a ground "
+        "station or a failsafe may have selected another mode since.",
+    ),
+)
+"""The rules."""
