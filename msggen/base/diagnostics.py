@@ -74,6 +74,7 @@ CODES: Mapping[str, Level] = MappingProxyType(
         "Y203": Level.ERROR,
         "Y204": Level.ERROR,
         "Y205": Level.ERROR,
+        "Y206": Level.NOTE,
         "S101": Level.ERROR,
         "S102": Level.ERROR,
         "S103": Level.ERROR,

@@ -43,11 +43,13 @@ class Build:
         from msggen.generate.python.package import render_package
         from msggen.sources.catalog import read_catalog
         from msggen.sources.inferred import with_inferred
+        from msggen.sources.unbridged import unbridged
 
         catalog = with_inferred(read_catalog(self.sources, self.contents), self.sources)
         files = render_package(catalog, self.name)
         self._check_place(catalog, files)
-        return self._update.run(files, _summary(catalog), catalog.notices, write=write)
+        notices = (*catalog.notices, *unbridged(catalog))
+        return self._update.run(files, _summary(catalog), notices, write=write)
 
     def outputs(self) -> tuple[str, ...]:
         """Return the sorted names of the files of the package. Raises InputError for errors in definitions."""
