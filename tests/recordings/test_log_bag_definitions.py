@@ -15,10 +15,13 @@ import msggen
 import msggen.definitions.identity
 from msggen import recordings
 from msggen.base.diagnostics import InputError
-from msggen.generate.cache import package_of
+from msggen.cli import main
+from msggen.generate.cache import package_from, package_of
 from msggen.recordings.decode.schemas import definition_of, read_schema, type_hash_of
 from msggen.sources.embedded import EMBEDDED
+from msggen.sources.sources import find_sources
 from support.databases import Stored, write_database
+from support.firmware_trees import write_tree
 from support.recordings import START
 from support.repository import ROOT
 
@@ -171,3 +174,27 @@ def test_the_example_of_the_page_runs(
     monkeypatch.chdir(tmp_path)
     exec(compile(code, "recording_formats.md", "exec"), {})  # noqa: S102 - the page's own
     assert capsys.readouterr().out == output
+
+
+def test_the_firmware_of_the_current_folder_lends_what_a_recording_lacks(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tree = write_tree(tmp_path / "fw", "v1.16", {"msg/versioned/VehicleStatus.msg": "\nuint32 swaps\n"})
+    path = write_release(tmp_path / "x.db3", package_from(find_sources(str(tree))))
+    monkeypatch.chdir(tree)
+    assert main(["log", "info", str(path), "--json"]) == 0
+    assert "the PX4-Autopilot tree in the current folder, which fits best" in capsys.readouterr().out
+    assert main(["log", "show", str(path), "vehicle_status", "-n", "1"]) == 0
+    assert "swaps" in capsys.readouterr().out
+    monkeypatch.chdir(tmp_path)
+    assert main(["log", "info", str(path), "--json"]) == 0
+    assert "the embedded release that fits best" in capsys.readouterr().out
+
+
+def test_a_release_that_fits_better_than_the_current_folder_is_taken(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tree = write_tree(tmp_path / "fw", "v1.14")
+    monkeypatch.chdir(tree)
+    assert main(["log", "info", str(write_release(tmp_path / "x.db3", package_of("v1.17"))), "--json"]) == 0
+    assert "v1.17, the embedded release that fits best" in capsys.readouterr().out

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from msggen.cli.log import convert, cut, info, merge, plot, repair, show
 from msggen.cli.log.arguments import CODES
+from msggen.cli.nearby import folder_firmware
 from msggen.cli.options import Commands, add_group
 
 _MODULES = (info, show, plot, convert, cut, merge, repair)
@@ -22,3 +23,5 @@ def add_to(commands: Commands) -> None:
     )
     for module in _MODULES:
         module.add_to(actions)
+    for parser in actions.choices.values():
+        parser.set_defaults(nearby=folder_firmware)

@@ -21,8 +21,11 @@ from msggen.cli.printing import number_of_bytes
 from msggen.show.report.json import dump
 
 if TYPE_CHECKING:
+    from types import ModuleType
+
     from msggen.recordings import Log, Problem
     from msggen.recordings.convert import Converted
+    from msggen.recordings.definitions.lent import Nearby
 
 
 @contextmanager
@@ -38,7 +41,7 @@ def opened(options: argparse.Namespace, path: str) -> Iterator[Log]:
         raise missing_extra(error, "recordings", "R102") from None
     try:
         with busy_bar(options, f"opening {path}"):
-            log = recordings.open(path)
+            log = recordings.open(path, _nearby(options))
     except RecordingError as error:
         raise input_error(path, "R102", _without_path(str(error), path), 0) from None
     except OSError as error:
@@ -53,6 +56,14 @@ def opened(options: argparse.Namespace, path: str) -> Iterator[Log]:
         except RecordingError as error:
             refuse_files(options, log)
             options.parser.error(str(error))
+
+
+def _nearby(options: argparse.Namespace) -> Nearby | None:
+    """Return the definitions for what a recording lacks, if the command has some beside those of the releases."""
+    from msggen.recordings.definitions.lent import Nearby
+
+    find: Callable[[argparse.Namespace], tuple[ModuleType, str] | None] | None = getattr(options, "nearby", None)
+    return None if find is None else Nearby(lambda: find(options))
 
 
 def import_needed() -> None:

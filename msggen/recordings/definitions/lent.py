@@ -49,6 +49,14 @@ class Lender(NamedTuple):
     """The names of the topics of a release in ROS."""
 
 
+class Nearby(NamedTuple):
+    """Definitions that are tried beside those of the releases, if any are needed: `find` returns a package and its name
+    for people, or None.
+    """
+
+    find: Callable[[], tuple[ModuleType, str] | None]
+
+
 class Lent(NamedTuple):
     """The definitions that were found, by the numbers of the source and of the channel."""
 
@@ -67,18 +75,20 @@ class _Wanted(NamedTuple):
     part: Part | None
 
 
-def lender_of(definitions: Definitions) -> Lender:
+def lender_of(definitions: Definitions | Nearby) -> Lender | Nearby:
     """Return the definitions of a package, a folder, a firmware or a release. Raises InputError, and TypeError."""
+    if isinstance(definitions, Nearby):
+        return definitions
     if isinstance(definitions, ModuleType):
         return _of_package(*packages_of(definitions))
     return _of_catalog(os.fspath(definitions))
 
 
-def lend(sources: Sequence[Source], lender: Lender | None, check_open: Callable[[], None]) -> Lent:
+def lend(sources: Sequence[Source], lender: Lender | Nearby | None, check_open: Callable[[], None]) -> Lent:
     """Find definitions for the channels of CDR that have none, without `lender` those of an embedded release.
 
-    Of the releases, that one is taken whose definitions fit the samples of the most topics. `check_open` is called
-    before samples are read.
+    Of the releases and what is `Nearby`, that one is taken whose definitions fit the samples of the most topics.
+    `check_open` is called before samples are read.
     """
     lacking = {
         (number, channel.number): channel
@@ -95,24 +105,32 @@ def lend(sources: Sequence[Source], lender: Lender | None, check_open: Callable[
     return Lent({**recorded, **others.definitions}, others.notes, recorded.keys())
 
 
-def _from_elsewhere(wanted: Sequence[_Wanted], lender: Lender | None) -> Lent:
+def _from_elsewhere(wanted: Sequence[_Wanted], lender: Lender | Nearby | None) -> Lent:
     """Find definitions that are not in the recording."""
     if not wanted:
         return Lent({}, ())
-    if lender is not None:
+    if isinstance(lender, Lender):
         found = _fitting(wanted, lender)
         return Lent(found, _notes(wanted, found, lender, "as asked for"))
+    near = _near(lender)
     chosen, found = None, {}
     best: tuple[int, ...] = (0,)
-    for each in _releases(wanted):
+    for each in (*near, *_releases(wanted)):
         fitting = _fitting(wanted, each)
         names = {match[0] for one in wanted if (match := _BRIDGE.search(one.channel.topic))}
-        score = sum(one.part is not None and one.key in fitting for one in wanted), len(names & each.topics)
+        likeness = len(names) if each in near else len(names & each.topics)  # equal ones do not replace it
+        score = sum(one.part is not None and one.key in fitting for one in wanted), likeness
         if fitting and score > best:
             best, chosen, found = score, each, fitting
     if chosen is None:
         return Lent({}, (f"{_topics(wanted)} in the recording, and no embedded release fits",))
-    return Lent(found, _notes(wanted, found, chosen, "the embedded release that fits best"))
+    why = "which fits best" if chosen in near else "the embedded release that fits best"
+    return Lent(found, _notes(wanted, found, chosen, why))
+
+
+def _near(nearby: Nearby | None) -> list[Lender]:
+    found = nearby.find() if nearby is not None else None
+    return [_of_package(found[0])._replace(name=found[1])] if found is not None else []
 
 
 def _notes(wanted: Sequence[_Wanted], found: Mapping[tuple[int, int], str], lender: Lender, why: str) -> list[str]:

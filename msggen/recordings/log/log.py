@@ -13,7 +13,7 @@ from msggen.recordings.columns.arrays import check_fields
 from msggen.recordings.columns.collector import Collector
 from msggen.recordings.columns.samples import Samples
 from msggen.recordings.decode.decoder import Rows
-from msggen.recordings.definitions.lent import Lender
+from msggen.recordings.definitions.lent import Lender, Nearby
 from msggen.recordings.log.origin import Firmware, firmware_of, gps_offset_of, utc_offset_of, vehicle_of
 from msggen.recordings.log.payloads import Sample
 from msggen.recordings.log.reader import Reader
@@ -64,7 +64,7 @@ class Log:
     all their names: `/fmu/out/vehicle_status_v4`, `vehicle_status`, `VehicleStatus`.
     """
 
-    def __init__(self, sources: Sequence[Source], lender: Lender | None = None, path: str = "") -> None:
+    def __init__(self, sources: Sequence[Source], lender: Lender | Nearby | None = None, path: str = "") -> None:
         self._reader = Reader(sources, lender, path or sources[0].path)
         self._sources = sources
 

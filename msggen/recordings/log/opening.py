@@ -6,11 +6,11 @@ import os
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from msggen.recordings.definitions.lent import Definitions
+    from msggen.recordings.definitions.lent import Definitions, Nearby
     from msggen.recordings.log.log import Log
 
 
-def open_log(path: str | os.PathLike[str], definitions: Definitions | None = None) -> Log:
+def open_log(path: str | os.PathLike[str], definitions: Definitions | Nearby | None = None) -> Log:
     """Return the recording at `path`: an MCAP file, a ULog, a db3 file or a folder of rosbag2.
 
     `definitions` are for topics that have none in the recording: a generated package, an embedded release such as

@@ -13,7 +13,7 @@ from msggen.definitions.nesting import MAX_TOTAL
 from msggen.recordings.decode.decoder import Decoder
 from msggen.recordings.decode.left_out import LeftOut
 from msggen.recordings.decode.schemas import SchemaError, nested_values
-from msggen.recordings.definitions.lent import Lender, Lent, lend
+from msggen.recordings.definitions.lent import Lender, Lent, Nearby, lend
 from msggen.recordings.log.origin import firmware_of
 from msggen.recordings.log.payloads import in_order, merged
 from msggen.recordings.source.open_file import OpenFile
@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 class Reader:
     """The files of a recording, whose path is `path`."""
 
-    def __init__(self, sources: Sequence[Source], lender: Lender | None, path: str) -> None:
+    def __init__(self, sources: Sequence[Source], lender: Lender | Nearby | None, path: str) -> None:
         self.sources = sources
         self.path = path
         self.left_out = LeftOut()
