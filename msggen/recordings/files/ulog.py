@@ -42,7 +42,7 @@ MAGIC = FORMATS["ulog"].front
 _HEADER = 16
 _FLAGS = struct.Struct("<8s8s3Q")
 _SUBSCRIPTION = struct.Struct("<BH")
-_FORMAT, _ADD, _REMOVE, _SYNC = b"FARS"
+_FORMAT, _ADD, _REMOVE, _SYNC, _PARAMETER = b"FARSP"
 _FIRST = frozenset(b"BFIMPQALC")
 """The kinds of messages before the first sample."""
 _TEXTS = frozenset(b"LC")
@@ -248,6 +248,7 @@ class UlogFile:
         """Take the messages before the first sample one by one, and return where that is. Damage is skipped."""
         last = start
         while start < stop:
+            start, last = self._take_parameters(start, last, stop)
             size = messages.size_at(start, stop)
             if size and self._takes_front(messages, start, size):
                 start, last = start + size, start
@@ -262,6 +263,23 @@ class UlogFile:
             self._report("the definitions are damaged", start, following - start)
             start = last = following
         return start
+
+    def _take_parameters(self, start: int, last: int, stop: int) -> tuple[int, int]:
+        """Take the parameters from an offset on, as most messages before the first sample are some.
+
+        Return the offsets behind them, and of the last one, or `last` if there is none that can be read.
+        """
+        while self._data_start is None and start + FRONT < stop:
+            size, kind = HEAD.unpack_from(self._map, start)
+            end = start + FRONT + size
+            if kind != _PARAMETER or size < SMALLEST["P"] or end > stop:
+                break
+            try:
+                self._notes.take("P", self._map[start + FRONT : end], None)
+            except (ValueError, struct.error):
+                break
+            start, last = end, start
+        return start, last
 
     def _takes_front(self, messages: Messages, start: int, size: int) -> bool:
         """Take a message if it is one before the first sample that can be read, or that a message follows."""

@@ -182,8 +182,8 @@ class Formats:
         layout = found.layout
         self._count(len(found.definition))
         self._count(layout.size + layout.surplus)
-        # programs can change the names in a dtype
-        return found._replace(layout=layout._replace(dtype=np.dtype(layout.dtype, copy=True)))
+        # programs can change the names in a dtype; this copies it, which np.dtype(..., copy=True) does not
+        return found._replace(layout=layout._replace(dtype=layout.dtype.newbyteorder("|")))
 
     def _nested(self, name: str) -> tuple[_Named, ...]:
         """Return a format and those that it nests, none if they are long, not there, or cannot be read."""
