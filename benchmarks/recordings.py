@@ -2,6 +2,7 @@
 
     python benchmarks/run.py recordings            about two minutes;  docs/reading.md shows the tables
     python benchmarks/run.py recordings --quick    checks in a few seconds that it works
+    python benchmarks/recordings.py --ulog FILE    reads this ULog, too, beside generated ones: CPU times and goals
 
 The recordings have 18 topics at their real rates for 600 s: MCAP with each compression, a database of rosbag2, and a
 ULog. The floor only reads an MCAP file and decompresses its chunks. msggen gives arrays of all samples; the other
@@ -29,6 +30,7 @@ from flight import COMPRESSIONS, Topic, beginning, flight, write_db3, write_mcap
 from msggen import recordings
 from msggen.recordings.files.compression import decompress_into
 from tables import NONE, Table
+from ulogs import ulog_table, write_vehicle_log
 
 SECONDS = 600
 MCAP_HEAD = ["reader of MCAP", "zstd, ms", "lz4, ms", "none, ms", "zstd, times the floor", "zstd, CPU ms"]
@@ -287,15 +289,34 @@ def others_table(folder: str, topics: list[Topic], rounds: int) -> Table:
     return Table("other formats", OTHERS_HEAD, rows, notes=[f"the files: {sizes}", *_missing(ON_DB3 | ON_ULOG, best)])
 
 
+SAMPLES = {"generated, few samples": 5_000, "generated, more samples": 60_000}
+"""The generated logs of a vehicle, and the samples of all their topics."""
+
+
+def vehicle_table(folder: str, given: list[str], rounds: int) -> Table:
+    """Measure reading of ULogs with many topics: generated ones and those that were given."""
+    paths = {name: f"{folder}/{count}.ulg" for name, count in SAMPLES.items()}
+    for name, path in paths.items():
+        write_vehicle_log(path, SAMPLES[name])
+    return ulog_table({**paths, **{Path(path).name: path for path in given}}, ours, our_columns, pyulog, rounds)
+
+
 def main() -> None:
     """Measure and print tables, as Markdown if the output is not a terminal."""
     parser = argparse.ArgumentParser(description="Measure reading of recordings.")
     parser.add_argument("--quick", action="store_true", help="recordings of 10 s")
-    is_quick = parser.parse_args().quick
+    parser.add_argument("--ulog", metavar="FILE", action="append", default=[], help="read this ULog, and only ULogs")
+    options = parser.parse_args()
+    is_quick = options.quick
+    rounds = 3 if is_quick else 9
+    with tempfile.TemporaryDirectory() as folder:
+        vehicle_table(folder, options.ulog, rounds).print()
+    if options.ulog:
+        return
     topics = flight(10 if is_quick else SECONDS)
     for measure in (mcap_table, others_table):
         with tempfile.TemporaryDirectory() as folder:
-            measure(folder, topics, 3 if is_quick else 9).print()
+            measure(folder, topics, rounds).print()
 
 
 if __name__ == "__main__":

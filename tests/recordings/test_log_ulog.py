@@ -13,7 +13,7 @@ import pytest
 
 from msggen import recordings
 from msggen.recordings.decode.schemas import read_schema
-from msggen.recordings.files.ulog_formats import MESSAGES
+from msggen.recordings.files.ulog_formats import MESSAGES, Formats
 from msggen.recordings.log.origin import release_text
 from msggen.recordings.source.source import Dropout, Text
 from support.repository import DEFINITIONS, ROOT, SOME
@@ -403,3 +403,56 @@ def test_utc_comes_from_the_start_of_the_vehicle_first(tmp_path: Path) -> None:
 )
 def test_releases(number: int, release: str) -> None:
     assert release_text(number) == release
+
+
+def test_kept_formats_say_what_formats_say_that_are_read_anew(px4_types: Any) -> None:
+    formats = Formats()
+    texts: dict[str, str] = {}
+    for name in px4_types.msg.__all__:
+        info = getattr(px4_types, name).__msg__
+        texts |= formats_of(info.ros_type, info.definition)
+    for name, fields in texts.items():
+        formats.add(f"{name}:{fields}")
+    for name in texts:
+        for _ in range(2):
+            assert formats.described(name) == (formats.definition(name), formats.layout(name))
+
+
+def test_another_log_has_its_own_formats(tmp_path: Path) -> None:
+    for inner, size in [("float x", 4), ("double x", 8), ("float y", 4)]:
+        writer = UlogWriter()
+        writer.format("inner", inner)
+        writer.format("outer", "uint64_t timestamp;inner[2] items")
+        writer.subscribe(1, "outer")
+        writer.sample(1, bytes(8 + 2 * size))
+        with recordings.open(writer.write(tmp_path / "a.ulg")) as log:
+            array = log["outer"]
+            assert array.dtype["items"].base.names == (inner[-1],)
+            assert array.dtype.itemsize == 8 + 2 * size
+            array.dtype.names = ("a", "b")  # a program can do this
+        with recordings.open(tmp_path / "a.ulg") as log:
+            assert log["outer"].dtype.names == ("timestamp", "items")
+
+
+def test_parameters_change_at_the_latest_time_of_the_samples_before_them(tmp_path: Path) -> None:
+    random = chance(5)
+    writer = small()
+    writer.format("thing", "uint32_t x")
+    writer.subscribe(1, "thing")
+    expected, latest = [], 0
+    writer.sample(0, attitude(latest))
+    for index in range(500):
+        kind = random.randrange(5)
+        time = random.randrange(1_000_000)
+        if kind == 0:
+            writer.parameter("MC_P", index)
+            expected.append((latest * 1000, "MC_P", index))
+        elif kind == 1:
+            writer.sample(0, attitude(time)[:-2])  # left out
+        elif kind == 2:
+            writer.sample(1, bytes(4))  # without a time
+        else:
+            writer.sample(0, attitude(time))
+            latest = max(latest, time)
+    with recordings.open(writer.write(tmp_path / "a.ulg")) as log:
+        assert log.facts.changed_parameters == expected

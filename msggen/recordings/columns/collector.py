@@ -30,6 +30,9 @@ class Collector:
 
     def add(self, rows: Any, log_times: Any, publish_times: Any) -> None:
         """Add rows of `Decoder.rows` behind the others, with their times."""
+        if not self._room and len(rows) == self._least and self._size and rows.flags.owndata:
+            self._adopt(rows, log_times, publish_times)
+            return
         begin, end = self._count, self._count + len(rows)
         if end > self._room:
             self._grow(max(end, 2 * self._room, self._least), has_published=publish_times is not None)
@@ -57,6 +60,13 @@ class Collector:
             rows, times = rows[order], times[order]
             published = None if published is None else published[order]
         return Samples(self._topic.without_log, rows.view(self._dtype), times, published)
+
+    def _adopt(self, rows: Any, log_times: Any, publish_times: Any) -> None:
+        """Take rows that are new and all that are expected, without a copy. Times can be those of the file."""
+        self._rows = rows.view(np.uint8)
+        self._log_times = np.array(log_times)
+        self._publish_times = None if publish_times is None else np.array(publish_times)
+        self._room = self._count = len(rows)
 
     def _grow(self, count: int, *, has_published: bool) -> None:
         old, old_times, old_published, end = self._rows, self._log_times, self._publish_times, self._count

@@ -15,7 +15,7 @@ import numpy as np
 
 from msggen.base.recording_formats import FORMATS
 from msggen.recordings.files.mapped import MappedFile
-from msggen.recordings.files.ulog_formats import FORMAT, FRONT, NUMBERS, PAYLOAD, parse_fields
+from msggen.recordings.files.ulog_formats import FRONT, NUMBERS, PAYLOAD, is_format, parse_fields
 from msggen.recordings.files.ulog_messages import DATA, HEAD, SMALLEST, Messages, kinds_of, sizes_of
 from msggen.recordings.files.ulog_notes import LARGEST_TIME, Notes
 from msggen.recordings.files.ulog_topics import Subscribed, Topics
@@ -42,7 +42,7 @@ MAGIC = FORMATS["ulog"].front
 _HEADER = 16
 _FLAGS = struct.Struct("<8s8s3Q")
 _SUBSCRIPTION = struct.Struct("<BH")
-_FORMAT, _ADD, _REMOVE, _SYNC = b"FARS"
+_FORMAT, _ADD, _REMOVE, _SYNC, _PARAMETER = b"FARSP"
 _FIRST = frozenset(b"BFIMPQALC")
 """The kinds of messages before the first sample."""
 _TEXTS = frozenset(b"LC")
@@ -164,6 +164,7 @@ class UlogFile:
     def parts(self, channels: Collection[int], start: int = 0, stop: int = FOREVER) -> Iterator[Part]:
         """See Source.parts."""
         self._mapped.check()
+        file = self._file
         for window in self._windows:
             if window.last < start or window.first >= stop:
                 continue
@@ -173,8 +174,8 @@ class UlogFile:
                     chosen = (times >= start) & (times < stop)
                     starts, times = starts[chosen], times[chosen]
                 if len(starts):
-                    yield Part(number, self._file, starts + PAYLOAD, self._sizes_at(starts, number), times)
-            drop_pages(self._file)
+                    yield Part(number, file, starts + PAYLOAD, self._sizes_at(starts, number), times)
+            drop_pages(file)
 
     def times(self, channels: Collection[int]) -> Mapping[int, NDArray[np.int64]]:
         """See Source.times."""
@@ -247,6 +248,7 @@ class UlogFile:
         """Take the messages before the first sample one by one, and return where that is. Damage is skipped."""
         last = start
         while start < stop:
+            start, last = self._take_parameters(start, last, stop)
             size = messages.size_at(start, stop)
             if size and self._takes_front(messages, start, size):
                 start, last = start + size, start
@@ -262,6 +264,23 @@ class UlogFile:
             start = last = following
         return start
 
+    def _take_parameters(self, start: int, last: int, stop: int) -> tuple[int, int]:
+        """Take the parameters from an offset on, as most messages before the first sample are some.
+
+        Return the offsets behind them, and of the last one, or `last` if there is none that can be read.
+        """
+        while self._data_start is None and start + FRONT < stop:
+            size, kind = HEAD.unpack_from(self._map, start)
+            end = start + FRONT + size
+            if kind != _PARAMETER or size < SMALLEST["P"] or end > stop:
+                break
+            try:
+                self._notes.take("P", self._map[start + FRONT : end], None)
+            except (ValueError, struct.error):
+                break
+            start, last = end, start
+        return start, last
+
     def _takes_front(self, messages: Messages, start: int, size: int) -> bool:
         """Take a message if it is one before the first sample that can be read, or that a message follows."""
         kind = self._map[start + 2]
@@ -272,12 +291,12 @@ class UlogFile:
         except (ValueError, struct.error):
             return False
         end = start + size
-        is_format = kind != _FORMAT or FORMAT.fullmatch(self._map, start + FRONT, end)
-        return bool(is_format) or messages.is_sound(end, self._file.size)
+        is_whole = kind != _FORMAT or is_format(self._map[start + FRONT : end])
+        return is_whole or messages.is_sound(end, self._file.size)
 
     def _take_format(self, start: int, stop: int) -> None:
         """Take a format that ends elsewhere than its size says, if it is one."""
-        if self._map[start + 2] == _FORMAT and FORMAT.fullmatch(self._map, start + FRONT, stop):
+        if self._map[start + 2] == _FORMAT and is_format(self._map[start + FRONT : stop]):
             self._take_definition("F", self._map[start + FRONT : stop], start)
 
     # messages
@@ -293,13 +312,12 @@ class UlogFile:
             self._data_start = int(samples[0])
         for place in [*others[kinds == _FORMAT], *others[(kinds == _ADD) | (kinds == _REMOVE)]]:
             self._take_message(int(place))
-        timed = self._samples(samples, heads[is_sample])
+        timed, in_order = self._samples(samples, heads[is_sample])
         is_sync = (kinds == _SYNC) & (sizes_of(heads[~is_sample]) == SMALLEST["S"])
         others = others[(kinds != _FORMAT) & (kinds != _ADD) & (kinds != _REMOVE) & ~is_sync]
         if len(others):
-            places, times = _merged(timed.values())
-            latest = np.maximum.accumulate(np.append(self._last_time, times))
-            for place, time in zip(others.tolist(), latest[np.searchsorted(places, others)].tolist(), strict=True):
+            latest = np.maximum.accumulate(np.append(self._last_time, in_order))
+            for place, time in zip(others.tolist(), latest[np.searchsorted(samples, others)].tolist(), strict=True):
                 self._take_message(place, time)
         if timed:
             self._windows.append(self._window(timed))
@@ -357,8 +375,11 @@ class UlogFile:
         if self._unknown <= _MOST_UNKNOWN:
             self._report(f"a message of the unknown kind {kind!r}", place, size)
 
-    def _samples(self, samples: Places, heads: NDArray[np.uint64]) -> dict[int, Timed]:
-        """Return samples, which are in the order of the file, by channel. Those of a wrong size are left out."""
+    def _samples(self, samples: Places, heads: NDArray[np.uint64]) -> tuple[dict[int, Timed], NDArray[np.int64]]:
+        """Return samples, which are in the order of the file, by channel. Those of a wrong size are left out.
+
+        Return also the time of each sample in that order, 0 for those that are left out or have none.
+        """
         sizes = sizes_of(heads)
         found: dict[int, list[Places]] = defaultdict(list)
         for number, of_number in groups((heads >> np.uint64(24)).astype(np.uint16)):
@@ -369,6 +390,7 @@ class UlogFile:
         timed: dict[int, Timed] = {}
         without: dict[int, Places] = {}
         usual = self._usual_times(samples)
+        in_order = np.zeros(len(samples), np.int64)
         for channel, each in found.items():
             indices = each[0] if len(each) == 1 else np.sort(np.concatenate(each))
             starts = samples[indices]
@@ -378,14 +400,17 @@ class UlogFile:
                 timed[channel] = starts, self._times_at(starts, self._topics.clocks[channel])
             else:
                 without[channel] = starts
+            if channel in timed:
+                in_order[indices] = timed[channel][1]
         timed = self._in_time(timed)
+        in_order[in_order > max((int(times.max()) for _, times in timed.values()), default=0)] = 0
         if without:
             places, times = _merged(timed.values())
             times = np.append(self._windows[-1].time_at_end if self._windows else 0, times)
             timed |= {channel: (starts, times[np.searchsorted(places, starts)]) for channel, starts in without.items()}
         for channel, (starts, _) in timed.items():
             self._counts[channel] += len(starts)
-        return timed
+        return timed, in_order
 
     def _in_time(self, timed: dict[int, Timed]) -> dict[int, Timed]:
         """Return samples without those whose times are damaged: far later than most of them, and than all before."""

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import re
-from typing import Any, NamedTuple
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from msggen.recordings.source.rows import Layout, bools_at
 from msggen.recordings.source.source import SEPARATOR, RecordingError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
 
 FRONT = 3
 """The size of what is before the content of a message: its size and its kind."""
@@ -43,6 +47,10 @@ _LARGEST = (1 << 16) - 1 - 2
 _DEEPEST = 32
 _LARGEST_SUM = 2 << 20
 """The most bytes of the samples and the definitions of all topics of a log. Those of PX4 have some 100 kB."""
+_LONGEST_KEPT = 4096
+"""The longest formats that are kept for other logs, with what they nest. Those of PX4 are shorter."""
+_MOST_KEPT = 512
+"""How many are kept. PX4 has some 250 topics."""
 
 # Topics that are not named after their message, by message: the `# TOPICS` lines of PX4's definitions
 _OTHER_TOPICS = {
@@ -122,10 +130,26 @@ class _Block(NamedTuple):
         return np.dtype({"names": self.names, "formats": self.formats, "offsets": self.offsets, "itemsize": size})
 
 
-class Formats:
-    """The formats of a ULog by their names."""
+class Described(NamedTuple):
+    """What the format of a topic says, with those that it nests."""
 
-    def __init__(self) -> None:
+    definition: str
+    layout: Layout
+
+
+class _Named(NamedTuple):
+    """A format with the name of its message in ROS 2."""
+
+    name: str
+    text: str
+    message: str
+
+
+class Formats:
+    """The formats of a ULog by their names. `messages` are names of messages that do not follow from the formats."""
+
+    def __init__(self, messages: Mapping[str, str] = MESSAGES) -> None:
+        self._messages = messages
         self._texts: dict[str, str] = {}
         self._twins: dict[str, dict[int, set[str]]] = {}
         """The names of formats by their fields, then by their length."""
@@ -148,6 +172,35 @@ class Formats:
             self._twins[self._texts[name]][len(name)].discard(name)
         self._texts[name] = text = fields.strip(";")
         self._twins.setdefault(text, {}).setdefault(len(name), set()).add(name)
+
+    def described(self, name: str) -> Described:
+        """Return the definition and the layout of a topic. Raises FormatError."""
+        nested = self._nested(name)
+        if not nested:
+            return Described(self.definition(name), self.layout(name))
+        found = _described(nested)
+        layout = found.layout
+        self._count(len(found.definition))
+        self._count(layout.size + layout.surplus)
+        # programs can change the names in a dtype; this copies it, which np.dtype(..., copy=True) does not
+        return found._replace(layout=layout._replace(dtype=layout.dtype.newbyteorder("|")))
+
+    def _nested(self, name: str) -> tuple[_Named, ...]:
+        """Return a format and those that it nests, none if they are long, not there, or cannot be read."""
+        names = [name]
+        found = []
+        size = 0
+        for each in names:
+            text = self._texts.get(each)
+            size += len(each) + len(text or "")
+            if text is None or size > _LONGEST_KEPT:
+                return ()
+            found.append(_Named(each, text, self._message(each)))
+            try:
+                names += [other for other in _types_in(text) if other not in names]
+            except FormatError:
+                return ()
+        return tuple(found)
 
     def layout(self, name: str) -> Layout:
         """Return the layout of the samples of a topic. Padding at their end can be missing. Raises FormatError."""
@@ -217,8 +270,8 @@ class Formats:
         The format of a topic has the name of the topic. The table knows what message it is, or another format with
         the same fields and the front of the name: actuator_controls for actuator_controls_0.
         """
-        if name in MESSAGES:
-            return MESSAGES[name]
+        if name in self._messages:
+            return self._messages[name]
         twins = self._twins.get(self._texts.get(name, ""), {})
         ends = (each.start() for each in re.finditer("_", name))
         fronts = (name[:end] for end in ends if end in twins)
@@ -267,6 +320,32 @@ class Formats:
         code = np.dtype(_NUMBERS[field.type][0])
         mark = _FILL if field.is_padding else _BOOL if field.type == "bool" else _VALUE
         return code, mark * code.itemsize
+
+
+@lru_cache(_MOST_KEPT)
+def _described(nested: tuple[_Named, ...]) -> Described:
+    """Return the definition and the layout of the first of some formats. Raises FormatError."""
+    formats = Formats({each.name: each.message for each in nested})
+    for each in nested:
+        formats.add(f"{each.name}:{each.text}")
+    name = nested[0].name
+    return Described(formats.definition(name), formats.layout(name))
+
+
+@lru_cache(_MOST_KEPT)
+def _types_in(text: str) -> tuple[str, ...]:
+    """Return the formats that a short format nests. Raises FormatError."""
+    return tuple(dict.fromkeys(field.type for field in parse_fields(text) if field.type not in _NUMBERS))
+
+
+def is_format(data: bytes) -> bool:
+    """Whether this is the text of a whole format."""
+    return _is_short_format(data) if len(data) <= _LONGEST_KEPT else FORMAT.fullmatch(data) is not None
+
+
+@lru_cache(_MOST_KEPT)
+def _is_short_format(data: bytes) -> bool:
+    return FORMAT.fullmatch(data) is not None
 
 
 def parse_fields(text: str) -> list[_Field]:

@@ -212,6 +212,8 @@ class Messages:
         Where damage has the size of a message, that can end with any message behind it. The messages in it are those
         that follow a sample of a known topic, one after the other, exactly up to its end.
         """
+        if self._map.find(b"D", place + FRONT, stop) < 0:
+            return []
         seen: set[int] = set()
         for start in self._samples(place + 1, stop, stop):
             found: list[int] = []

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import struct
-from typing import TypeVar
+from functools import lru_cache
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -126,21 +127,39 @@ class Notes:
 
 def _is_printable(text: bytes) -> bool:
     try:
-        return all(each.isprintable() or each in _CONTROLS for each in text.decode())
+        decoded = text.decode()
     except UnicodeDecodeError:
         return False
+    return decoded.isprintable() or all(each.isprintable() or each in _CONTROLS for each in decoded)
+
+
+class _Key(NamedTuple):
+    """What is before the value of an information or a parameter: `float MPC_XY_P`, `char[3] sys_name`."""
+
+    name: str
+    type: str
+    number: struct.Struct | None
+    """How a single number is read, None for an array."""
+
+
+@lru_cache(4096)
+def _key_of(text: bytes) -> _Key:
+    """Return a key. Many logs have the same ones. Raises ValueError."""
+    type_, _, name = text.decode().partition(" ")
+    if not name:
+        raise ValueError(type_)
+    if "[" not in type_:
+        return _Key(name, type_, struct.Struct(f"<{_code(type_)}"))
+    return _Key(name, type_.partition("[")[0], None)
 
 
 def key_and_value(data: bytes) -> tuple[str, object]:
     """Return the name and the value of an information or a parameter. Raises ValueError, and struct.error."""
     end = 1 + data[0] if data else 0
-    type_, _, name = data[1:end].decode().partition(" ")
+    name, type_, number = _key_of(data[1:end])
     value = data[end:]
-    if not name:
-        raise ValueError(type_)
-    if "[" not in type_:
-        return name, struct.unpack(f"<{_code(type_)}", value)[0]
-    type_ = type_.partition("[")[0]
+    if number is not None:
+        return name, number.unpack(value)[0]
     if type_ == "char":
         return name, value.decode(errors="replace")
     if type_ == "uint8_t":

@@ -111,13 +111,15 @@ class Topics:
     def _model(self, name: str) -> Channel | FormatError:
         """Return the channel of a topic, without its number and instance."""
         try:
+            ros_type = self.formats.ros_type(name)
+            described = self.formats.described(name)
             return Channel(
                 number=-1,
                 topic=name,
-                ros_type=self.formats.ros_type(name),
-                definition=self.formats.definition(name),
+                ros_type=ros_type,
+                definition=described.definition,
                 encoding="ulog",
-                layout=self.formats.layout(name),
+                layout=described.layout,
             )
         except FormatError as error:
             return error
