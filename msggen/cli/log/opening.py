@@ -38,7 +38,7 @@ def opened(options: argparse.Namespace, path: str) -> Iterator[Log]:
         raise missing_extra(error, "recordings", "R102") from None
     try:
         with busy_bar(options, f"opening {path}"):
-            log = recordings.open(path)
+            log = recordings.open(path, keep_damaged=getattr(options, "keep_damaged", False))
     except RecordingError as error:
         raise input_error(path, "R102", _without_path(str(error), path), 0) from None
     except OSError as error:

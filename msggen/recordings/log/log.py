@@ -99,15 +99,12 @@ class Log:
         That is its first sample. A ULog, and an MCAP file made of one, have the time in the ULog's header: some samples
         are older, as they were published before, some with the time 0.
         """
-        start = self.facts.start
-        if start is not None and 0 < start <= self.end:
-            return start
-        return min((source.span[0] for source in self._sources if source.span), default=0)
+        return self._reader.start
 
     @property
     def end(self) -> int:
         """The log time of the last sample in ns, 0 without samples."""
-        return max((source.span[1] for source in self._sources if source.span), default=0)
+        return self._reader.end
 
     @property
     def duration(self) -> float:
@@ -351,12 +348,19 @@ class Log:
         return self._reader.payloads(chosen or self.topics, *self._limits(start, stop))
 
     def verify(self) -> Checksums:
-        """Compare the chunks of MCAP files with their checksums, and return how many have one.
+        """Compare all chunks and attachments of MCAP files with their checksums, and return how many chunks have one.
 
-        `problems` has those that differ. rosbag2 writes no checksums by default, and other formats have none. Reading
-        samples does not compare them, as that takes a quarter longer.
+        `problems` has those that differ. Reading compares only what it reads.
         """
         return self._reader.verify()
+
+    @property
+    def missing_checksums(self) -> int | None:
+        """How many chunks of MCAP files have no checksum, None for other formats, which have no checksums.
+
+        rosbag2 writes none by default. Values that were changed by damage cannot be found without them.
+        """
+        return self._reader.missing_checksums
 
     def attached(self) -> Iterator[Attached]:
         """Return the attachments and the metadata records of MCAP files."""
