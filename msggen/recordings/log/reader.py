@@ -64,6 +64,11 @@ class Reader:
         for file in self._files:
             file.close()
 
+    @property
+    def is_closed(self) -> bool:
+        """Whether the files are closed."""
+        return self._is_closed
+
     @cached_property
     def topics(self) -> tuple[Topic, ...]:
         """The topics, by name and instance."""
