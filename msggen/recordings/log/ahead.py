@@ -49,7 +49,7 @@ class Ahead:
         self._kept: dict[Key, Samples] = {}
 
     def take(self, topic: Topic) -> Samples | None:
-        """Return all samples of a topic if they are or were read ahead, otherwise None. They are not kept any longer."""
+        """Return all samples of a topic if they are or were read ahead, otherwise None, and forget them."""
         place = self._places.get(topic.key)
         if place is None:
             return None
