@@ -159,10 +159,18 @@ def test_info_tells_the_contents_of_mcap_and_verifies_them(here: Path, capsys: p
     assert found["checksums"] == {"compared": 1, "missing": 0}
     assert found["contents"] == {"chunks": 1, "compression": "none", "attachments": 1, "metadata": 1}
     assert found["problems"][0]["text"].startswith("a chunk does not match its CRC")
-    assert "size" not in found["problems"][0]  # its samples are read
-    assert run("repair", "more.mcap") == 0
+    assert found["problems"][0]["samples"] == 10  # they are left out
+    assert run("repair", "more.mcap") == 1
     output = capsys.readouterr()
-    assert output.err.startswith("more.mcap: a chunk does not match its CRC (at byte ")
+    text = (
+        "more.mcap: a chunk does not match its CRC and is left out, with samples of /a, from 0.000 to 9.000 s (at byte "
+    )
+    assert output.err.startswith(text)
+    assert run("repair", "more.mcap", "--keep-damaged") == 0
+    output = capsys.readouterr()
+    assert output.err.startswith(
+        "more.mcap: a chunk does not match its CRC and is read all the same, with samples of /a"
+    )
     assert "nothing is missing" not in output.out
     with (here / "bare.mcap").open("wb") as file:
         writer = McapWriter(file, enable_crcs=False)
@@ -170,6 +178,10 @@ def test_info_tells_the_contents_of_mcap_and_verifies_them(here: Path, capsys: p
         channel = writer.register_channel("/a", "cdr", writer.register_schema("a/msg/A", "ros2msg", b"uint64 number\n"))
         writer.add_message(channel, START, b"\0\1\0\0" + bytes(8), START)
         writer.finish()
+    assert run("info", "bare.mcap") == 0
+    assert re.search(
+        r"^checksums +none in 1 chunk: changed values are not noticed$", capsys.readouterr().out, re.MULTILINE
+    )
     assert run("info", "bare.mcap", "--verify") == 0
     assert re.search(r"^checksums +0 chunks compared, 1 without a checksum$", capsys.readouterr().out, re.MULTILINE)
     (here / "bag").mkdir()
@@ -547,9 +559,9 @@ def test_a_bar_shows_that_a_recording_is_read(
     words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
 
-    def opened(path: str, opens: Any = recordings.open) -> recordings.Log:
+    def opened(path: str, opens: Any = recordings.open, **options: bool) -> recordings.Log:
         sleep(0.3)
-        found: recordings.Log = opens(path)
+        found: recordings.Log = opens(path, **options)
         return found
 
     def times(topic: recordings.Topic, channels: Any, reads: Any = Reader._times) -> Any:

@@ -82,12 +82,16 @@ def _verify(log: Log) -> Checksums:
 
 
 def _rows_on_contents(log: Log, checksums: Checksums | None) -> Iterator[tuple[str, str]]:
-    """Yield the rows on checksums, if they were compared, and on problems."""
+    """Yield the rows on checksums, if they were compared or there are none, and on problems."""
     if checksums is not None and log.kind == "ulog":
         yield "checksums", "none in a ULog, which was read to its end"
-    elif checksums is not None:
+    elif checksums is not None and log.missing_checksums is not None:
         without = f", {checksums.missing} without a checksum" if checksums.missing else ""
         yield "checksums", f"{counted(checksums.compared, 'chunk')} compared{without}"
+    elif log.missing_checksums is None:
+        yield "checksums", "none: changed values are not noticed"
+    elif log.missing_checksums:
+        yield "checksums", f"none in {counted(log.missing_checksums, 'chunk')}: changed values are not noticed"
     if log.problems:
         yield "problems", counted(len(log.problems), "problem") + ", on stderr"
 
@@ -295,6 +299,7 @@ def _object(path: str, log: Log) -> dict[str, Any]:
         "commit": log.firmware.commit,
         "samples": sum(topic.count for topic in log.topics),
         "topics": objects_of(_COLUMNS, [_row(log, topic) for topic in log.topics]),
+        "missing_checksums": log.missing_checksums,
         "notes": log.notes,
         "problems": [problem_object(each) for each in log.problems],
     }

@@ -41,7 +41,8 @@ def opened(options: argparse.Namespace, path: str) -> Iterator[Log]:
         raise missing_extra(error, "recordings", "R102") from None
     try:
         with busy_bar(options, f"opening {path}"):
-            log = recordings.open(path, _nearby(options))
+            keeps = getattr(options, "keep_damaged", False)
+            log = recordings.open(path, _nearby(options), keep_damaged=keeps)
     except RecordingError as error:
         raise input_error(path, "R102", _without_path(str(error), path), 0) from None
     except OSError as error:

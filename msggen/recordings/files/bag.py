@@ -239,6 +239,11 @@ class PackedFile:
         """See Source.times."""
         return self._source.times(channels)
 
+    @property
+    def missing_checksums(self) -> int | None:
+        """See Source.missing_checksums."""
+        return self._source.missing_checksums
+
     def verify(self) -> Checksums:
         """See Source.verify."""
         return self._source.verify()

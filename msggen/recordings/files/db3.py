@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from msggen.recordings.files.compression import Room
 
 _TIMES = ("timestamp", "recv_timestamp")
 """The names of the column of log times."""
@@ -77,7 +76,7 @@ class Db3File:
     kind = "db3"
     notes: Sequence[str] = ()
 
-    def __init__(self, path: str, _: Room | None = None, *, by_statements: bool = False) -> None:
+    def __init__(self, path: str, *_: object, by_statements: bool = False) -> None:
         self.path = path
         self.problems: list[Problem] = []
         self._reported: set[Problem] = set()
@@ -134,6 +133,11 @@ class Db3File:
             return self._statements.count()
         except ERRORS:
             return None
+
+    @property
+    def missing_checksums(self) -> None:
+        """See Source.missing_checksums."""
+        return
 
     def verify(self) -> Checksums:
         """Do nothing: the format has no checksums."""

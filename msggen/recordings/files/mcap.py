@@ -8,10 +8,10 @@ from contextlib import closing
 from functools import cached_property
 from itertools import chain
 from typing import TYPE_CHECKING
-from zlib import crc32
 
 import numpy as np
 
+from msggen.recordings.files.checksums import Checks
 from msggen.recordings.files.compression import Room
 from msggen.recordings.files.mapped import MappedFile
 from msggen.recordings.files.mcap_channels import Described
@@ -33,7 +33,18 @@ from msggen.recordings.files.mcap_scan import scan
 from msggen.recordings.files.mcap_summary import read_summary
 from msggen.recordings.files.metadata import facts_of, notes_of
 from msggen.recordings.source.memory import drop_pages
-from msggen.recordings.source.source import FOREVER, Attached, Channel, Checksums, Facts, Part, Problem, RecordingError
+from msggen.recordings.source.source import (
+    FOREVER,
+    VERIFIED,
+    Attached,
+    Channel,
+    Checksums,
+    Facts,
+    Part,
+    Problem,
+    RecordingError,
+    Verification,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -51,10 +62,11 @@ class McapFile:
 
     kind = "mcap"
 
-    def __init__(self, path: str, room: Room | None = None) -> None:
+    def __init__(self, path: str, room: Room | None = None, verification: Verification = VERIFIED) -> None:
         self.path = path
         self.problems: list[Problem] = []
-        self._described = Described(self.problems)
+        self._checks = Checks(verification)
+        self._described = Described(self.problems, self._checks)
         self._regions: Sequence[Chunk | Loose] = ()
         self._span: tuple[int, int] | None = None
         self._times: Mapping[int, Sequence[NDArray[np.int64]]] = {}
@@ -102,16 +114,23 @@ class McapFile:
         """Close the file. Can be repeated."""
         self._mapped.close()
 
+    @property
+    def missing_checksums(self) -> int:
+        """How many chunks, and stretches of messages outside of chunks, have no checksum."""
+        return sum(isinstance(region, Loose) or not region.crc for region in self._regions)
+
     def verify(self) -> Checksums:
-        """Compare the chunks with their CRCs, and add those that differ to `problems`. Reads the whole file."""
+        """Compare the chunks and attachments with their CRCs, and add those that differ to `problems`."""
         self._mapped.check()
-        chunks = [region for region in self._regions if isinstance(region, Chunk) and region.crc]
+        chunks = [chunk for chunk in self._chunks if chunk.crc]
         for chunk in chunks:
-            data = records_of(self._file, chunk, self._described)
-            if data.size == chunk.size and crc32(data.data) != chunk.crc:
-                # its samples are read: which of its bytes are wrong is not known
-                self._described.report("a chunk does not match its CRC", chunk.start)
-        return Checksums(len(chunks), len(self._regions) - len(chunks))
+            if not self._checks.is_compared(chunk):
+                data = records_of(self._file, chunk, self._described)
+                if data.size == chunk.size and not self._checks.compare(chunk, data.data):
+                    self._described.report_damaged(self._file, chunk)
+        for _ in self.attached():
+            pass
+        return Checksums(len(chunks), self.missing_checksums)
 
     def attached(self) -> Iterator[Attached]:
         """See Source.attached."""
@@ -125,9 +144,13 @@ class McapFile:
                 self._described.report(f"{kind} is damaged", start, length)
                 continue
             crc = int.from_bytes(content[-CRC:], "little") if found.is_attachment else 0
-            if crc and crc32(content[:-CRC]) != crc:
-                self._described.report("an attachment does not match its CRC", start, length)
-            yield found
+            if self._checks.accepts(content[:-CRC], crc):
+                yield found
+            elif self._checks.leaves_out:
+                self._described.report("an attachment does not match its CRC and is left out", start, length)
+            else:
+                self._described.report("an attachment does not match its CRC", start)
+                yield found
 
     def parts(self, channels: Collection[int], start: int = 0, stop: int = FOREVER) -> Iterator[Part]:
         """See Source.parts."""
@@ -138,7 +161,8 @@ class McapFile:
             counts[part.channel] += len(part.starts)
             yield part
         if start <= 0 and stop >= FOREVER:
-            self._described.compare_counts(self._stated, {number: counts[number] for number in wanted})
+            found = {number: counts[number] + self._described.count_left_out(number) for number in wanted}
+            self._described.compare_counts(self._stated, found)
 
     def times(self, channels: Collection[int]) -> Mapping[int, NDArray[np.int64]]:
         """See Source.times."""
@@ -175,7 +199,7 @@ class McapFile:
     def _scan(self, room: Room, *, is_damaged: bool) -> None:
         """Search the file, which has no index of all its messages. If `is_damaged`, so may be the message indexes."""
         summarized = self._described.channels
-        self._described = Described(self.problems)
+        self._described = Described(self.problems, self._checks)
         self._regions, self._times, found = scan(self._file, self._described, summarized, room, is_damaged=is_damaged)
         self._stated = self._stated or found
         times = self.times(self.channels)
@@ -187,7 +211,7 @@ class McapFile:
             self._span = min(int(each.min()) for each in present), max(int(each.max()) for each in present)
 
     def _parts(self, wanted: set[int], start: int, stop: int) -> Iterator[Part]:
-        loader = Loader()  # one for each pass: passes take turns, or are in several threads
+        loader = Loader(self._checks)  # one for each pass: passes take turns, or are in several threads
 
         def load(group: Sequence[Chunk] | Loose) -> Loaded | None:
             if isinstance(group, Loose) or not all(chunk.indexes for chunk in group):
@@ -222,6 +246,7 @@ class McapFile:
                 region.last >= start
                 and region.first < stop
                 and not (region.indexes and wanted.isdisjoint(region.indexes))
+                and not self._checks.is_left_out(region)
             ):
                 group.append(region)
                 size += region.size

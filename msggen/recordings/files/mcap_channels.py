@@ -5,12 +5,27 @@ from __future__ import annotations
 import struct
 from typing import TYPE_CHECKING
 
-from msggen.recordings.files.mcap_records import CHANNEL, FRONT, LAST_OPCODE, METADATA, SCHEMA, bytes_at, text_at
+from msggen.base.diagnostics import few
+from msggen.recordings.files.checksums import Checks
+from msggen.recordings.files.mcap_records import (
+    CHANNEL,
+    ENTRY,
+    FRONT,
+    LAST_OPCODE,
+    METADATA,
+    SCHEMA,
+    Chunk,
+    bytes_at,
+    entries_of,
+    text_at,
+)
 from msggen.recordings.files.metadata import NAMES
-from msggen.recordings.source.source import Channel, Problem, RawSchema
+from msggen.recordings.source.source import VERIFIED, Channel, Problem, RawSchema
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+    from msggen.recordings.source.memory import Octets
 
 
 IS_LENT = "msggen.is_lent"
@@ -24,10 +39,13 @@ _NO_HASH = f"RIHS01_{'0' * 64}"
 class Described:
     """The schemas and channels that were read so far."""
 
-    def __init__(self, problems: list[Problem]) -> None:
+    def __init__(self, problems: list[Problem], checks: Checks | None = None) -> None:
+        self.checks = checks or Checks(VERIFIED)
         self.channels: dict[int, Channel] = {}
         self.lacks_schemas = False
         """Whether a channel came before its schema."""
+        self.lacks_channels = False
+        """Whether channels are still to be found, without which damaged chunks are not reported."""
         self.attached: list[tuple[int, int, int]] = []
         """The opcodes, the offsets and the lengths of attachments and metadata records."""
         self.metadata: dict[str, list[dict[str, str]]] = {}
@@ -37,10 +55,40 @@ class Described:
         """The schemas in ros2msg as text, which all channels share."""
         self._problems = problems
         self._reported = set(problems)
+        self._left_out: dict[int, Mapping[int, int]] = {}
+        """The number of messages of each channel in chunks that are left out, by the offsets of the chunks."""
 
     def report(self, text: str, offset: int | None = None, size: int = 0, samples: int = 0, topic: str = "") -> None:
         """Add a problem of the file, once."""
-        problem = Problem(text, offset, size, samples, topic)
+        self._add(Problem(text, offset, size, samples, topic))
+
+    def report_damaged(self, file: Octets, chunk: Chunk) -> None:
+        """Report a chunk that does not match its CRC, once, with its topics and times."""
+        if self.lacks_channels or chunk.start in self._left_out:
+            return
+        counts = {
+            number: entries.size // ENTRY
+            for number, offset in chunk.indexes.items()
+            if (entries := entries_of(file, number, offset)) is not None and number in self.channels
+        }
+        names = sorted({self.channels[number].topic for number, count in counts.items() if count})
+        topics = f", with samples of {few(names)}" if names else ""
+        is_lost = self.checks.leaves_out
+        self._left_out[chunk.start] = counts if is_lost else {}
+        size, samples = (chunk.length, sum(counts.values())) if is_lost else (0, 0)
+        effect = "left out" if is_lost else "read all the same"
+        span = (chunk.first, chunk.last) if chunk.first <= chunk.last else None
+        self._add(
+            Problem(
+                f"a chunk {self.checks.error_of(chunk)} and is {effect}{topics}", chunk.start, size, samples, span=span
+            )
+        )
+
+    def count_left_out(self, number: int) -> int:
+        """Return how many messages of a channel are in chunks that are left out, as far as they have an index."""
+        return sum(counts.get(number, 0) for counts in self._left_out.values())
+
+    def _add(self, problem: Problem) -> None:
         if problem not in self._reported:
             self._reported.add(problem)
             self._problems.append(problem)

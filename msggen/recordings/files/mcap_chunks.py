@@ -21,6 +21,7 @@ from msggen.recordings.source.memory import drop_pages, large_empty
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Sequence
 
+    from msggen.recordings.files.checksums import Checks
     from msggen.recordings.files.mcap_channels import Described
     from msggen.recordings.source.memory import Octets
 
@@ -41,20 +42,28 @@ class Loaded(NamedTuple):
 class Loader:
     """Memory for chunks: the pages of new memory take longer than the decompression of a few chunks."""
 
-    def __init__(self) -> None:
+    def __init__(self, checks: Checks) -> None:
+        self._checks = checks
         self._buffer: Octets = np.zeros(0, np.uint8)
         self._spare: Octets = np.zeros(0, np.uint8)
 
     def load(self, file: Octets, chunks: Sequence[Chunk]) -> Loaded | None:
-        """Return the records of chunks, None if one of them is damaged.
+        """Return the records of chunks, None if one of them is damaged or does not match its CRC.
 
         The buffer is valid until the second call from here on.
         """
         drop_pages(file)
         if any(chunk.records + chunk.stored > file.size for chunk in chunks):
             return None
-        if not any(chunk.kind for chunk in chunks):
-            return Loaded(file, [chunk.records for chunk in chunks])
+        return self._decompressed(file, chunks) if any(chunk.kind for chunk in chunks) else self._in_place(file, chunks)
+
+    def _in_place(self, file: Octets, chunks: Sequence[Chunk]) -> Loaded | None:
+        """Return the records of chunks without compression, where they are in the file."""
+        places = [(chunk, file[chunk.records : chunk.records + chunk.stored]) for chunk in chunks]
+        is_right = all(self._checks.passes(chunk, data) for chunk, data in places)
+        return Loaded(file, [chunk.records for chunk in chunks]) if is_right else None
+
+    def _decompressed(self, file: Octets, chunks: Sequence[Chunk]) -> Loaded | None:
         stops = list(accumulate(chunk.size for chunk in chunks))
         if stops[-1] > LARGEST or any(chunk.size > chunk.limit for chunk in chunks):
             return None
@@ -64,12 +73,15 @@ class Loader:
         buffer = self._buffer[: stops[-1]]
         bases = [0, *stops[:-1]]
         memory = buffer.data
-        try:
-            for chunk, base in zip(chunks, bases, strict=True):
-                data = file[chunk.records : chunk.records + chunk.stored]
-                decompress_into(chunk.kind, data, memory[base : base + chunk.size])
-        except CompressionError:
-            return None
+        for chunk, base in zip(chunks, bases, strict=True):
+            data = file[chunk.records : chunk.records + chunk.stored]
+            target = memory[base : base + chunk.size]
+            try:
+                decompress_into(chunk.kind, data, target)
+            except CompressionError:
+                return None
+            if not self._checks.passes(chunk, target):  # here, while they are in the cache of the processor
+                return None
         return Loaded(buffer, bases)
 
 
@@ -117,11 +129,15 @@ def limited(regions: Sequence[Chunk | Loose], room: Room, described: Described) 
 
 
 def records_of(file: Octets, chunk: Chunk, described: Described) -> Octets:
-    """Return the records of a chunk. Of a damaged one, those that can be read, and it is reported."""
+    """Return the records of a chunk.
+
+    A damaged one is reported. If it has a CRC and is to be left out, none of its records is returned, otherwise those
+    that can be read.
+    """
     drop_pages(file)
     data = file[chunk.records : chunk.records + chunk.stored]
     if not chunk.kind and data.size == chunk.size:
-        return data
+        return _checked(data, file, chunk, described)
     text = "is cut off"
     if data.size == chunk.stored:
         if chunk.size <= chunk.limit:
@@ -130,11 +146,23 @@ def records_of(file: Octets, chunk: Chunk, described: Described) -> Octets:
                 decompress_into(chunk.kind, data, found.data)
             except CompressionError as error:
                 text = f"is damaged: {error}"
+                if chunk.crc and described.checks.leaves_out:
+                    described.checks.fail(chunk, error)
+                    described.report_damaged(file, chunk)
+                    return data[:0]
             else:
-                return found
+                return _checked(found, file, chunk, described)
         else:
             text = f"has {chunk.size} bytes, more than {chunk.limit}"
     prefix = np.frombuffer(prefix_of(chunk.kind, data, min(chunk.size, chunk.limit)), np.uint8)
     text = f"a chunk {text}; {prefix.size} of its {chunk.size} bytes can be read"
     described.report(text, chunk.start, chunk.length)
     return prefix
+
+
+def _checked(data: Octets, file: Octets, chunk: Chunk, described: Described) -> Octets:
+    """Return the records of a chunk, none if they do not match its CRC and are left out. That is reported."""
+    if described.checks.passes(chunk, data.data):
+        return data
+    described.report_damaged(file, chunk)
+    return data[:0] if described.checks.leaves_out else data

@@ -69,10 +69,15 @@ def scan(
         described.report("the summary at the end is damaged or does not fit the file, which is searched instead")
     found = _Scan(file, described, uses_indexes=not is_damaged)
     regions = limited(found.regions(), room, described)
+    described.lacks_channels = True
     for region in regions:
         if isinstance(region, Chunk) and not (region.indexes and region.indexes.keys() <= described.channels.keys()):
             _take_channels(file, region, described)
     described.channels = {**summarized, **described.channels}
+    described.lacks_channels = False
+    for region in regions:
+        if isinstance(region, Chunk) and described.checks.error_of(region):
+            described.report_damaged(file, region)
     regions = [_trusted(region, described) for region in regions]
     times: dict[int, list[NDArray[np.int64]]] = defaultdict(list)
     for region in regions:

@@ -9,6 +9,7 @@ from msggen.recordings.files.mcap_records import (
     ATTACHMENT,
     CHUNK,
     CHUNK_INDEX,
+    CRC,
     ENTRY,
     FOOTER,
     FRONT,
@@ -51,7 +52,7 @@ def read_summary(data: memoryview, described: Described) -> Summary:
     size = len(data)
     if size < len(MAGIC) + _END or data[-len(MAGIC) :] != MAGIC:
         return Summary(None, {})
-    opcode, _, start_of_summary = struct.unpack_from("<BQQ", data, size - _END)
+    opcode, _, start_of_summary, _, crc = struct.unpack_from("<BQQQI", data, size - _END)
     if opcode != FOOTER or not len(MAGIC) <= start_of_summary < size - _END:
         return Summary(None, {}, is_damaged=opcode != FOOTER or start_of_summary != 0)
     chunks: list[Chunk] = []
@@ -74,8 +75,10 @@ def read_summary(data: memoryview, described: Described) -> Summary:
     index_count = sum(len(chunk.indexes) for chunk in chunks)
     if sum(index_sizes) != index_count * INDEX_FRONT + message_count * ENTRY:
         index_sizes = [0] * len(chunks)
+    is_right = described.checks.accepts(data[start_of_summary : size - len(MAGIC) - CRC], crc)
     is_whole = (
-        chunk_count == len(chunks)
+        is_right
+        and chunk_count == len(chunks)
         and message_count == sum(counts.values())
         and counts.keys() <= described.channels.keys()
         and not described.lacks_schemas
@@ -83,7 +86,7 @@ def read_summary(data: memoryview, described: Described) -> Summary:
     )
     if is_whole:
         return Summary(chunks, counts)
-    return Summary(None, counts, is_damaged=not _is_whole(data, start_of_summary))
+    return Summary(None, counts, is_damaged=not (is_right and _is_whole(data, start_of_summary)))
 
 
 def _is_whole(data: memoryview, start_of_summary: int) -> bool:

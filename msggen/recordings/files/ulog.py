@@ -36,7 +36,6 @@ from msggen.recordings.source.source import (
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from msggen.recordings.files.compression import Room
 
 MAGIC = FORMATS["ulog"].front
 _HEADER = 16
@@ -93,7 +92,7 @@ class UlogFile:
     kind = "ulog"
     notes: Sequence[str] = ()
 
-    def __init__(self, path: str, _: Room | None = None) -> None:
+    def __init__(self, path: str, *_: object) -> None:
         self.path = path
         self.problems: list[Problem] = []
         self._topics = Topics()
@@ -146,6 +145,11 @@ class UlogFile:
         if not self._windows:
             return None
         return min(each.first for each in self._windows), max(each.last for each in self._windows)
+
+    @property
+    def missing_checksums(self) -> None:
+        """See Source.missing_checksums."""
+        return
 
     def verify(self) -> Checksums:
         """Do nothing: the format has no checksums."""

@@ -14,6 +14,7 @@ from msggen.recordings.columns.collector import Collector
 from msggen.recordings.columns.samples import Samples
 from msggen.recordings.decode.decoder import Rows
 from msggen.recordings.definitions.lent import Lender, Nearby
+from msggen.recordings.log.ahead import Ahead, passes_over
 from msggen.recordings.log.origin import Firmware, firmware_of, gps_offset_of, utc_offset_of, vehicle_of
 from msggen.recordings.log.payloads import Sample
 from msggen.recordings.log.reader import Reader
@@ -56,6 +57,11 @@ __all__ = ["Key", "Log"]
 _PLAUSIBLE = 1e6
 """The largest time in s that may be behind a recording. Larger ones are in another unit, or since 1970."""
 
+_TIMES = 16
+"""The bytes of the two times of a sample."""
+_OBJECT = 8
+"""About how many times the size of its pointer an object has."""
+
 
 class Log:
     """A recording. `recordings.open` makes it; a `with` statement closes it.
@@ -79,6 +85,8 @@ class Log:
     def close(self) -> None:
         """Close the files. Arrays that were read stay valid, and reading further raises RecordingError."""
         self._reader.close()
+        if "_ahead" in self.__dict__:
+            self._ahead.clear()
 
     # what there is
 
@@ -99,15 +107,12 @@ class Log:
         That is its first sample. A ULog, and an MCAP file made of one, have the time in the ULog's header: some samples
         are older, as they were published before, some with the time 0.
         """
-        start = self.facts.start
-        if start is not None and 0 < start <= self.end:
-            return start
-        return min((source.span[0] for source in self._sources if source.span), default=0)
+        return self._reader.start
 
     @property
     def end(self) -> int:
         """The log time of the last sample in ns, 0 without samples."""
-        return max((source.span[1] for source in self._sources if source.span), default=0)
+        return self._reader.end
 
     @property
     def duration(self) -> float:
@@ -236,7 +241,10 @@ class Log:
         topic = self.topic(key, instance)
         if fields is not None:
             check_fields(self.dtype(topic), listed(fields))
-        return self.load([topic], start=start, stop=stop)[topic.key].choose(fields)
+        found = self._ahead.take(topic) if start is None and stop is None and not self._reader.is_closed else None
+        if found is None:
+            found = self.load([topic], start=start, stop=stop)[topic.key]
+        return found.choose(fields)
 
     def columns(  # noqa: PLR0913 - all but the key have defaults
         self,
@@ -334,6 +342,34 @@ class Log:
             own = np.array(times), None if published is None else np.array(published)  # they can be the file's
             yield Samples(topic.without_log, rows.view(self.dtype(topic)), *own)
 
+    def tables(
+        self,
+        topics: Iterable[Key | Topic] | None = None,
+        *,
+        start: float | None = None,
+        stop: float | None = None,
+        times: bool = False,
+    ) -> Iterator[tuple[Key, pa.Table]]:
+        """Yield the keys of several topics with their tables, as `table` returns them. Default: all topics.
+
+        A pass over the recording reads topics with 256 MB of samples together, or a larger topic. They are dropped once
+        their table is made.
+        """
+        for key, samples in self._in_passes(topics, start, stop):
+            yield key, samples.table(times=times)
+
+    def frames(
+        self,
+        topics: Iterable[Key | Topic] | None = None,
+        library: Literal["pandas", "polars"] = "pandas",
+        *,
+        start: float | None = None,
+        stop: float | None = None,
+    ) -> Iterator[tuple[Key, Any]]:
+        """Yield the keys of several topics with their data frames, as `frame` returns them, read as `tables` does."""
+        for key, samples in self._in_passes(topics, start, stop):
+            yield key, samples.frame(library)
+
     def payloads(
         self,
         topics: Iterable[Key | Topic] | None = None,
@@ -351,12 +387,19 @@ class Log:
         return self._reader.payloads(chosen or self.topics, *self._limits(start, stop))
 
     def verify(self) -> Checksums:
-        """Compare the chunks of MCAP files with their checksums, and return how many have one.
+        """Compare all chunks and attachments of MCAP files with their checksums, and return how many chunks have one.
 
-        `problems` has those that differ. rosbag2 writes no checksums by default, and other formats have none. Reading
-        samples does not compare them, as that takes a quarter longer.
+        `problems` has those that differ. Reading compares only what it reads.
         """
         return self._reader.verify()
+
+    @property
+    def missing_checksums(self) -> int | None:
+        """How many chunks of MCAP files have no checksum, None for other formats, which have no checksums.
+
+        rosbag2 writes none by default. Values that were changed by damage cannot be found without them.
+        """
+        return self._reader.missing_checksums
 
     def attached(self) -> Iterator[Attached]:
         """Return the attachments and the metadata records of MCAP files."""
@@ -475,6 +518,26 @@ class Log:
     def dtype(self, key: Key | Topic) -> np.dtype[Any]:
         """Return the dtype of the samples of a topic. Raises RecordingError."""
         return self._reader.decoder(self.topic(key)).dtype
+
+    @cached_property
+    def _ahead(self) -> Ahead:
+        """What a loop over the topics will ask for next."""
+        return Ahead([topic for topic in self.chosen(None) if topic.known_count != 0], self._size_of, self.load)
+
+    def _size_of(self, topic: Topic) -> int | None:
+        """Return about how many bytes the samples of a topic have as an array, None if their number is not known."""
+        dtype = self.dtype(topic)
+        size = dtype.itemsize * (_OBJECT if dtype.hasobject else 1) + _TIMES
+        return None if topic.known_count is None else topic.known_count * size
+
+    def _in_passes(
+        self, topics: Iterable[Key | Topic] | None, start: float | None, stop: float | None
+    ) -> Iterator[tuple[Key, Samples]]:
+        """Yield keys and samples of topics, read in as few passes as their sizes allow."""
+        for group in passes_over(self.chosen(topics), self._size_of):
+            loaded = self.load(group, start=start, stop=stop)
+            for key in list(loaded):
+                yield key, loaded.pop(key)
 
     def _named(self, topics: Iterable[Key | Topic], is_taken: Callable[[Topic], bool] = lambda _: True) -> list[Topic]:
         """Return topics by names and patterns, each once. Patterns take only topics for which `is_taken` is true."""

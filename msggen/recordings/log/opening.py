@@ -10,12 +10,22 @@ if TYPE_CHECKING:
     from msggen.recordings.log.log import Log
 
 
-def open_log(path: str | os.PathLike[str], definitions: Definitions | Nearby | None = None) -> Log:
+def open_log(
+    path: str | os.PathLike[str],
+    definitions: Definitions | Nearby | None = None,
+    *,
+    verify: bool = True,
+    keep_damaged: bool = False,
+) -> Log:
     """Return the recording at `path`: an MCAP file, a ULog, a db3 file or a folder of rosbag2.
 
     `definitions` are for topics that have none in the recording: a generated package, an embedded release such as
     "v1.17", or what else `msggen.read` takes. Without them, those of the embedded release that fits best are used.
-    `Log.notes` tells which. Raises RecordingError, InputError for `definitions`, and OSError.
+    `Log.notes` tells which.
+
+    Chunks and attachments of MCAP are compared with their checksums when they are read. Those that differ are reported
+    in `Log.problems` and left out; with `keep_damaged`, they are read all the same. `verify=False` does not compare
+    them. Raises RecordingError, InputError for `definitions`, and OSError.
     """
     try:
         import numpy  # noqa: F401, ICN001
@@ -26,10 +36,11 @@ def open_log(path: str | os.PathLike[str], definitions: Definitions | Nearby | N
     from msggen.recordings.definitions.lent import lender_of
     from msggen.recordings.files.opening import open_sources
     from msggen.recordings.log.log import Log
+    from msggen.recordings.source.source import Verification
 
     lender = None if definitions is None else lender_of(definitions)
     place = os.fsdecode(path)
-    return Log(open_sources(place), lender, place)
+    return Log(open_sources(place, Verification(verify, keep_damaged)), lender, place)
 
 
 open = open_log  # noqa: A001 - users write recordings.open

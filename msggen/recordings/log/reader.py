@@ -64,6 +64,11 @@ class Reader:
         for file in self._files:
             file.close()
 
+    @property
+    def is_closed(self) -> bool:
+        """Whether the files are closed."""
+        return self._is_closed
+
     @cached_property
     def topics(self) -> tuple[Topic, ...]:
         """The topics, by name and instance."""
@@ -88,6 +93,25 @@ class Reader:
     def lent(self) -> Lent:
         """The definitions of channels that have none."""
         return lend(self.sources, self._lender, self._files[0].check_open)
+
+    @property
+    def start(self) -> int:
+        """The log time in ns at which the recording starts, 0 without samples."""
+        start = self.facts.start
+        if start is not None and 0 < start <= self.end:
+            return start
+        return min((source.span[0] for source in self.sources if source.span), default=0)
+
+    @property
+    def end(self) -> int:
+        """The log time of the last sample in ns, 0 without samples."""
+        return max((source.span[1] for source in self.sources if source.span), default=0)
+
+    @property
+    def missing_checksums(self) -> int | None:
+        """How many chunks have no checksum, None if the format has no checksums."""
+        found = [each for each in (source.missing_checksums for source in self.sources) if each is not None]
+        return sum(found) if found else None
 
     @property
     def problems(self) -> list[Problem]:
@@ -239,7 +263,10 @@ class Reader:
             yield Problem(text, samples=count, topic=topic.name, instance=topic.instance)
 
     def _placed(self, source: Source, problem: Problem) -> Problem:
-        """Return a problem with the name of its file, if there are several and it has a place in one of them."""
+        """Return a problem with its times, and the name of its file if it has a place in one of several."""
+        if problem.span is not None:
+            first, last = ((time - self.start) / 1e9 for time in problem.span)
+            problem = problem._replace(text=f"{problem.text}, from {first:.3f} to {last:.3f} s")
         if problem.offset is None or len(self.sources) == 1:
             return problem
         return problem._replace(text=f"{os.path.basename(source.path)}: {problem.text}")

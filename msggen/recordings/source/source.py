@@ -44,6 +44,8 @@ class Problem(NamedTuple):
     """The number of the instance of `topic`."""
     path: str = ""
     """The recording, if there are several."""
+    span: tuple[int, int] | None = None
+    """The log times in ns from which to which samples are damaged, None if that is not known."""
 
 
 class RawSchema(NamedTuple):
@@ -113,6 +115,18 @@ class Part(NamedTuple):
     """The times at which they were published, None if the format does not have them."""
 
 
+class Verification(NamedTuple):
+    """What becomes of data with checksums."""
+
+    is_on: bool = True
+    """Whether checksums are compared when data is read."""
+    keeps_damaged: bool = False
+    """Whether data that does not match is read all the same. It is reported in any case."""
+
+
+VERIFIED = Verification()
+
+
 class Checksums(NamedTuple):
     """The chunks of a recording, and messages that are in no chunk: each stretch of them counts as one."""
 
@@ -171,6 +185,10 @@ class Source(Protocol):
 
     def times(self, channels: Collection[int]) -> Mapping[int, NDArray[np.int64]]:
         """Return the log times of all samples of `channels`, in the order of the file."""
+
+    @property
+    def missing_checksums(self) -> int | None:
+        """How many chunks have no checksum, None if the format has no checksums."""
 
     def verify(self) -> Checksums:
         """Add the chunks that differ from their checksums to `problems`, if the format has some. Reads all of them."""

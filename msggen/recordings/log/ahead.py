@@ -1,0 +1,71 @@
+"""Samples of several topics that are read in one pass, before each of them is asked for."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping, Sequence
+
+    from msggen.recordings.columns.samples import Samples
+    from msggen.recordings.topics.find import Key
+    from msggen.recordings.topics.topic import Topic
+
+BOUND = 256 << 20
+"""The bytes of samples that are read in a pass before they are asked for. A single topic can have more."""
+_RUN = 3
+"""How many topics in the order of `Log.keys` make a loop: the second one if it began with the first of all."""
+
+
+def passes_over(topics: Sequence[Topic], size_of: Callable[[Topic], int | None]) -> Iterator[list[Topic]]:
+    """Yield the topics of each pass: as many as have BOUND bytes together. One of an unknown size has its own."""
+    group: list[Topic] = []
+    total = 0
+    for topic in topics:
+        size = size_of(topic)
+        size = BOUND if size is None else size
+        if group and total + size > BOUND:
+            yield group
+            group, total = [], 0
+        group.append(topic)
+        total += size
+    if group:
+        yield group
+
+
+class Ahead:
+    """Reads the next topics if a program seems to read one after the other. Each is kept until it is asked for."""
+
+    def __init__(
+        self,
+        topics: Sequence[Topic],
+        size_of: Callable[[Topic], int | None],
+        load: Callable[[Sequence[Topic]], Mapping[Key, Samples]],
+    ) -> None:
+        self._topics, self._size_of, self._load = topics, size_of, load
+        self._places = {topic.key: place for place, topic in enumerate(topics)}
+        self._last = -1
+        self._run = 1
+        self._kept: dict[Key, Samples] = {}
+
+    def take(self, topic: Topic) -> Samples | None:
+        """Return all samples of a topic if they are or were read ahead, otherwise None, and forget them."""
+        place = self._places.get(topic.key)
+        if place is None:
+            return None
+        # nothing can be asked for before the first topic, so it counts as two
+        self._run = self._run + 1 if place == self._last + 1 else 1 + (place == 0)
+        self._last = place
+        kept = self._kept.pop(topic.key, None)
+        if kept is not None or self._run < _RUN:
+            return kept
+        self._kept.clear()  # they were skipped
+        group = next(passes_over(self._topics[place:], self._size_of))
+        loaded = dict(self._load(group))
+        found = loaded.pop(topic.key)
+        self._kept.update(loaded)
+        return found
+
+    def clear(self) -> None:
+        """Forget all samples."""
+        self._kept.clear()
