@@ -85,6 +85,14 @@ def test_a_line_without_an_event_near_it_is_kept(tmp_path: Path) -> None:
     assert [text for _, _, text in texts_of(log.write(tmp_path / "a.ulg"))] == [TEXTS[7][2], "lost"]
 
 
+def test_events_of_one_time_stay_in_the_order_of_the_file(tmp_path: Path) -> None:
+    log = EventLog(packed())
+    for number, arguments in ((5, b""), (1, b"\x02"), (1, b"\x03"), (1, b"\x04")):
+        log.event(number, 0, arguments)
+    texts = [text for _, _, text in texts_of(log.write(tmp_path / "a.ulg"))]
+    assert texts == [TEXTS[7][2], "Armed by stick gesture", "Armed by", "Armed by remote"]
+
+
 def test_tables_have_events_of_all_groups(tmp_path: Path) -> None:
     with recordings.open(write_events(tmp_path / "a.ulg")) as log:
         assert convert(log, str(tmp_path / "tables"), format="parquet").notes == [UNKNOWN]

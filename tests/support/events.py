@@ -58,7 +58,14 @@ METADATA: Mapping[str, Any] = {
             "namespace": "px4",
             "event_groups": {"default": {"events": EVENTS}},
             "enums": {
-                "reason_t": {"type": "int8_t", "entries": {"2": {"name": "stick", "description": "stick gesture"}}}
+                "reason_t": {
+                    "type": "int8_t",
+                    "entries": {
+                        "2": {"name": "stick", "description": "stick gesture"},
+                        "3": {"name": "generic", "description": ""},
+                        "4": {"name": "remote"},
+                    },
+                }
             },
         },
     },

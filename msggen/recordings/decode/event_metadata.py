@@ -160,7 +160,7 @@ def _enum(content: Mapping[str, Any]) -> Enum | None:
     for key, entry in _object(content.get("entries")).items():
         value, own = _number(key), _object(entry)
         if value is not None:
-            names[value] = _text(own.get("description")) or _text(own.get("name"))
+            names[value] = _text(own.get("description", own.get("name")))
     bits = struct.calcsize(_CODES[type_]) * 8 if content.get("is_bitfield") is True else 0
     return Enum(_CODES[type_], MappingProxyType(names), bits, _text(content.get("separator", "|")))
 

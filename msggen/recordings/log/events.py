@@ -54,7 +54,8 @@ def has_events(topic: Topic) -> bool:
 
 def read_events(topics: Iterable[Topic], read: Callable[[Topic], Samples], information: Mapping[str, object]) -> Events:
     """Return the events in some topics, by log time, with the metadata that a ULog has among its information."""
-    samples = sorted(each for topic in topics for each in _samples(read(topic)))
+    # those of one time stay in the order of the file
+    samples = sorted((each for topic in topics for each in _samples(read(topic))), key=lambda each: each.time)
     if not samples:
         return Events((), ())
     notes = []
