@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from pyarrow.parquet import read_table
 from pyulog import ULog
@@ -20,6 +21,7 @@ from msggen.recordings.convert import convert
 from msggen.recordings.decode import event_metadata
 from msggen.recordings.decode.event_text import LONGEST, fill, parse_template
 from msggen.recordings.log import events as log_events
+from msggen.recordings.log.plot import draw
 from support.events import METADATA, START, EventLog, packed, write_events
 
 TEXTS = [
@@ -136,6 +138,31 @@ def test_the_commands_show_events(tmp_path: Path) -> None:
     assert (shown.returncode, shown.stderr) == (0, f"{path}: {UNKNOWN}\n")
     made = json.loads(run_log("info", path, "--json").stdout)
     assert (made["texts"], made["events"], made["event_notes"]) == (9, 10, [UNKNOWN])
+
+
+def test_a_plot_marks_events(tmp_path: Path) -> None:
+    log = EventLog(packed())
+    for time in (0, 1_000_000, 2_000_000):
+        log.event(5, time, levels=0x66)
+    log.event(1, 1_500_000, b"\x02", levels=0x46)
+    log.event(0xABC, 1_600_000)
+    with recordings.open(log.write(tmp_path / "a.ulg")) as opened:
+        figure = draw(opened, ["event.event_sequence"], stop=1.9)
+    (axes,) = figure.axes
+    marks = [float(np.asarray(line.get_xdata())[0]) for line in axes.lines if line.get_label() == "_event"]
+    assert marks == [0.0, 1.0, 1.5]
+    assert [text.get_text() for text in axes.texts] == [TEXTS[7][2], TEXTS[7][2], TEXTS[0][2]]
+    assert axes.texts[0].get_color() != axes.texts[2].get_color()
+
+
+def test_a_plot_with_many_events_marks_warnings(tmp_path: Path) -> None:
+    log = EventLog(packed())
+    for index in range(20):
+        log.event(5, 1000 * index, levels=0x46 if index == 3 else 0x66)
+    with recordings.open(log.write(tmp_path / "a.ulg")) as opened:
+        figure = draw(opened, ["event.event_sequence"])
+    marks = [float(np.asarray(line.get_xdata())[0]) for line in figure.axes[0].lines if line.get_label() == "_event"]
+    assert marks == [0.003]
 
 
 def test_without_metadata_events_have_their_ids(tmp_path: Path) -> None:
