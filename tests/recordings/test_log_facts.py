@@ -18,9 +18,8 @@ from msggen.recordings.convert import convert, join
 from msggen.recordings.convert.facts import between, joined, shifted
 from msggen.recordings.convert.selection import Selection
 from msggen.recordings.files.metadata import LENT, facts_of, notes_of, records_of
-from msggen.recordings.files.ulog_notes import LEVELS
 from msggen.recordings.fleet.layout import date_of, vehicle_of
-from msggen.recordings.source.source import NO_FACTS, Dropout, Facts, Text
+from msggen.recordings.source.source import LEVELS, NO_FACTS, Dropout, Facts, Text
 from support.databases import Stored, write_database
 from support.flights import same_columns, write_flight
 from support.ulog import UTC, UlogWriter
@@ -37,7 +36,9 @@ times = st.integers(0, (1 << 63) - 1)
 values = st.text() | numbers | st.binary() | st.lists(numbers).map(tuple)
 parts = st.lists(st.lists(values, min_size=1), min_size=1)
 parameters = st.dictionaries(st.text(), numbers)
-texts = st.builds(Text, times, st.sampled_from([*LEVELS, "unknown"]), st.text(), st.none() | st.integers(0, 65535))
+texts = st.builds(
+    Text, times, st.sampled_from([*LEVELS, "unknown"]), st.text(), st.none() | st.integers(0, 65535), st.booleans()
+)
 facts = st.builds(
     Facts,
     parameters=parameters,

@@ -275,7 +275,10 @@ def test_what_a_log_has_beside_its_samples(tmp_path: Path) -> None:
         assert log.facts.default_parameters == {"MPC_XY_P": 0.25, "MPC_Z_P": 0.75}
         assert log.facts.airframe_defaults == {"MPC_Z_P": 1.75}
         assert list(log.facts.changed_parameters) == [(2_000_000, "MPC_XY_P", 1.5)]
-        assert list(log.texts) == [Text(1_500_000, "warning", "low battery"), Text(1_600_000, "info", "tagged", 3)]
+        assert list(log.texts) == [
+            Text(1_500_000, "warning", "low battery", is_event=True),
+            Text(1_600_000, "info", "tagged", 3),
+        ]
         assert list(log.dropouts) == [Dropout(2_000_000, 25_000_000)]
         assert log.information == {
             "sys_name": "PX4",

@@ -121,7 +121,9 @@ def _rows(path: str, log: Log) -> Iterator[tuple[str, str]]:
         facts = log.facts
         others = f", {len(facts.tuned)} not default" if facts.has_defaults else ""
         yield "parameters", f"{len(facts.parameters)}{others}, {len(_changed(facts))} changed later"
-        yield "texts", _texts([text.level for text in facts.texts])
+        yield "texts", _texts([text.level for text in log.texts])
+        if log.events:
+            yield "events", ", ".join([str(len(log.events)), *log.event_notes])
         if "hardfault_plain" in facts.information:
             yield "hard fault", "the firmware crashed before this log: --json prints hardfault_plain"
         yield "dropouts", _dropouts([each.duration / 1e9 for each in facts.dropouts])
@@ -312,7 +314,9 @@ def _object(path: str, log: Log) -> dict[str, Any]:
             "not_default": len(facts.tuned) if facts.has_defaults else None,
             "changed": len(_changed(facts)),
         }
-        made["texts"] = len(facts.texts)
+        made["texts"] = len(log.texts)
+        made["events"] = len(log.events)
+        made["event_notes"] = list(log.event_notes)
         made["dropouts"] = [
             {"time": (each.time - log.start) / 1e9, "duration": each.duration / 1e9} for each in facts.dropouts
         ]

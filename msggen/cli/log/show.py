@@ -89,6 +89,8 @@ def _show(options: argparse.Namespace) -> int:
         sys.stdout.flush()
         if topic and topic.is_lent:
             print_notes(options, log.notes)
+        if options.texts:
+            print_notes(options, log.event_notes)
         print_problems(options, log.problems)
         return DONE if found and not log.problems else FINDINGS
 

@@ -1,18 +1,20 @@
-"""What a ULog has beside its topics, as tables: its parameters, the lines of the vehicle's log, and its dropouts."""
+"""What a ULog has beside its topics, as tables: parameters, texts, events and dropouts."""
 
 from __future__ import annotations
 
+import json
+from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 from msggen.recordings.convert.facts import between
-from msggen.recordings.convert.names import DROPOUTS, PARAMETERS, TEXTS
+from msggen.recordings.convert.names import DROPOUTS, EVENTS, PARAMETERS, TEXTS
 from msggen.recordings.source.source import FOREVER
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from msggen.recordings.log.log import Log
-    from msggen.recordings.source.source import Facts
+    from msggen.recordings.source.source import Event, Facts, Text
 
 
 def fact_tables(log: Log, low: int, high: int) -> Iterator[tuple[str, Any]]:
@@ -23,7 +25,8 @@ def fact_tables(log: Log, low: int, high: int) -> Iterator[tuple[str, Any]]:
     facts = between(log.facts, low, high)
     for name, table in (
         (PARAMETERS, _parameters(log, between(log.facts, begin, high), begin)),
-        (TEXTS, _texts(log, facts)),
+        (TEXTS, _texts(log, [text for text in log.texts if low <= text.time < high])),
+        (EVENTS, _events(log, [event for event in log.events if low <= event.time < high])),
         (DROPOUTS, _dropouts(log, facts)),
     ):
         if len(table):
@@ -54,16 +57,43 @@ def _defaults(facts: Facts, known: Mapping[str, float], names: Sequence[str]) ->
     return pa.array([float(every[name]) if name in every else None for name in names], pa.float64())
 
 
-def _texts(log: Log, facts: Facts) -> Any:
+def _texts(log: Log, texts: Sequence[Text]) -> Any:
     import pyarrow as pa
 
     return _table(
         log,
-        [text.time for text in facts.texts],
-        level=pa.array([text.level for text in facts.texts], pa.string()),
-        text=pa.array([text.text for text in facts.texts], pa.string()),
-        tag=pa.array([text.tag for text in facts.texts], pa.int64()),
+        [text.time for text in texts],
+        level=pa.array([text.level for text in texts], pa.string()),
+        text=pa.array([text.text for text in texts], pa.string()),
+        tag=pa.array([text.tag for text in texts], pa.int64()),
     )
+
+
+def _events(log: Log, events: Sequence[Event]) -> Any:
+    """Return a table of events of all groups. What only metadata tells is NULL without it."""
+    import pyarrow as pa
+
+    def told(name: str) -> Any:
+        return pa.array([getattr(event, name) if event.group else None for event in events], pa.string())
+
+    return _table(
+        log,
+        [event.time for event in events],
+        id=pa.array([event.number for event in events], pa.uint32()),
+        sequence=pa.array([event.sequence for event in events], pa.uint16()),
+        level=pa.array([event.level for event in events], pa.string()),
+        external_level=pa.array([event.external_level for event in events], pa.string()),
+        text=pa.array([event.text for event in events], pa.string()),
+        name=told("name"),
+        group=told("group"),
+        description=told("description"),
+        arguments=pa.array([_json(event.arguments) if event.group else None for event in events], pa.string()),
+    )
+
+
+def _json(arguments: Mapping[str, int | float]) -> str:
+    """Return arguments as JSON. Numbers that are not finite are null, as everywhere."""
+    return json.dumps({name: value if isfinite(value) else None for name, value in arguments.items()})
 
 
 def _dropouts(log: Log, facts: Facts) -> Any:

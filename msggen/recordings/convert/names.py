@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
     from msggen.recordings.topics.topic import Topic
 
-PARAMETERS, TEXTS, DROPOUTS = "ulog_parameters", "ulog_texts", "ulog_dropouts"
-FACT_TABLES = (PARAMETERS, TEXTS, DROPOUTS)
+PARAMETERS, TEXTS, EVENTS, DROPOUTS = "ulog_parameters", "ulog_texts", "ulog_events", "ulog_dropouts"
+FACT_TABLES = (PARAMETERS, TEXTS, EVENTS, DROPOUTS)
 """The names of tables of what a ULog has beside its topics: no topic has one of them."""
 _STRANGE = re.compile(r"[^A-Za-z0-9_.-]")
 _PX4 = re.compile(r"(?:/(.+))?/fmu/(in|out)/([^/]+)")

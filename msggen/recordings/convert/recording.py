@@ -94,6 +94,8 @@ def write_contents(logs: Sequence[Log], path: str, selection: Selection, progres
     ]
     notes += [note for each in inputs if each.lent for note in each.log.notes]
     notes += channels.notes
+    if selection.topics is None:
+        notes += [note for each in inputs if each.log.kind == "ulog" for note in each.log.event_notes]
     return Contents(writer, [*(each for log in logs for each in log.problems), *channels.problems, *problems], notes)
 
 

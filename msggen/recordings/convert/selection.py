@@ -55,7 +55,7 @@ class Converted(NamedTuple):
     problems: Sequence[Problem]
     """What the recording has and what is not in the files."""
     notes: Sequence[str] = ()
-    """Where definitions are from that are not in the recording."""
+    """Where definitions are from that are not in the recording, and why events are not decoded."""
 
 
 class Share:

@@ -69,10 +69,10 @@ def write_tables(
         tables.flush()
     finally:
         tables.close()
-    facts = _written_facts(log, folder, format_, selection) if tables.rows else ()
+    facts = list(_written_facts(log, folder, format_, selection)) if tables.rows else []
     files = sorted([*tables.files, *facts])
     share.end()
-    notes = log.notes if any(topic.is_lent for topic in wanted) else ()
+    notes = [*(log.notes if any(topic.is_lent for topic in wanted) else ()), *(log.event_notes if facts else ())]
     return Converted(files, tables.rows, [*log.problems, *wide], notes)
 
 

@@ -41,7 +41,7 @@ def blocks_of_texts(
     """Yield the texts of a ULog as samples of /rosout."""
     low, high = selection.limits(log.start)
     by_size: dict[int, list[tuple[int, bytes]]] = defaultdict(list)
-    for text in log.facts.texts:
+    for text in log.texts:
         if low <= text.time < high:
             payload = _log_message(text, text.time + offset)
             by_size[len(payload)].append((text.time + offset, payload))

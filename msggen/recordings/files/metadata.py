@@ -10,8 +10,7 @@ import json
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from msggen.base.diagnostics import few
-from msggen.recordings.files.ulog_notes import LEVELS
-from msggen.recordings.source.source import NO_FACTS, Dropout, Facts, Text
+from msggen.recordings.source.source import LEVELS, NO_FACTS, Dropout, Facts, Text
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -41,7 +40,7 @@ def records_of(facts: Facts) -> Iterator[tuple[str, Mapping[str, str]]]:
         DEFAULTS: facts.default_parameters,
         AIRFRAME: facts.airframe_defaults,
         CHANGED: _numbered(changed),
-        TEXTS: _numbered(each._asdict() for each in facts.texts),
+        TEXTS: _numbered(map(_text_object, facts.texts)),
         DROPOUTS: _numbered(each._asdict() for each in facts.dropouts),
         TIME: {"start": facts.start, "boot": facts.boot},
     }
@@ -106,6 +105,11 @@ def _written(value: object) -> str:
     return json.dumps(value, ensure_ascii=False, default=_object)
 
 
+def _text_object(text: Text) -> dict[str, object]:
+    """Return a text as JSON has it: `is_event` only if it is true."""
+    return {name: value for name, value in text._asdict().items() if name != "is_event" or value}
+
+
 def _object(value: object) -> dict[str, str]:
     """Return what JSON does not have as an object. Raises TypeError."""
     if isinstance(value, bytes):
@@ -159,7 +163,8 @@ def _text(value: Any) -> Text:
     level = _string(value["level"])
     if level not in (*LEVELS, "unknown"):
         raise ValueError(level)
-    return Text(_time(value["time"]), level, _string(value["text"]), _time_or_none(value["tag"]))
+    is_event = value.get("is_event") is True
+    return Text(_time(value["time"]), level, _string(value["text"]), _time_or_none(value["tag"]), is_event)
 
 
 def _dropout(value: Any) -> Dropout:

@@ -8,11 +8,9 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from msggen.recordings.source.source import Dropout, Facts, Text
+from msggen.recordings.source.source import LEVELS, Dropout, Facts, Text
 
 _Kind = TypeVar("_Kind")
-LEVELS = ("emergency", "alert", "critical", "error", "warning", "notice", "info", "debug")
-"""The levels of texts, as in Linux (https://docs.px4.io/main/en/dev_log/ulog_file_format.html)."""
 LARGEST_TIME = ((1 << 62) - 1) // 1000
 """The largest time in us that is believed."""
 _CODES = {
@@ -116,7 +114,8 @@ class Notes:
             raise ValueError(text)  # a sample whose kind is damaged seems to be a text
         name = LEVELS[number] if is_known else "unknown"
         # PX4 puts a tab behind texts that it also sends as events
-        self._add(self._texts, Text(time, name, text.decode(errors="replace").removesuffix("\t"), tag))
+        line = text.decode(errors="replace")
+        self._add(self._texts, Text(time, name, line.removesuffix("\t"), tag, line.endswith("\t")))
 
     def _add(self, found: list[_Kind], each: _Kind) -> None:
         if len(found) < _MOST:

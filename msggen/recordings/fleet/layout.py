@@ -106,7 +106,7 @@ def date_of(log: Log, path: str) -> Dated:
         day = _day(log.start + offset) or _day(log.end + offset)  # a first sample can have the time 0
         if day:
             return Dated(day, "gps")
-    lines = (text.text for text in log.texts if text.text.startswith(_LOGGER))
+    lines = (text.text for text in log.facts.texts if text.text.startswith(_LOGGER))
     for name in (os.path.basename(path), os.path.basename(os.path.dirname(path)), *lines):
         day = day_in(name)
         if day:

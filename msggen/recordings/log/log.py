@@ -15,6 +15,7 @@ from msggen.recordings.columns.samples import Samples
 from msggen.recordings.decode.decoder import Rows
 from msggen.recordings.definitions.lent import Lender, Nearby
 from msggen.recordings.log.ahead import Ahead, passes_over
+from msggen.recordings.log.events import Events, has_events, read_events, with_events
 from msggen.recordings.log.origin import Firmware, firmware_of, gps_offset_of, utc_offset_of, vehicle_of
 from msggen.recordings.log.payloads import Sample
 from msggen.recordings.log.reader import Reader
@@ -24,6 +25,7 @@ from msggen.recordings.source.source import (
     Attached,
     Checksums,
     Dropout,
+    Event,
     Facts,
     Part,
     Problem,
@@ -144,10 +146,28 @@ class Log:
         """Information about the vehicle in a ULog, such as `sys_name` and `ver_sw`."""
         return self.facts.information
 
-    @property
+    @cached_property
     def texts(self) -> Sequence[Text]:
-        """The lines of the vehicle's log in a ULog."""
-        return self.facts.texts
+        """The lines of the vehicle's log in a ULog, and its events that users read. `facts` has the lines alone.
+
+        Events are read at the first use, before the log is closed.
+        """
+        return with_events(self.facts.texts, self.events)
+
+    @property
+    def events(self) -> Sequence[Event]:
+        """The events of the vehicle by log time, decoded with the metadata in a ULog."""
+        return self._decoded_events.events
+
+    @property
+    def event_notes(self) -> Sequence[str]:
+        """Why events are not decoded, a line each."""
+        return self._decoded_events.notes
+
+    @cached_property
+    def _decoded_events(self) -> Events:
+        topics = [topic for topic in self.topics if has_events(topic) and self._reader.can_decode(topic)]
+        return read_events(topics, self.samples, self.information)
 
     @property
     def dropouts(self) -> Sequence[Dropout]:

@@ -1,7 +1,7 @@
 """Pictures of recorded fields over time (matplotlib).
 
 Fields of one unit share a panel. Values with names are drawn as bands, a row for each name, and so are bools. The
-flight modes of the vehicle are the background of all panels.
+flight modes of the vehicle are the background of all panels, and its events are marked.
 """
 
 from __future__ import annotations
@@ -59,6 +59,12 @@ _LEGEND_ROW, _LEGEND_EDGE = 0.2, 0.3
 _DPI = PIXELS / 2 / _WIDTH
 _MOST_NAMES = 16
 """The changes of flight mode up to which each one has its name in the picture."""
+_MOST_EVENTS = 12
+"""The events up to which all are marked; of more, those that are warnings or worse."""
+_EVENT = 40
+"""The length of the text at a mark."""
+_CALM = ("notice", "info", "debug")
+"""The levels of events that are no warnings."""
 _LITERAL = {"text.parse_math": False, "text.usetex": False, "axes.formatter.use_mathtext": False}
 """Settings of matplotlib with which texts are drawn as they are: names may have `$` in them."""
 
@@ -127,6 +133,7 @@ def _drawn(series: Sequence[Series], title: str, low: float, modes: Series | Non
             _draw_lines(axes, panel)
         if modes is not None:
             _draw_modes(axes, modes, low, high, is_top=axes is every[0])
+    _draw_events(every, log, low, high)
     every[0].set_xlim(low, high)
     every[-1].set_xlabel("time since the start [s]")
     figure.suptitle(shown(title), fontsize="medium")
@@ -280,6 +287,24 @@ def _draw_modes(axes: Axes, modes: Series, low: float, high: float, *, is_top: b
         patches = [Patch(color=colour, alpha=0.25, label=name) for name, colour in colours.items()]
         names = [shown(name, LONGEST_VALUE) for name in colours]
         _add_legend(axes.figure, patches, names, loc="outside right upper", fontsize="x-small")
+
+
+def _draw_events(every: Sequence[Axes], log: Log, low: float, high: float) -> None:
+    """Mark the decoded events that users read in all panels, with their texts in the lowest one."""
+    seconds = ((event, (event.time - log.start) / 1e9) for event in log.events if event.is_text and event.group)
+    found = [(event, time) for event, time in seconds if low <= time <= high]
+    if len(found) > _MOST_EVENTS:
+        found = [(event, time) for event, time in found if event.level not in _CALM]
+    for event, time in found:
+        colour = "0.35" if event.level in _CALM else "C3"
+        for axes in every:
+            axes.axvline(time, color=colour, lw=0.7, ls=":", label="_event")
+        if len(found) <= _MOST_EVENTS:
+            axes = every[-1]
+            style: dict[str, Any] = {"rotation": 90, "fontsize": "x-small", "color": colour, "clip_on": True}
+            place = axes.get_xaxis_transform()
+            side = "left" if time < (low + high) / 2 else "right"  # so that no text is behind an edge
+            axes.text(time, 0.02, shown(event.text, _EVENT), transform=place, ha=side, va="bottom", **style)
 
 
 def _colours(modes: Series) -> Mapping[str, Any]:

@@ -200,6 +200,10 @@ class Source(Protocol):
         """Close the file. Can be repeated."""
 
 
+LEVELS = ("emergency", "alert", "critical", "error", "warning", "notice", "info", "debug")
+"""The levels of texts, as in Linux (https://docs.px4.io/main/en/dev_log/ulog_file_format.html)."""
+
+
 class Text(NamedTuple):
     """A line of a vehicle's log."""
 
@@ -209,6 +213,37 @@ class Text(NamedTuple):
     """`emergency`, `alert`, `critical`, `error`, `warning`, `notice`, `info`, `debug`, or `unknown`."""
     text: str
     tag: int | None = None
+    is_event: bool = False
+    """Whether it is an event, or a line that the vehicle also sent as one."""
+
+
+class Event(NamedTuple):
+    """An event of PX4: what happened, in words. Without metadata, it has no name, group, description and arguments."""
+
+    time: int
+    """In ns, as log times are."""
+    number: int
+    """The number of its definition in the metadata (`id` in Event.msg)."""
+    sequence: int
+    """The number of the event: the vehicle counts up, so that a gap is a lost event."""
+    level: str
+    """The level in the vehicle's log: as that of a text, or `protocol` or `disabled`, which are not for users."""
+    external_level: str
+    """The level for ground stations and other programs."""
+    text: str
+    """What it says, `event 0x0112abcd` without metadata."""
+    name: str = ""
+    """The name in the metadata: `commander_armed_by`."""
+    group: str = ""
+    """`default` for what a user reads, `arming_check`, `health`, `calibration`."""
+    description: str = ""
+    """More about it, such as what to do."""
+    arguments: Mapping[str, int | float] = MappingProxyType({})
+
+    @property
+    def is_text(self) -> bool:
+        """Whether it is among the texts of the log: those of other groups are reports for ground stations."""
+        return self.level in LEVELS and self.group in ("", "default")
 
 
 class Dropout(NamedTuple):
