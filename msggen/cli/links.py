@@ -161,8 +161,10 @@ def _stop(options: argparse.Namespace) -> int:
     from msggen.live.links.owners import stop
 
     place = _place_to_stop(options)
+    address = next((each.state.get("address", "") for each in _running() if each.place == place), "")
     try:
         stop(place)
+        print(f"{address or place.name} is closed")
     except LinkError as error:
         raise input_error(place.name, "L102", for_people(error), 0) from None
     return DONE

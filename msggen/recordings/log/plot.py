@@ -10,7 +10,7 @@ import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from io import BytesIO
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -85,6 +85,25 @@ def draw(
     return draw_series(log, series, start=start, stop=stop, figure=figure)
 
 
+class Mark(NamedTuple):
+    """An event, at a time in s after the start."""
+
+    time: float
+    text: str
+    is_calm: bool
+    """Whether it is no warning and no error."""
+
+
+class Background(NamedTuple):
+    """What is drawn behind fields: flight modes, and events."""
+
+    modes: Series | None = None
+    marks: Sequence[Mark] = ()
+
+
+NOTHING = Background()
+
+
 def draw_series(
     log: Log,
     series: Iterable[Series],
@@ -95,7 +114,14 @@ def draw_series(
 ) -> Figure:
     """Draw fields that `read_series` has read of a recording for the same time. See `draw`."""
     title = os.path.basename(os.path.abspath(log.path))
-    return draw_panels(list(series), title, start=start, modes=read_modes(log, start=start, stop=stop), figure=figure)
+    background = Background(read_modes(log, start=start, stop=stop), _marks(log))
+    return draw_panels(list(series), title, start=start, background=background, figure=figure)
+
+
+def _marks(log: Log) -> list[Mark]:
+    """Return the decoded events that users read."""
+    found = [event for event in log.events if event.is_text and event.group]
+    return [Mark((event.time - log.start) / 1e9, event.text, event.level in _CALM) for event in found]
 
 
 def draw_panels(
@@ -103,18 +129,19 @@ def draw_panels(
     title: str,
     *,
     start: float | None = None,
-    modes: Series | None = None,
+    background: Background = NOTHING,
     figure: Figure | None = None,
 ) -> Figure:
-    """Draw fields over time from `start` on, with flight modes as the background. See `draw`."""
+    """Draw fields over time from `start` on. See `draw`."""
     import matplotlib as mpl
     from matplotlib.figure import Figure as NewFigure
 
     with mpl.rc_context(_LITERAL):  # each text takes it over when it is made
-        return _drawn(series, title, start or _begin_of(series), modes, figure or NewFigure())
+        low = start or _begin_of(series)
+        return _drawn(series, title, low, background, figure or NewFigure())
 
 
-def _drawn(series: Sequence[Series], title: str, low: float, modes: Series | None, figure: Figure) -> Figure:
+def _drawn(series: Sequence[Series], title: str, low: float, background: Background, figure: Figure) -> Figure:
     """Draw fields into a figure, and return it."""
     panels = panels_of([each.since(low) for each in series])
     heights = [_height(panel) for panel in panels]
@@ -123,7 +150,7 @@ def _drawn(series: Sequence[Series], title: str, low: float, modes: Series | Non
     figure.set_layout_engine("constrained")
     grid = figure.subplots(len(panels), 1, sharex=True, squeeze=False, gridspec_kw={"height_ratios": heights})
     every: list[Axes] = list(grid[:, 0])
-    modes = modes and modes.since(low)
+    modes = background.modes and background.modes.since(low)
     high = max(each.end for each in series)
     high = high if high > low else low + 1.0
     for axes, panel in zip(every, panels, strict=True):
@@ -133,7 +160,7 @@ def _drawn(series: Sequence[Series], title: str, low: float, modes: Series | Non
             _draw_lines(axes, panel)
         if modes is not None:
             _draw_modes(axes, modes, low, high, is_top=axes is every[0])
-    _draw_events(every, log, low, high)
+    _draw_marks(every, [mark for mark in background.marks if low <= mark.time <= high], middle=(low + high) / 2)
     every[0].set_xlim(low, high)
     every[-1].set_xlabel("time since the start [s]")
     figure.suptitle(shown(title), fontsize="medium")
@@ -289,22 +316,19 @@ def _draw_modes(axes: Axes, modes: Series, low: float, high: float, *, is_top: b
         _add_legend(axes.figure, patches, names, loc="outside right upper", fontsize="x-small")
 
 
-def _draw_events(every: Sequence[Axes], log: Log, low: float, high: float) -> None:
-    """Mark the decoded events that users read in all panels, with their texts in the lowest one."""
-    seconds = ((event, (event.time - log.start) / 1e9) for event in log.events if event.is_text and event.group)
-    found = [(event, time) for event, time in seconds if low <= time <= high]
-    if len(found) > _MOST_EVENTS:
-        found = [(event, time) for event, time in found if event.level not in _CALM]
-    for event, time in found:
-        colour = "0.35" if event.level in _CALM else "C3"
+def _draw_marks(every: Sequence[Axes], marks: Sequence[Mark], middle: float) -> None:
+    """Draw events in all panels, with their texts in the lowest one. Of many, only those that are not calm."""
+    found = marks if len(marks) <= _MOST_EVENTS else [mark for mark in marks if not mark.is_calm]
+    for mark in found:
+        colour = "0.35" if mark.is_calm else "C3"
         for axes in every:
-            axes.axvline(time, color=colour, lw=0.7, ls=":", label="_event")
+            axes.axvline(mark.time, color=colour, lw=0.7, ls=":", label="_event")
         if len(found) <= _MOST_EVENTS:
             axes = every[-1]
             style: dict[str, Any] = {"rotation": 90, "fontsize": "x-small", "color": colour, "clip_on": True}
             place = axes.get_xaxis_transform()
-            side = "left" if time < (low + high) / 2 else "right"  # so that no text is behind an edge
-            axes.text(time, 0.02, shown(event.text, _EVENT), transform=place, ha=side, va="bottom", **style)
+            side = "left" if mark.time < middle else "right"  # so that no text is behind an edge
+            axes.text(mark.time, 0.02, shown(mark.text, _EVENT), transform=place, ha=side, va="bottom", **style)
 
 
 def _colours(modes: Series) -> Mapping[str, Any]:
