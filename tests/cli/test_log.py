@@ -559,10 +559,11 @@ def test_a_bar_shows_that_a_recording_is_read(
     words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
 
-    def opened(path: str, opens: Any = recordings.open, **options: bool) -> recordings.Log:
+    opens = recordings.open
+
+    def opened(*arguments: Any, **options: bool) -> recordings.Log:
         sleep(0.3)
-        found: recordings.Log = opens(path, **options)
-        return found
+        return opens(*arguments, **options)
 
     def times(topic: recordings.Topic, channels: Any, reads: Any = Reader._times) -> Any:
         sleep(0.3)

@@ -262,16 +262,21 @@ def test_what_no_list_names_is_built_for_no_board(firmware: Path) -> None:
 # Messages to the user
 
 
+def without_unbridged(text: str) -> str:
+    """Return what a command tells without the note about messages that have no topic of the bridge."""
+    return "".join(line for line in text.splitlines(keepends=True) if ": Y206 note: " not in line)
+
+
 def test_conditional_messages_are_named_in_one_note(firmware: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["build", "--px4", "firmware", "-o", "out", "--strict"]) == DONE
-    assert capsys.readouterr().err == (
+    assert without_unbridged(capsys.readouterr().err) == (
         "firmware/msg/CMakeLists.txt:4:27: M407 note: 3 messages built only for some boards: "
         "Target, TargetPart with CONFIG_MODULES_TARGET; Traffic with CONFIG_TRAFFIC; "
         "ORB ids and object ids of publications depend on the board, name it with --board\n"
     )
     assert main(["build", "--px4", "firmware", "-o", "out", "--board", "vendor_model"]) == DONE
     assert main(["sync", "-q", "--px4", "firmware", "--create", "px4_msgs"]) == DONE
-    assert not capsys.readouterr().err
+    assert not without_unbridged(capsys.readouterr().err)
     more = "".join(f" More{letter}.msg" for letter in "ABCDEF")
     write_definitions(firmware, {f"msg/{name}": STAMP for name in more.split()})
     (firmware / "msg" / "CMakeLists.txt").write_text(
@@ -370,7 +375,7 @@ def test_what_a_board_does_not_build_cannot_be_used(firmware: Path, capsys: pyte
     assert main([*command, "vendor_model"]) == DONE
     assert main([*command, "vendor_model_small"]) == FAILED
     reason = "not built for vendor_model_small, needs CONFIG_MODULES_TARGET"
-    assert capsys.readouterr().err.splitlines() == [
+    assert without_unbridged(capsys.readouterr().err).splitlines() == [
         f"firmware/msg/Always.msg:2:1: M301 unknown type 'TargetPart': {reason}",
         f"firmware/{bridge}:8:11: Y201 no message defines the type 'px4_msgs::msg::Target': {reason}",
         "2 errors, nothing written",
