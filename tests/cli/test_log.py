@@ -559,9 +559,9 @@ def test_a_bar_shows_that_a_recording_is_read(
     words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
 
-    opens = recordings.open
+    opens: Any = recordings.open
 
-    def opened(*arguments: Any, **options: bool) -> recordings.Log:
+    def opened(*arguments: Any, **options: Any) -> Any:
         sleep(0.3)
         return opens(*arguments, **options)
 
