@@ -19,12 +19,7 @@ def unbridged(catalog: Catalog) -> Iterator[Diagnostic]:
     own = [each for each in catalog.uorb_messages if f"{each.name}.msg" not in released]
     if not own:
         return
-    nested = {
-        catalog.nested(outer, field.type).key
-        for outer in catalog.messages.values()
-        for field in outer.fields
-        if not field.type.is_primitive
-    }
+    nested = {inner.key for outer in catalog.messages.values() for inner in catalog.nested_all(outer)}
     bridged = {entry.message_name for entry in catalog.bridge}
     names = [each.name for each in own if each.name not in bridged and each.key not in nested]
     if names:

@@ -23,7 +23,6 @@ from typing import Any, TypeAlias
 
 import pytest
 
-from msggen.check.finding import Report
 from msggen.cli import main
 from msggen.doctor.agents import is_agent, namespaces_in
 from msggen.doctor.case import Case
@@ -36,11 +35,11 @@ from msggen.live.links.address import parse_address
 from msggen.live.links.places import CAN_SHARE
 from msggen.live.links.udp import UdpLink
 from msggen.live.sim import Misbehaviour, Options, Simulator
-from msggen.live.vehicle.selection import Selection
 from msggen.sources.catalog import read_catalog
 from msggen.sources.sources import find_sources
 from support.dds_vehicle import domains, vehicle
 from support.faults import rules_of
+from support.findings import ids, judged, texts
 from support.link_records import Records, nothing_is_left
 from support.ports import free_port
 from support.repository import ROOT
@@ -99,20 +98,6 @@ def expected(px4_types: Any) -> Expected:
 def looked_at(url: str, seconds: float = 1.0, wait: float = 20.0, allow: Sequence[str] = ()) -> Observation:
     """Return what the doctor sees."""
     return observe(parse_address(url), Plan(seconds, wait, allow))
-
-
-def judged(seen: Observation, expected: Expected, *wanted: str, **selection: Any) -> Report:
-    """Return the findings in what was seen."""
-    case = Case(seen, dict.fromkeys((each.remote.number for each in seen.vehicles), expected), wanted)
-    return diagnose(case._replace(selection=Selection(**selection)))
-
-
-def ids(report: Report) -> list[str]:
-    return [finding.rule.id for finding in report.findings]
-
-
-def texts(report: Report) -> str:
-    return "\n".join(finding.change.message for finding in report.findings)
 
 
 # --- vehicles

@@ -19,11 +19,8 @@ from typing import Any, TypeAlias
 
 import pytest
 
-from msggen.check.finding import Report
 from msggen.cli import main
-from msggen.doctor.case import Case
 from msggen.doctor.decoding import decoded
-from msggen.doctor.diagnose import diagnose
 from msggen.doctor.examples import STEERED
 from msggen.doctor.expected import Expected, expected_of
 from msggen.doctor.observation import Observation, SampleSeen
@@ -32,10 +29,10 @@ from msggen.live import Vehicle
 from msggen.live.links.address import parse_address
 from msggen.live.links.places import CAN_SHARE
 from msggen.live.sim import Misbehaviour, Options, Simulator
-from msggen.live.vehicle.selection import Selection
 from support.dds_vehicle import domains
 from support.dds_vehicle import vehicle as dds_vehicle
 from support.faults import rules_of
+from support.findings import ids, judged, texts
 from support.link_records import nothing_is_left
 from support.ports import free_port
 from support.repository import ROOT
@@ -209,20 +206,6 @@ STATE: dict[str, Program] = {
     "failsafe": flying,
 }  # fmt: skip
 UNPLACED = {"no position", "checks"}
-
-
-def judged(seen: Observation, expected: Expected, *wanted: str, **selection: Any) -> Report:
-    """Return the findings in what was seen."""
-    case = Case(seen, dict.fromkeys((each.remote.number for each in seen.vehicles), expected), wanted)
-    return diagnose(case._replace(selection=Selection(**selection)))
-
-
-def ids(report: Report) -> list[str]:
-    return [finding.rule.id for finding in report.findings]
-
-
-def texts(report: Report) -> str:
-    return "\n".join(finding.change.message for finding in report.findings)
 
 
 def looked_at(url: str, package: Any, seconds: float = SECONDS) -> Observation:

@@ -102,6 +102,20 @@ def test_few_findings_have_a_line_each() -> None:
     assert [line(each) for each in found] == [each for each in text.splitlines() if each.startswith("msg/")]
 
 
+def test_names_cannot_steer_a_terminal() -> None:
+    odd = Change("A\x1b[31m", "changed", Location("msg/A.msg", 1, 1))
+    rule = Rule("TOPIC_MOVED", "", Category.TOPIC, lambda _: (), "")
+    text = shown(Report("old", "new", (), (Finding(rule, odd),) * 20, 1, "new breaks old"))
+    assert "\x1b" not in text
+
+
+def test_findings_without_names_say_what_they_find() -> None:
+    rule = Rule("TOPIC_MOVED", "", Category.TOPIC, lambda _: (), "")
+    found = tuple(Finding(rule, Change("/a", f"moved {number}", Location("x.yaml"))) for number in range(20))
+    text = shown(Report("old", "new", (), found, 1, "new breaks old"))
+    assert all(f"TOPIC_MOVED moved {number}" in text for number in range(20))
+
+
 @pytest.mark.parametrize("text", ["<b>", "a|b", "`x`", "*x*", "[x](http://y)", "@someone", "~~x~~", "_x_", "&amp;"])
 def test_names_are_no_markdown(text: str) -> None:
     markdown_it = pytest.importorskip("markdown_it")

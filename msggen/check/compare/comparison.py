@@ -7,7 +7,7 @@ renamed fields, and by the rules about tags.
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -279,7 +279,7 @@ class Comparison:
         found: dict[str, dict[str, None]] = {}
         for side in (self.previous, self.current):
             for endpoint in endpoints(side.catalog):
-                for message in _with_nested(side.catalog, endpoint.message):
+                for message in (endpoint.message, *side.catalog.nested_all(endpoint.message)):
                     found.setdefault(message.name, {})[endpoint.entry.topic] = None
         return {name: tuple(sorted(topics)) for name, topics in found.items()}
 
@@ -298,22 +298,13 @@ def shape(catalog: Catalog, message: Message) -> Shape:
 
 def depth(comparison: Comparison, pair: MessagePair) -> int:
     """Return the number of levels of messages that a message nests on the current side."""
-    return len(list(_levels(comparison.current.catalog, pair.current))) - 1
-
-
-def _with_nested(catalog: Catalog, message: Message) -> list[Message]:
-    """Return a message and those that it nests, at any depth."""
-    return [each for level in _levels(catalog, message) for each in level]
-
-
-def _levels(catalog: Catalog, message: Message) -> Iterator[Collection[Message]]:
-    """Yield the messages at each level of nesting, first the message itself."""
-    level = {message.key: message}
+    catalog = comparison.current.catalog
+    level, found = {pair.current.key: pair.current}, -1
     while level:
-        yield level.values()
         fields = [(outer, field.type) for outer in level.values() for field in outer.fields]
         inner = [catalog.nested(outer, type_) for outer, type_ in fields if not type_.is_primitive]
-        level = {each.key: each for each in inner}
+        level, found = {message.key: message for message in inner}, found + 1
+    return found
 
 
 def _content(catalog: Catalog, message: Message) -> tuple[Shape, dict[str, tuple[str, Value]]]:

@@ -39,10 +39,11 @@ class Ahead:
     def __init__(
         self,
         topics: Sequence[Topic],
+        can_decode: Callable[[Topic], bool],
         size_of: Callable[[Topic], int | None],
         load: Callable[[Sequence[Topic]], Mapping[Key, Samples]],
     ) -> None:
-        self._topics, self._size_of, self._load = topics, size_of, load
+        self._topics, self._can_decode, self._size_of, self._load = topics, can_decode, size_of, load
         self._places = {topic.key: place for place, topic in enumerate(topics)}
         self._last = -1
         self._run = 1
@@ -57,10 +58,10 @@ class Ahead:
         self._run = self._run + 1 if place == self._last + 1 else 1 + (place == 0)
         self._last = place
         kept = self._kept.pop(topic.key, None)
-        if kept is not None or self._run < _RUN:
+        if kept is not None or self._run < _RUN or not self._can_decode(topic):
             return kept
         self._kept.clear()  # they were skipped
-        group = next(passes_over(self._topics[place:], self._size_of))
+        group = next(passes_over([*filter(self._can_decode, self._topics[place:])], self._size_of))
         loaded = dict(self._load(group))
         found = loaded.pop(topic.key)
         self._kept.update(loaded)

@@ -542,7 +542,8 @@ class Log:
     @cached_property
     def _ahead(self) -> Ahead:
         """What a loop over the topics will ask for next."""
-        return Ahead([topic for topic in self.chosen(None) if topic.known_count != 0], self._size_of, self.load)
+        topics = [topic for topic in self.topics if topic.known_count != 0]
+        return Ahead(topics, self._reader.can_decode, self._size_of, self.load)
 
     def _size_of(self, topic: Topic) -> int | None:
         """Return about how many bytes the samples of a topic have as an array, None if their number is not known."""

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from textwrap import wrap
+from typing import TYPE_CHECKING
 
 from rich.box import ASCII
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from msggen.base.diagnostics import printable
 from msggen.check.finding import OF_VEHICLES, Excerpt, Finding, Node, Report
+from msggen.show.report.console import captured
 from msggen.show.report.line import conclusion, is_misread, mark, remedies, silent_mark
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 _DECODE = "decode wrong values without an error"
 _ALARM = "bold white on red"
@@ -26,18 +29,7 @@ def write_full(report: Report, *, width: int, colour: bool) -> str:
 
     Tables are drawn in ASCII, so that they look the same in terminals, logs and mails.
     """
-    console = Console(
-        file=io.StringIO(),
-        width=width,
-        color_system="standard" if colour else None,
-        force_terminal=colour,
-        no_color=not colour,
-        force_jupyter=False,
-        legacy_windows=False,
-        highlight=False,
-        _environ={},
-    )
-    with console.capture() as capture:
+    with captured(width, colour=colour) as (console, rows):
         for text in report.answers:
             _print_line(console, Text(printable(text)))
         _print_lines(console, [each for each in report.findings if each.rule.category in OF_VEHICLES])
@@ -54,7 +46,7 @@ def write_full(report: Report, *, width: int, colour: bool) -> str:
         for text in advice:
             _print_line(console, Text(text))
         _print_line(console, Text(summary, "bold"))
-    return "\n".join(row.rstrip() for row in capture.get().split("\n")).rstrip("\n")
+    return "\n".join(rows)
 
 
 def _by_subject(findings: Sequence[Finding]) -> dict[str, list[Finding]]:

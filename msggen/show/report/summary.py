@@ -5,17 +5,16 @@ A report is made of parts: lines, or the rows of a table. Each format draws the 
 
 from __future__ import annotations
 
-import io
 import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import NamedTuple
 
-from rich.console import Console
 from rich.text import Text
 
 from msggen.base.diagnostics import counted, few, printable
 from msggen.check.finding import Effect, Finding, Report, Resized, Severity
+from msggen.show.report.console import captured
 from msggen.show.report.line import conclusion, is_misread, line, remedies, silent_mark
 
 _TITLES = {
@@ -53,25 +52,14 @@ class Part(NamedTuple):
 
 def write_summary(report: Report, *, width: int, colour: bool, handled: bool = False) -> str:
     """Return the parts of a report as text, then the commands that mend findings, and the summary."""
-    console = Console(
-        file=io.StringIO(),
-        width=width,
-        color_system="standard" if colour else None,
-        force_terminal=colour,
-        no_color=not colour,
-        force_jupyter=False,
-        legacy_windows=False,
-        highlight=False,
-        _environ={},
-    )
-    with console.capture() as capture:
+    with captured(width, colour=colour) as (console, rows):
         for part in _parts(report, handled=handled):
             for drawn in _drawn(part):
                 console.print(drawn, soft_wrap=True)
             console.print()
         for text in _end(report, handled=handled):
             console.print(Text(text), soft_wrap=True)
-    return "\n".join(row.rstrip() for row in capture.get().split("\n")).rstrip("\n")
+    return "\n".join(rows)
 
 
 def write_markdown(report: Report, *, handled: bool = False) -> str:
@@ -105,7 +93,7 @@ def _marked(text: str) -> str:
 
 def _parts(report: Report, *, handled: bool) -> Iterator[Part]:
     """Yield the parts that have rows, the worst first."""
-    open_ones = [finding for finding in report.findings if not finding.is_handled]
+    open_ones = _open(report)
     effects = {finding.effect for finding in open_ones}
     silent = [[line(finding)] for finding in open_ones if is_misread(finding)]
     if silent:
@@ -130,9 +118,14 @@ def _parts(report: Report, *, handled: bool) -> Iterator[Part]:
         yield Part(_HANDLED, (), rows)
 
 
+def _open(report: Report) -> list[Finding]:
+    """Return the findings that no new version covers."""
+    return [finding for finding in report.findings if not finding.is_handled]
+
+
 def _is_whole(report: Report) -> bool:
     """Whether to show all parts with all their rows: there are few findings, or only those of one effect."""
-    open_ones = [finding for finding in report.findings if not finding.is_handled]
+    open_ones = _open(report)
     return len(open_ones) <= _FEW or len({finding.effect for finding in open_ones}) == 1
 
 
@@ -197,16 +190,16 @@ def _by_subject(findings: Sequence[Finding], apart: Collection[str]) -> Iterator
 
 
 def _of_rules(findings: Sequence[Finding]) -> Iterator[str]:
-    """Yield what the findings of each rule say: the message of one, the names of several."""
+    """Yield what the findings of each rule say: the names of several that have some, otherwise their messages."""
     rules: dict[str, list[Finding]] = {}
     for finding in findings:
         rules.setdefault(finding.rule.id, []).append(finding)
     names: dict[tuple[str, ...], list[str]] = {}
     for rule, group in rules.items():
-        if len(group) == 1:
-            yield f"{rule} {printable(group[0].change.message)}"
+        found = tuple(dict.fromkeys(each.change.names[0] for each in group if each.change.names))
+        if len(group) == 1 or not found:
+            yield from (f"{rule} {each.change.message}" for each in group)
         else:
-            found = tuple(dict.fromkeys(each.change.names[0] for each in group if each.change.names))
             names.setdefault(found, []).append(rule)
     for found, ids in names.items():
         yield f"{' and '.join(ids)} of {len(found)}: {few(found)}"
@@ -214,11 +207,12 @@ def _of_rules(findings: Sequence[Finding]) -> Iterator[str]:
 
 def _drawn(part: Part) -> Iterator[Text]:
     """Yield the lines of a part. The last column is as wide as its texts."""
-    widths = [max(map(len, column)) for column in zip(part.heads, *part.rows, strict=True)] if part.heads else []
+    rows = [[printable(cell) for cell in row] for row in part.rows]
+    widths = [max(map(len, column)) for column in zip(part.heads, *rows, strict=True)] if part.heads else []
     yield Text(part.title, "bold white on red" if part.is_alarm else "bold")
     if part.heads:
         yield Text("  ".join(f"{head:{width}}" for head, width in zip(part.heads, widths, strict=True)), "dim")
-    for row in part.rows:
+    for row in rows:
         yield Text("  ".join(f"{cell:{width}}" for cell, width in zip(row, widths or [0], strict=True)))
     yield from map(Text, part.end)
 
@@ -228,8 +222,8 @@ def _end(report: Report, *, handled: bool) -> Iterator[str]:
     is_whole = _is_whole(report)
     counts = Counter(
         (finding.rule.id, finding.rule.severity)
-        for finding in report.findings
-        if finding.effect is Effect.OTHER and not finding.is_handled and not is_whole
+        for finding in _open(report)
+        if finding.effect is Effect.OTHER and not is_whole
     )
     told = [_count(rule, number, severity) for (rule, severity), number in counts.items()]
     covered = sum(finding.is_handled for finding in report.findings)
