@@ -30,6 +30,8 @@ _FEW = 15
 """The most findings of which each has its line."""
 _ROWS = 30
 """The most rows of a part of a report with more of them. Silent findings are never cut."""
+_NAMES = 8
+"""The most names in a row: a long one would be cut."""
 _TOPICS = 1
 _HEADS = ("message", "bytes", "silent", "topics", "fields")
 
@@ -173,7 +175,7 @@ def _fields(findings: Iterable[Finding]) -> list[str]:
 
 
 def _by_subject(findings: Sequence[Finding], apart: Collection[str]) -> Iterator[list[str]]:
-    """Yield a row for each subject: its finding, or how many of each rule, without the subjects `apart`."""
+    """Yield the rows of each subject: its findings, or how many of a rule, without the subjects `apart`."""
     groups: dict[str, list[Finding]] = {}
     whole: dict[str, list[str]] = {}
     for finding in findings:
@@ -184,9 +186,10 @@ def _by_subject(findings: Sequence[Finding], apart: Collection[str]) -> Iterator
             else:
                 groups.setdefault(subject, []).append(finding)
     for rule, subjects in whole.items():
-        yield [f"{rule}: {', '.join(subjects)}"]
+        for start in range(0, len(subjects), _NAMES):
+            yield [f"{rule}: {', '.join(subjects[start : start + _NAMES])}"]
     for subject, group in groups.items():
-        yield [f"{subject}: {'; '.join(_of_rules(group))}"]
+        yield from ([f"{subject}: {text}"] for text in _of_rules(group))
 
 
 def _of_rules(findings: Sequence[Finding]) -> Iterator[str]:
