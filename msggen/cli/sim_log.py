@@ -44,10 +44,10 @@ def open_log(options: argparse.Namespace, topics: Mapping[str, Any], label: str)
     """Create the file. Raises an InputError."""
     from msggen.live.sim.alone import BOOT
     from msggen.live.sim.parameters import PARAMETERS
-    from msggen.recordings.live.ulog import UlogWriter
+    from msggen.recordings.live.ulog import UlogWriter, Vehicle
 
     try:
-        return UlogWriter(options.log, BOOT, topics, PARAMETERS, label)
+        return UlogWriter(options.log, BOOT, topics, PARAMETERS, Vehicle(options.key, label))
     except FileExistsError:
         raise _taken(options.log) from None
     except OSError as error:

@@ -75,6 +75,15 @@ class _Format(NamedTuple):
             yield from each.all()
 
 
+class Vehicle(NamedTuple):
+    """The vehicle that a ULog tells."""
+
+    number: int = 1
+    """That of its board."""
+    release: str = ""
+    """The release of its firmware, such as "v1.18"; "" leaves it out."""
+
+
 class UlogError(Exception):
     """A file that cannot be written further, as on a full disk. The message is the reason."""
 
@@ -82,12 +91,11 @@ class UlogError(Exception):
 class UlogWriter:
     """A new file, closed by a `with` statement. Raises OSError, FileExistsError among them.
 
-    `topics` are the classes of the messages by the names of their topics in uORB, and `release` is the release of the
-    firmware, such as "v1.18". Times are in us since boot.
+    `topics` are the classes of the messages by the names of their topics in uORB. Times are in us since boot.
     """
 
     def __init__(
-        self, path: str, start: int, topics: Mapping[str, Any], parameters: Mapping[str, float], release: str = ""
+        self, path: str, start: int, topics: Mapping[str, Any], parameters: Mapping[str, float], vehicle: Vehicle
     ) -> None:
         self.path = path
         self.samples = 0
@@ -100,16 +108,16 @@ class UlogWriter:
         self._file = os.fdopen(descriptor, "wb")
         self._put(MAGIC + struct.pack("<Q", start))
         self._write("B", bytes(40))
-        self._information("char[3] sys_name", b"PX4")
-        self._information("char[10] ver_hw", b"MSGGEN_SIM")
-        number = _number_of(release)
+        for key, text in (("sys_name", "PX4"), ("ver_hw", "MSGGEN_SIM"), ("sys_uuid", f"{vehicle.number:036}")):
+            self._information(f"char[{len(text)}] {key}", text.encode())
+        number = _number_of(vehicle.release)
         if number is not None:
             self._information("uint32_t ver_sw_release", struct.pack("<I", number))
         for text in dict.fromkeys(inner.text for each in formats.values() for inner in each.all()):
             self._write("F", text.encode())
         for name, value in sorted(parameters.items()):
-            key = f"float {name}".encode()
-            self._write("P", bytes([len(key)]) + key + struct.pack("<f", value))
+            label = f"float {name}".encode()
+            self._write("P", bytes([len(label)]) + label + struct.pack("<f", value))
 
     def __enter__(self) -> Self:
         return self

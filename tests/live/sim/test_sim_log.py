@@ -21,7 +21,7 @@ from msggen.live.links.udp import UdpLink
 from msggen.live.sim import Misbehaviour, Options, Simulator
 from msggen.live.sim.alone import BOOT, LoneFlight
 from msggen.live.sim.parameters import PARAMETERS
-from msggen.recordings.live.ulog import UlogWriter
+from msggen.recordings.live.ulog import UlogWriter, Vehicle
 from support.link_records import Records
 from support.repository import ROOT
 
@@ -53,7 +53,7 @@ def _random_message(cls: Any, chance: random.Random) -> Any:
 
 def test_the_samples_of_every_message_have_the_size_of_its_struct(px4_types: Any, tmp_path: Path) -> None:
     topics = {name: topic.message for name, topic in px4_types.topics.UORB.items()}
-    with UlogWriter(str(tmp_path / "a.ulg"), 0, topics, {}) as writer:
+    with UlogWriter(str(tmp_path / "a.ulg"), 0, topics, {}, Vehicle()) as writer:
         for name, cls in topics.items():
             writer.add(0, name, cls())
     data = (tmp_path / "a.ulg").read_bytes()
@@ -82,13 +82,14 @@ def test_readers_find_the_values_that_were_written(px4_types: Any, tmp_path: Pat
     topics = {name: px4_types.topics.UORB[name].message for name in names}
     messages = {name: [_random_message(cls, chance) for _ in range(20)] for name, cls in topics.items()}
     path = str(tmp_path / "a.ulg")
-    with UlogWriter(path, 0, topics, {"MPC_XY_P": 0.5}, "the embedded PX4 v1.18") as writer:
+    with UlogWriter(path, 0, topics, {"MPC_XY_P": 0.5}, Vehicle(3, "the embedded PX4 v1.18")) as writer:
         for name, own in messages.items():
             for number, message in enumerate(own):
                 message.timestamp = number
                 writer.add(number, name, message)
     with recordings.open(path) as log:
         assert (dict(log.parameters), log.firmware.release) == ({"MPC_XY_P": 0.5}, "v1.18.0")
+        assert log.vehicle == f"{3:036}"
         for name, own in messages.items():
             assert list(log.messages(topics[name], topic=name)) == own
         assert log.problems == []
@@ -190,7 +191,7 @@ def test_the_log_of_a_vehicle_has_what_it_sends(px4_types: Any, tmp_path: Path) 
     link = UdpLink(port=0)
     link.start(Records())
     try:
-        with UlogWriter(path, BOOT, topics, {}) as writer:
+        with UlogWriter(path, BOOT, topics, {}, Vehicle()) as writer:
             simulator = Simulator(px4_types, f"udp://127.0.0.1:{link.port}", [Options(sync="short")], writer)
             simulator.serve(3.0)
             sent = sum(simulator.vehicles[0].sent.values())
