@@ -55,7 +55,7 @@ def _hint_for(parser: Any, wrong: str, given: Sequence[str], all_commands: Calla
 
 def _of_source(known: Collection[str], given: Sequence[str], *, has_names: bool) -> str:
     """Return how to name the source that stands at the end of `given`, "" if it is none."""
-    if "--against" in known:
+    if "--against" in known and not _is_firmware(given[-1]):
         return ": name the sources with --px4 CURRENT --against PREVIOUS"
     if "--px4" not in known or "--link" in known:
         return ""
