@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from difflib import get_close_matches
 from typing import Any
 
@@ -24,7 +24,7 @@ _MOST = 4
 def hint_for(parser: Any, wrong: str, given: Sequence[str], all_commands: Callable[[], Any]) -> str:
     """Return the end of the message about `wrong`, after the arguments `given`. `all_commands` makes their parser.
 
-    It says to use a similar option, to name the sources with options, or to give fewer names.
+    It says to use a similar option, to name the firmware with --px4, or to give fewer names.
     """
     return (
         _of_other_programs(parser, wrong, given)
@@ -39,9 +39,10 @@ def _hint_for(parser: Any, wrong: str, given: Sequence[str], all_commands: Calla
     has_commands = bool(parser._subparsers)  # noqa: SLF001
     if wrong.endswith((".j2", ".em")) and "--template" in known:
         return f": name the template with --template {wrong}"
-    source = "" if wrong.startswith("-") else _of_source(known, [*given, wrong], has_names=bool(names))
-    if source:
-        return source
+    if not wrong.startswith("-") and "--px4" in known and "--link" not in known:
+        firmware = next(filter(_is_firmware, [*given, wrong]), None) if names else wrong
+        if firmware:
+            return f": name the firmware with --px4 {firmware}"
     owners = "" if has_commands else ", ".join(_commands_with(wrong, all_commands()))
     if owners:
         return f": an option of {owners}"
@@ -51,16 +52,6 @@ def _hint_for(parser: Any, wrong: str, given: Sequence[str], all_commands: Calla
     if wrong.startswith("-"):
         return f": name {'an action' if names == ['ACTION'] else 'a command'} first" if has_commands else ""
     return f": expected {f'one {names[0]} per run' if len(names) == 1 else ' and '.join(names)}"
-
-
-def _of_source(known: Collection[str], given: Sequence[str], *, has_names: bool) -> str:
-    """Return how to name the source that stands at the end of `given`, "" if it is none."""
-    if "--against" in known and not _is_firmware(given[-1]):
-        return ": name the sources with --px4 CURRENT --against PREVIOUS"
-    if "--px4" not in known or "--link" in known:
-        return ""
-    firmware = next(filter(_is_firmware, given), None) if has_names else given[-1]
-    return f": name the firmware with --px4 {firmware}" if firmware else ""
 
 
 def error_for_choice(value: str, choices: Sequence[str], *, is_command: bool) -> str:
