@@ -29,7 +29,8 @@ from msggen.show.report.json import dump
 
 if TYPE_CHECKING:
     from msggen.recordings import Log, Topic
-    from msggen.recordings.source.source import Checksums, Facts
+    from msggen.recordings.source.facts import Facts
+    from msggen.recordings.source.source import Checksums
 
 _BAD = ("emergency", "alert", "critical", "error", "warning")
 """The levels of texts that are counted."""

@@ -13,6 +13,7 @@ import numpy as np
 
 from msggen.recordings.files.checksums import Checks
 from msggen.recordings.files.compression import Room
+from msggen.recordings.files.frames import Frames
 from msggen.recordings.files.mapped import MappedFile
 from msggen.recordings.files.mcap_channels import Described
 from msggen.recordings.files.mcap_chunks import Loaded, Loader, ahead, limited, records_of
@@ -32,6 +33,7 @@ from msggen.recordings.files.mcap_records import (
 from msggen.recordings.files.mcap_scan import scan
 from msggen.recordings.files.mcap_summary import read_summary
 from msggen.recordings.files.metadata import facts_of, notes_of
+from msggen.recordings.source.facts import Facts
 from msggen.recordings.source.memory import drop_pages
 from msggen.recordings.source.source import (
     FOREVER,
@@ -39,10 +41,9 @@ from msggen.recordings.source.source import (
     Attached,
     Channel,
     Checksums,
-    Facts,
     Part,
-    Problem,
     RecordingError,
+    Source,
     Verification,
 )
 
@@ -57,25 +58,32 @@ _GROUP = 3 << 20
 """The bytes of chunks that are read at a time: many, as each step costs; few enough for the processor's large cache."""
 
 
-class McapFile:
+class McapFile(Source):
     """A file, with the room for its content. Raises RecordingError if it is not MCAP, and OSError."""
 
     kind = "mcap"
 
-    def __init__(self, path: str, room: Room | None = None, verification: Verification = VERIFIED) -> None:
-        self.path = path
-        self.problems: list[Problem] = []
+    def __init__(
+        self,
+        path: str,
+        room: Room | None = None,
+        verification: Verification = VERIFIED,
+        *,
+        is_by_sample: bool = False,
+    ) -> None:
+        super().__init__(path)
         self._checks = Checks(verification)
         self._described = Described(self.problems, self._checks)
         self._regions: Sequence[Chunk | Loose] = ()
         self._span: tuple[int, int] | None = None
         self._times: Mapping[int, Sequence[NDArray[np.int64]]] = {}
         """The times of the messages that no message index has."""
-        self.notes: Sequence[str] = ()
         self._mapped = MappedFile(path)
+        self.close_with(self._mapped.close)
         if bytes(self._file[: len(MAGIC)]) != MAGIC:
             raise RecordingError(f"{path} is not an MCAP file")
         room = room or Room(self._file.size)
+        self._frames = Frames(room, self.problems, is_by_sample=is_by_sample)
         summary = read_summary(self._file.data, self._described)
         self._stated = summary.counts
         if summary.chunks is None:
@@ -109,10 +117,6 @@ class McapFile:
     def span(self) -> tuple[int, int] | None:
         """The first and the last log time in ns, or None without samples."""
         return self._span
-
-    def close(self) -> None:
-        """Close the file. Can be repeated."""
-        self._mapped.close()
 
     @property
     def missing_checksums(self) -> int:
@@ -155,7 +159,10 @@ class McapFile:
     def parts(self, channels: Collection[int], start: int = 0, stop: int = FOREVER) -> Iterator[Part]:
         """See Source.parts."""
         self._mapped.check()
-        wanted = set(channels)
+        return self._frames.unpacked(self._counted(set(channels), start, stop), self.channels)
+
+    def _counted(self, wanted: set[int], start: int, stop: int) -> Iterator[Part]:
+        """Yield the messages of channels, and compare their numbers with those in the summary."""
         counts: Counter[int] = Counter()
         for part in self._parts(wanted, start, stop):
             counts[part.channel] += len(part.starts)

@@ -19,20 +19,8 @@ from msggen.recordings.log.events import Events, has_events, read_events, with_e
 from msggen.recordings.log.origin import Firmware, firmware_of, gps_offset_of, utc_offset_of, vehicle_of
 from msggen.recordings.log.payloads import Sample
 from msggen.recordings.log.reader import Reader
-from msggen.recordings.source.source import (
-    FOREVER,
-    NO_FACTS,
-    Attached,
-    Checksums,
-    Dropout,
-    Event,
-    Facts,
-    Part,
-    Problem,
-    RecordingError,
-    Source,
-    Text,
-)
+from msggen.recordings.source.facts import NO_FACTS, Dropout, Event, Facts, Text
+from msggen.recordings.source.source import FOREVER, Attached, Checksums, Part, Problem, RecordingError, Source
 from msggen.recordings.topics.choice import check_times, checked_time, listed
 from msggen.recordings.topics.find import Key, find, is_pattern, matching
 from msggen.recordings.topics.topic import Topic
@@ -74,7 +62,6 @@ class Log:
 
     def __init__(self, sources: Sequence[Source], lender: Lender | Nearby | None = None, path: str = "") -> None:
         self._reader = Reader(sources, lender, path or sources[0].path)
-        self._sources = sources
 
     def __enter__(self) -> Self:
         """Return the log."""
@@ -100,7 +87,7 @@ class Log:
     @property
     def kind(self) -> str:
         """The format: `mcap`, `ulog`, `db3`."""
-        return self._sources[0].kind
+        return self._reader.sources[0].kind
 
     @property
     def start(self) -> int:
@@ -214,7 +201,7 @@ class Log:
 
     def __repr__(self) -> str:
         """Return path, format, duration and number of topics."""
-        topics = {(each.topic, each.instance) for source in self._sources for each in source.channels.values()}
+        topics = {(each.topic, each.instance) for source in self._reader.sources for each in source.channels.values()}
         return f"<Log {self.path!r}: {self.kind}, {self.duration:.3f} s, {counted(len(topics), 'topic')}>"
 
     # samples

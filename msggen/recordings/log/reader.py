@@ -16,22 +16,12 @@ from msggen.recordings.decode.schemas import SchemaError, nested_values
 from msggen.recordings.definitions.lent import Lender, Lent, Nearby, lend
 from msggen.recordings.log.origin import firmware_of
 from msggen.recordings.log.payloads import in_order, merged
-from msggen.recordings.source.open_file import OpenFile
-from msggen.recordings.source.source import (
-    NO_FACTS,
-    Attached,
-    Channel,
-    Checksums,
-    Facts,
-    Part,
-    Problem,
-    RecordingError,
-    Source,
-)
+from msggen.recordings.source.facts import NO_FACTS, Facts
+from msggen.recordings.source.source import Attached, Channel, Checksums, Part, Problem, RecordingError, Source
 from msggen.recordings.topics.find import by_name, topics_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -54,20 +44,24 @@ class Reader:
         self.left_out = LeftOut()
         self._lender = lender
         self._decoders: dict[Numbers, Decoder | SchemaError] = {}
-        self._files = [OpenFile(source, path) for source in sources]
         self._left_out_definitions: list[Problem] = []
         self._is_closed = False
 
     def close(self) -> None:
         """Close the files. Can be repeated."""
         self._is_closed = True
-        for file in self._files:
-            file.close()
+        for source in self.sources:
+            source.close()
 
     @property
     def is_closed(self) -> bool:
         """Whether the files are closed."""
         return self._is_closed
+
+    def check_open(self) -> None:
+        """Raise RecordingError if the files are closed."""
+        if self._is_closed:
+            raise RecordingError(f"{self.path} is closed")
 
     @cached_property
     def topics(self) -> tuple[Topic, ...]:
@@ -92,7 +86,7 @@ class Reader:
     @cached_property
     def lent(self) -> Lent:
         """The definitions of channels that have none."""
-        return lend(self.sources, self._lender, self._files[0].check_open)
+        return lend(self.sources, self._lender, self.check_open)
 
     @property
     def start(self) -> int:
@@ -133,11 +127,11 @@ class Reader:
                 raise RecordingError(f"{topic.name} has samples in '{topic.channels[0][1].encoding}', expected cdr")
             for number, channel in topic.channels:
                 names[number][channel.number] = topic.name
-        self._files[0].check_open()
+        self.check_open()
         streams = []
         for number, own in sorted(names.items()):
             span = self.sources[number].span
-            streams.append((span[0] if span else low, in_order(self._files[number], own, low, high)))
+            streams.append((span[0] if span else low, self._in_order(number, own, low, high)))
         return merged(streams)
 
     def undecoded(self, topics: Iterable[Topic], low: int, high: int) -> Iterator[tuple[Topic, Part]]:
@@ -184,14 +178,14 @@ class Reader:
 
     def verify(self) -> Checksums:
         """Compare the chunks of the files with their checksums, and return how many have one."""
-        self._files[0].check_open()
+        self.check_open()
         found = [source.verify() for source in self.sources]
         return Checksums(sum(each.compared for each in found), sum(each.missing for each in found))
 
     def attached(self) -> Iterator[Attached]:
         """Yield the attachments and the metadata records of the files."""
-        for file, source in zip(self._files, self.sources, strict=True):
-            file.check_open()
+        for source in self.sources:
+            self.check_open()
             yield from source.attached()
 
     # files
@@ -202,12 +196,26 @@ class Reader:
         for number, channel in wanted:
             channels[number].append(channel)
         for number, own in sorted(channels.items()):
-            yield from ((number, part) for part in self._files[number].parts(own, low, high))
+            yield from ((number, part) for part in self._parts_of(number, own, low, high))
+
+    def _parts_of(self, number: int, channels: Collection[int], low: int, high: int) -> Iterator[Part]:
+        """Yield the samples of channels of a file. The files can be closed while this goes on."""
+        self.check_open()
+        for part in self.sources[number].parts(channels, low, high):
+            yield part
+            self.check_open()
+
+    def _in_order(self, number: int, names: Mapping[int, str], low: int, high: int) -> Iterator[Sample]:
+        """Yield the samples of channels of a file, whose topics are `names`, by log time."""
+        self.check_open()
+        times = self.sources[number].times(names.keys())
+        yield from in_order(self._parts_of(number, names.keys(), low, high), times, names, low, high)
 
     def _times(self, channels: Sequence[tuple[int, Channel]]) -> Times:
         """Return the log times of channels, in the order of the files."""
+        self.check_open()
         return np.concatenate(
-            [self._files[number].times([channel.number])[channel.number] for number, channel in channels]
+            [self.sources[number].times([channel.number])[channel.number] for number, channel in channels]
         )
 
     def _count(self, number: int, channel: Channel) -> int:
