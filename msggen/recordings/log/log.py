@@ -20,7 +20,16 @@ from msggen.recordings.log.origin import Firmware, firmware_of, gps_offset_of, u
 from msggen.recordings.log.payloads import Sample
 from msggen.recordings.log.reader import Reader
 from msggen.recordings.source.facts import NO_FACTS, Dropout, Event, Facts, Text
-from msggen.recordings.source.source import FOREVER, Attached, Checksums, Part, Problem, RecordingError, Source
+from msggen.recordings.source.source import (
+    FOREVER,
+    Attached,
+    Checksums,
+    Contents,
+    Part,
+    Problem,
+    RecordingError,
+    Source,
+)
 from msggen.recordings.topics.choice import check_times, checked_time, listed
 from msggen.recordings.topics.find import Key, find, is_pattern, matching
 from msggen.recordings.topics.topic import Topic
@@ -394,11 +403,17 @@ class Log:
         return self._reader.payloads(chosen or self.topics, *self._limits(start, stop))
 
     def verify(self) -> Checksums:
-        """Compare all chunks and attachments of MCAP files with their checksums, and return how many chunks have one.
+        """Compare MCAP files with their checksums, and return how many chunks have one.
 
-        `problems` has those that differ. Reading compares only what it reads.
+        These are the checksums of chunks, attachments, data section and summary. `problems` has what differs. Reading
+        compares only what it reads.
         """
         return self._reader.verify()
+
+    @property
+    def contents(self) -> Contents | None:
+        """The numbers of chunks, attachments and metadata records in MCAP files, None for other formats."""
+        return self._reader.contents
 
     @property
     def missing_checksums(self) -> int | None:

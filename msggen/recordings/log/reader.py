@@ -17,7 +17,16 @@ from msggen.recordings.definitions.lent import Lender, Lent, Nearby, lend
 from msggen.recordings.log.origin import firmware_of
 from msggen.recordings.log.payloads import in_order, merged
 from msggen.recordings.source.facts import NO_FACTS, Facts
-from msggen.recordings.source.source import Attached, Channel, Checksums, Part, Problem, RecordingError, Source
+from msggen.recordings.source.source import (
+    Attached,
+    Channel,
+    Checksums,
+    Contents,
+    Part,
+    Problem,
+    RecordingError,
+    Source,
+)
 from msggen.recordings.topics.find import by_name, topics_of
 
 if TYPE_CHECKING:
@@ -71,7 +80,8 @@ class Reader:
             for number, source in enumerate(self.sources)
             for channel in source.channels.values()
         ]
-        return topics_of(self._within_limits(channels), self._times, firmware_of(self.facts.information).release)
+        release = firmware_of(self.facts.information).release
+        return topics_of(self._within_limits(channels), self._times, self._ends, release)
 
     @cached_property
     def by_name(self) -> Topics:
@@ -100,6 +110,19 @@ class Reader:
     def end(self) -> int:
         """The log time of the last sample in ns, 0 without samples."""
         return max((source.span[1] for source in self.sources if source.span), default=0)
+
+    @property
+    def contents(self) -> Contents | None:
+        """What MCAP files are made of, None for other formats."""
+        found = [each for each in (source.contents for source in self.sources) if each is not None]
+        if not found:
+            return None
+        return Contents(
+            sum(each.chunks for each in found),
+            tuple(sorted({kind for each in found for kind in each.compressions})),
+            sum(each.attachments for each in found),
+            sum(each.metadata for each in found),
+        )
 
     @property
     def missing_checksums(self) -> int | None:
@@ -217,6 +240,13 @@ class Reader:
         return np.concatenate(
             [self.sources[number].times([channel.number])[channel.number] for number, channel in channels]
         )
+
+    def _ends(self, channels: Sequence[tuple[int, Channel]]) -> tuple[int, int] | None:
+        """Return the first and the last log time of channels, None without samples."""
+        self.check_open()
+        found = [self.sources[number].ends(channel.number) for number, channel in channels]
+        known = [each for each in found if each is not None]
+        return (min(first for first, _ in known), max(last for _, last in known)) if known else None
 
     def _count(self, number: int, channel: Channel) -> int:
         """Return the number of samples of a channel, 0 if it is not known and the files are closed."""

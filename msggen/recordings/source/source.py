@@ -142,6 +142,16 @@ class Checksums(NamedTuple):
 NO_CHECKSUMS = Checksums(0, 0)
 
 
+class Contents(NamedTuple):
+    """The chunks of MCAP files, and what they have beside their samples."""
+
+    chunks: int
+    compressions: tuple[str, ...]
+    """`zstd`, `lz4` and `none`, as far as chunks have them."""
+    attachments: int
+    metadata: int
+
+
 class Attached(NamedTuple):
     """An attachment or a metadata record of an MCAP file (https://mcap.dev/spec)."""
 
@@ -192,6 +202,16 @@ class Source(ABC):
     @abstractmethod
     def times(self, channels: Collection[int]) -> Mapping[int, NDArray[np.int64]]:
         """Return the log times of all samples of `channels`, in the order of the file."""
+
+    def ends(self, channel: int) -> tuple[int, int] | None:
+        """Return the first and the last log time of a channel, None without samples."""
+        times = self.times([channel])[channel]
+        return (int(times.min()), int(times.max())) if len(times) else None
+
+    @property
+    def contents(self) -> Contents | None:
+        """What an MCAP file is made of, None for other formats."""
+        return None
 
     @property
     def facts(self) -> Facts:
