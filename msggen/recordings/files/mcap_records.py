@@ -87,6 +87,8 @@ class Chunk(NamedTuple):
     """The offset of the message index of each channel. Without one, the chunk is searched."""
     limit: int = LARGEST
     """How many of its records are read, in bytes without the compression."""
+    index_size: int = 0
+    """The size of its message indexes, which follow its content, if the index of chunks tells it."""
 
 
 class Loose(NamedTuple):
@@ -131,11 +133,8 @@ def fits(data: memoryview, chunk: Chunk) -> bool:
     return found is not None and (found.kind, found.stored, found.size) == (chunk.kind, chunk.stored, chunk.size)
 
 
-def chunk_in(record: memoryview) -> tuple[Chunk, int]:
-    """Return the chunk that a chunk index tells, and the size of its message indexes.
-
-    Raises ValueError for contradictions, and struct.error.
-    """
+def chunk_in(record: memoryview) -> Chunk:
+    """Return the chunk that a chunk index tells. Raises ValueError for contradictions, and struct.error."""
     first, last, offset, whole, size = _CHUNK_INDEX.unpack_from(record)
     place = _CHUNK_INDEX.size
     indexes = dict(struct.iter_unpack("<HQ", record[place : place + size]))
@@ -144,10 +143,21 @@ def chunk_in(record: memoryview) -> tuple[Chunk, int]:
     stored, content = struct.unpack_from("<QQ", record, place)
     first, last = min(first, LARGEST_NUMBER), min(last, LARGEST_NUMBER)
     records = offset + FRONT + _CHUNK_HEAD.size + 4 + len(kind.encode()) + 8
-    chunk = Chunk(offset + FRONT, whole - FRONT, first, last, kind, records, stored, content, indexes)
+    chunk = Chunk(
+        start=offset + FRONT,
+        length=whole - FRONT,
+        first=first,
+        last=last,
+        kind=kind,
+        records=records,
+        stored=stored,
+        size=content,
+        indexes=indexes,
+        index_size=index_size,
+    )
     if not _is_sound(chunk):
         raise ValueError(offset)
-    return chunk, index_size
+    return chunk
 
 
 def _is_sound(chunk: Chunk) -> bool:

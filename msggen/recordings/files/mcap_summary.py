@@ -60,15 +60,12 @@ def read_summary(data: memoryview, described: Described) -> Summary:
     if opcode != FOOTER or not len(MAGIC) <= start_of_summary < size - _END:
         return Summary(None, {}, is_damaged=opcode != FOOTER or start_of_summary != 0)
     chunks: list[Chunk] = []
-    index_sizes: list[int] = []
     counts: dict[int, int] = {}
     chunk_count = message_count = -1
     for opcode, start, length in steps(data, start_of_summary, size - len(MAGIC)):
         try:
             if opcode == CHUNK_INDEX:
-                chunk, index_size = _indexed_chunk(data, start, length)
-                chunks.append(chunk)
-                index_sizes.append(index_size)
+                chunks.append(_indexed_chunk(data, start, length))
             elif opcode == STATISTICS:
                 message_count, chunk_count, counts = statistics_of(bytes(data[start : start + length]))
             else:
@@ -76,8 +73,8 @@ def read_summary(data: memoryview, described: Described) -> Summary:
         except (struct.error, ValueError):
             break
     index_count = sum(len(chunk.indexes) for chunk in chunks)
-    if sum(index_sizes) != index_count * INDEX_FRONT + message_count * ENTRY:
-        index_sizes = [0] * len(chunks)
+    if sum(chunk.index_size for chunk in chunks) != index_count * INDEX_FRONT + message_count * ENTRY:
+        chunks = [chunk._replace(index_size=0) for chunk in chunks]  # they are stepped over one by one
     is_right = described.checks.accepts(data[start_of_summary : size - len(MAGIC) - CRC], crc)
     is_whole = (
         is_right
@@ -86,7 +83,7 @@ def read_summary(data: memoryview, described: Described) -> Summary:
         and counts.keys() <= described.channels.keys()
         and not described.lacks_schemas
         and all(fits(data, chunk) for chunk in (*chunks[:1], *chunks[-1:]))
-        and _has_only(data, chunks, index_sizes, start_of_summary, described)
+        and _has_only(data, chunks, start_of_summary, described)
     )
     if is_whole:
         return Summary(chunks, counts)
@@ -135,31 +132,23 @@ def _is_whole(data: memoryview, start_of_summary: int) -> bool:
     return end == len(data) - len(MAGIC)
 
 
-def _indexed_chunk(data: memoryview, start: int, length: int) -> tuple[Chunk, int]:
-    """Return the chunk that a chunk index names, and the size of its message indexes. The chunk is not read.
-
-    Raises ValueError, and struct.error.
-    """
-    chunk, index_size = chunk_in(data[start : start + length])
+def _indexed_chunk(data: memoryview, start: int, length: int) -> Chunk:
+    """Return the chunk that a chunk index names. It is not read. Raises ValueError, and struct.error."""
+    chunk = chunk_in(data[start : start + length])
     if chunk.start + chunk.length > len(data):
         raise ValueError(start)
     if not chunk.indexes and chunk.size:  # an index without message indexes is of no use
         raise ValueError(start)
-    return chunk, index_size
+    return chunk
 
 
-def _has_only(
-    data: memoryview, chunks: Sequence[Chunk], index_sizes: Sequence[int], stop: int, described: Described
-) -> bool:
+def _has_only(data: memoryview, chunks: Sequence[Chunk], stop: int, described: Described) -> bool:
     """Whether there is no other chunk, and no message outside of them. `described` takes what is attached.
 
-    The message indexes behind the chunks are stepped over, each in its `index_sizes`.
+    The message indexes behind the chunks are skipped.
     """
     place = len(MAGIC)
-    spans = [
-        (chunk.start - FRONT, chunk.start + chunk.length + size)
-        for chunk, size in zip(chunks, index_sizes, strict=True)
-    ]
+    spans = [(chunk.start - FRONT, chunk.start + chunk.length + chunk.index_size) for chunk in chunks]
     for begin, end in (*spans, (stop, stop)):
         for opcode, start, length in steps(data, place, begin):
             if opcode in (MESSAGE, CHUNK):
