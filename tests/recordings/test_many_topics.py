@@ -7,7 +7,6 @@ import sys
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -23,7 +22,6 @@ from msggen.recordings.files.mcap_records import chunk_or_message_from
 from msggen.recordings.files.ulog_formats import Formats
 from msggen.recordings.fleet.layout import places_of
 from msggen.recordings.log.payloads import in_order
-from msggen.recordings.source.open_file import OpenFile
 from msggen.recordings.source.source import Channel, Part, Problem
 from msggen.recordings.topics.choice import names_of
 from msggen.recordings.topics.find import by_name, find
@@ -91,16 +89,10 @@ def test_many_problems_of_a_file_are_told_once_each() -> None:
 def test_samples_of_many_channels_are_put_in_order() -> None:
     count = MANY // 3
 
-    class Source:
-        def times(self, channels: Any) -> dict[int, Any]:
-            return {number: np.array([START - number], np.int64) for number in channels}
-
-        def parts(self, channels: Any, *_: int) -> Iterator[Part]:
-            none = np.zeros(1, np.int64)
-            for number in channels:
-                yield Part(number, np.zeros(1, np.uint8), none, none + 1, none + START - number)
-
-    found = list(in_order(cast("OpenFile", Source()), dict.fromkeys(range(count), "/a"), 0, 1 << 62))
+    none = np.zeros(1, np.int64)
+    times = {number: none + START - number for number in range(count)}
+    parts = (Part(number, np.zeros(1, np.uint8), none, none + 1, own) for number, own in times.items())
+    found = list(in_order(parts, times, dict.fromkeys(range(count), "/a"), 0, 1 << 62))
     assert [each.time for each in found] == list(range(START - count + 1, START + 1))
 
 

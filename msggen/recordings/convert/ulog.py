@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from msggen.recordings.convert.selection import Selection
     from msggen.recordings.log.log import Log
-    from msggen.recordings.source.source import Text
+    from msggen.recordings.source.facts import Text
 
 _ROSOUT = Target(
     "/rosout",

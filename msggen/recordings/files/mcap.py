@@ -13,6 +13,7 @@ import numpy as np
 
 from msggen.recordings.files.checksums import Checks
 from msggen.recordings.files.compression import Room
+from msggen.recordings.files.frames import Frames
 from msggen.recordings.files.mapped import MappedFile
 from msggen.recordings.files.mcap_channels import Described
 from msggen.recordings.files.mcap_chunks import Loaded, Loader, ahead, limited, records_of
@@ -22,16 +23,19 @@ from msggen.recordings.files.mcap_records import (
     CRC,
     LARGEST_NUMBER,
     MAGIC,
+    METADATA,
     Chunk,
     Loose,
     attached_of,
+    crc_of,
     entries_at,
     entries_of,
     times_of,
 )
 from msggen.recordings.files.mcap_scan import scan
-from msggen.recordings.files.mcap_summary import read_summary
+from msggen.recordings.files.mcap_summary import differing_sections, read_summary
 from msggen.recordings.files.metadata import facts_of, notes_of
+from msggen.recordings.source.facts import Facts
 from msggen.recordings.source.memory import drop_pages
 from msggen.recordings.source.source import (
     FOREVER,
@@ -39,10 +43,10 @@ from msggen.recordings.source.source import (
     Attached,
     Channel,
     Checksums,
-    Facts,
+    Contents,
     Part,
-    Problem,
     RecordingError,
+    Source,
     Verification,
 )
 
@@ -57,25 +61,32 @@ _GROUP = 3 << 20
 """The bytes of chunks that are read at a time: many, as each step costs; few enough for the processor's large cache."""
 
 
-class McapFile:
+class McapFile(Source):
     """A file, with the room for its content. Raises RecordingError if it is not MCAP, and OSError."""
 
     kind = "mcap"
 
-    def __init__(self, path: str, room: Room | None = None, verification: Verification = VERIFIED) -> None:
-        self.path = path
-        self.problems: list[Problem] = []
+    def __init__(
+        self,
+        path: str,
+        room: Room | None = None,
+        verification: Verification = VERIFIED,
+        *,
+        is_by_sample: bool = False,
+    ) -> None:
+        super().__init__(path)
         self._checks = Checks(verification)
         self._described = Described(self.problems, self._checks)
         self._regions: Sequence[Chunk | Loose] = ()
         self._span: tuple[int, int] | None = None
         self._times: Mapping[int, Sequence[NDArray[np.int64]]] = {}
         """The times of the messages that no message index has."""
-        self.notes: Sequence[str] = ()
         self._mapped = MappedFile(path)
+        self.close_with(self._mapped.close)
         if bytes(self._file[: len(MAGIC)]) != MAGIC:
             raise RecordingError(f"{path} is not an MCAP file")
         room = room or Room(self._file.size)
+        self._frames = Frames(room, self.problems, is_by_sample=is_by_sample)
         summary = read_summary(self._file.data, self._described)
         self._stated = summary.counts
         if summary.chunks is None:
@@ -110,27 +121,41 @@ class McapFile:
         """The first and the last log time in ns, or None without samples."""
         return self._span
 
-    def close(self) -> None:
-        """Close the file. Can be repeated."""
-        self._mapped.close()
-
     @property
     def missing_checksums(self) -> int:
-        """How many chunks, and stretches of messages outside of chunks, have no checksum."""
-        return sum(isinstance(region, Loose) or not region.crc for region in self._regions)
+        """How many chunks, and stretches of messages outside of chunks, have no checksum.
+
+        Programs write checksums of all chunks or of none, so only the first and the last one are read if they agree.
+        """
+        chunks = self._chunks
+        loose = len(self._regions) - len(chunks)
+        data = self._file.data
+        has_crc = {bool(crc_of(data, chunk)) for chunk in (*chunks[:1], *chunks[-1:])}
+        if len(has_crc) > 1:
+            return loose + sum(not crc_of(data, chunk) for chunk in chunks)
+        return loose + len(chunks) * (False in has_crc)
+
+    @property
+    def contents(self) -> Contents:
+        """See Source.contents."""
+        kinds = tuple(sorted({chunk.kind or "none" for chunk in self._chunks}))
+        opcodes = [opcode for opcode, *_ in self._described.attached]
+        return Contents(len(self._chunks), kinds, opcodes.count(ATTACHMENT), opcodes.count(METADATA))
 
     def verify(self) -> Checksums:
-        """Compare the chunks and attachments with their CRCs, and add those that differ to `problems`."""
+        """Compare chunks, attachments, data section and summary with their CRCs, and report those that differ."""
         self._mapped.check()
-        chunks = [chunk for chunk in self._chunks if chunk.crc]
-        for chunk in chunks:
+        known = [(chunk, crc) for chunk in self._chunks if (crc := crc_of(self._file.data, chunk))]
+        for chunk, crc in known:
             if not self._checks.is_compared(chunk):
                 data = records_of(self._file, chunk, self._described)
-                if data.size == chunk.size and not self._checks.compare(chunk, data.data):
+                if data.size == chunk.size and not self._checks.compare(chunk, crc, data.data):
                     self._described.report_damaged(self._file, chunk)
         for _ in self.attached():
             pass
-        return Checksums(len(chunks), self.missing_checksums)
+        for part in differing_sections(self._file):
+            self._described.report(f"{part} does not match its CRC")
+        return Checksums(len(known), len(self._regions) - len(known))
 
     def attached(self) -> Iterator[Attached]:
         """See Source.attached."""
@@ -155,7 +180,10 @@ class McapFile:
     def parts(self, channels: Collection[int], start: int = 0, stop: int = FOREVER) -> Iterator[Part]:
         """See Source.parts."""
         self._mapped.check()
-        wanted = set(channels)
+        return self._frames.unpacked(self._counted(set(channels), start, stop), self.channels)
+
+    def _counted(self, wanted: set[int], start: int, stop: int) -> Iterator[Part]:
+        """Yield the messages of channels, and compare their numbers with those in the summary."""
         counts: Counter[int] = Counter()
         for part in self._parts(wanted, start, stop):
             counts[part.channel] += len(part.starts)
@@ -171,11 +199,31 @@ class McapFile:
         file = self._file
         for chunk in self._chunks_with(channels):
             for number in found.keys() & chunk.indexes.keys():
-                entries = entries_of(file, number, chunk.indexes[number])
-                if entries is not None:
-                    found[number].append(times_of(entries.view("<u8")[::2]))
+                found[number] += self._times_in(chunk, number)
             drop_pages(file)
         return {number: np.concatenate(each or [np.zeros(0, np.int64)]) for number, each in found.items()}
+
+    def ends(self, channel: int) -> tuple[int, int] | None:
+        """See Source.ends. Only the message indexes of few chunks are read: those that may have these samples."""
+        self._mapped.check()
+        loose = self._times.get(channel, ())
+        firsts = [int(each.min()) for each in loose if len(each)]
+        lasts = [int(each.max()) for each in loose if len(each)]
+        for chunk in self._chunks_by_first:
+            if firsts and chunk.first >= min(firsts):
+                break
+            firsts += [int(each.min()) for each in self._times_in(chunk, channel)]
+        for chunk in self._chunks_by_last:
+            if lasts and chunk.last <= max(lasts):
+                break
+            lasts += [int(each.max()) for each in self._times_in(chunk, channel)]
+        return (min(firsts), max(lasts)) if firsts and lasts else None
+
+    def _times_in(self, chunk: Chunk, channel: int) -> Iterator[NDArray[np.int64]]:
+        """Yield the log times of a channel in a chunk, if there are any."""
+        entries = entries_of(self._file, channel, chunk.indexes[channel]) if channel in chunk.indexes else None
+        if entries is not None and entries.size:
+            yield times_of(entries.view("<u8")[::2])
 
     def _chunks_with(self, channels: Collection[int]) -> Iterable[Chunk]:
         """Return the chunks that may have messages of channels. Topics ask for one channel after the other."""
@@ -187,6 +235,14 @@ class McapFile:
     @cached_property
     def _chunks(self) -> Sequence[Chunk]:
         return [region for region in self._regions if isinstance(region, Chunk)]
+
+    @cached_property
+    def _chunks_by_first(self) -> Sequence[Chunk]:
+        return sorted(self._chunks, key=lambda chunk: chunk.first)
+
+    @cached_property
+    def _chunks_by_last(self) -> Sequence[Chunk]:
+        return sorted(self._chunks, key=lambda chunk: -chunk.last)
 
     @cached_property
     def _chunks_by_channel(self) -> Mapping[int, Sequence[Chunk]]:

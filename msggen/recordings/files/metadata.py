@@ -10,7 +10,7 @@ import json
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from msggen.base.diagnostics import few
-from msggen.recordings.source.source import LEVELS, NO_FACTS, Dropout, Facts, Text
+from msggen.recordings.source.facts import LEVELS, NO_FACTS, Dropout, Facts, Text
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
