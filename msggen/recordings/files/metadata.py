@@ -22,6 +22,8 @@ AIRFRAME = "ulog.airframe_defaults"
 CHANGED, TEXTS, DROPOUTS, TIME = "ulog.changed_parameters", "ulog.texts", "ulog.dropouts", "ulog.time"
 LENT = "msggen.definitions"
 """The record that tells which definitions are not in the recording."""
+IS_LENT = "msggen.is_lent"
+"""The metadata of a channel whose definition was not recorded."""
 NAMES = (INFORMATION, PARAMETERS, DEFAULTS, AIRFRAME, CHANGED, TEXTS, DROPOUTS, TIME, LENT)
 """The names of the records that are read back."""
 
