@@ -69,7 +69,7 @@ ROOMS: Mapping[str, tuple[str, ...]] = MappingProxyType(
             "recordings.columns",
             "recordings.definitions",
         ),
-        "recordings.writer": ("base", "recordings.files"),
+        "recordings.writer": ("recordings.files",),
         "recordings.convert": (
             "base",
             "definitions",
@@ -81,7 +81,6 @@ ROOMS: Mapping[str, tuple[str, ...]] = MappingProxyType(
             "recordings.topics",
             "recordings.columns",
             "recordings.log",
-            "recordings.writer",
         ),
         "recordings.live": ("live", "recordings.decode", "recordings.topics", "recordings.log", "recordings.writer"),
         "recordings.fleet": (

@@ -14,8 +14,8 @@ import pytest
 from msggen import recordings
 from msggen.recordings import RecordingError
 from msggen.recordings.convert import convert, names
-from msggen.recordings.convert import mcap as mcap_writer
 from msggen.recordings.convert.types import TypeNames
+from msggen.recordings.files import mcap_writer
 from msggen.recordings.files.mcap import McapFile
 from msggen.recordings.files.mcap_channels import Described
 from msggen.recordings.files.mcap_records import chunk_or_message_from

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from msggen.recordings.convert.mcap import Target
 from msggen.recordings.convert.payloads import Block
 from msggen.recordings.decode.layouts import USUAL
+from msggen.recordings.files.mcap_writer import Target
 from msggen.recordings.source.source import SEPARATOR
 
 if TYPE_CHECKING:
