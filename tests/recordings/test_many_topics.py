@@ -20,7 +20,6 @@ from msggen.recordings.files.mcap import McapFile
 from msggen.recordings.files.mcap_channels import Described
 from msggen.recordings.files.mcap_records import chunk_or_message_from
 from msggen.recordings.files.ulog_formats import Formats
-from msggen.recordings.fleet.layout import places_of
 from msggen.recordings.log.payloads import in_order
 from msggen.recordings.source.source import Channel, Part, Problem
 from msggen.recordings.topics.choice import names_of
@@ -58,14 +57,6 @@ def test_each_of_many_topics_is_found() -> None:
 def test_many_topics_with_one_name_for_the_disk_have_files_of_their_own() -> None:
     topics = [topic(f"/{'a' * 160}{number}") for number in range(MANY // 2)]
     assert len({*names.file_names(topics).values()}) == len(topics)
-
-
-def test_many_definitions_of_one_topic_have_places_of_their_own() -> None:
-    first = topic("/a")
-    topics = [Topic(f"/a#{number}", 0, first.ros_type, "", "", first.channels, None) for number in range(MANY // 2)]
-    places = {*places_of(topics, {}, "log").values()}
-    assert len(places) == len(topics)
-    assert {each.rpartition("/")[0] for each in places} == {"a/log=log/namespace=none/instance=0"}
 
 
 def test_many_definitions_of_one_type_have_names_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:

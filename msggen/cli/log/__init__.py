@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from msggen.cli.log import convert, cut, info, merge, plot, repair, show
+from msggen.cli.log import compact, convert, cut, info, merge, plot, repair, show
 from msggen.cli.log.arguments import CODES
 from msggen.cli.nearby import folder_firmware
 from msggen.cli.options import Commands, add_group
 
-_MODULES = (info, show, plot, convert, cut, merge, repair)
+_MODULES = (info, show, plot, convert, compact, cut, merge, repair)
 """The modules of the actions, in the order of the help."""
 
 
