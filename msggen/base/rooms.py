@@ -69,6 +69,15 @@ ROOMS: Mapping[str, tuple[str, ...]] = MappingProxyType(
             "recordings.columns",
             "recordings.definitions",
         ),
+        "recordings.report": (
+            "base",
+            "definitions",
+            "generate.text",
+            "recordings.source",
+            "recordings.columns",
+            "recordings.topics",
+            "recordings.log",
+        ),
         "recordings.writer": ("base", "recordings.files"),
         "recordings.convert": (
             "base",
