@@ -14,7 +14,11 @@
   const bytes = (text) => Uint8Array.from(atob(text), (each) => each.charCodeAt(0)).buffer;
   const times = (text) => Array.from(new Uint32Array(bytes(text)), (each) => (each / 0xffffffff) * data.duration);
   const numbers = (text) => Array.from(floats(text), (each) => (Number.isFinite(each) ? each : null));
-  const colour = (name) => getComputedStyle(root).getPropertyValue(name).trim();
+  const colours = new Map(); // of the present scheme
+  const colour = (name) => {
+    if (!colours.has(name)) colours.set(name, getComputedStyle(root).getPropertyValue(name).trim());
+    return colours.get(name);
+  };
 
   function clock(seconds, digits) {
     if (whole[1] < 120) return seconds.toFixed(digits) + " s";
@@ -118,7 +122,7 @@
       {
         width: element.clientWidth,
         height: element.clientWidth < 500 ? 190 : 220,
-        scales: { x: { time: false, min: view.low, max: view.high } },
+        scales: { x: { time: false, min: view.low, max: view.high }, y: { range: (self, low, high) => around(low, high) } },
         axes: [
           { ...axis, space: 70, size: 34, values: (self, splits) => splits.map((each) => clock(each, digitsOf(splits))) },
           { ...axis, size: 58, values: (self, splits) => splits.map(shortened) },
@@ -151,6 +155,12 @@
     plot.over.addEventListener("wheel", (event) => wheel(plot, event), { passive: false });
     touch(plot);
     plots.set(element, plot);
+  }
+
+  function around(low, high) {
+    if (low === null) return [0, 1];
+    const least = Math.max(Math.abs(low), Math.abs(high)) * 1e-3 || 1;
+    return high - low < least ? [(low + high) / 2 - least, (low + high) / 2 + least] : uPlot.rangeNum(low, high, 0.1, false);
   }
 
   const digitsOf = (splits) => {
@@ -310,7 +320,8 @@
   });
   addEventListener("afterprint", () => resize());
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
-    for (const [element, plot] of plots) {
+    colours.clear();
+    for (const [element, plot] of [...plots]) {
       plot.destroy();
       plots.delete(element);
       if (visible.has(element)) make(element);
@@ -329,6 +340,7 @@
     });
   });
   window.flightReport = { view, plots, show };
+  root.style.setProperty("--whole", whole[1]);
   find("#controls").hidden = false;
   apply();
 })();

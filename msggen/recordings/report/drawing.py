@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from msggen.recordings.report.thinning import thinned
+from msggen.recordings.report.thinning import spread
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -15,8 +15,10 @@ if TYPE_CHECKING:
     from msggen.recordings.report.flight import Track
     from msggen.recordings.report.timeline import Timeline
 
-_MOST = 3000
+MOST = 4000
 """The most points of a track."""
+_PIXELS = 4000
+"""The number of places in a bar that are told apart."""
 _SMALLEST = 2.0
 """The smallest side of a drawing in m."""
 _NARROWEST = 0.5
@@ -54,7 +56,7 @@ class _Box(NamedTuple):
 
 def drawing_of(track: Track, timeline: Timeline) -> Drawing:
     """Return the drawing of a track."""
-    kept = thinned(track.times, [track.east, track.north], _MOST)
+    kept = spread(track.times, MOST)
     times, right, down = track.times[kept], track.east[kept], -track.north[kept]
     box = _box(right, down)
     step = _nice(max(box.width, box.height) / _LINES)
@@ -69,6 +71,17 @@ def drawing_of(track: Track, timeline: Timeline) -> Drawing:
         f"colours are those of the flight modes. From {track.source}.",
         f"The track: {wide:.0f} m from west to east, {high:.0f} m from south to north",
     )
+
+
+def bars(spans: Sequence[tuple[float, float]], width: float) -> str:
+    """Return spans of time as bars of height 1. Those with less than a pixel between them are one."""
+    joined: list[list[float]] = []
+    for begin, end in spans:
+        if joined and begin - joined[-1][1] < width / _PIXELS:
+            joined[-1][1] = end
+        else:
+            joined.append([begin, end])
+    return "".join(f"M{begin:.3f} 0H{end:.3f}V1H{begin:.3f}z" for begin, end in joined)
 
 
 def _paths(

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from msggen.recordings.report.charts import Chart, Line, Section, ends_of
-from msggen.recordings.report.thinning import MOST, thinned
+from msggen.recordings.report.drawing import MOST as MOST_OF_TRACK
+from msggen.recordings.report.thinning import MOST, spread, thinned
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -84,7 +85,7 @@ def _table(lines: Sequence[Line], duration: float, most: int) -> list[Any]:
 def _track(track: Track | None, duration: float) -> list[str] | None:
     if track is None:
         return None
-    kept = thinned(track.times, [track.east, track.north], MOST // 2)
+    kept = spread(track.times, MOST_OF_TRACK)
     return [_packed_times(track.times[kept], duration), _packed(track.east[kept]), _packed(track.north[kept])]
 
 

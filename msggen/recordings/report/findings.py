@@ -20,6 +20,8 @@ _MOST_SATURATED = 0.05
 """The share of the time in which a motor can be at its limit."""
 _LONG = 1.0
 """The time in s from which a limit that is exceeded counts."""
+_MOST_FAILSAFES = 5
+"""The failsafes that are findings of their own."""
 _HAS_FIX = 3
 _SEVERE = ("emergency", "alert", "critical", "error")
 
@@ -56,9 +58,14 @@ def _of_file(recorded: Recorded, _: Timeline) -> Iterator[Finding]:
 
 
 def _of_failsafes(_: Recorded, timeline: Timeline) -> Iterator[Finding]:
-    for begin, end in timeline.failsafes:
+    found = timeline.failsafes
+    for begin, end in found[:_MOST_FAILSAFES]:
         mode = timeline.mode_at(begin)
         yield Finding("warning", f"failsafe for {end - begin:.1f} s" + (f", in mode {mode}" if mode else ""), begin)
+    if len(found) > _MOST_FAILSAFES:
+        rest = found[_MOST_FAILSAFES:]
+        text = f"{counted(len(rest), 'more failsafe')}, {sum(end - begin for begin, end in rest):.1f} s in all"
+        yield Finding("warning", text, rest[0][0])
 
 
 def _of_texts(_: Recorded, timeline: Timeline) -> Iterator[Finding]:

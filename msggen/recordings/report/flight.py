@@ -13,8 +13,12 @@ from msggen.recordings.report.recorded import Column, Recorded
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+_QUARTER = 90
+"""The degrees from the equator to a pole."""
 _RADIUS = 6_371_000.0
 """The radius of the earth in m."""
+_FARTHEST = 2e7
+"""Half of the way around the earth in m. A position that is farther away, or no number, is none."""
 _STEP = 1.0
 """The time in s between the positions whose distances are summed: noise would add to shorter ones."""
 _HAS_FIX = 3
@@ -65,7 +69,7 @@ def _plane(recorded: Recorded, north: str, east: str, valid: str) -> Track | Non
     x, y = recorded.column(topic, field), recorded.column(topic, east.partition(".")[2])
     if x is None or y is None:
         return None
-    mask = np.isfinite(x.values) & np.isfinite(y.values)
+    mask = (np.abs(x.values) < _FARTHEST) & (np.abs(y.values) < _FARTHEST)
     flag = recorded.column(topic, valid) if valid else None
     if flag is not None:
         mask &= flag.at(x.times) > 0
@@ -78,13 +82,14 @@ def _globe(recorded: Recorded, topic: str, latitude: str, longitude: str, scale:
     lat, lon = recorded.column(topic, latitude), recorded.column(topic, longitude)
     if lat is None or lon is None:
         return None
-    mask = np.isfinite(lat.values) & np.isfinite(lon.values) & ((lat.values != 0) | (lon.values != 0))
+    north, east = lat.values * scale, lon.values * scale
+    mask = (np.abs(north) <= _QUARTER) & (np.abs(east) <= 2 * _QUARTER) & ((north != 0) | (east != 0))
     fix = recorded.column(topic, "fix_type")
     if fix is not None:
         mask &= fix.at(lat.times) >= _HAS_FIX
     if not mask.any():
         return None
-    north, east = np.radians(lat.values[mask] * scale), np.radians(lon.values[mask] * scale)
+    north, east = np.radians(north[mask]), np.radians(east[mask])
     turn = (east - east[0] + np.pi) % (2 * np.pi) - np.pi  # across the date line, too
     return Track(lat.times[mask], turn * np.cos(north[0]) * _RADIUS, (north - north[0]) * _RADIUS, topic)
 

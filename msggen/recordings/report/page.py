@@ -10,14 +10,15 @@ from functools import cached_property
 from hashlib import sha256
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
 from markupsafe import Markup
 
 from msggen.base.diagnostics import few
 from msggen.base.disk.resources import template_text
 from msggen.base.version import __version__
 from msggen.generate.text.environment import make_environment
-from msggen.recordings.report.charts import Chart, Charts, Flags, Line, charts_of
-from msggen.recordings.report.drawing import Drawing, drawing_of
+from msggen.recordings.report.charts import Chart, Charts, Line, charts_of
+from msggen.recordings.report.drawing import Drawing, bars, drawing_of
 from msggen.recordings.report.encoded import data_of
 from msggen.recordings.report.findings import Finding, findings_of
 from msggen.recordings.report.flight import Figure, Track, duration_text, figures_of, track_of
@@ -33,7 +34,7 @@ from msggen.recordings.report.tables import (
     parameters_of,
     topics_of,
 )
-from msggen.recordings.report.timeline import Mark, Stretch, Timeline, timeline_of
+from msggen.recordings.report.timeline import Mark, Timeline, timeline_of
 from msggen.recordings.source.source import RecordingError
 
 if TYPE_CHECKING:
@@ -41,6 +42,10 @@ if TYPE_CHECKING:
 
 _MOST_MARKS = 2000
 """The texts and events in the table."""
+
+
+_MOST_PROBLEMS = 100
+"""The problems in the list."""
 
 
 class LineView(NamedTuple):
@@ -63,12 +68,28 @@ class ChartView(NamedTuple):
     lines: Sequence[LineView]
 
 
+class Bar(NamedTuple):
+    """The times of a flag or a mode: a path of SVG in a box as wide as the log is long, and 1 high."""
+
+    name: str
+    path: str
+    colour: int = 0
+
+
+class FlagsView(NamedTuple):
+    """Flags over time."""
+
+    title: str
+    rows: Sequence[Bar]
+    left_out: int
+
+
 class SectionView(NamedTuple):
     """Charts below one heading."""
 
     title: str
     charts: Sequence[ChartView]
-    flags: Sequence[Flags]
+    flags: Sequence[FlagsView]
 
 
 @dataclass(frozen=True)
@@ -127,19 +148,25 @@ class Page:
         return None if self.flown is None else drawing_of(self.flown, self.timeline)
 
     @property
-    def modes(self) -> Sequence[Stretch]:
+    def width(self) -> float:
+        """The width of bars: the duration of the log in s."""
+        return self.recorded.duration or 1.0
+
+    @cached_property
+    def modes(self) -> list[Bar]:
         """The flight modes over time."""
-        return self.timeline.modes
+        stretches = self.timeline.modes
+        spans = {name: [(each.begin, each.end) for each in stretches if each.name == name] for name in self._colours}
+        return [Bar(name, bars(spans[name], self.width), colour) for name, colour in self._colours.items()]
+
+    @cached_property
+    def _colours(self) -> dict[str, int]:
+        return self.timeline.colours
 
     @property
-    def legend(self) -> Sequence[tuple[str, int]]:
-        """The names of the flight modes, and their colours."""
-        return tuple(self.timeline.colours.items())
-
-    @property
-    def failsafes(self) -> Sequence[tuple[float, float]]:
-        """The times of failsafes."""
-        return self.timeline.failsafes
+    def failsafes(self) -> str:
+        """The times of failsafes, "" if there are none."""
+        return bars(self.timeline.failsafes, self.width)
 
     @cached_property
     def sections(self) -> list[SectionView]:
@@ -147,7 +174,11 @@ class Page:
         found, number = [], 0
         for section in self.found.sections:
             views = [_view(number + place, chart) for place, chart in enumerate(section.charts)]
-            found.append(SectionView(section.title, views, section.flags))
+            flags = [
+                FlagsView(each.title, [Bar(row.name, bars(row.spans, self.width)) for row in each.rows], each.left_out)
+                for each in section.flags
+            ]
+            found.append(SectionView(section.title, views, flags))
             number += len(views)
         return found
 
@@ -203,10 +234,18 @@ class Page:
 
     @property
     def problems(self) -> list[str]:
-        """The problems of the recording, a line each."""
-        return list(
-            dict.fromkeys(f"{each.topic}: {each.text}" if each.topic else each.text for each in self._log.problems)
-        )
+        """The first problems of the recording, a line each."""
+        return self._problems[:_MOST_PROBLEMS]
+
+    @property
+    def problems_left(self) -> int:
+        """How many problems are left out."""
+        return max(len(self._problems) - _MOST_PROBLEMS, 0)
+
+    @cached_property
+    def _problems(self) -> list[str]:
+        found = self._log.problems
+        return list(dict.fromkeys(f"{each.topic}: {each.text}" if each.topic else each.text for each in found))
 
     @property
     def style(self) -> Markup:
@@ -240,20 +279,21 @@ def _hash(script: str) -> str:
 
 def report(log: Log) -> str:
     """Return a report on a recording as one HTML page. Raises RecordingError if it has nothing to draw."""
-    recorded = Recorded(log, is_needed)
-    found = charts_of(recorded)
-    if not found.sections:
-        names = "vehicle_local_position, vehicle_attitude, vehicle_status, battery_status or sensor_combined"
-        raise RecordingError(f"there are no samples of topics that a report shows, such as {names}")
-    page = Page(recorded, timeline_of(recorded), found, track_of(recorded))
-    environment = make_environment(clock).overlay(autoescape=True)
-    return environment.get_template("report/report.html.j2").render(page=page)
+    with np.errstate(all="ignore"):  # damaged samples have values of any size
+        recorded = Recorded(log, is_needed)
+        found = charts_of(recorded)
+        if not found.sections:
+            names = "vehicle_local_position, vehicle_attitude, vehicle_status, battery_status or sensor_combined"
+            raise RecordingError(f"there are no samples of topics that a report shows, such as {names}")
+        page = Page(recorded, timeline_of(recorded), found, track_of(recorded))
+        template = make_environment(clock).overlay(autoescape=True).get_template("report/report.html.j2")
+        return template.render(page=page)
 
 
 def clock(seconds: float) -> str:
     """Return a time in s after the start: `12.3 s`, or `2:05.3`, or `1:02:05.3`."""
     if abs(seconds) < 120:  # noqa: PLR2004 - two minutes
-        return f"{seconds:.1f} s"
+        return f"{round(seconds, 1) + 0.0:.1f} s"
     minutes, rest = divmod(round(abs(seconds), 1), 60)
     hours, minutes = divmod(int(minutes), 60)
     front = f"{hours}:{minutes:02}" if hours else f"{minutes}"

@@ -73,11 +73,11 @@ class Recorded:
 
     def __contains__(self, name: str) -> bool:
         """Whether a topic has samples that were read."""
-        return any(self.samples(name, instance) for instance in self.instances(name))
+        return bool(self.instances(name))
 
     def instances(self, name: str) -> list[int]:
-        """Return the numbers of the instances of a topic."""
-        return sorted(self.topics.get(name, ()))
+        """Return the numbers of the instances of a topic that have samples."""
+        return sorted(each for each in self.topics.get(name, ()) if self.samples(name, each) is not None)
 
     def samples(self, name: str, instance: int = 0) -> Samples | None:
         """Return the samples of a topic, None if there are none."""
@@ -97,9 +97,11 @@ class Recorded:
         if is_held and first and (first == len(seconds) or seconds[first] > 0):
             first -= 1  # it lasts until the start
         number = f"[{instance}]" if instance else ""
+        with np.errstate(invalid="ignore"):  # bits that are no number
+            values = found[first:].astype(np.float64)
         return Column(
             np.maximum(seconds[first:], 0.0),
-            found[first:].astype(np.float64),
+            values,
             _unit(samples.topic, field),
             is_held,
             f"{name}{number}.{field}",

@@ -50,3 +50,10 @@ def _first(starts: NDArray[np.intp], mask: NDArray[np.bool_]) -> NDArray[np.intp
     found = np.flatnonzero(mask)
     bins = np.searchsorted(starts, found, side="right")
     return found[np.flatnonzero(np.diff(bins, prepend=0))]
+
+
+def spread(times: NDArray[np.float64], most: int) -> NDArray[np.intp]:
+    """Return the indices of at most `most` samples, in order, about as long after each other; all if they are few."""
+    if len(times) <= most:
+        return np.arange(len(times))
+    return np.unique(np.searchsorted(times, np.linspace(times[0], times[-1], most)))

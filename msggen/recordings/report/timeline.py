@@ -73,11 +73,10 @@ def timeline_of(recorded: Recorded) -> Timeline:
 
 def _modes(recorded: Recorded) -> list[Stretch]:
     modes = recorded.series(*MODES)
-    if modes is None:
+    if modes is None or not modes.is_named:
         return []
-    bands = modes.bands if modes.annotation.members else ()
     found = sorted(
-        (begin, min(end, recorded.duration), _name(band.name)) for band in bands for begin, end in band.spans
+        (begin, min(end, recorded.duration), _name(band.name)) for band in modes.bands for begin, end in band.spans
     )
     colours: dict[str, int] = {}
     for _, _, name in found:
