@@ -72,7 +72,6 @@ ROOMS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "recordings.report": (
             "base",
             "definitions",
-            "generate.text",
             "recordings.source",
             "recordings.columns",
             "recordings.topics",

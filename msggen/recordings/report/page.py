@@ -10,13 +10,13 @@ from functools import cached_property
 from hashlib import sha256
 from typing import TYPE_CHECKING, NamedTuple
 
+import jinja2
 import numpy as np
 from markupsafe import Markup
 
 from msggen.base.diagnostics import few
-from msggen.base.disk.resources import template_text
+from msggen.base.disk.resources import resource, template_text
 from msggen.base.version import __version__
-from msggen.generate.text.environment import make_environment
 from msggen.recordings.report.charts import Chart, Charts, Line, charts_of
 from msggen.recordings.report.drawing import Drawing, bars, drawing_of
 from msggen.recordings.report.encoded import data_of
@@ -286,8 +286,17 @@ def report(log: Log) -> str:
             names = "vehicle_local_position, vehicle_attitude, vehicle_status, battery_status or sensor_combined"
             raise RecordingError(f"there are no samples of topics that a report shows, such as {names}")
         page = Page(recorded, timeline_of(recorded), found, track_of(recorded))
-        template = make_environment(clock).overlay(autoescape=True).get_template("report/report.html.j2")
-        return template.render(page=page)
+        return _template().render(page=page)
+
+
+def _template() -> jinja2.Template:
+    """Return the template of the page. All that it shows is escaped."""
+    loader = jinja2.FileSystemLoader(resource("templates"))
+    environment = jinja2.Environment(
+        loader=loader, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True, autoescape=True
+    )
+    environment.filters["clock"] = clock
+    return environment.get_template("report/report.html.j2")
 
 
 def clock(seconds: float) -> str:

@@ -136,7 +136,8 @@ def test_modes_and_failsafes_are_those_that_were_flown(kind: str, request: pytes
     timeline = timeline_of(recorded_of(request.getfixturevalue(kind)))
     assert [each.name for each in timeline.modes] == ["Manual", "Takeoff", "Position", "Return", "Land"]
     assert [each.begin for each in timeline.modes] == pytest.approx([begin for _, begin in MODES], abs=1e-6)
-    assert timeline.failsafes == (pytest.approx((FAILSAFE, LAND)),)
+    (failsafe,) = timeline.failsafes
+    assert failsafe == pytest.approx((FAILSAFE, LAND))
     assert timeline.mode_at(FAILSAFE + 1) == "Return"
 
 
