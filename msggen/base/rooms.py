@@ -69,6 +69,14 @@ ROOMS: Mapping[str, tuple[str, ...]] = MappingProxyType(
             "recordings.columns",
             "recordings.definitions",
         ),
+        "recordings.report": (
+            "base",
+            "definitions",
+            "recordings.source",
+            "recordings.columns",
+            "recordings.topics",
+            "recordings.log",
+        ),
         "recordings.writer": ("recordings.files",),
         "recordings.convert": (
             "base",
