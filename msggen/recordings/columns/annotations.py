@@ -69,22 +69,22 @@ def annotations_of(ros_type: str, definition: str, firmware: str = "") -> Mappin
 
 def _annotations(schema: Schema, recorded: Message, front: str, firmware: str) -> Iterator[tuple[str, Annotation]]:
     message = _completed(recorded, firmware)
-    enums = {name: each for each in enumerations(message) for name in each.fields}
+    enums: dict[str, tuple[Mapping[int, str], bool]] = {}
+    for each in enumerations(message):
+        enums |= dict.fromkeys(each.fields, _members(each))
     for field in message.fields:
         if not field.type.is_primitive:
             nested = schema.catalog.nested(recorded, field.type)
             yield from _annotations(schema, nested, f"{front}{field.name}.", firmware)
             continue
-        members, is_flags = _members(enums.get(field.name))
+        members, is_flags = enums.get(field.name, ({}, False))
         yield (
             front + field.name,
             Annotation(field.comment.tag(UNIT.name), field.comment.tag("frame"), members, is_flags),
         )
 
 
-def _members(enum: Enumeration | None) -> tuple[Mapping[int, str], bool]:
-    if enum is None:
-        return {}, False
+def _members(enum: Enumeration) -> tuple[Mapping[int, str], bool]:
     return {member.value: member.name for member in reversed(enum.members)}, enum.is_flags
 
 

@@ -19,6 +19,8 @@ from msggen.recordings.columns.text import json_value
 from msggen.recordings.convert.fact_tables import fact_tables
 from msggen.recordings.convert.names import file_names
 from msggen.recordings.convert.selection import Converted, Selection, Share
+from msggen.recordings.log.decoded_events import is_decoded
+from msggen.recordings.log.events import has_events
 from msggen.recordings.source.source import Problem, UnknownFieldError
 
 if TYPE_CHECKING:
@@ -56,7 +58,7 @@ def write_tables(
 ) -> Converted:
     """Write a new folder with a file for each topic that has samples. See `convert`."""
     os.mkdir(folder)
-    chosen, wide = _within_limits(log, log.chosen(selection.topics))
+    chosen, wide = _within_limits(log, _chosen(log, selection))
     columns = _columns(log, chosen, selection.fields)
     paths = {key: os.path.join(folder, f"{name}.{format_.name}") for key, name in file_names(chosen).items()}
     # in a ULog without a time of day, log times are no times in UTC
@@ -78,6 +80,20 @@ def write_tables(
     return Converted(files, tables.rows, [*log.problems, *wide], notes)
 
 
+def _chosen(log: Log, selection: Selection) -> list[Topic]:
+    """Return the topics to write, without decoded events if they are also samples that become a table of events."""
+    chosen = log.chosen(selection.topics)
+    if not (log.has_facts and _has_facts(selection) and log.events):
+        return chosen
+    has_samples = any(has_events(topic) and topic.count for topic in chosen)
+    return [topic for topic in chosen if not (has_samples and is_decoded(topic))]
+
+
+def _has_facts(selection: Selection) -> bool:
+    """Whether there are tables of what a ULog has beside its topics: unless topics or fields were chosen."""
+    return selection.topics is None and selection.fields is None
+
+
 def _within_limits(log: Log, topics: Sequence[Topic]) -> tuple[list[Topic], list[Problem]]:
     """Return topics that have up to MAX_TOTAL together, and what is left out."""
     kept: list[Topic] = []
@@ -95,8 +111,8 @@ def _within_limits(log: Log, topics: Sequence[Topic]) -> tuple[list[Topic], list
 
 
 def _written_facts(log: Log, folder: str, format_: Format, selection: Selection) -> Iterator[str]:
-    """Write what a ULog has beside its topics, unless topics or fields were chosen. Yield the paths."""
-    if selection.topics is not None or selection.fields is not None:
+    """Write what a ULog has beside its topics, and yield the paths."""
+    if not _has_facts(selection):
         return
     for name, table in fact_tables(log, *selection.limits(log.start)):
         path, shown = os.path.join(folder, f"{name}.{format_.name}"), format_.table(table)

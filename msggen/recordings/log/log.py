@@ -15,6 +15,7 @@ from msggen.recordings.columns.samples import Samples
 from msggen.recordings.decode.decoder import Rows
 from msggen.recordings.definitions.lent import Lender, Nearby
 from msggen.recordings.log.ahead import Ahead, passes_over
+from msggen.recordings.log.decoded_events import is_decoded
 from msggen.recordings.log.events import Events, has_events, read_events, with_events
 from msggen.recordings.log.origin import Firmware, firmware_of, gps_offset_of, utc_offset_of, vehicle_of
 from msggen.recordings.log.payloads import Sample
@@ -152,7 +153,7 @@ class Log:
 
     @property
     def events(self) -> Sequence[Event]:
-        """The events of the vehicle by log time, decoded with the metadata in a ULog."""
+        """The events of the vehicle by log time, decoded with the metadata in a ULog, or as `/events` has them."""
         return self._decoded_events.events
 
     @property
@@ -162,8 +163,8 @@ class Log:
 
     @cached_property
     def _decoded_events(self) -> Events:
-        topics = [topic for topic in self.topics if has_events(topic) and self._reader.can_decode(topic)]
-        return read_events(topics, self.samples, self.information)
+        topics = [topic for topic in self.topics if self._reader.can_decode(topic)]
+        return read_events(filter(has_events, topics), filter(is_decoded, topics), self.samples, self.information)
 
     @property
     def dropouts(self) -> Sequence[Dropout]:
