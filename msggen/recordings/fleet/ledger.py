@@ -151,6 +151,9 @@ class Ledger:
         self.folder.write(_LEDGER, "".join(f"{line}\n" for line in self._lines()).encode())
         for name in self._pending():  # in this order: the later ones may remove what the first ones add
             self.folder.delete(f"{_CHANGES}/{name}")
+        for name in self.folder.names(_CHANGES):  # what a run that was killed did not complete
+            if is_token(name.partition(".")[0]):
+                self.folder.delete(f"{_CHANGES}/{name}")
 
     def next_number(self) -> int:
         """Return a number that no recording has."""
