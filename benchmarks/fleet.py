@@ -4,8 +4,9 @@
     python benchmarks/fleet.py --quick     checks in a few seconds that it works
     python benchmarks/fleet.py --logs DIR  takes the recordings below this folder, in place of generated ones
 
-The generated logs have 80 topics of few samples each, as PX4's. Those whose costs are followed up to 10,000 are tiny, with
-three topics: what grows is the work per recording, not per sample. Needs the packages of the extra `test`, for DuckDB.
+The generated logs have 80 topics of few samples each, as PX4's. Those whose costs are followed up to 10,000 are tiny,
+with three topics: what grows is the work per recording, not per sample. Needs the packages of the extra
+`test`, for DuckDB.
 """
 
 from __future__ import annotations
@@ -17,10 +18,10 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from math import log
 from pathlib import Path
 from typing import Any
-
 
 from flight import START
 from msggen.recordings.fleet import compact, update
@@ -106,10 +107,11 @@ def query_times(fleet: str, largest: Path) -> Iterator[float]:
     topic = f"read_parquet('{files}', union_by_name = true, hive_partitioning = true)"
     schema = parquet.read_schema(largest)
     column = next(field.name for field in schema if str(field.type) in {"float", "double"})
-    name = duckdb.sql(f"select min(log) from {topic}").fetchall()[0][0]
+    database = duckdb.connect()
+    name = database.execute(f"select min(log) from {topic}").fetchall()[0][0]  # noqa: S608 - of this program
     for query in QUERIES.values():
         text = query.format(topic=topic, column=f'"{column}"', log=name)
-        yield min(timed(lambda text=text: duckdb.sql(text).fetchall())[0] for _ in range(5))
+        yield min(timed(partial(database.execute, text))[0] for _ in range(5))
 
 
 # growth

@@ -6,6 +6,7 @@ import struct
 import threading
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -103,6 +104,12 @@ def test_row_groups_of_large_recordings_are_bounded(tmp_path: Path, monkeypatch:
 
 
 _VALUES: Mapping[pa.DataType, Callable[[int], object]] = {pa.int32(): int, pa.float64(): float, pa.string(): str}
+
+
+def _once(table: Any) -> Iterator[Any]:
+    yield table
+
+
 COLUMNS = st.dictionaries(st.sampled_from("abc"), st.sampled_from(list(_VALUES)))
 
 
@@ -119,7 +126,7 @@ def test_columns_that_agree_are_in_one_file(given_runs: list[tuple[int, dict[str
             | {name: pa.array([values[name]], kind) for name, kind in columns.items()}
         )
         keys = Keys("v", "d", f"log{number}", "none", index)
-        runs.append(Run(keys, table.schema, lambda table=table: iter([table])))
+        runs.append(Run(keys, table.schema, partial(_once, table)))
         expected[repr(sorted({**keys._asdict(), "timestamp": index, **values}.items()))] += 1
     with TemporaryDirectory() as folder:
         written = list(write_parts(runs, f"{folder}/a.parquet", ["vehicle", "date"]))
@@ -166,7 +173,7 @@ def test_fields_with_the_names_of_keys_stay(tmp_path: Path) -> None:
     assert row["log"].startswith("a-")
 
 
-def test_readers_see_the_earlier_files_or_the_new_ones(fleet: Path, tmp_path: Path, px4_types: Any) -> None:
+def test_readers_see_the_earlier_files_or_the_new_ones(fleet: Path, tmp_path: Path) -> None:
     """One that has listed the earlier files may find that they are gone, but never other numbers of rows."""
     topic = fleet / "vehicle_local_position"
     allowed, seen, ended = {5 * 200}, Counter[str](), threading.Event()
@@ -197,11 +204,11 @@ def test_readers_see_the_earlier_files_or_the_new_ones(fleet: Path, tmp_path: Pa
 
 
 @pytest.fixture
-def damaged(fleet: Path) -> Iterator[Path]:
+def damaged(fleet: Path) -> Path:
     name = next(name for name in parquet_in(fleet) if name.startswith("sensor_gps/"))
     path = fleet / name
     path.write_bytes(path.read_bytes()[:-40])
-    yield path
+    return path
 
 
 def test_a_damaged_file_is_named(damaged: Path, fleet: Path) -> None:

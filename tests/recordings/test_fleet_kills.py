@@ -7,7 +7,7 @@ import os
 import shutil
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
@@ -31,6 +31,8 @@ pytestmark = [
 ]
 
 KILLED = 9
+SOME = 12
+"""How many moments each run tries at least."""
 KEPT = ["changes", "layout.json", "ledger.jsonl", "report.json"]
 
 Rows = Counter[tuple[str, str]]
@@ -71,6 +73,10 @@ def old_fleet(folder: Path) -> None:
     write(folder, 3, "d.ulg")
 
 
+def merge(folder: Path) -> None:
+    compact(str(folder / "fleet"))
+
+
 def convert(folder: Path) -> None:
     update(str(folder / "logs"), str(folder / "fleet"))
 
@@ -78,7 +84,7 @@ def convert(folder: Path) -> None:
 TASKS = {
     "new": Task(lambda folder: write(folder, 0, "a.ulg"), convert),
     "changed": Task(then_changes, convert),
-    "compact": Task(several_runs, lambda folder: str(compact(str(folder / "fleet"))) and None),
+    "compact": Task(several_runs, merge),
     "version 3": Task(old_fleet, convert),
 }
 
@@ -133,56 +139,68 @@ def check_visible(found: Rows, before: Rows, after: Rows) -> None:
         assert found[key] in allowed, f"{topic}, {name}: {found[key]} rows, expected one of {allowed}"
 
 
-def kills(task: str, folder: Path) -> Iterator[int]:
-    """Yield the number of each call that changes the disk, after a run of the task was killed before it."""
-    number = 0
-    while True:
-        copy_of(task, folder)
-
-        def work(number: int = number) -> int:
-            remaining = number
-
-            def count(_: str) -> None:
-                nonlocal remaining
-                if remaining == 0:
-                    os._exit(KILLED)
-                remaining -= 1
-
-            with hooked(count):
-                TASKS[task].run(folder)
-            return 0
-
-        code = in_child(work)
-        assert code in (0, KILLED)
-        yield number
-        if code == 0:
-            return
-        number += 1
+def moments(task: str, folder: Path, *, all_of_them: bool) -> list[int]:
+    """Return the numbers of calls that change the disk, of a run of a task: all but most writes, or some of them."""
+    copy_of(task, folder)
+    names: list[str] = []
+    with hooked(names.append):
+        TASKS[task].run(folder)
+    writes = [number for number, name in enumerate(names) if name == "write"]
+    others = [number for number, name in enumerate(names) if name != "write"]
+    chosen = sorted([*others, *writes[::20]])
+    if all_of_them:
+        return chosen
+    decisive = [number for number, name in enumerate(names) if name == "_exchange"]
+    return sorted({*chosen[:: max(len(chosen) // SOME, 1)], *decisive, *(number + 1 for number in decisive)})
 
 
-def test_a_kill_at_any_call_loses_nothing(task: str, tmp_path: Path) -> None:
+def kill(task: str, folder: Path, number: int) -> None:
+    """Run a task, and kill it before a call."""
+    copy_of(task, folder)
+
+    def work() -> int:
+        remaining = number
+
+        def count(_: str) -> None:
+            nonlocal remaining
+            if remaining == 0:
+                os._exit(KILLED)
+            remaining -= 1
+
+        with hooked(count):
+            TASKS[task].run(folder)
+        return 0
+
+    assert in_child(work) in (0, KILLED)
+
+
+EVERY = pytest.mark.parametrize("extent", ["some", pytest.param("all", marks=pytest.mark.night)])
+
+
+@EVERY
+def test_a_kill_at_any_call_loses_nothing(task: str, extent: str, tmp_path: Path) -> None:
     folder = copy_of(task, tmp_path / "work")
     before = counts(folder / "fleet")
     TASKS[task].run(folder)
     after, whole = counts(folder / "fleet"), rows_of(folder / "fleet")
-    count = 0
-    for count in kills(task, folder):
+    for number in moments(task, folder, all_of_them=extent == "all"):
+        kill(task, folder, number)
         check_visible(counts(folder / "fleet"), before, after)
         TASKS[task].run(folder)
-        assert counts(folder / "fleet") == after, f"call {count}"
-        assert rows_of(folder / "fleet") == whole, f"call {count}"
+        assert counts(folder / "fleet") == after, f"call {number}"
+        assert rows_of(folder / "fleet") == whole, f"call {number}"
         assert state_names(folder / "fleet") == KEPT
         assert not os.listdir(folder / "fleet" / "_msggen" / "changes")
-    assert count > 20
 
 
-def test_a_full_disk_at_any_call_loses_nothing(task: str, tmp_path: Path) -> None:
+@EVERY
+def test_a_full_disk_at_any_call_loses_nothing(task: str, extent: str, tmp_path: Path) -> None:
     folder = copy_of(task, tmp_path / "work")
     before = counts(folder / "fleet")
     TASKS[task].run(folder)
     after = counts(folder / "fleet")
-    failed = number = 0
-    while True:
+    failed = 0
+    for number in moments(task, folder, all_of_them=extent == "all"):
         copy_of(task, folder)
         calls = 0
 
@@ -199,22 +217,22 @@ def test_a_full_disk_at_any_call_loses_nothing(task: str, tmp_path: Path) -> Non
             failed += 1
         check_visible(counts(folder / "fleet"), before, after)
         TASKS[task].run(folder)
-        assert counts(folder / "fleet") == after
+        assert counts(folder / "fleet") == after, f"call {number}"
         assert state_names(folder / "fleet") == KEPT
-        if calls <= number:
-            break
-        number += 3
     assert failed > 3
 
 
-def test_the_next_action_goes_on_whatever_it_is(tmp_path: Path) -> None:
+@EVERY
+def test_the_next_action_goes_on_whatever_it_is(extent: str, tmp_path: Path) -> None:
     """A run of `update` finishes a compaction that was killed, and the other way round."""
     folder = copy_of("compact", tmp_path / "work")
     whole = rows_of(folder / "fleet")
-    for _ in kills("compact", folder):
+    for number in moments("compact", folder, all_of_them=extent == "all"):
+        kill("compact", folder, number)
         convert(folder)
         assert rows_of(folder / "fleet") == whole
-    for _ in kills("changed", folder):
+    for number in moments("changed", folder, all_of_them=extent == "all"):
+        kill("changed", folder, number)
         compact(str(folder / "fleet"))
         assert all(len(each) == 1 for each in by_name(counts(folder / "fleet")).values())
         convert(folder)
