@@ -278,7 +278,8 @@ def _metadata(chance: Random, work: Path, outside: Path) -> None:
 def _record(chance: Random, work: Path, outside: Path) -> None:
     """Change a line of the ledger, or the layout, or let the ledger name files of others."""
     state = work / "fleet" / "_msggen"
-    path = chance.choice((state / "ledger.jsonl", state / "ledger.jsonl", state / "layout.json"))
+    names = ("ledger.jsonl", "ledger.jsonl", "layout.json")
+    path = chance.choice([state / name for name in names if (state / name).is_file()])
     lines = [json.loads(line) for line in path.read_text().splitlines()]
     number = chance.randrange(len(lines))
     if chance.random() < 0.6:

@@ -99,11 +99,14 @@ def convert_batch(task: Task) -> Batch:
 
 def _converted(task: Task, path: str, aside: str) -> tuple[Outcome, list[tuple[str, Run]]]:
     """Convert a recording to files in the new folder `aside`. Return what became of it, and its runs by topic."""
+    import pyarrow  # noqa: ICN001
+
     try:
         record, runs = _tables(task, path, aside, state_of(path))
     except Exception as error:  # noqa: BLE001 - as above
         shutil.rmtree(aside, ignore_errors=True)
         return Outcome(path, error=_text_of(error, path)), []
+    pyarrow.default_memory_pool().release_unused()
     return Outcome(path, record), runs
 
 
