@@ -71,6 +71,7 @@ CASES: dict[str, list[list[str]]] = {
     "link serve": [[NAME], ["--link", NAME], ["--link", f"unix:///{NAME}"], ["--link", f"serial:///{FILE}"]],
     "link stop": [[NAME], ["udp://127.0.0.1:9"], [f"serial:///{FILE}"]],
     "lint": [*_each("--px4", f"{FILE}.px4", of=_FORMATS), ["--px4", f"{FILE}.px4", "--select", NAME]],
+    "log compact": [[f"{FILE}.fleet"], [FILE], [NAME], [NAME, "--json"]],
     "log convert": [
         *[[*log, "-o", f"{FILE}.{number}", "--format", "csv"] for number, log in enumerate(_LOGS)],
         *[[*log, "-o", f"{FILE}.{number}", "--json"] for number, log in enumerate(_LOGS[1:3], 10)],

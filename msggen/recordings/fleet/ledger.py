@@ -124,6 +124,7 @@ class Ledger:
                 self._read()
                 yield
             finally:
+                self._clear_stages()
                 self.folder.delete(_RUN)
 
     def token(self) -> str:
@@ -134,6 +135,8 @@ class Ledger:
 
     def commit(self, change: Change) -> None:
         """Make a change: afterwards it is part of the fleet, whatever happens. Raises OSError."""
+        if change.is_empty:
+            return
         name = f"{_CHANGES}/{self.token()}.json"
         added = {each.place: {"staged": each.staged, **document_of_file(file)} for each, file in change.added.items()}
         document = {
@@ -151,6 +154,9 @@ class Ledger:
         self.folder.write(_LEDGER, "".join(f"{line}\n" for line in self._lines()).encode())
         for name in self._pending():  # in this order: the later ones may remove what the first ones add
             self.folder.delete(f"{_CHANGES}/{name}")
+        for name in self.folder.names(_CHANGES):  # what a run that was killed did not complete
+            if is_token(name.partition(".")[0]):
+                self.folder.delete(f"{_CHANGES}/{name}")
 
     def next_number(self) -> int:
         """Return a number that no recording has."""
@@ -183,14 +189,27 @@ class Ledger:
                 self.files[found["place"]] = file
             elif (record := record_of(found)) is not None:
                 self.records[record.number] = record
+        for change in self._waiting():
+            self._apply(change)
+        self._clear_stages()
+        self.found = self.folder.places()
+        self._take_in()
+
+    def _waiting(self) -> Iterator[Change]:
+        """Yield the changes whose files are there, in their order."""
         for name in self._pending():
             change = _change_of(read_json(self.folder.read(f"{_CHANGES}/{name}")))
             if change is not None:
-                self._apply(change)
-        for stage in self.folder.stages():
-            self.folder.clear(stage)
-        self.found = self.folder.places()
-        self._take_in()
+                yield change
+
+    def _clear_stages(self) -> None:
+        """Remove the stages that no change needs."""
+        stages = self.folder.stages()
+        if stages:
+            needed = {each.staged.partition("/")[0] for change in self._waiting() for each in change.added}
+            for stage in stages:
+                if stage not in needed:
+                    self.folder.clear(stage)
 
     def _pending(self) -> list[str]:
         """Return the names of the files of changes, in their order."""
