@@ -36,7 +36,25 @@ FORMATS: Mapping[str, Format] = MappingProxyType(
 MCAP = FORMATS["mcap"].suffix
 """The suffix of the recordings that msggen writes."""
 
-PACKED = (".zstd", ".zst")
+
+class Packing(NamedTuple):
+    """A way in which files are compressed."""
+
+    name: str
+    front: bytes
+    """The first bytes of such files."""
+
+
+ZSTD = Packing("zstd", b"\x28\xb5\x2f\xfd")
+PACKED: Mapping[str, Packing] = MappingProxyType(
+    {
+        ".zstd": ZSTD,
+        ".zst": ZSTD,
+        ".gz": Packing("gzip", b"\x1f\x8b"),
+        ".xz": Packing("xz", b"\xfd7zXZ\0"),
+        ".bz2": Packing("bzip2", b"BZh"),
+    }
+)
 """The suffixes of compressed files, behind that of their format. rosbag2 writes the first one."""
 
 
@@ -44,6 +62,11 @@ def unpacked(name: str) -> str:
     """Return the name of a file without the suffix of a compressed one: `flight.mcap` for `flight.mcap.zstd`."""
     found = next((each for each in PACKED if name.lower().endswith(each)), "")
     return name[: len(name) - len(found)]
+
+
+def packing_of(front: bytes) -> Packing | None:
+    """Return how a file is compressed by its first bytes, None if it is not."""
+    return next((each for each in PACKED.values() if front.startswith(each.front)), None)
 
 
 def format_named(name: str) -> Format | None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import bz2
+import gzip
+import lzma
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
@@ -30,12 +33,20 @@ def test_names_and_first_bytes_tell_one_format() -> None:
         for end in ("", *PACKED, *map(str.upper, PACKED)):
             assert format_named(f"logs/x{row.suffix}{end}") == format_named(f"X{row.suffix.upper()}{end}") == row
             assert unpacked(f"x{row.suffix}{end}") == f"x{row.suffix}"
-    assert not any(map(format_named, ("", "mcap", "x.mcap.gz", "x.zstd", "x.mcap/metadata.yaml")))
+    assert not any(map(format_named, ("", "mcap", "x.mcap.7z", "x.zstd", "x.tar.gz", "x.mcap/metadata.yaml")))
 
 
 def test_the_page_has_all_formats() -> None:
     page = (ROOT / "docs/recording_formats.md").read_text(encoding="utf-8")
     assert all(f"{each.suffix}`" in page for each in FORMATS.values())
+
+
+COMPRESS: dict[str, Callable[[bytes], bytes]] = {
+    "zstd": zstandard.compress,
+    "gzip": gzip.compress,
+    "xz": lzma.compress,
+    "bzip2": bz2.compress,
+}
 
 
 def _file(folder: Path, types: Any) -> Path:
@@ -48,7 +59,7 @@ def _packed(suffix: str) -> Callable[[Path, Any], Path]:
     def make(folder: Path, types: Any) -> Path:
         path = _file(folder, types)
         packed = path.with_name(path.name + suffix)
-        packed.write_bytes(zstandard.compress(path.read_bytes()))
+        packed.write_bytes(COMPRESS[PACKED[suffix].name](path.read_bytes()))
         path.unlink()
         return packed
 
