@@ -64,11 +64,11 @@ def _info(options: argparse.Namespace) -> int:
         if options.topic:
             _print_topic(options, log, log.topic(options.topic))
         elif options.json:
-            made = _object(options.file, log)
+            made = _object(log.path, log)
             print(dump(made if checksums is None else {**made, "checksums": checksums._asdict()}))
         else:
             print_problems(options, log.problems)
-            for name, text in (*_rows(options.file, log), *_rows_on_contents(log, checksums)):
+            for name, text in (*_rows(log.path, log), *_rows_on_contents(log, checksums)):
                 print(f"{name:<11} {printable(text)}")
             _print_topics(log)
         return FINDINGS if log.problems else DONE
@@ -98,7 +98,7 @@ def _rows_on_contents(log: Log, checksums: Checksums | None) -> Iterator[tuple[s
 
 def _rows(path: str, log: Log) -> Iterator[tuple[str, str]]:
     format_ = FORMATS[log.kind].name if log.kind in FORMATS else log.kind
-    yield "file", f"{path}, {format_}, {number_of_bytes(_size(path))}"
+    yield "file", f"{path}, {format_}, {number_of_bytes(_size(log.place))}"
     start = _start(log)
     yield "start", f"{start:%Y-%m-%d %H:%M:%S} UTC" if start else "unknown: the recording has no time of day"
     end = _time_of_day(log, log.end)
@@ -111,7 +111,7 @@ def _rows(path: str, log: Log) -> Iterator[tuple[str, str]]:
     if system:
         yield "system", system
     yield "firmware", ", ".join(filter(None, (str(log.release()), _commit(log))))
-    contents = contents_of(path) if log.kind in ("mcap", "rosbag2") else None
+    contents = contents_of(log.place) if log.kind in ("mcap", "rosbag2") else None
     if contents:
         yield "contents", str(contents)
     counts = [topic.count for topic in log.topics]
@@ -286,11 +286,11 @@ def _sample_size(topic: Topic) -> int | None:
 def _object(path: str, log: Log) -> dict[str, Any]:
     start, end = _start(log), _time_of_day(log, log.end)
     facts = log.facts
-    contents = contents_of(path) if log.kind in ("mcap", "rosbag2") else None
+    contents = contents_of(log.place) if log.kind in ("mcap", "rosbag2") else None
     made: dict[str, Any] = {
         "file": path,
         "format": log.kind,
-        "bytes": _size(path),
+        "bytes": _size(log.place),
         "start": f"{start:%Y-%m-%dT%H:%M:%SZ}" if start else None,
         "end": f"{end:%Y-%m-%dT%H:%M:%SZ}" if end else None,
         "start_ns": log.start,

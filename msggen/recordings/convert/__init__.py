@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from msggen.base.disk.staging import check_writable, clear, locked, stage_beside, staging_folder
@@ -18,12 +19,14 @@ if TYPE_CHECKING:
     from msggen.recordings.log.log import Key, Log
     from msggen.recordings.topics.topic import Topic
 
-__all__ = ["EVERYTHING", "FORMATS", "TABLES", "Converted", "Selection", "convert", "join"]
+__all__ = ["EVERYTHING", "FORMATS", "TABLES", "TABLE_SUFFIXES", "Converted", "Selection", "convert", "join"]
 
 FORMATS = ("parquet", "arrow", "csv", "mcap", "rosbag2")
-"""The formats that are written. An MCAP file is a file, all others are a folder."""
+"""The formats that are written. `mcap` is a file, and the others are folders, also of tables of several topics."""
 TABLES = ("parquet", "arrow", "csv")
 """The formats with a file for each topic."""
+TABLE_SUFFIXES = MappingProxyType({".parquet": "parquet", ".arrow": "arrow", ".feather": "arrow", ".csv": "csv"})
+"""The formats of tables by the suffixes of files."""
 
 
 def convert(  # noqa: PLR0913 - named options
@@ -39,6 +42,8 @@ def convert(  # noqa: PLR0913 - named options
     progress: Callable[[float], None] = lambda _: None,
 ) -> Converted:
     """Write a recording in another format, one of FORMATS, to `target`: a file for `mcap`, otherwise a folder.
+
+    A table of a single topic is a file if `target` ends as such files do: `wind.csv`, `wind.feather` for `arrow`.
 
     `topics`, `start` and `stop` choose as for `Log.load`, and `fields` the columns of tables: of each topic those that
     it has. `progress` is called with the share that is done, from 0 to 1. The recording is read piece by piece.
@@ -59,7 +64,8 @@ def convert(  # noqa: PLR0913 - named options
         return join([log], target, selection, format, progress)
     from msggen.recordings.convert.tables import Format, write_tables
 
-    kind = Format(format, quotes_formulas=quotes_formulas)
+    is_file = TABLE_SUFFIXES.get(os.path.splitext(target)[1].lower()) == format
+    kind = Format(format, quotes_formulas=quotes_formulas, is_file=is_file)
     return _whole(target, lambda made: write_tables(log, made, kind, selection, progress))
 
 

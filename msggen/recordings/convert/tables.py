@@ -9,7 +9,7 @@ from contextlib import ExitStack
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from msggen.base.diagnostics import suggestion
+from msggen.base.diagnostics import few, suggestion
 from msggen.base.foreign import csv_text, safe_json
 from msggen.definitions.nesting import MAX_TOTAL
 from msggen.recordings.columns.arrays import count_of, has_field, names_of
@@ -19,7 +19,7 @@ from msggen.recordings.columns.text import json_value
 from msggen.recordings.convert.fact_tables import fact_tables
 from msggen.recordings.convert.names import file_names
 from msggen.recordings.convert.selection import Converted, Selection, Share
-from msggen.recordings.source.source import Problem, UnknownFieldError
+from msggen.recordings.source.source import Problem, RecordingError, UnknownFieldError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
@@ -43,6 +43,8 @@ class Format(NamedTuple):
     """`parquet`, `arrow` or `csv`, which is the suffix of files too."""
     quotes_formulas: bool = False
     """Whether `'` precedes text in CSV that a spreadsheet would evaluate."""
+    is_file: bool = False
+    """Whether a file with one topic is written, and no folder."""
 
     def table(self, table: Any) -> Any:
         """Return a table as the format has it."""
@@ -50,13 +52,20 @@ class Format(NamedTuple):
 
 
 def write_tables(
-    log: Log, folder: str, format_: Format, selection: Selection, progress: Callable[[float], None]
+    log: Log, target: str, format_: Format, selection: Selection, progress: Callable[[float], None]
 ) -> Converted:
-    """Write a new folder with a file for each topic that has samples. See `convert`."""
-    os.mkdir(folder)
-    chosen, wide = _within_limits(log, log.chosen(selection.topics))
+    """Write a new folder with a file for each topic that has samples, or a file of a topic. See `convert`."""
+    topics = log.chosen(selection.topics)
+    if format_.is_file:
+        topics = [_only(log, topics, target, format_)]
+    else:
+        os.mkdir(target)
+    chosen, wide = _within_limits(log, topics)
     columns = _columns(log, chosen, selection.fields)
-    paths = {key: os.path.join(folder, f"{name}.{format_.name}") for key, name in file_names(chosen).items()}
+    paths = {
+        key: target if format_.is_file else os.path.join(target, f"{name}.{format_.name}")
+        for key, name in file_names(chosen).items()
+    }
     # in a ULog without a time of day, log times are no times in UTC
     utc_offset = log.utc_offset if log.has_facts else 0
     tables = _Tables(paths, format_, columns, utc_offset)
@@ -69,11 +78,25 @@ def write_tables(
         tables.flush()
     finally:
         tables.close()
-    facts = list(_written_facts(log, folder, format_, selection)) if tables.rows else []
+    has_facts = bool(tables.rows) and not format_.is_file
+    facts = list(_written_facts(log, target, format_, selection)) if has_facts else []
     files = sorted([*tables.files, *facts])
     share.end()
     notes = [*(log.notes if any(topic.is_lent for topic in wanted) else ()), *(log.event_notes if facts else ())]
     return Converted(files, tables.rows, [*log.problems, *wide], notes)
+
+
+def _only(log: Log, topics: Sequence[Topic], target: str, format_: Format) -> Topic:
+    """Return the topic that is written to a file. Raises RecordingError if there are several with samples, or none."""
+    found = [topic for topic in topics if topic.count] or list(topics)
+    if len(found) == 1:
+        return found[0]
+    name, folder = os.path.basename(target), os.path.splitext(os.path.basename(target))[0]
+    if not found:
+        raise RecordingError(f"{log.path} has no topic that can be decoded, and so no table for {name}")
+    names = few([topic.label for topic in found])
+    text = f"name one of {names}, or write a folder '{folder}' in the format {format_.name}"
+    raise RecordingError(f"{name} is a file for one topic, and there are {len(found)}: {text}")
 
 
 def _within_limits(log: Log, topics: Sequence[Topic]) -> tuple[list[Topic], list[Problem]]:

@@ -36,8 +36,14 @@ Data = Any
 
 def limit_of(size: int) -> int:
     """Return how many bytes a file of a size may have without its compression."""
+    told = told_limit()
+    return max(_MOST * size, _LEAST_LIMIT) if told is None else told
+
+
+def told_limit() -> int | None:
+    """Return the limit in bytes that the user has set, None if there is none."""
     told = os.environ.get(MAX_CONTENT, "")
-    return int(told) if told.isdecimal() else max(_MOST * size, _LEAST_LIMIT)
+    return int(told) if told.isdecimal() else None
 
 
 class Room:

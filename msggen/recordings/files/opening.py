@@ -8,7 +8,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from msggen.base.diagnostics import either
-from msggen.base.recording_formats import FORMATS
+from msggen.base.recording_formats import FORMATS, packing_of
 from msggen.recordings.source.source import VERIFIED, RecordingError, Verification
 
 if TYPE_CHECKING:
@@ -35,12 +35,23 @@ def open_sources(path: str, verification: Verification = VERIFIED) -> list[Sourc
 def _open_file(verification: Verification, path: str, room: Room) -> Source:
     """Return a file that is not compressed, with the room for its chunks. Raises RecordingError, and OSError."""
     with open(path, "rb") as file:
-        front = file.read(16)
+        name = _format_of(path, file.read(16))
+    module = import_module(f"msggen.recordings.files.{name}")
+    reader: Callable[[str, Room, Verification], Source] = getattr(module, FORMATS[name].reader)
+    return reader(path, room, verification)
+
+
+def check_front(path: str, front: bytes) -> None:
+    """Raise RecordingError if a file does not begin as a recording does, compressed or not."""
+    if packing_of(front) is None:
+        _format_of(path, front)
+
+
+def _format_of(path: str, front: bytes) -> str:
+    """Return the key of the format of a file by its first bytes. Raises RecordingError."""
     for name, each in FORMATS.items():
         if front.startswith(each.front):
-            module = import_module(f"msggen.recordings.files.{name}")
-            reader: Callable[[str, Room, Verification], Source] = getattr(module, each.reader)
-            return reader(path, room, verification)
+            return name
     if not front:
         raise RecordingError(f"{path} is empty")
     if front.startswith(_PARQUET):

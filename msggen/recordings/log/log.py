@@ -50,6 +50,7 @@ if TYPE_CHECKING:
 
     from msggen.recordings.definitions.comparison import Compared
     from msggen.recordings.definitions.release import Release
+    from msggen.recordings.files.spooled import Spooled
     from msggen.recordings.log.align import Aligned, Direction
 
     MessageT = TypeVar("MessageT")
@@ -72,9 +73,16 @@ class Log:
     all their names: `/fmu/out/vehicle_status_v4`, `vehicle_status`, `VehicleStatus`.
     """
 
-    def __init__(self, sources: Sequence[Source], lender: Lender | Nearby | None = None, path: str = "") -> None:
+    def __init__(
+        self,
+        sources: Sequence[Source],
+        lender: Lender | Nearby | None = None,
+        path: str = "",
+        spooled: Spooled | None = None,
+    ) -> None:
         self._reader = Reader(sources, lender, path or sources[0].path)
         self._sources = sources
+        self._spooled = spooled
 
     def __enter__(self) -> Self:
         """Return the log."""
@@ -89,13 +97,20 @@ class Log:
         self._reader.close()
         if "_ahead" in self.__dict__:
             self._ahead.clear()
+        if self._spooled is not None:
+            self._spooled.folder.cleanup()
 
     # what there is
 
     @property
     def path(self) -> str:
-        """The path of the recording."""
+        """The path of the recording, or the name of the file object."""
         return self._reader.path
+
+    @property
+    def place(self) -> str:
+        """The path of what is read: `path`, or the temporary copy of a file object."""
+        return self.path if self._spooled is None else self._spooled.path
 
     @property
     def kind(self) -> str:
