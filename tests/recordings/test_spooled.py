@@ -151,7 +151,7 @@ def test_text_and_nothing_yet_are_errors(temporary: Path) -> None:
         recordings.open(io.StringIO("text"))  # type: ignore[arg-type]
 
     class NoneYet(io.RawIOBase):
-        def read(self, size: int = -1) -> None:  # type: ignore[override]
+        def read(self, size: int = -1) -> None:
             del size
 
     with pytest.raises(BlockingIOError):

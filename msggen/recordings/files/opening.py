@@ -8,7 +8,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from msggen.base.diagnostics import either
-from msggen.base.recording_formats import FORMATS, packing_of
+from msggen.base.recording_formats import FORMATS, foreign, packing_of
 from msggen.recordings.source.source import VERIFIED, RecordingError, Verification
 
 if TYPE_CHECKING:
@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
     from msggen.recordings.files.compression import Room
     from msggen.recordings.source.source import Source
-
-_PARQUET = b"PAR1"
 
 
 def open_sources(path: str, verification: Verification = VERIFIED) -> list[Source]:
@@ -54,7 +52,8 @@ def _format_of(path: str, front: bytes) -> str:
             return name
     if not front:
         raise RecordingError(f"{path} is empty")
-    if front.startswith(_PARQUET):
-        raise RecordingError(f"{path} is a table in Parquet, not a recording: pyarrow, DuckDB and Polars read it")
+    other = foreign(path, front)
+    if other:
+        raise RecordingError(f"{path} is {other}")
     expected = either([each.noun for each in FORMATS.values()])
     raise RecordingError(f"{path} is not a recording: expected {expected}")
