@@ -19,7 +19,6 @@ import pytest
 from mcap.reader import make_reader
 from mcap.writer import Writer as McapWriter
 from mcap_ros2.decoder import DecoderFactory
-from pyarrow import csv, ipc, parquet
 from rosbags.highlevel import AnyReader
 
 from msggen import recordings
@@ -28,6 +27,7 @@ from msggen.recordings.convert import EVERYTHING, FORMATS, TABLE_SUFFIXES, TABLE
 from msggen.recordings.writer import Channel, Writer
 from support.flights import TEXTS, TOPICS, same_columns, write_flight
 from support.recordings import START, read_mcap
+from support.tables import read_table
 from support.ulog import UTC, write_ulog
 
 COUNT = 300
@@ -44,15 +44,6 @@ def flight(px4_types: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def log(flight: Path) -> Iterator[Log]:
     with recordings.open(flight) as found:
         yield found
-
-
-def read_table(path: str, types: Any = None) -> Any:
-    if path.endswith(".parquet"):
-        return parquet.read_table(path)
-    if path.endswith(".arrow"):
-        with pa.memory_map(path) as file:
-            return ipc.open_file(file).read_all()
-    return csv.read_csv(path, convert_options=csv.ConvertOptions(column_types=types))
 
 
 def test_a_table_for_each_topic_is_named_as_px4_names_it(log: Log, tmp_path: Path) -> None:

@@ -44,7 +44,7 @@ def add_to(actions: Commands) -> None:
         help=f"{', '.join(FORMATS)} (default: what the output ends in, such as .mcap or .csv, otherwise parquet)",
     )
     add_fields(parser, "column of tables to write")
-    add_shared(parser, "--quote-formulas")
+    add_shared(parser, "--quote-formulas", "--sql-names")
     add_output(
         parser,
         "file or folder to write (default: a folder here, with the name of the recording, or `fleet` for a folder of "
@@ -62,6 +62,8 @@ def _convert(options: argparse.Namespace) -> int:
     format_ = format_of(options)
     if options.quote_formulas and format_ != "csv":
         refuse(options, f"argument --quote-formulas: only with --format csv, not {format_}")
+    if options.sql_names and format_ not in TABLES:
+        refuse(options, f"argument --sql-names: only for {', '.join(TABLES)}, not {format_}")
     target = options.output or default_target(options, format_)
     with opened(options, options.file) as log:
         from msggen.recordings.convert import convert
@@ -79,5 +81,6 @@ def _convert(options: argparse.Namespace) -> int:
             stop=options.stop,
             fields=options.field,
             quotes_formulas=options.quote_formulas,
+            sql_names=options.sql_names,
         )
         return code_of(written(options, target, lambda progress: write(progress=progress)))

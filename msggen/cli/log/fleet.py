@@ -38,6 +38,7 @@ _SINGLE: Mapping[str, str] = {
     "format": "--format",
     "field": "--field",
     "quote_formulas": "--quote-formulas",
+    "sql_names": "--sql-names",
 }
 """The options for single recordings only."""
 

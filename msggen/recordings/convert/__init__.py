@@ -39,6 +39,7 @@ def convert(  # noqa: PLR0913 - named options
     stop: float | None = None,
     fields: Collection[str] | None = None,
     quotes_formulas: bool = False,
+    sql_names: bool = False,
     progress: Callable[[float], None] = lambda _: None,
 ) -> Converted:
     """Write a recording in another format, one of FORMATS, to `target`: a file for `mcap`, otherwise a folder.
@@ -49,7 +50,7 @@ def convert(  # noqa: PLR0913 - named options
     it has. `progress` is called with the share that is done, from 0 to 1. The recording is read piece by piece.
 
     Characters of text that are not printable are escapes in `csv`. With `quotes_formulas`, `'` precedes text there that
-    a spreadsheet would evaluate.
+    a spreadsheet would evaluate. With `sql_names`, the columns of tables have names as in `Samples.columns`.
 
     The target is written under another name beside it, which is removed at the end or by the next run, and then
     renamed: there is never a part of it, and without samples nothing. Raises RecordingError, FileExistsError if there
@@ -65,7 +66,7 @@ def convert(  # noqa: PLR0913 - named options
     from msggen.recordings.convert.tables import Format, write_tables
 
     is_file = TABLE_SUFFIXES.get(os.path.splitext(target)[1].lower()) == format
-    kind = Format(format, quotes_formulas=quotes_formulas, is_file=is_file)
+    kind = Format(format, quotes_formulas=quotes_formulas, is_file=is_file, sql_names=sql_names)
     return _whole(target, lambda made: write_tables(log, made, kind, selection, progress))
 
 

@@ -15,6 +15,7 @@ from msggen.definitions.nesting import MAX_TOTAL
 from msggen.recordings.columns.arrays import count_of, has_field, names_of
 from msggen.recordings.columns.arrow import table_of
 from msggen.recordings.columns.collector import Collector
+from msggen.recordings.columns.sql_names import renamed_for_sql
 from msggen.recordings.columns.text import json_value
 from msggen.recordings.convert.fact_tables import fact_tables
 from msggen.recordings.convert.names import file_names
@@ -46,9 +47,13 @@ class Format(NamedTuple):
     is_file: bool = False
     """Whether a file with one topic is written, and no folder."""
 
+    sql_names: bool = False
+    """Whether SQL takes the names of columns without quotes."""
+
     def table(self, table: Any) -> Any:
         """Return a table as the format has it."""
-        return _flat(table, quotes_formulas=self.quotes_formulas) if self.name == "csv" else table
+        made = _flat(table, quotes_formulas=self.quotes_formulas) if self.name == "csv" else table
+        return renamed_for_sql(made) if self.sql_names else made
 
 
 def write_tables(

@@ -290,9 +290,11 @@ class Log:
         stop: float | None = None,
         fields: Collection[str] | None = None,
         times: bool = False,
+        sql_names: bool = False,
     ) -> dict[str, NDArray[Any]]:
         """Return the columns of a topic by name, as `samples` and `Samples.columns` do."""
-        return self.samples(key, instance=instance, start=start, stop=stop, fields=fields).columns(times=times)
+        found = self.samples(key, instance=instance, start=start, stop=stop, fields=fields)
+        return found.columns(times=times, sql_names=sql_names)
 
     def table(  # noqa: PLR0913
         self,
@@ -303,9 +305,11 @@ class Log:
         stop: float | None = None,
         fields: Collection[str] | None = None,
         times: bool = False,
+        sql_names: bool = False,
     ) -> pa.Table:
         """Return a topic as a table of Arrow, as `samples` and `Samples.table` do."""
-        return self.samples(key, instance=instance, start=start, stop=stop, fields=fields).table(times=times)
+        found = self.samples(key, instance=instance, start=start, stop=stop, fields=fields)
+        return found.table(times=times, sql_names=sql_names)
 
     @overload
     def frame(
@@ -317,6 +321,7 @@ class Log:
         start: float | None = ...,
         stop: float | None = ...,
         fields: Collection[str] | None = ...,
+        sql_names: bool = ...,
     ) -> pd.DataFrame: ...
 
     @overload
@@ -329,6 +334,7 @@ class Log:
         start: float | None = ...,
         stop: float | None = ...,
         fields: Collection[str] | None = ...,
+        sql_names: bool = ...,
     ) -> pl.DataFrame: ...
 
     def frame(  # noqa: PLR0913
@@ -340,9 +346,11 @@ class Log:
         start: float | None = None,
         stop: float | None = None,
         fields: Collection[str] | None = None,
+        sql_names: bool = False,
     ) -> Any:
         """Return a topic as a data frame of `pandas` or `polars` with log times, as `Samples.frame` does."""
-        return self.samples(key, instance=instance, start=start, stop=stop, fields=fields).frame(library)
+        found = self.samples(key, instance=instance, start=start, stop=stop, fields=fields)
+        return found.frame(library, sql_names=sql_names)
 
     def load(
         self,
@@ -384,6 +392,7 @@ class Log:
         start: float | None = None,
         stop: float | None = None,
         times: bool = False,
+        sql_names: bool = False,
     ) -> Iterator[tuple[Key, pa.Table]]:
         """Yield the keys of several topics with their tables, as `table` returns them. Default: all topics.
 
@@ -391,7 +400,7 @@ class Log:
         their table is made.
         """
         for key, samples in self._in_passes(topics, start, stop):
-            yield key, samples.table(times=times)
+            yield key, samples.table(times=times, sql_names=sql_names)
 
     def frames(
         self,
@@ -400,10 +409,11 @@ class Log:
         *,
         start: float | None = None,
         stop: float | None = None,
+        sql_names: bool = False,
     ) -> Iterator[tuple[Key, Any]]:
         """Yield the keys of several topics with their data frames, as `frame` returns them, read as `tables` does."""
         for key, samples in self._in_passes(topics, start, stop):
-            yield key, samples.frame(library)
+            yield key, samples.frame(library, sql_names=sql_names)
 
     def payloads(
         self,
