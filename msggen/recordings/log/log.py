@@ -424,11 +424,12 @@ class Log:
     ) -> Iterator[Sample]:
         """Yield the samples of several topics as CDR, by log time. Default: all topics in CDR.
 
-        Topics without a definition are among them. Files of some size are not held in memory, and a file is begun when
-        its first sample is reached. Raises RecordingError for topics in another encoding, and for a recording without
-        CDR, such as a ULog.
+        Topics without a definition are among them. Those of a ULog are encoded in little-endian XCDR1 by their own
+        definition, `Topic.definition`, whose fields are in the order of uORB's struct. Files of some size are not held
+        in memory, and a file is begun when its first sample is reached. Raises RecordingError for topics in another
+        encoding, for those of a ULog with names that ROS 2 does not allow, and for a recording that has only such.
         """
-        chosen = [topic for topic in self.topics if topic.is_cdr] if topics is None else self._named(topics)
+        chosen = [topic for topic in self.topics if topic.has_cdr] if topics is None else self._named(topics)
         return self._reader.payloads(chosen or self.topics, *self._limits(start, stop))
 
     def verify(self) -> Checksums:

@@ -12,19 +12,23 @@ import numpy as np
 from msggen.recordings.source.source import FOREVER
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 
     from numpy.typing import NDArray
 
+    from msggen.recordings.decode.decoder import Decoded
+    from msggen.recordings.source.memory import Octets
     from msggen.recordings.source.open_file import OpenFile
+    from msggen.recordings.source.source import Part
 
 
 class Sample(NamedTuple):
     """A sample of a recording."""
 
     topic: str
+    """The name, of another instance than the first one in a ULog with its number: `sensor_gps[1]`."""
     time: int
-    """The time at which it was recorded, in ns since 1970."""
+    """The time at which it was recorded, in ns since 1970; in a ULog, since the start of the vehicle."""
     payload: bytes
     """CDR with its header."""
 
@@ -57,7 +61,44 @@ def merged(streams: Iterable[tuple[int, Iterator[Sample]]]) -> Iterator[Sample]:
             heapreplace(found, (sample.time, number, sample, stream))
 
 
-def in_order(source: OpenFile, names: Mapping[int, str], start: int, stop: int) -> Iterator[Sample]:
+class Encoder(NamedTuple):
+    """What makes CDR of the samples of a channel."""
+
+    rows: Callable[[Part], Decoded]
+    encode: Callable[[NDArray[np.void]], Octets]
+    """Returns an array of bytes with a row for each sample."""
+
+
+class AsCdr:
+    """A file whose samples are encoded as they are read."""
+
+    def __init__(self, file: OpenFile, encoders: Mapping[int, Encoder]) -> None:
+        self._file, self._encoders = file, encoders
+
+    def times(self, channels: Collection[int]) -> Mapping[int, NDArray[np.int64]]:
+        """See Source.times."""
+        return self._file.times(channels)
+
+    def parts(self, channels: Collection[int], start: int, stop: int) -> Iterator[Part]:
+        """Yield the samples of channels as CDR. See Source.parts."""
+        for part in self._file.parts(channels, start, stop):
+            encoder = self._encoders.get(part.channel)
+            if encoder is None:
+                yield part
+                continue
+            rows, kept = encoder.rows(part)
+            if not len(rows):
+                continue
+            payloads = encoder.encode(rows)
+            count, size = payloads.shape
+            times = part.log_times if kept is None else part.log_times[kept]
+            starts = np.arange(count, dtype=np.int64) * size
+            yield part._replace(
+                buffer=payloads.ravel(), starts=starts, sizes=np.full(count, size), log_times=times, publish_times=None
+            )
+
+
+def in_order(source: OpenFile | AsCdr, names: Mapping[int, str], start: int, stop: int) -> Iterator[Sample]:
     """Yield the samples of channels, whose topics are `names`, by log time. Those of one time are in the file's order.
 
     A part is kept until no earlier sample can follow it, as the times of all samples tell.
