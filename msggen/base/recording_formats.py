@@ -34,6 +34,8 @@ FORMATS: Mapping[str, Format] = MappingProxyType(
 )
 """The formats by their names in programs, `Log.kind`."""
 
+STORAGES = tuple(each.storage for each in FORMATS.values() if each.storage)
+"""The storages of rosbag2, the one that msggen writes by default first."""
 MCAP = FORMATS["mcap"].suffix
 """The suffix of the recordings that msggen writes."""
 

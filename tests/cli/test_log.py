@@ -512,7 +512,7 @@ def test_repair_keeps_every_whole_sample(here: Path, broken: str, capsys: pytest
         ("convert flight.mcap -o a.CSV", "a.CSV is a file for one topic, and there are 5: name one of "),
         ("convert flight.mcap -o a.parquet", "a.parquet is a file for one topic, and there are 5: name one of "),
         ("convert flight.mcap -o a.arrow", "a.arrow is a file for one topic, and there are 5: name one of "),
-        ("convert flight.mcap -o a.db3", "-o/--output: a folder is written: --format rosbag2 -o a\n"),
+        ("convert flight.mcap -o a.db3", "-o/--output: a folder is written: --format rosbag2 --storage sqlite3 -o a\n"),
         ("convert flight.mcap -o a.ulg", "-o/--output: no ULog is written: --format mcap -o a.mcap\n"),
         ("convert flight.mcap --format csv -o a.csv", "or write a folder 'a' in the format csv"),
         ("convert flight.mcap --format csv -o a.parquet", "-o/--output: a folder is written: --format csv -o a\n"),

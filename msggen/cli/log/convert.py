@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from functools import partial
 
+from msggen.base.recording_formats import STORAGES
 from msggen.cli.log.arguments import (
     CODES,
     add_fields,
@@ -43,6 +44,12 @@ def add_to(actions: Commands) -> None:
         metavar="FORMAT",
         help=f"{', '.join(FORMATS)} (default: what the output ends in, such as .mcap or .csv, otherwise parquet)",
     )
+    parser.add_argument(
+        "--storage",
+        choices=STORAGES,
+        metavar="STORAGE",
+        help=f"of --format rosbag2: {' or '.join(STORAGES)} (default: {STORAGES[0]})",
+    )
     add_fields(parser, "column of tables to write")
     add_shared(parser, "--quote-formulas", "--sql-names")
     add_output(
@@ -62,6 +69,8 @@ def _convert(options: argparse.Namespace) -> int:
     format_ = format_of(options)
     if options.quote_formulas and format_ != "csv":
         refuse(options, f"argument --quote-formulas: only with --format csv, not {format_}")
+    if options.storage and format_ != "rosbag2":
+        refuse(options, f"argument --storage: only with --format rosbag2, not {format_}")
     if options.sql_names and format_ not in TABLES:
         refuse(options, f"argument --sql-names: only for {', '.join(TABLES)}, not {format_}")
     target = options.output or default_target(options, format_)
@@ -82,5 +91,6 @@ def _convert(options: argparse.Namespace) -> int:
             fields=options.field,
             quotes_formulas=options.quote_formulas,
             sql_names=options.sql_names,
+            storage=options.storage or STORAGES[0],
         )
         return code_of(written(options, target, lambda progress: write(progress=progress)))

@@ -39,6 +39,7 @@ _SINGLE: Mapping[str, str] = {
     "field": "--field",
     "quote_formulas": "--quote-formulas",
     "sql_names": "--sql-names",
+    "storage": "--storage",
 }
 """The options for single recordings only."""
 

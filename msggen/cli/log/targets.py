@@ -14,8 +14,8 @@ from msggen.recordings.files.paths import stem_of
 
 STDIN = "-"
 """The name of a recording that comes through a pipe."""
-_FOLDERS = {each.suffix: "rosbag2" for each in FORMATS.values() if each.storage}
-"""The formats that are folders, by the suffixes of the files in them."""
+_FOLDERS = {each.suffix: f"--format rosbag2 --storage {each.storage}" for each in FORMATS.values() if each.storage}
+"""The options for folders, by the suffixes of the files in them."""
 _READ_ONLY = {each.suffix: each.name for each in FORMATS.values() if each.suffix not in _FOLDERS}
 SUFFIXES = (*TABLE_SUFFIXES, *_FOLDERS, *_READ_ONLY, *PACKED)
 """The suffixes of files that a user may mean to write."""
@@ -38,7 +38,8 @@ def format_of(options: argparse.Namespace) -> str:
     elif suffix in TABLE_SUFFIXES:
         return _table_format(options, stem, suffix)
     elif suffix in _FOLDERS:
-        refuse(options, f"argument -o/--output: a folder is written: --format {named or _FOLDERS[suffix]} -o {stem}")
+        words = f"--format {named}" if named else _FOLDERS[suffix]
+        refuse(options, f"argument -o/--output: a folder is written: {words} -o {stem}")
     elif named is None and _OF_FILE.fullmatch(suffix):
         expected = either([*TABLE_SUFFIXES, MCAP])
         text = f"no {suffix} is written, expected {expected}; for a folder of this name, add --format"
