@@ -28,9 +28,6 @@ if TYPE_CHECKING:
     from msggen.recordings.convert import Converted
     from msggen.recordings.definitions.lent import Nearby
 
-STDIN_NAME = "<stdin>"
-"""What Python calls stdin."""
-
 
 @contextmanager
 def opened(options: argparse.Namespace, path: str) -> Iterator[Log]:
@@ -51,7 +48,7 @@ def opened(options: argparse.Namespace, path: str) -> Iterator[Log]:
             keeps = getattr(options, "keep_damaged", False)
             log = recordings.open(_source(options, path), _nearby(options), keep_damaged=keeps)
     except RecordingError as error:
-        raise input_error(path, "R102", _without_path(str(error), STDIN_NAME if path == STDIN else path), 0) from None
+        raise input_error(path, "R102", _without_path(str(error), _shown(path)), 0) from None
     except OSError as error:
         is_missing = isinstance(error, FileNotFoundError)
         near = swapped_hint(options, path) or path_hint(path, is_meant=os.path.exists) if is_missing else ""
@@ -73,6 +70,13 @@ def _source(options: argparse.Namespace, path: str) -> str | BinaryIO:
     if sys.stdin.isatty():
         options.parser.error(f"argument FILE: {STDIN} reads a recording from stdin, which is the terminal: use a pipe")
     return sys.stdin.buffer
+
+
+def _shown(path: str) -> str:
+    """Return what errors of `recordings.open` call a path."""
+    from msggen.recordings.files.spooled import name_of
+
+    return name_of(sys.stdin.buffer) if path == STDIN else path
 
 
 def _nearby(options: argparse.Namespace) -> Nearby | None:

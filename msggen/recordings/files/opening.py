@@ -26,7 +26,8 @@ def open_sources(path: str, verification: Verification = VERIFIED) -> list[Sourc
     if os.path.isdir(path):
         return open_folder(path, open_file)
     if os.path.exists(path) and not os.path.isfile(path):
-        raise RecordingError(f"{path} is not a recording: this is a pipe or a device")
+        cure = "open it, and pass the file object; `msggen log` reads - from stdin"
+        raise RecordingError(f"{path} is not a recording: this is a pipe or a device: {cure}")
     return [open_compressed(path, open_file)]
 
 
