@@ -142,7 +142,7 @@ def test_a_stream_without_end_has_a_limit(temporary: Path, monkeypatch: pytest.M
 
     monkeypatch.setenv("MSGGEN_MAX_CONTENT", "5000000")
     with pytest.raises(RecordingError, match="has more than 5000000 bytes; MSGGEN_MAX_CONTENT sets another"):
-        recordings.open(Endless())  # type: ignore[arg-type]
+        recordings.open(Endless())
     assert os.listdir(temporary) == []
 
 
@@ -155,7 +155,7 @@ def test_text_and_nothing_yet_are_errors(temporary: Path) -> None:
             del size
 
     with pytest.raises(BlockingIOError):
-        recordings.open(NoneYet())  # type: ignore[arg-type]
+        recordings.open(NoneYet())
     with pytest.raises(TypeError):
         recordings.open(7)  # type: ignore[arg-type]
     assert os.listdir(temporary) == []

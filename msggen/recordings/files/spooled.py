@@ -7,7 +7,7 @@ import io
 import os
 import stat
 import tempfile
-from typing import IO, TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from msggen.recordings.files.compression import MAX_CONTENT, told_limit
 from msggen.recordings.files.opening import check_front, open_sources
@@ -22,6 +22,13 @@ _LONGEST_FRONT = 64
 _UNNAMED = "<stream>"
 
 
+class Readable(Protocol):
+    """A file object in binary mode: of `open`, `io.BytesIO`, a pipe, a download, a member of an archive."""
+
+    def read(self, size: int, /) -> bytes | None:
+        """Return up to `size` bytes, none at the end."""
+
+
 class Spooled(NamedTuple):
     """A copy of a recording in a folder of its own."""
 
@@ -29,16 +36,18 @@ class Spooled(NamedTuple):
     folder: tempfile.TemporaryDirectory[str]
 
 
-def name_of(file: IO[bytes]) -> str:
+def name_of(file: Readable) -> str:
     """Return the name of a file object for people: its own, or `<stream>`."""
     name = getattr(file, "name", None)
     return name if isinstance(name, str) and name else _UNNAMED
 
 
-def path_of(file: IO[bytes]) -> str | None:
+def path_of(file: Readable) -> str | None:
     """Return the path of a file on the disk that was opened and not read yet, None for other objects."""
-    raw = file.raw if isinstance(file, io.BufferedReader) else file
-    name = getattr(file, "name", None)
+    if not isinstance(file, (io.BufferedReader, io.FileIO)):
+        return None
+    raw: Any = file.raw if isinstance(file, io.BufferedReader) else file
+    name: Any = getattr(file, "name", None)
     if not isinstance(raw, io.FileIO) or not isinstance(name, str):
         return None
     try:
@@ -49,7 +58,7 @@ def path_of(file: IO[bytes]) -> str | None:
     return name if is_same else None
 
 
-def open_stream(file: IO[bytes], name: str, verification: Verification = VERIFIED) -> tuple[list[Source], Spooled]:
+def open_stream(file: Readable, name: str, verification: Verification = VERIFIED) -> tuple[list[Source], Spooled]:
     """Copy the rest of a file object to a temporary file, and open that. The file object stays open.
 
     Raises RecordingError, TypeError for a file in text mode, and OSError.
@@ -68,7 +77,7 @@ def open_stream(file: IO[bytes], name: str, verification: Verification = VERIFIE
         raise
 
 
-def _pieces(file: IO[bytes], name: str) -> Iterator[bytes]:
+def _pieces(file: Readable, name: str) -> Iterator[bytes]:
     """Yield what is left of a file object, if it begins as a recording does and is not too large."""
     limit, size = told_limit(), 0
     front = b""
@@ -88,7 +97,7 @@ def _pieces(file: IO[bytes], name: str) -> Iterator[bytes]:
         yield front
 
 
-def _read(file: IO[bytes], name: str) -> bytes:
+def _read(file: Readable, name: str) -> bytes:
     found: Any = file.read(_STEP)
     if found is None:
         raise BlockingIOError(errno.EAGAIN, "it has no data yet, and does not wait for it", name)

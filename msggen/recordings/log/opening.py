@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import os
-from typing import IO, TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 if TYPE_CHECKING:
     from msggen.recordings.definitions.lent import Definitions, Nearby
+    from msggen.recordings.files.spooled import Readable
     from msggen.recordings.log.log import Log
 
 
 def open_log(
-    path: str | os.PathLike[str] | IO[bytes],
+    path: str | os.PathLike[str] | Readable,
     definitions: Definitions | Nearby | None = None,
     *,
     verify: bool = True,
@@ -49,7 +50,7 @@ def open_log(
         return Log(open_sources(place, verification), lender, place)
     from msggen.recordings.files.spooled import name_of, open_stream
 
-    file = cast("IO[bytes]", path)
+    file = cast("Readable", path)
     sources, spooled = open_stream(file, name_of(file), verification)
     return Log(sources, lender, name_of(file), spooled)
 
