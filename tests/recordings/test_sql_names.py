@@ -95,6 +95,11 @@ def test_all_kinds_of_columns_have_them(px4_types: Any, tmp_path: Path) -> None:
         assert dict(log.tables(["esc_status"], sql_names=True))["/fmu/out/esc_status"].column_names == (
             log.table("esc_status", sql_names=True).column_names
         )
+        both = log.align("esc_status", "vehicle_status", tolerance=1.0)
+        names = names_for_sql(list(both.columns()))
+        assert "esc_status_esc_0_esc_rpm" in names
+        assert list(both.columns(sql_names=True)) == both.table(sql_names=True).column_names == names
+        assert list(both.frame(sql_names=True)) == both.frame("polars", sql_names=True).columns == names
         ((_, frame),) = log.frames(["esc_status"], sql_names=True)
         assert "esc_0_esc_rpm" in frame.columns
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 
 from msggen.base.diagnostics import counted
 from msggen.recordings.columns.arrays import check_fields, columns_of
-from msggen.recordings.columns.sql_names import names_for_sql, renamed_for_sql
+from msggen.recordings.columns.sql_names import columns_for_sql, renamed_for_sql
 from msggen.recordings.topics.choice import listed
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ class Samples:
         `esc_7_esc_rpm`, and with `_` behind them if another column has this name or SQL has it for itself.
         """
         found = {**self._clocks(times=times), **columns_of(self.array, self.fields)}
-        return dict(zip(names_for_sql(list(found)), found.values(), strict=True)) if sql_names else found
+        return columns_for_sql(found) if sql_names else found
 
     def _clocks(self, *, times: bool) -> dict[str, NDArray[np.int64]]:
         """Return copies of the columns with times, none without `times`."""

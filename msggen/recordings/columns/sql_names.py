@@ -6,7 +6,9 @@ import re
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
 
 _OPENING = re.compile(r"[\[.]")
 _OTHER = re.compile(r"[^0-9A-Za-z_]")
@@ -50,6 +52,11 @@ def _plain(name: str) -> str:
     if not made or made[0].isdigit():
         made = f"_{made}"
     return f"{made}_" if made.lower() in _RESERVED else made
+
+
+def columns_for_sql(columns: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """Return columns by such names."""
+    return dict(zip(names_for_sql(list(columns)), columns.values(), strict=True))
 
 
 def renamed_for_sql(table: Any) -> Any:
