@@ -72,11 +72,11 @@ class Packing(NamedTuple):
     """The first bytes of such files."""
 
 
-ZSTD = Packing("zstd", b"\x28\xb5\x2f\xfd")
+_ZSTD = Packing("zstd", b"\x28\xb5\x2f\xfd")
 PACKED: Mapping[str, Packing] = MappingProxyType(
     {
-        ".zstd": ZSTD,
-        ".zst": ZSTD,
+        ".zstd": _ZSTD,
+        ".zst": _ZSTD,
         ".gz": Packing("gzip", b"\x1f\x8b"),
         ".xz": Packing("xz", b"\xfd7zXZ\0"),
         ".bz2": Packing("bzip2", b"BZh"),

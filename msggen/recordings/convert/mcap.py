@@ -30,7 +30,7 @@ from mcap.writer import MCAP0_MAGIC
 from msggen.base.version import __version__
 from msggen.recordings.files.mcap_channels import IS_LENT
 from msggen.recordings.files.mcap_records import ATTACHMENT, METADATA, RECORD
-from msggen.recordings.files.qos import QOS_VERSION, offered
+from msggen.recordings.files.qos import QOS, QOS_VERSION, numbered
 from msggen.recordings.source.gather import at, groups
 from msggen.recordings.source.source import RawSchema, RecordingError
 from msggen.recordings.writer import CHUNK
@@ -117,7 +117,7 @@ class McapWriter:
             raise RecordingError(f"an MCAP file has at most {_MOST_CHANNELS} channels, and these topics need more")
         metadata = dict(target.metadata)
         if target.encoding == "cdr" or target.qos:
-            metadata["offered_qos_profiles"] = offered(target.qos, target.topic)
+            metadata["offered_qos_profiles"] = numbered(target.qos) or (QOS if "/fmu/out/" in target.topic else "")
         if target.type_hash:
             metadata["topic_type_hash"] = target.type_hash
         if target.is_lent:

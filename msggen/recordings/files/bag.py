@@ -14,7 +14,7 @@ import numpy as np
 from msggen.base.diagnostics import InputError, either, few
 from msggen.base.disk.output import link_in
 from msggen.base.disk.reading import read_bytes
-from msggen.base.recording_formats import FORMATS, MCAP, PACKED, ZSTD, format_named, packing_of, unpacked
+from msggen.base.recording_formats import FORMATS, MCAP, PACKED, format_named, packing_of, unpacked
 from msggen.recordings.files.compression import LARGEST, CompressionError, Room, decompress_file, decompress_frame
 from msggen.recordings.files.paths import METADATA, is_always_whole, is_bag
 from msggen.recordings.source.source import (
@@ -34,10 +34,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+ZSTD = b"\x28\xb5\x2f\xfd"
 _STORAGES = {each.storage: f"*{each.suffix}" for each in FORMATS.values() if each.storage}
 """The files of each storage."""
-_FRONT = 16
-"""The bytes that tell how a file is compressed."""
 _NEWEST = 9
 """The newest version of metadata.yaml that is known."""
 _WITH_FOLDER = 4
@@ -154,7 +153,7 @@ def open_compressed(
     """
     room = Room(os.path.getsize(path), folder_room)
     with open(path, "rb") as file:
-        is_compressed = packing_of(file.read(_FRONT)) is not None
+        is_compressed = packing_of(file.read(16)) is not None
     if not is_compressed:
         return PackedFile(open_file(path, room), path, room, is_by_sample=is_by_sample)
     folder = tempfile.TemporaryDirectory(prefix="msggen-", ignore_cleanup_errors=True)
@@ -271,7 +270,7 @@ class PackedFile:
         room = self._room_for(part.channel, used)
         for index, (start, length) in enumerate(zip(part.starts.tolist(), part.sizes.tolist(), strict=True)):
             sample = bytes(data[start : start + length])
-            if sample.startswith(ZSTD.front):
+            if sample.startswith(ZSTD):
                 try:
                     sample = decompress_frame(sample, min(room - spent, LARGEST))
                     spent += len(sample)
@@ -325,8 +324,7 @@ def _part_of(part: Part, kept: list[int], samples: list[bytes]) -> Part:
 def _begins_with_frame(part: Part) -> bool:
     """Whether the first sample of a part is a frame of zstd, which cannot be the beginning of CDR."""
     start, size = int(part.starts[0]), int(part.sizes[0])
-    front = ZSTD.front
-    return size >= len(front) and bytes(part.buffer.data[start : start + len(front)]) == front
+    return size >= len(ZSTD) and bytes(part.buffer.data[start : start + len(ZSTD)]) == ZSTD
 
 
 # metadata.yaml

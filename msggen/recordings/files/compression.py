@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from typing import Any, BinaryIO, Protocol
 
-from msggen.base.recording_formats import ZSTD, packing_of
+from msggen.base.recording_formats import packing_of
 
 LARGEST = 1 << 30
 """The largest block that is decompressed, in bytes. rosbag2 writes chunks of 768 KiB, Foxglove's tools of 4 MiB."""
@@ -212,7 +212,8 @@ def _pieces(source: BinaryIO) -> Iterator[bytes]:
     packing = packing_of(front)
     if packing is None:
         raise ValueError("unknown compression")
-    return _pieces_of_zstd(source, front) if packing == ZSTD else _pieces_of_members(source, _MEMBERS[packing.name])
+    make = _MEMBERS.get(packing.name)
+    return _pieces_of_zstd(source, front) if make is None else _pieces_of_members(source, make)
 
 
 def _pieces_of_zstd(source: BinaryIO, front: bytes) -> Iterator[bytes]:
@@ -293,6 +294,7 @@ def _xz() -> _Member:
 
 
 _MEMBERS: Mapping[str, Callable[[], _Member]] = {"gzip": _Gzip, "xz": _xz, "bzip2": _bzip2}
+"""What decompresses files other than those of zstd, by the name of their packing."""
 
 
 # samples of rosbag2

@@ -81,21 +81,26 @@ class AsCdr:
 
     def parts(self, channels: Collection[int], start: int, stop: int) -> Iterator[Part]:
         """Yield the samples of channels as CDR. See Source.parts."""
-        for part in self._file.parts(channels, start, stop):
-            encoder = self._encoders.get(part.channel)
-            if encoder is None:
-                yield part
-                continue
-            rows, kept = encoder.rows(part)
-            if not len(rows):
-                continue
-            payloads = encoder.encode(rows)
-            count, size = payloads.shape
-            times = part.log_times if kept is None else part.log_times[kept]
-            starts = np.arange(count, dtype=np.int64) * size
-            yield part._replace(
-                buffer=payloads.ravel(), starts=starts, sizes=np.full(count, size), log_times=times, publish_times=None
-            )
+        yield from as_cdr(self._file.parts(channels, start, stop), self._encoders)
+
+
+def as_cdr(parts: Iterable[Part], encoders: Mapping[int, Encoder]) -> Iterator[Part]:
+    """Yield samples as CDR: those of channels that have an encoder are encoded, the others are CDR."""
+    for part in parts:
+        encoder = encoders.get(part.channel)
+        if encoder is None:
+            yield part
+            continue
+        rows, kept = encoder.rows(part)
+        if not len(rows):
+            continue
+        payloads = encoder.encode(rows)
+        count, size = payloads.shape
+        times = part.log_times if kept is None else part.log_times[kept]
+        starts = np.arange(count, dtype=np.int64) * size
+        yield part._replace(
+            buffer=payloads.ravel(), starts=starts, sizes=np.full(count, size), log_times=times, publish_times=None
+        )
 
 
 def in_order(source: OpenFile | AsCdr, names: Mapping[int, str], start: int, stop: int) -> Iterator[Sample]:
