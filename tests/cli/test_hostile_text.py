@@ -78,6 +78,10 @@ CASES: dict[str, list[list[str]]] = {
         *_each("-o", f"{FILE}.fleet", "--json", of=[["."]]),
         [f"{FILE}.mcap", NAME, "-o", "x.mcap"],
         [f"{FILE}.mcap", "-o", f"{FILE}/x/y.mcap"],
+        [f"{FILE}.mcap", "-o", f"{FILE}.sql", "--format", "csv", "--sql-names"],
+        [f"{FILE}.mcap", "-o", f"{FILE}.csv"],
+        [f"{FILE}.mcap", "/fmu/out/rpm", "-o", f"{FILE}.arrow"],
+        [f"{FILE}.mcap", "-o", f"{FILE}.xlsx"],
         [f"{FILE}.mcap", "-o", f"{FILE}.parquet"],
     ],
     "log cut": [*_each("-o", "cut.mcap", "--start", "0", of=_LOGS), [f"{FILE}.mcap", NAME, "--stop", "1"]],
@@ -99,7 +103,7 @@ CASES: dict[str, list[list[str]]] = {
         *[
             [f"{FILE}.mcap", name, *more]
             for name in (f"{PIECES[0]} ", f"{PIECES[4]} ", "/fmu/out/rpm", PIECES[3])
-            for more in ([], ["--json"], ["--field", NAME])
+            for more in ([], ["--json"], ["--csv"], ["--csv", "--quote-formulas", "--sql-names"], ["--field", NAME])
         ],
         *[
             [f"{FILE}.ulg", *words]

@@ -6,12 +6,17 @@ Nothing else is in the folder, and no recording changes.
 
 from __future__ import annotations
 
+import bz2
+import gzip
 import importlib
 import json
+import lzma
 import os
 import re
-from collections.abc import Iterable, Iterator
-from functools import cache
+import sqlite3
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import closing
+from functools import cache, partial
 from pathlib import Path
 from random import Random
 from typing import Any, NamedTuple
@@ -32,13 +37,16 @@ from support.ulog import write_ulog
 
 COUNT = 160
 
-KINDS = ("flight.mcap", "flight.ulg", "flight.db3", "old.db3", "bag")
+KINDS = ("flight.mcap", "flight.ulg", "flight.db3", "old.db3", "bag", "flight.mcap.gz", "flight.ulg.xz", "old.db3.bz2")
 ACTIONS = (
     "convert {} -o made",
     "convert {} --format arrow -o made",
     "convert {} --format csv -o made",
     "convert {} -o made.mcap",
     "convert {} --format rosbag2 -o made",
+    "convert {} --format rosbag2 --storage sqlite3 -o made",
+    "convert {} --sql-names -o made",
+    "convert {} *status* -o made.csv",
     "convert {} *status* --start 0.02 -o made",
     "cut {} --start 0.02 --stop 0.08 -o made.mcap",
     "cut {} *s* --stop 0.05 -o made.mcap",
@@ -48,6 +56,12 @@ ACTIONS = (
 )
 NAMED = re.compile(r"([^\n]+: [A-Z]\d{3} |msggen log \w+: error: )[^\n]+\n")
 """How an error begins."""
+COMPRESS: Mapping[str, Callable[[bytes], bytes]] = {
+    ".gz": partial(gzip.compress, mtime=0),
+    ".xz": lzma.compress,
+    ".bz2": bz2.compress,
+}
+"""What makes a compressed file, by its suffix."""
 _SAMPLES = 12
 _LARGEST = 64
 
@@ -135,6 +149,10 @@ def rows_of(path: Path) -> int:
         return int(pa.ipc.open_file(path).read_all().num_rows)
     if path.suffix == ".csv":
         return int(pyarrow.csv.read_csv(path).num_rows)
+    if path.suffix == ".db3":
+        with closing(sqlite3.connect(path)) as base:
+            assert base.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
+            return int(base.execute("SELECT count(*) FROM messages WHERE length(data) >= 0").fetchone()[0])
     assert path.suffix == ".mcap"
     return len(read_mcap(path))
 
@@ -142,6 +160,10 @@ def rows_of(path: Path) -> int:
 @cache
 def files_of(kind: str) -> dict[str, bytes]:
     """Return the files of a whole recording by name."""
+    suffix = os.path.splitext(kind)[1]
+    if suffix in COMPRESS:
+        ((name, data),) = files_of(kind.removesuffix(suffix)).items()
+        return {f"{name}{suffix}": COMPRESS[suffix](data)}
     targets()  # imports the package
     px4_types: Any = importlib.import_module("px4_types")
     with scratch_folder() as folder:

@@ -9,7 +9,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from msggen.base.recording_formats import FORMATS
-from msggen.cli.log.targets import SUFFIXES
+from msggen.cli.log.targets import STDIN, SUFFIXES
 from msggen.cli.options import FAILED_CODES, add_shared
 from msggen.cli.values import local_path, non_empty, seconds
 
@@ -24,7 +24,7 @@ KINDS = f"{', '.join(_FILES)}, or a folder or {_DATABASE.removeprefix('a ')}"
 
 def add_file(parser: argparse.ArgumentParser) -> None:
     """Add the recording to read."""
-    parser.add_argument("file", metavar="FILE", type=local_path, help=f"recording: {KINDS}")
+    parser.add_argument("file", metavar="FILE", type=local_path, help=f"recording: {KINDS}; {STDIN} for stdin")
 
 
 def add_topics(parser: argparse.ArgumentParser) -> None:

@@ -10,6 +10,7 @@ from itertools import chain
 from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.base.diagnostics import counted, few
+from msggen.recordings.convert.db3 import Db3Writer
 from msggen.recordings.convert.facts import between, joined, shifted
 from msggen.recordings.convert.mcap import McapWriter
 from msggen.recordings.convert.payloads import blocks_of_parts, blocks_of_ulog, merged, ordered
@@ -39,10 +40,13 @@ _SEVERAL = (
 )
 
 
+Writer = McapWriter | Db3Writer
+
+
 class Contents(NamedTuple):
     """A file that was written."""
 
-    writer: McapWriter
+    writer: Writer
     problems: list[Problem]
     notes: list[str]
 
@@ -58,8 +62,14 @@ def write_mcap(logs: Sequence[Log], path: str, selection: Selection, progress: C
     return Converted([path], contents.rows, contents.problems, contents.notes)
 
 
-def write_contents(logs: Sequence[Log], path: str, selection: Selection, progress: Callable[[float], None]) -> Contents:
-    """Write recordings to an MCAP file, and return what is in it."""
+def write_contents(
+    logs: Sequence[Log],
+    path: str,
+    selection: Selection,
+    progress: Callable[[float], None],
+    make: type[Writer] = McapWriter,
+) -> Contents:
+    """Write recordings to a file, which `make` makes, and return what is in it."""
     inputs = [_Input(log, _chosen(log, selection.topics), log.utc_offset) for log in logs]
     _check_wanted(inputs, selection.topics)
     _check_times(inputs)
@@ -68,7 +78,7 @@ def write_contents(logs: Sequence[Log], path: str, selection: Selection, progres
     # what begins behind the end is left out: it could have samples that are older than its start
     inputs = [each for each in inputs if each.start == first or each.start < stop]
     share = Share(first, max(each.end for each in inputs), selection, progress)
-    writer = McapWriter(path)
+    writer = make(path)
     try:
         channels = _Channels(writer)
         streams = [
@@ -141,7 +151,7 @@ class _Input(NamedTuple):
 class _Channels:
     """The channels of a file, by what a recording has. They are added with their first samples."""
 
-    def __init__(self, writer: McapWriter) -> None:
+    def __init__(self, writer: Writer) -> None:
         self._writer = writer
         self._numbers: dict[Target, int] = {}
         self.types = TypeNames()
@@ -202,7 +212,7 @@ class _Channels:
         return self._numbers[key]
 
 
-def _write_attached(writer: McapWriter, logs: Sequence[Log]) -> None:
+def _write_attached(writer: Writer, logs: Sequence[Log]) -> None:
     """Write the attachments and the metadata records of recordings. Of equal ones, one is written."""
     written = set()
     for attached in chain.from_iterable(log.attached() for log in logs):
@@ -234,7 +244,7 @@ def _misread(labels: list[str]) -> list[str]:
     return [f"programs with px4_msgs misread {text}: {few(labels)}"]
 
 
-def _write_facts(writer: McapWriter, inputs: Sequence[_Input], selection: Selection) -> list[str]:
+def _write_facts(writer: Writer, inputs: Sequence[_Input], selection: Selection) -> list[str]:
     """Write the facts of recordings that have some, as metadata. Return a note if they cannot be written as one."""
     parts = [(each.start, each.facts) for each in inputs if each.log.has_facts]
     if not parts:
@@ -249,7 +259,7 @@ def _write_facts(writer: McapWriter, inputs: Sequence[_Input], selection: Select
     return []
 
 
-def _write_lent(writer: McapWriter, each: _Input) -> None:
+def _write_lent(writer: Writer, each: _Input) -> None:
     """Write which definitions are not in the recording, as metadata: in the file, they look like those that are."""
     if each.lent:
         values = {"topics": "\n".join(each.lent), "notes": "\n".join(each.log.notes)}

@@ -48,6 +48,7 @@ if TYPE_CHECKING:
 
     from msggen.recordings.definitions.comparison import Compared
     from msggen.recordings.definitions.release import Release
+    from msggen.recordings.files.spooled import Spooled
     from msggen.recordings.log.align import Aligned, Direction
 
     MessageT = TypeVar("MessageT")
@@ -70,8 +71,15 @@ class Log:
     all their names: `/fmu/out/vehicle_status_v4`, `vehicle_status`, `VehicleStatus`.
     """
 
-    def __init__(self, sources: Sequence[Source], lender: Lender | Nearby | None = None, path: str = "") -> None:
+    def __init__(
+        self,
+        sources: Sequence[Source],
+        lender: Lender | Nearby | None = None,
+        path: str = "",
+        spooled: Spooled | None = None,
+    ) -> None:
         self._reader = Reader(sources, lender, path or sources[0].path)
+        self._spooled = spooled
 
     def __enter__(self) -> Self:
         """Return the log."""
@@ -86,13 +94,20 @@ class Log:
         self._reader.close()
         if "_ahead" in self.__dict__:
             self._ahead.clear()
+        if self._spooled is not None:
+            self._spooled.folder.cleanup()
 
     # what there is
 
     @property
     def path(self) -> str:
-        """The path of the recording."""
+        """The path of the recording, or the name of the file object."""
         return self._reader.path
+
+    @property
+    def place(self) -> str:
+        """The path of what is read: `path`, or the temporary copy of a file object."""
+        return self.path if self._spooled is None else self._spooled.path
 
     @property
     def kind(self) -> str:
@@ -272,9 +287,11 @@ class Log:
         stop: float | None = None,
         fields: Collection[str] | None = None,
         times: bool = False,
+        sql_names: bool = False,
     ) -> dict[str, NDArray[Any]]:
         """Return the columns of a topic by name, as `samples` and `Samples.columns` do."""
-        return self.samples(key, instance=instance, start=start, stop=stop, fields=fields).columns(times=times)
+        found = self.samples(key, instance=instance, start=start, stop=stop, fields=fields)
+        return found.columns(times=times, sql_names=sql_names)
 
     def table(  # noqa: PLR0913
         self,
@@ -285,9 +302,11 @@ class Log:
         stop: float | None = None,
         fields: Collection[str] | None = None,
         times: bool = False,
+        sql_names: bool = False,
     ) -> pa.Table:
         """Return a topic as a table of Arrow, as `samples` and `Samples.table` do."""
-        return self.samples(key, instance=instance, start=start, stop=stop, fields=fields).table(times=times)
+        found = self.samples(key, instance=instance, start=start, stop=stop, fields=fields)
+        return found.table(times=times, sql_names=sql_names)
 
     @overload
     def frame(
@@ -299,6 +318,7 @@ class Log:
         start: float | None = ...,
         stop: float | None = ...,
         fields: Collection[str] | None = ...,
+        sql_names: bool = ...,
     ) -> pd.DataFrame: ...
 
     @overload
@@ -311,6 +331,7 @@ class Log:
         start: float | None = ...,
         stop: float | None = ...,
         fields: Collection[str] | None = ...,
+        sql_names: bool = ...,
     ) -> pl.DataFrame: ...
 
     def frame(  # noqa: PLR0913
@@ -322,9 +343,11 @@ class Log:
         start: float | None = None,
         stop: float | None = None,
         fields: Collection[str] | None = None,
+        sql_names: bool = False,
     ) -> Any:
         """Return a topic as a data frame of `pandas` or `polars` with log times, as `Samples.frame` does."""
-        return self.samples(key, instance=instance, start=start, stop=stop, fields=fields).frame(library)
+        found = self.samples(key, instance=instance, start=start, stop=stop, fields=fields)
+        return found.frame(library, sql_names=sql_names)
 
     def load(
         self,
@@ -366,6 +389,7 @@ class Log:
         start: float | None = None,
         stop: float | None = None,
         times: bool = False,
+        sql_names: bool = False,
     ) -> Iterator[tuple[Key, pa.Table]]:
         """Yield the keys of several topics with their tables, as `table` returns them. Default: all topics.
 
@@ -373,7 +397,7 @@ class Log:
         their table is made.
         """
         for key, samples in self._in_passes(topics, start, stop):
-            yield key, samples.table(times=times)
+            yield key, samples.table(times=times, sql_names=sql_names)
 
     def frames(
         self,
@@ -382,10 +406,11 @@ class Log:
         *,
         start: float | None = None,
         stop: float | None = None,
+        sql_names: bool = False,
     ) -> Iterator[tuple[Key, Any]]:
         """Yield the keys of several topics with their data frames, as `frame` returns them, read as `tables` does."""
         for key, samples in self._in_passes(topics, start, stop):
-            yield key, samples.frame(library)
+            yield key, samples.frame(library, sql_names=sql_names)
 
     def payloads(
         self,
@@ -396,11 +421,12 @@ class Log:
     ) -> Iterator[Sample]:
         """Yield the samples of several topics as CDR, by log time. Default: all topics in CDR.
 
-        Topics without a definition are among them. Files of some size are not held in memory, and a file is begun when
-        its first sample is reached. Raises RecordingError for topics in another encoding, and for a recording without
-        CDR, such as a ULog.
+        Topics without a definition are among them. Those of a ULog are encoded in little-endian XCDR1 by their own
+        definition, `Topic.definition`, whose fields are in the order of uORB's struct. Files of some size are not held
+        in memory, and a file is begun when its first sample is reached. Raises RecordingError for topics in another
+        encoding, for those of a ULog with names that ROS 2 does not allow, and for a recording that has only such.
         """
-        chosen = [topic for topic in self.topics if topic.is_cdr] if topics is None else self._named(topics)
+        chosen = [topic for topic in self.topics if topic.has_cdr] if topics is None else self._named(topics)
         return self._reader.payloads(chosen or self.topics, *self._limits(start, stop))
 
     def verify(self) -> Checksums:

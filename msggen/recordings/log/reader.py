@@ -11,11 +11,12 @@ import numpy as np
 
 from msggen.definitions.nesting import MAX_TOTAL
 from msggen.recordings.decode.decoder import Decoder
+from msggen.recordings.decode.encoder import encoded
 from msggen.recordings.decode.left_out import LeftOut
-from msggen.recordings.decode.schemas import SchemaError, nested_values
+from msggen.recordings.decode.schemas import SchemaError, nested_values, read_schema
 from msggen.recordings.definitions.lent import Lender, Lent, Nearby, lend
 from msggen.recordings.log.origin import firmware_of
-from msggen.recordings.log.payloads import in_order, merged
+from msggen.recordings.log.payloads import Encoder, as_cdr, in_order, merged
 from msggen.recordings.source.facts import NO_FACTS, Facts
 from msggen.recordings.source.source import (
     Attached,
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from msggen.recordings.decode.decoder import Rows
+    from msggen.recordings.decode.decoder import Decoded, Rows
     from msggen.recordings.log.payloads import Sample
     from msggen.recordings.topics.find import Topics
     from msggen.recordings.topics.topic import Topic
@@ -143,19 +144,37 @@ class Reader:
     # samples
 
     def payloads(self, topics: Iterable[Topic], low: int, high: int) -> Iterator[Sample]:
-        """Return the samples of topics in CDR, by log time. Raises RecordingError for topics without CDR."""
+        """Return the samples of topics as CDR, by log time. Raises RecordingError for topics that have none."""
         names: dict[int, dict[int, str]] = defaultdict(dict)
+        encoders: dict[int, dict[int, Encoder]] = defaultdict(dict)
         for topic in topics:
-            if not topic.is_cdr:
-                raise RecordingError(f"{topic.name} has samples in '{topic.channels[0][1].encoding}', expected cdr")
+            if not topic.has_cdr:
+                encoding = topic.channels[0][1].encoding
+                why = "and names that ROS 2 does not allow" if encoding == "ulog" else "expected cdr"
+                raise RecordingError(f"{topic.name} has samples in '{encoding}', {why}")
+            name = f"{topic.name}[{topic.instance}]" if topic.instance else topic.name
             for number, channel in topic.channels:
-                names[number][channel.number] = topic.name
+                names[number][channel.number] = name
+                if not topic.is_cdr:
+                    encoders[number][channel.number] = self._encoder(topic, channel)
         self.check_open()
         streams = []
         for number, own in sorted(names.items()):
             span = self.sources[number].span
-            streams.append((span[0] if span else low, self._in_order(number, own, low, high)))
+            streams.append((span[0] if span else low, self._in_order(number, own, encoders[number], low, high)))
         return merged(streams)
+
+    def _encoder(self, topic: Topic, channel: Channel) -> Encoder:
+        """Return what makes CDR of the samples of a ULog, by their own definition."""
+        decoder, schema = self.decoder(topic), read_schema(topic.ros_type, channel.definition)
+        layout = channel.layout
+        assert layout is not None  # noqa: S101 - a ULog has layouts
+
+        def rows(part: Part) -> Decoded:
+            with self.left_out.reading() as missing:
+                return decoder.rows(part, missing[topic.name, topic.instance])
+
+        return Encoder(rows, lambda found: encoded(found, layout, schema, schema))
 
     def undecoded(self, topics: Iterable[Topic], low: int, high: int) -> Iterator[tuple[Topic, Part]]:
         """Yield the samples of topics as they are in the files, in the order of the files."""
@@ -228,11 +247,14 @@ class Reader:
             yield part
             self.check_open()
 
-    def _in_order(self, number: int, names: Mapping[int, str], low: int, high: int) -> Iterator[Sample]:
-        """Yield the samples of channels of a file, whose topics are `names`, by log time."""
+    def _in_order(
+        self, number: int, names: Mapping[int, str], encoders: Mapping[int, Encoder], low: int, high: int
+    ) -> Iterator[Sample]:
+        """Yield the samples of channels of a file as CDR, whose topics are `names`, by log time."""
         self.check_open()
         times = self.sources[number].times(names.keys())
-        yield from in_order(self._parts_of(number, names.keys(), low, high), times, names, low, high)
+        parts = as_cdr(self._parts_of(number, names.keys(), low, high), encoders)
+        yield from in_order(parts, times, names, low, high)
 
     def _times(self, channels: Sequence[tuple[int, Channel]]) -> Times:
         """Return the log times of channels, in the order of the files."""

@@ -104,6 +104,11 @@ class Topic:
         return (int(self.times[0]), int(self.times[-1])) if len(self.times) else (0, 0)
 
     @property
+    def has_cdr(self) -> bool:
+        """Whether the samples can be read as CDR: they are, or those of a ULog whose names ROS 2 allows."""
+        return self.is_cdr or (bool(self.definition) and all(each.encoding == "ulog" for _, each in self.channels))
+
+    @property
     def first(self) -> int:
         """The log time of the first sample in ns, 0 without samples."""
         return self._ends[0]
