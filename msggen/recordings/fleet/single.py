@@ -84,11 +84,11 @@ def _write(task: Task, ledger: Ledger, name: str, digest: str, state: State) -> 
     from msggen.recordings.convert import convert
     from msggen.recordings.convert.names import FACT_TABLES, file_names
     from msggen.recordings.fleet.layout import date_of, is_utc, place_of_facts, places_of, vehicle_of
-    from msggen.recordings.log.opening import open_log
+    from msggen.recordings.log import opening
 
     # copies of a recording have the same name, and may be converted at the same time
     aside = hashlib.sha256(task.path.encode(errors="surrogateescape")).hexdigest()[:8]
-    with staging_folder(os.path.join(ledger.state, f"{name}-{aside}{STAGE}")) as stage, open_log(task.path) as log:
+    with staging_folder(os.path.join(ledger.state, f"{name}-{aside}{STAGE}")) as stage, opening.open(task.path) as log:
         converted = convert(log, os.path.join(stage, "tables"), format="parquet")
         dated = date_of(log, task.path)
         every = {"vehicle": vehicle_of(log), "date": dated.day}

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from msggen.recordings.log.log import Log
 
 
-def open_log(
+def open(  # noqa: A001 - users write recordings.open
     path: str | os.PathLike[str],
     definitions: Definitions | Nearby | None = None,
     *,
@@ -41,6 +41,3 @@ def open_log(
     lender = None if definitions is None else lender_of(definitions)
     place = os.fsdecode(path)
     return Log(open_sources(place, Verification(verify, keep_damaged)), lender, place)
-
-
-open = open_log  # noqa: A001 - users write recordings.open
