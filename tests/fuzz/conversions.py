@@ -27,7 +27,7 @@ import pyarrow.parquet as pq
 
 from fuzz.payloads import targets
 from msggen.recordings.convert.names import FACT_TABLES
-from msggen.recordings.log.opening import open_log
+from msggen.recordings.log import opening
 from support.commands import Outcome, check_outcome, run
 from support.databases import Stored, write_database
 from support.flights import TEXTS, write_flight
@@ -130,7 +130,7 @@ def files_in(folder: Path) -> Iterator[Path]:
     """Yield the files with samples in a folder that was written."""
     metadata = folder / "metadata.yaml"
     if metadata.exists():
-        with open_log(folder) as log:
+        with opening.open(folder) as log:
             log.load()
             assert not [each for each in log.problems if each.offset is not None or "metadata" in each.text]
     yield from (path for path in folder.iterdir() if path != metadata)

@@ -16,11 +16,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.definitions.enumeration import Enumeration, enum_by_name, enumerations
 from msggen.definitions.model import DEFAULT_PACKAGE, Comment, Field, InferredTag, Message
-from msggen.definitions.parse.definition import parse_message
 from msggen.definitions.tags import ENUM, INHERITED, UNIT
 from msggen.recordings.decode.schemas import Schema, SchemaError, read_schema
-from msggen.sources.embedded import all_releases, nearest_first
 from msggen.sources.inferred import unit_in_sentences
+from msggen.sources.released import nearest
 
 if TYPE_CHECKING:
     from msggen.recordings.topics.topic import Topic
@@ -111,15 +110,9 @@ def _embedded(message: Message, firmware: str) -> list[Message]:
     """Return the messages of the same name in embedded releases: those with the same fields, then the nearest ones."""
     if message.package != DEFAULT_PACKAGE:
         return []
-    found = [_released(release, message.name) for release in nearest_first(firmware)]
     own = _fields_of(message)
-    return sorted((each for each in found if each is not None), key=lambda each: _fields_of(each) != own)  # stable
-
-
-@lru_cache(1024)
-def _released(release: str, name: str) -> Message | None:
-    text = all_releases().file(release, f"{name}.msg")[1]
-    return parse_message(text, name, name, DEFAULT_PACKAGE)[0] if text else None
+    found = (each.message for _, each in nearest(message.name, firmware))
+    return sorted(found, key=lambda each: _fields_of(each) != own)  # stable
 
 
 def _fields_of(message: Message) -> frozenset[tuple[str, str]]:

@@ -22,8 +22,8 @@ from msggen.recordings.files.mcap_writer import Target
 from msggen.recordings.files.metadata import LENT, NAMES, records_of
 from msggen.recordings.source.facts import NO_FACTS
 from msggen.recordings.source.source import SEPARATOR, Problem, RecordingError
-from msggen.sources.embedded import all_releases, nearest_first
-from msggen.sources.released import Released, released_as
+from msggen.sources.embedded import all_releases
+from msggen.sources.released import nearest
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from msggen.recordings.log.log import Key, Log
     from msggen.recordings.source.facts import Facts
     from msggen.recordings.topics.topic import Topic
+    from msggen.sources.released import Released
 
 _OURS = ("rosbag2", *NAMES)
 """The names of metadata records that are not copied, but written anew."""
@@ -319,9 +320,8 @@ def restored(ros_type: str, definition: str, firmware: str) -> str:
     """
     schema = read_schema(ros_type, definition)
     content = content_of(schema.catalog, schema.message)
-    for release in nearest_first(firmware):
-        found = _in_release(release, schema.message.package, schema.message.name)
-        if found is not None and content_of(*found) == content:
+    for release, found in nearest(schema.message.name, firmware, schema.message.package):
+        if content_of(*found) == content:
             return _text(release, found)
     return ""
 
@@ -331,8 +331,3 @@ def _text(release: str, found: Released) -> str:
     texts = {each.key: all_releases().file(release, f"{each.name}.msg")[1] for each in found.catalog.messages.values()}
     own = texts.pop(found.message.key)
     return own + "".join(f"{SEPARATOR}\nMSG: {key}\n{text}" for key, text in texts.items())
-
-
-@lru_cache(1024)
-def _in_release(release: str, package: str, name: str) -> Released | None:
-    return released_as(all_releases(), release, name, package)

@@ -116,11 +116,11 @@ def _tables(task: Task, path: str, aside: str, state: State) -> tuple[Record, li
     from msggen.recordings.convert.tables import Format, write_tables
     from msggen.recordings.fleet.layout import date_of, is_utc, name_of, vehicle_of
     from msggen.recordings.fleet.runs import run_of_arrow
-    from msggen.recordings.log.opening import open_log
+    from msggen.recordings.log import opening
 
     digest = digest_of(path)
     name = dict(task.names).get(path) or name_of(path, digest)
-    with open_log(path) as log:
+    with opening.open(path) as log:
         converted = write_tables(log, aside, Format("arrow", packing="lz4"), EVERYTHING, lambda _: None)
         dated = date_of(log, path)
         values = {"vehicle": vehicle_of(log), "date": dated.day}

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from msggen.recordings.log.log import Log
 
 
-def open_log(
+def open(  # noqa: A001 - users write recordings.open
     path: str | os.PathLike[str] | Readable,
     definitions: Definitions | Nearby | None = None,
     *,
@@ -29,8 +29,7 @@ def open_log(
 
     Chunks and attachments of MCAP are compared with their checksums when they are read. Those that differ are reported
     in `Log.problems` and left out; with `keep_damaged`, they are read all the same. `verify=False` does not compare
-    them. Raises RecordingError, InputError for `definitions`, TypeError for a file in text mode, and
-    OSError.
+    them. Raises RecordingError, InputError for `definitions`, TypeError for a file in text mode, and OSError.
     """
     try:
         import numpy  # noqa: F401, ICN001
@@ -62,6 +61,3 @@ def _place_of(path: Any) -> str | None:
     from msggen.recordings.files.spooled import path_of
 
     return path_of(path)
-
-
-open = open_log  # noqa: A001 - users write recordings.open
