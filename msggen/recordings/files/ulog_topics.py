@@ -7,13 +7,17 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from msggen.recordings.files.ulog_formats import FRONT, NUMBERS, PAYLOAD, FormatError, Formats, timestamp_of
+from msggen.recordings.files.ulog_formats import FRONT, NUMBERS, PAYLOAD, FormatError, Formats
 from msggen.recordings.source.source import FOREVER, Channel
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Mapping, Sequence
 
     from msggen.recordings.source.memory import Places
+    from msggen.recordings.source.rows import Layout
+
+_LARGEST = NUMBERS - 1
+"""The largest size of a message."""
 
 
 class Subscribed(NamedTuple):
@@ -30,59 +34,96 @@ class Subscribed(NamedTuple):
     instance: int = 0
 
 
+class _Model(NamedTuple):
+    """What the channels of a topic have in common."""
+
+    topic: str
+    ros_type: str
+    definition: str
+    layout: Layout
+    clock: int | None
+    """The offset of the time in a message, None for samples without a time."""
+
+
 class Topics:
     """The formats of a ULog, the topics that have them, and their numbers, as far as they are known so far."""
 
     def __init__(self) -> None:
         self.formats = Formats()
-        self.channels: dict[int, Channel] = {}
-        self.clocks: dict[int, int] = {}
+        self.clocks: list[int | None] = []
         """The offset of the time in the messages of each channel that has it."""
-        self.smallest = np.full(NUMBERS, NUMBERS, np.int64)
-        self.largest = np.zeros(NUMBERS, np.int64)
+        self.smallest = np.full(NUMBERS, _LARGEST, np.uint16)
+        self.largest = np.zeros(NUMBERS, np.uint16)
         """The sizes of the messages of each number, without their fronts."""
-        self.limits = np.full(NUMBERS, NUMBERS - 1, np.uint16)
+        self.limits = np.full(NUMBERS, _LARGEST, np.uint16)
         """The same as `largest`, and the largest size of all for a number that stands for no topic."""
+        self.end = 0
+        """The number behind the largest one that stood for a topic."""
         self.unknown: Counter[int] = Counter()
         """How many samples have a number that stands for no topic."""
-        self._models: dict[str, Channel | FormatError] = {}
-        """The channels of topics by name, for their instances."""
+        self._models: dict[str, _Model | FormatError] = {}
+        """What is known of topics by name, for their instances."""
+        self._channels: list[tuple[_Model, int]] = []
+        """The topic and the instance of each channel."""
         self._topics: dict[tuple[str, int], Subscribed] = {}
         self._subscribed: dict[int, list[tuple[int, Subscribed | None]]] = defaultdict(list)
         """The topic that each number stands for, from an offset on; None for no topic any more."""
 
+    def channels(self, counts: Mapping[int, int]) -> dict[int, Channel]:
+        """Return the channels by their numbers, with the numbers of their samples."""
+        return {
+            number: Channel(
+                number,
+                model.topic,
+                model.ros_type,
+                model.definition,
+                encoding="ulog",
+                instance=instance,
+                sample_count=counts.get(number, 0),
+                layout=model.layout,
+            )
+            for number, (model, instance) in enumerate(self._channels)
+        }
+
+    def name_of(self, channel: int) -> tuple[str, int]:
+        """Return the name and the instance of the topic of a channel."""
+        model, instance = self._channels[channel]
+        return model.topic, instance
+
     def subscribe(self, place: int, number: int, name: str, instance: int) -> None:
         """Let a number stand for an instance of a topic from an offset on."""
-        topic = self._topic(name, instance)
+        topic = self._topics.get((name, instance)) or self._topic(name, instance)
         self._set(place, number, topic)
-        self.smallest[number], self.largest[number] = topic.smallest, topic.largest
-        self.limits[number] = topic.largest or NUMBERS - 1
+        self.end = max(self.end, number + 1)
+        self.smallest[number], self.largest[number] = min(topic.smallest, _LARGEST), topic.largest
+        self.limits[number] = topic.largest or _LARGEST
 
     def remove(self, place: int, number: int) -> None:
         """Let a number stand for no topic from an offset on."""
         self._set(place, number, None)
-        self.smallest[number], self.largest[number] = NUMBERS, 0
-        self.limits[number] = NUMBERS - 1
+        self.smallest[number], self.largest[number] = _LARGEST, 0
+        self.limits[number] = _LARGEST
 
-    def of(self, number: int, samples: Places, indices: Places) -> Iterator[tuple[Subscribed, Places]]:
-        """Yield the topics that samples with a number are of, each with the indices of its samples.
+    def of(self, number: int, samples: Places, indices: Places) -> Sequence[tuple[Subscribed, Places]]:
+        """Return the topics that samples with a number are of, each with the indices of its samples.
 
         Count those that are of none.
         """
         subscribed = self._subscribed.get(number, [])
         if len(subscribed) == 1 and subscribed[0][0] < samples[indices[0]] and subscribed[0][1] is not None:
-            yield subscribed[0][1], indices
-            return
+            return [(subscribed[0][1], indices)]
         ends = [*(place for place, _ in subscribed), FOREVER]
         bounds = np.searchsorted(samples[indices], ends).tolist()
         if bounds[0]:
             self.unknown[number] += bounds[0]
+        found: list[tuple[Subscribed, Places]] = []
         for (_, topic), low, high in zip(subscribed, bounds, bounds[1:], strict=False):
             if high > low and topic is None:
                 self.unknown[number] += high - low
             elif high > low and topic is not None:
-                yield topic, indices[low:high]
+                found.append((topic, indices[low:high]))
         del subscribed[:-1]
+        return found
 
     def _set(self, place: int, number: int, topic: Subscribed | None) -> None:
         subscribed = self._subscribed[number]
@@ -90,36 +131,24 @@ class Topics:
             subscribed.append((place, topic))
 
     def _topic(self, name: str, instance: int) -> Subscribed:
-        """Return an instance of a topic."""
-        if (name, instance) not in self._topics:
-            if name not in self._models:
-                self._models[name] = self._model(name)
-            model = self._models[name]
-            if isinstance(model, FormatError):
-                self._topics[name, instance] = Subscribed(-1, name, NUMBERS, 0, str(model), instance)
-            else:
-                number, layout = len(self.channels), model.layout
-                assert layout is not None  # noqa: S101 - every channel of a ULog has one
-                self.channels[number] = model._replace(number=number, instance=instance)
-                clock = timestamp_of(layout)
-                if clock is not None:
-                    self.clocks[number] = clock + PAYLOAD
-                size = layout.size + PAYLOAD - FRONT
-                self._topics[name, instance] = Subscribed(number, name, size, size + layout.surplus, "", instance)
-        return self._topics[name, instance]
+        """Return an instance of a topic that has none of its samples so far."""
+        if name not in self._models:
+            self._models[name] = self._model(name)
+        model = self._models[name]
+        if isinstance(model, FormatError):
+            found = Subscribed(-1, name, NUMBERS, 0, str(model), instance)
+        else:
+            size = model.layout.size + PAYLOAD - FRONT
+            found = Subscribed(len(self._channels), name, size, size + model.layout.surplus, "", instance)
+            self._channels.append((model, instance))
+            self.clocks.append(model.clock)
+        self._topics[name, instance] = found
+        return found
 
-    def _model(self, name: str) -> Channel | FormatError:
-        """Return the channel of a topic, without its number and instance."""
+    def _model(self, name: str) -> _Model | FormatError:
+        """Return what is known of a topic."""
         try:
-            ros_type = self.formats.ros_type(name)
-            described = self.formats.described(name)
-            return Channel(
-                number=-1,
-                topic=name,
-                ros_type=ros_type,
-                definition=described.definition,
-                encoding="ulog",
-                layout=described.layout,
-            )
+            ros_type, definition, layout, clock = self.formats.described(name)
         except FormatError as error:
             return error
+        return _Model(name, ros_type, definition, layout, None if clock is None else clock + PAYLOAD)
