@@ -214,6 +214,11 @@ class PackedFile:
         return self._source.facts
 
     @property
+    def information(self) -> Mapping[str, object]:
+        """See Source.information."""
+        return self._source.information
+
+    @property
     def span(self) -> tuple[int, int] | None:
         """The first and the last log time in ns, or None without samples."""
         return self._source.span

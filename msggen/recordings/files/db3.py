@@ -122,6 +122,11 @@ class Db3File:
         return NO_FACTS
 
     @property
+    def information(self) -> Mapping[str, object]:
+        """See Source.information."""
+        return NO_FACTS.information
+
+    @property
     def span(self) -> tuple[int, int] | None:
         """The first and the last log time in ns, or None without samples."""
         return self._span

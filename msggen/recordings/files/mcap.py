@@ -106,6 +106,11 @@ class McapFile:
         return self._facts
 
     @property
+    def information(self) -> Mapping[str, object]:
+        """See Source.information."""
+        return self._facts.information
+
+    @property
     def span(self) -> tuple[int, int] | None:
         """The first and the last log time in ns, or None without samples."""
         return self._span

@@ -100,7 +100,7 @@ class UlogFile:
 
     @property
     def information(self) -> Mapping[str, object]:
-        """What the vehicle tells of itself."""
+        """See Source.information."""
         return self._notes.information
 
     @property
@@ -220,9 +220,7 @@ class UlogFile:
             if end > stop or size < SMALLEST.get(kind, NUMBERS):
                 break
             if kind == "A":
-                if not self._takes_topic(data[start + FRONT : end], start):
-                    break
-                starts = [start, end]
+                starts = self._take_topic(start, end)
             elif self._data_start is not None:
                 break
             elif kind == "F":
@@ -236,15 +234,15 @@ class UlogFile:
             *_, last, start = starts
         return start, last
 
-    def _takes_topic(self, data: bytes, start: int) -> bool:
-        """Take a subscription, if it can be read."""
+    def _take_topic(self, start: int, end: int) -> list[int]:
+        """Take a subscription. Return what `_take_formats` does."""
         try:
-            self._take_definition("A", data, start)
+            self._take_definition("A", self._map[start + FRONT : end], start)
         except ValueError:
-            return False
+            return [start]
         if self._data_start is None:
             self._data_start = start
-        return True
+        return [start, end]
 
     def _take_formats(self, start: int, stop: int) -> list[int]:
         """Take the first formats. Return where they begin and the last one ends, only `start` if none was taken."""

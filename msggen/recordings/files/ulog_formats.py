@@ -157,7 +157,7 @@ class Formats:
         self._twins.setdefault(text, {}).setdefault(len(name), set()).add(name)
 
     def described(self, name: str) -> Described:
-        """Return the type, the definition and the layout of a topic. Raises FormatError."""
+        """Return what the format of a topic says. Other logs can have the same dtype. Raises FormatError."""
         found = self._known.get(name)
         if found is None:
             nested = self._nested(name)
@@ -165,11 +165,9 @@ class Formats:
                 layout = self.layout(name)
                 return Described(self.ros_type(name), self.definition(name), layout, timestamp_of(layout))
             found = self._known[name] = _described(nested)
-        ros_type, definition, layout, clock = found
-        self._count(len(definition))
-        self._count(layout.size + layout.surplus)
-        # programs can change the names in a dtype; this copies it, which np.dtype(..., copy=True) does not
-        return Described(ros_type, definition, Layout(layout.dtype.newbyteorder("|"), *layout[1:]), clock)
+        self._count(len(found.definition))
+        self._count(found.layout.size + found.layout.surplus)
+        return found
 
     def _nested(self, name: str) -> tuple[_Named, ...]:
         """Return a format and those that it nests, none if they are long, not there, or cannot be read."""

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from msggen.recordings.files.ulog_formats import FRONT
+from msggen.recordings.source.gather import at
 
 if TYPE_CHECKING:
     import mmap
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from msggen.recordings.files.ulog_topics import Topics
-    from msggen.recordings.source.gather import Stretch
     from msggen.recordings.source.memory import Octets, Places
 
 DATA = ord("D")
@@ -35,6 +35,7 @@ _SHARE = 16
 _NEW = 256
 """How many topics may be named between samples. PX4 numbers topics one after the other."""
 _OFTEN = 4
+_NO_RUN = 0, 0, 0, 0
 
 
 class Heads(NamedTuple):
@@ -63,28 +64,15 @@ def concatenated(groups: Sequence[Heads]) -> Heads:
     return Heads(np.concatenate(starts), np.concatenate(sizes), np.concatenate(kinds), np.concatenate(numbers))
 
 
-def heads_of(stretch: Stretch) -> Heads:
-    """Return the heads of messages from their first eight bytes."""
-    heads = stretch.heads
-    return Heads(
-        stretch.starts,
-        heads.astype(np.uint16),
-        (heads >> np.uint64(16)).astype(np.uint8),
-        (heads >> np.uint64(24)).astype(np.uint16),
-    )
-
-
 def heads_at(file: Octets, starts: Places) -> Heads:
     """Return the heads of the messages at some offsets. There are eight bytes of each, or more."""
-    return Heads(starts, numbers_at(file, starts), file[starts + 2], numbers_at(file, starts + FRONT))
+    return heads_of(starts, at(file, "<u8")[starts])
 
 
-def numbers_at(file: Octets, places: Places) -> NDArray[np.uint16]:
-    """Return the numbers of 16 bits at some offsets. numpy gathers bytes several times as fast as unaligned numbers."""
-    high = file[places + 1].astype(np.uint16)
-    high <<= 8
-    high |= file[places]
-    return high
+def heads_of(starts: Places, fronts: NDArray[np.uint64]) -> Heads:
+    """Return the heads of messages from their first eight bytes."""
+    kinds, numbers = (fronts >> np.uint64(16)).astype(np.uint8), (fronts >> np.uint64(24)).astype(np.uint16)
+    return Heads(starts, fronts.astype(np.uint16), kinds, numbers)
 
 
 def chained(data: mmap.mmap, file: Octets, topics: Topics, start: int, limit: int) -> tuple[Heads, int] | None:
@@ -100,19 +88,21 @@ def chained(data: mmap.mmap, file: Octets, topics: Topics, start: int, limit: in
     is_within = ends <= limit
     if not is_within.all():
         known, ends = known.take(is_within), ends[is_within]
-    runs = _runs(known.starts, ends)
-    firsts = [run.first for run in runs]
+    breaks = np.flatnonzero(ends[:-1] != known.starts[1:])
+    lows, highs = np.append(0, breaks + 1), np.append(breaks + 1, len(ends))
+    firsts = known.starts[lows[: len(ends)]].tolist()
+    runs = [*zip(firsts, ends[highs - 1].tolist(), lows.tolist(), highs.tolist(), strict=True)] if firsts else [_NO_RUN]
     others: list[int] = []
     taken: list[tuple[bool, slice]] = []
     place, steps = start, len(ends) // _SHARE + _MOST
     while place <= last and steps:
         steps -= 1
-        run = runs[bisect_right(firsts, place) - 1] if runs else _NO_RUN
-        if run.first <= place < run.end:
-            low = run.low if run.first == place else run.low + int(known.starts[run.low : run.high].searchsorted(place))
-            if low < run.high and known.starts[low] == place:
-                taken.append((True, slice(low, run.high)))
-                place = run.end
+        first, end, low, high = runs[bisect_right(firsts, place) - 1]
+        if first <= place < end:
+            low += int(known.starts[low:high].searchsorted(place)) if place > first else 0
+            if low < high and known.starts[low] == place:
+                taken.append((True, slice(low, high)))
+                place = end
                 continue
         size, _ = HEAD.unpack_from(data, place)
         if not size or place + FRONT + size > limit:  # no message has the size 0
@@ -127,28 +117,6 @@ def chained(data: mmap.mmap, file: Octets, topics: Topics, start: int, limit: in
     return concatenated(pieces or [unusual]), place
 
 
-class _Run(NamedTuple):
-    """Probable samples, of which each begins where the one before it ends."""
-
-    low: int
-    high: int
-    first: int
-    """The offset of the first one."""
-    end: int
-
-
-_NO_RUN = _Run(0, 0, 0, 0)
-
-
-def _runs(starts: Places, ends: Places) -> list[_Run]:
-    """Return the runs of probable samples."""
-    if not len(starts):
-        return []
-    breaks = np.flatnonzero(ends[:-1] != starts[1:])
-    lows, highs = np.append(0, breaks + 1), np.append(breaks + 1, len(starts))
-    return [*map(_Run, lows.tolist(), highs.tolist(), starts[lows].tolist(), ends[highs - 1].tolist())]
-
-
 def _probable(file: Octets, topics: Topics, low: int, high: int) -> Heads:
     """Return the samples that may begin from `low` up to `high`, as their sizes say.
 
@@ -156,7 +124,8 @@ def _probable(file: Octets, topics: Topics, low: int, high: int) -> Heads:
     """
     places = np.flatnonzero(file[low + 2 : max(high, low) + 2] == DATA)
     places += low
-    sizes, numbers = numbers_at(file, places), numbers_at(file, places + FRONT)
+    heads = heads_at(file, places)
+    sizes, numbers = heads.sizes, heads.numbers
     largest = topics.largest[numbers]
     fits = (sizes >= topics.smallest[numbers]) & (sizes <= largest)
     others = np.flatnonzero((largest == 0) & (numbers < topics.end + _NEW))
@@ -164,5 +133,4 @@ def _probable(file: Octets, topics: Topics, low: int, high: int) -> Heads:
         pairs = sizes[others].astype(np.uint32) << 16 | numbers[others]
         _, inverse, counts = np.unique(pairs, return_inverse=True, return_counts=True)
         fits[others] = counts[inverse] >= _OFTEN
-    chosen = np.flatnonzero(fits)
-    return Heads(places[chosen], sizes[chosen], np.full(len(chosen), DATA, np.uint8), numbers[chosen])
+    return heads.take(np.flatnonzero(fits))

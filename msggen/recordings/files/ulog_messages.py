@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from msggen.recordings.files.ulog_formats import FRONT, NUMBERS, PAYLOAD, parse_fields
-from msggen.recordings.files.ulog_heads import DATA, HEAD, SIZE, Heads, chained, heads_at, heads_of, numbers_at
+from msggen.recordings.files.ulog_heads import DATA, HEAD, SIZE, Heads, chained, heads_at, heads_of
 from msggen.recordings.files.ulog_notes import Notes
-from msggen.recordings.source.gather import walk
+from msggen.recordings.source.gather import at, walk
 from msggen.recordings.source.memory import Octets, Places, drop_pages
 from msggen.recordings.source.source import Problem
 
@@ -134,7 +134,7 @@ class Messages:
         found = chained(self._map, self._file, self._topics, start, limit)
         if found is None:
             for stretch in walk(self._file, start, limit, _length_of, self._find):
-                yield heads_of(stretch), stretch.end
+                yield heads_of(stretch.starts, stretch.heads), stretch.end
         elif len(found[0].starts):
             yield found
             drop_pages(self._file)
@@ -190,8 +190,8 @@ class Messages:
         """Replace the messages that are damage by those that they hide."""
         found: list[int] = []
         damaged: list[int] = []
-        longer = np.flatnonzero(heads.sizes > self._topics.limits[heads.numbers])
-        longer = longer[heads.kinds[longer] == DATA]
+        largest = self._topics.largest[heads.numbers]
+        longer = np.flatnonzero((heads.sizes > largest) & (largest > 0) & (heads.kinds == DATA))
         longer = longer[:0] if len(longer) > _TRIES else longer  # so many samples have another format
         others = np.flatnonzero(heads.kinds != DATA)
         others = others[heads.sizes[others] > _PLAIN[heads.kinds[others]]]
@@ -285,7 +285,7 @@ class Messages:
         """Yield the offsets from `low` up to `high` at which samples of known topics seem to begin."""
         high = min(high, stop - PAYLOAD)
         places = low + np.flatnonzero(self._file[low + 2 : max(high, low) + 2] == DATA)
-        numbers, sizes = numbers_at(self._file, places + FRONT), numbers_at(self._file, places)
+        numbers, sizes = at(self._file, "<u2", FRONT)[places], at(self._file, "<u2")[places]
         places = places[(sizes >= self._topics.smallest[numbers]) & (sizes <= self._topics.largest[numbers])]
         yield from (place for place in places.tolist() if self._is_followed(place, stop))
 

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 import numpy as np
 
 from msggen.recordings.files.ulog_formats import FRONT
-from msggen.recordings.files.ulog_heads import numbers_at
 from msggen.recordings.source.gather import at
 from msggen.recordings.source.source import LEVELS, Dropout, Facts, Text
 
@@ -230,7 +229,7 @@ def usual_parameters(file: Octets, start: int, stop: int) -> list[int]:
     front = file[start : min(start + _REACH, stop)]
     kinds = np.flatnonzero(front[2 : max(front.size - 9, 2)] == _PARAMETER) + 2
     types = at(front, "<u8", 2)[kinds]
-    sizes, name_sizes = numbers_at(front, kinds - 2), front[kinds + 1].astype(np.uint16)
+    sizes, name_sizes = at(front, "<u2")[kinds - 2], front[kinds + 1].astype(np.uint16)
     is_integer, is_float = types == _INTEGER, types & np.uint64(_SIX_BYTES) == _FLOAT
     is_usual = (is_integer & (name_sizes > len("int32_t "))) | (is_float & (name_sizes > len("float ")))
     is_usual &= sizes == name_sizes + 1 + _VALUE

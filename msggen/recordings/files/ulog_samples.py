@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from msggen.recordings.files.ulog_formats import FRONT, PAYLOAD
-from msggen.recordings.files.ulog_heads import numbers_at
 from msggen.recordings.files.ulog_notes import LARGEST_TIME
-from msggen.recordings.source.gather import at, groups
+from msggen.recordings.source.gather import at, grouped
 from msggen.recordings.source.source import Part, Problem
 
 if TYPE_CHECKING:
@@ -111,7 +110,8 @@ class Samples:
         size = self._sizes[number] - (PAYLOAD - FRONT)
         if size >= 0:
             return np.ndarray((len(starts),), np.int64, np.int64(size).tobytes(), 0, (0,))  # the same for each
-        return numbers_at(file, starts - PAYLOAD).astype(np.int64) - (PAYLOAD - FRONT)
+        sizes: Places = at(file, "<u2")[starts - PAYLOAD].astype(np.int64) - (PAYLOAD - FRONT)
+        return sizes
 
     def take(self, heads: Heads, file: Octets) -> Times:
         """Take samples, which are in the order of the file.
@@ -143,9 +143,18 @@ class Samples:
     def _by_channel(self, heads: Heads) -> dict[int, Places]:
         """Return the indices of the samples of each channel, in order. Those of a wrong size are left out."""
         found: dict[int, list[Places]] = defaultdict(list)
-        for number, of_number in groups(heads.numbers):
-            for topic, of_topic in self._topics.of(number, heads.starts, of_number):
-                chosen = self._fitting(topic, of_topic, heads)
+        order, numbers, bounds = grouped(heads.numbers)
+        if not numbers:
+            return {}
+        sizes = heads.sizes[order]
+        least, most = (each.reduceat(sizes, bounds[:-1]).tolist() for each in (np.minimum, np.maximum))
+        for number, (begin, end), low, high in zip(numbers, pairwise(bounds), least, most, strict=True):
+            for topic, of_topic in self._topics.of(number, heads.starts, order[begin:end]):
+                chosen = of_topic
+                if low < topic.smallest or high > topic.largest:
+                    chosen = self._fitting(topic, of_topic, heads)
+                if not self._sizes.setdefault(topic.number, low) == low == high:
+                    self._sizes[topic.number] = 0
                 if len(chosen):
                     found[topic.number].append(chosen)
         return {
@@ -155,7 +164,7 @@ class Samples:
     def _in_time(self, heads: Heads, spans: Spans, indices: Places, times: Times) -> tuple[Spans, Places, Times]:
         """Leave out samples whose times are damaged: far later than most of them, and than all before."""
         known = max(self._start, self.last) + _FAR
-        if not len(times) or int(times.max()) <= known:
+        if not len(times) or int(times.max()) <= max(known, int(times.min()) + _FAR):
             return spans, indices, times
         latest = max(known, int(np.median(times)) + _FAR)
         is_kept = times <= latest
@@ -196,18 +205,13 @@ class Samples:
         )
 
     def _fitting(self, topic: Subscribed, indices: Places, heads: Heads) -> Places:
-        """Return the indices of the samples that have the size of their topic, and count the others."""
+        """Return the indices of the samples that have a size of their topic, and count the others."""
         given = heads.sizes[indices]
-        least, most = int(np.minimum.reduce(given)), int(np.maximum.reduce(given))
-        if not self._sizes.setdefault(topic.number, least) == least == most:
-            self._sizes[topic.number] = 0
-        if least >= topic.smallest and most <= topic.largest:
-            return indices
         fits = (given >= topic.smallest) & (given <= topic.largest)
         if topic.wrong:
             text = f"{topic.name} is not read: {topic.wrong}"
             self._leave_out(Problem(text, samples=len(indices), topic=topic.name, instance=topic.instance))
-        else:
+        elif not fits.all():
             expected = topic.smallest - PAYLOAD + FRONT
             others = given[~fits].astype(np.int64) - PAYLOAD + FRONT
             places = heads.starts[indices[~fits]]

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from msggen.recordings.files.ulog_formats import FRONT, NUMBERS, PAYLOAD, FormatError, Formats
+from msggen.recordings.files.ulog_formats import FRONT, NUMBERS, PAYLOAD, Described, FormatError, Formats
+from msggen.recordings.source.rows import Layout
 from msggen.recordings.source.source import FOREVER, Channel
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from msggen.recordings.source.memory import Places
-    from msggen.recordings.source.rows import Layout
 
 _LARGEST = NUMBERS - 1
 """The largest size of a message."""
@@ -34,17 +34,6 @@ class Subscribed(NamedTuple):
     instance: int = 0
 
 
-class _Model(NamedTuple):
-    """What the channels of a topic have in common."""
-
-    topic: str
-    ros_type: str
-    definition: str
-    layout: Layout
-    clock: int | None
-    """The offset of the time in a message, None for samples without a time."""
-
-
 class Topics:
     """The formats of a ULog, the topics that have them, and their numbers, as far as they are known so far."""
 
@@ -54,16 +43,14 @@ class Topics:
         """The offset of the time in the messages of each channel that has it."""
         self.smallest = np.full(NUMBERS, _LARGEST, np.uint16)
         self.largest = np.zeros(NUMBERS, np.uint16)
-        """The sizes of the messages of each number, without their fronts."""
-        self.limits = np.full(NUMBERS, _LARGEST, np.uint16)
-        """The same as `largest`, and the largest size of all for a number that stands for no topic."""
+        """The sizes of the messages of each number, without their fronts: from 65,535 to 0 for no topic."""
         self.end = 0
         """The number behind the largest one that stood for a topic."""
         self.unknown: Counter[int] = Counter()
         """How many samples have a number that stands for no topic."""
-        self._models: dict[str, _Model | FormatError] = {}
-        """What is known of topics by name, for their instances."""
-        self._channels: list[tuple[_Model, int]] = []
+        self._described: dict[str, Described | FormatError] = {}
+        """What formats say of topics, by name."""
+        self._channels: list[tuple[str, int, Described]] = []
         """The topic and the instance of each channel."""
         self._topics: dict[tuple[str, int], Subscribed] = {}
         self._subscribed: dict[int, list[tuple[int, Subscribed | None]]] = defaultdict(list)
@@ -71,24 +58,29 @@ class Topics:
 
     def channels(self, counts: Mapping[int, int]) -> dict[int, Channel]:
         """Return the channels by their numbers, with the numbers of their samples."""
-        return {
-            number: Channel(
+        layouts: dict[str, Layout] = {}
+        found = {}
+        for number, (name, instance, described) in enumerate(self._channels):
+            layout = layouts.get(name)
+            if layout is None:
+                layout = described.layout
+                # programs can change the names in a dtype; this copies it, which np.dtype(..., copy=True) does not
+                layouts[name] = layout = Layout(layout.dtype.newbyteorder("|"), *layout[1:])
+            found[number] = Channel(
                 number,
-                model.topic,
-                model.ros_type,
-                model.definition,
+                name,
+                described.ros_type,
+                described.definition,
                 encoding="ulog",
                 instance=instance,
                 sample_count=counts.get(number, 0),
-                layout=model.layout,
+                layout=layout,
             )
-            for number, (model, instance) in enumerate(self._channels)
-        }
+        return found
 
     def name_of(self, channel: int) -> tuple[str, int]:
         """Return the name and the instance of the topic of a channel."""
-        model, instance = self._channels[channel]
-        return model.topic, instance
+        return self._channels[channel][:2]
 
     def subscribe(self, place: int, number: int, name: str, instance: int) -> None:
         """Let a number stand for an instance of a topic from an offset on."""
@@ -96,13 +88,11 @@ class Topics:
         self._set(place, number, topic)
         self.end = max(self.end, number + 1)
         self.smallest[number], self.largest[number] = min(topic.smallest, _LARGEST), topic.largest
-        self.limits[number] = topic.largest or _LARGEST
 
     def remove(self, place: int, number: int) -> None:
         """Let a number stand for no topic from an offset on."""
         self._set(place, number, None)
         self.smallest[number], self.largest[number] = _LARGEST, 0
-        self.limits[number] = _LARGEST
 
     def of(self, number: int, samples: Places, indices: Places) -> Sequence[tuple[Subscribed, Places]]:
         """Return the topics that samples with a number are of, each with the indices of its samples.
@@ -132,23 +122,22 @@ class Topics:
 
     def _topic(self, name: str, instance: int) -> Subscribed:
         """Return an instance of a topic that has none of its samples so far."""
-        if name not in self._models:
-            self._models[name] = self._model(name)
-        model = self._models[name]
-        if isinstance(model, FormatError):
-            found = Subscribed(-1, name, NUMBERS, 0, str(model), instance)
+        if name not in self._described:
+            self._described[name] = self._describe(name)
+        described = self._described[name]
+        if isinstance(described, FormatError):
+            found = Subscribed(-1, name, NUMBERS, 0, str(described), instance)
         else:
-            size = model.layout.size + PAYLOAD - FRONT
-            found = Subscribed(len(self._channels), name, size, size + model.layout.surplus, "", instance)
-            self._channels.append((model, instance))
-            self.clocks.append(model.clock)
+            size, clock = described.layout.size + PAYLOAD - FRONT, described.clock
+            found = Subscribed(len(self._channels), name, size, size + described.layout.surplus, "", instance)
+            self._channels.append((name, instance, described))
+            self.clocks.append(None if clock is None else clock + PAYLOAD)
         self._topics[name, instance] = found
         return found
 
-    def _model(self, name: str) -> _Model | FormatError:
-        """Return what is known of a topic."""
+    def _describe(self, name: str) -> Described | FormatError:
+        """Return what formats say of a topic."""
         try:
-            ros_type, definition, layout, clock = self.formats.described(name)
+            return self.formats.described(name)
         except FormatError as error:
             return error
-        return _Model(name, ros_type, definition, layout, None if clock is None else clock + PAYLOAD)

@@ -144,7 +144,7 @@ class Log:
     @property
     def information(self) -> Mapping[str, object]:
         """Information about the vehicle in a ULog, such as `sys_name` and `ver_sw`."""
-        return self.facts.information
+        return self._reader.information
 
     @cached_property
     def texts(self) -> Sequence[Text]:

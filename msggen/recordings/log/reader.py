@@ -31,7 +31,7 @@ from msggen.recordings.source.source import (
 from msggen.recordings.topics.find import by_name, topics_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -77,7 +77,7 @@ class Reader:
             for number, source in enumerate(self.sources)
             for channel in source.channels.values()
         ]
-        return topics_of(self._within_limits(channels), self._times, firmware_of(self.facts.information).release)
+        return topics_of(self._within_limits(channels), self._times, firmware_of(self.information).release)
 
     @cached_property
     def by_name(self) -> Topics:
@@ -88,6 +88,11 @@ class Reader:
     def facts(self) -> Facts:
         """What only a ULog has, and an MCAP file made of one."""
         return next((source.facts for source in self.sources if source.facts is not NO_FACTS), NO_FACTS)
+
+    @cached_property
+    def information(self) -> Mapping[str, object]:
+        """The information among the facts. The facts themselves may not have been read yet."""
+        return self.sources[0].information if len(self.sources) == 1 else self.facts.information
 
     @cached_property
     def lent(self) -> Lent:

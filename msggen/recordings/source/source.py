@@ -171,7 +171,11 @@ class Source(Protocol):
 
     @property
     def facts(self) -> Facts:
-        """What a ULog has beside its topics."""
+        """What a ULog has beside its topics. Reading all takes time."""
+
+    @property
+    def information(self) -> Mapping[str, object]:
+        """The information among the facts."""
 
     @property
     def span(self) -> tuple[int, int] | None:

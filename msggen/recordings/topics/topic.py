@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -75,7 +75,11 @@ class Topic:
     @cached_property
     def without_log(self) -> Topic:
         """The same topic without its log: it can be pickled, and a log that nothing else needs can be collected."""
-        return self if self.read_times is None else replace(self, read_times=None)
+        if self.read_times is None:
+            return self
+        own = object.__new__(Topic)  # `replace` takes several times as long
+        own.__dict__.update({each: getattr(self, each) for each in _FIELDS}, read_times=None)
+        return own
 
     @cached_property
     def count(self) -> int:
@@ -131,3 +135,6 @@ class Topic:
     def label(self) -> str:
         """The name, with the instance if that is not 0: `sensor_gps 1`."""
         return f"{self.name} {self.instance}" if self.instance else self.name
+
+
+_FIELDS = tuple(each.name for each in fields(Topic))
