@@ -165,8 +165,7 @@ class Formats:
                 layout = self.layout(name)
                 return Described(self.ros_type(name), self.definition(name), layout, timestamp_of(layout))
             found = self._known[name] = _described(nested)
-        self._count(len(found.definition))
-        self._count(found.layout.size + found.layout.surplus)
+        self._count(len(found.definition) + found.layout.size + found.layout.surplus)
         return found
 
     def _nested(self, name: str) -> tuple[_Named, ...]:

@@ -56,7 +56,7 @@ class Window(NamedTuple):
 
     def chosen(self, channels: Iterable[int]) -> list[tuple[int, int, int]]:
         """Return those of some channels that have samples, and from where to where these are."""
-        return [(number, *self.spans[number]) for number in channels if number in self.spans]
+        return [(number, *self.spans[number]) for number in sorted({*channels} & self.spans.keys())]
 
     def times_of(self, low: int, high: int) -> Times:
         """Return some of the log times in ns."""
@@ -109,7 +109,7 @@ class Samples:
         """Return the sizes of the samples of a channel, which begin at `starts`."""
         size = self._sizes[number] - (PAYLOAD - FRONT)
         if size >= 0:
-            return np.ndarray((len(starts),), np.int64, np.int64(size).tobytes(), 0, (0,))  # the same for each
+            return np.ndarray((len(starts),), "<i8", size.to_bytes(8, "little"), 0, (0,))  # the same for each
         sizes: Places = at(file, "<u2")[starts - PAYLOAD].astype(np.int64) - (PAYLOAD - FRONT)
         return sizes
 

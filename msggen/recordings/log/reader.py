@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter, defaultdict
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -77,7 +77,10 @@ class Reader:
             for number, source in enumerate(self.sources)
             for channel in source.channels.values()
         ]
-        return topics_of(self._within_limits(channels), self._times, firmware_of(self.information).release)
+        read_times = partial(
+            _times_of, self._files
+        )  # with a reference to this reader, only the collector would free it
+        return topics_of(self._within_limits(channels), read_times, firmware_of(self.information).release)
 
     @cached_property
     def by_name(self) -> Topics:
@@ -156,7 +159,8 @@ class Reader:
         Channels of the same name that cannot be decoded are reported.
         """
         wanted: dict[Numbers, tuple[Topic, Decoder]] = {}
-        for topic in topics:
+        chosen = dict.fromkeys(topics)
+        for topic in chosen:
             self.decoder(topic)
             for number, channel in topic.channels:
                 decoder = self._tried(number, channel)
@@ -164,7 +168,7 @@ class Reader:
                     wanted[number, channel.number] = topic, decoder
         names = {(topic.recorded_name, topic.instance) for topic, _ in wanted.values()}
         for topic in self.topics:
-            if (topic.recorded_name, topic.instance) in names:
+            if topic not in chosen and (topic.recorded_name, topic.instance) in names:
                 self.can_decode(topic)
         with self.left_out.reading() as missing:
             for number, part in self._parts(wanted, low, high):
@@ -209,17 +213,11 @@ class Reader:
         for number, own in sorted(channels.items()):
             yield from ((number, part) for part in self._files[number].parts(own, low, high))
 
-    def _times(self, channels: Sequence[tuple[int, Channel]]) -> Times:
-        """Return the log times of channels, in the order of the files."""
-        return np.concatenate(
-            [self._files[number].times([channel.number])[channel.number] for number, channel in channels]
-        )
-
     def _count(self, number: int, channel: Channel) -> int:
         """Return the number of samples of a channel, 0 if it is not known and the files are closed."""
         if channel.sample_count is not None or self._is_closed:
             return channel.sample_count or 0
-        return len(self._times([(number, channel)]))
+        return len(_times_of(self._files, [(number, channel)]))
 
     # definitions and problems
 
@@ -275,3 +273,8 @@ class Reader:
         if problem.offset is None or len(self.sources) == 1:
             return problem
         return problem._replace(text=f"{os.path.basename(source.path)}: {problem.text}")
+
+
+def _times_of(files: Sequence[OpenFile], channels: Sequence[tuple[int, Channel]]) -> Times:
+    """Return the log times of channels, in the order of the files."""
+    return np.concatenate([files[number].times([channel.number])[channel.number] for number, channel in channels])

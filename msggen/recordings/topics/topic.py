@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -78,7 +78,8 @@ class Topic:
         if self.read_times is None:
             return self
         own = object.__new__(Topic)  # `replace` takes several times as long
-        own.__dict__.update({each: getattr(self, each) for each in _FIELDS}, read_times=None)
+        own.__dict__.update(self.__dict__, read_times=None)
+        own.__dict__.pop("times", None)
         return own
 
     @cached_property
@@ -135,6 +136,3 @@ class Topic:
     def label(self) -> str:
         """The name, with the instance if that is not 0: `sensor_gps 1`."""
         return f"{self.name} {self.instance}" if self.instance else self.name
-
-
-_FIELDS = tuple(each.name for each in fields(Topic))
