@@ -14,7 +14,7 @@ import numpy as np
 
 from msggen.base.recording_formats import FORMATS
 from msggen.recordings.files.mapped import MappedFile
-from msggen.recordings.files.ulog_formats import FRONT, NUMBERS, is_format, parse_fields
+from msggen.recordings.files.ulog_formats import FRONT, LONGEST_RUN, NUMBERS, is_format, parse_fields
 from msggen.recordings.files.ulog_heads import DATA, HEAD
 from msggen.recordings.files.ulog_messages import SMALLEST, Messages
 from msggen.recordings.files.ulog_notes import Notes, usual_parameters
@@ -247,7 +247,8 @@ class UlogFile:
     def _take_formats(self, start: int, stop: int) -> list[int]:
         """Take the first formats. Return where they begin and the last one ends, only `start` if none was taken."""
         data, starts = self._map, [start]
-        while starts[-1] + FRONT < stop:
+        longest = LONGEST_RUN if self._topics.formats.is_empty else 0
+        while starts[-1] + FRONT < min(start + longest, stop):
             size, kind = HEAD.unpack_from(data, starts[-1])
             end = starts[-1] + FRONT + size
             if kind != _FORMAT or size < SMALLEST["F"] or end > stop:

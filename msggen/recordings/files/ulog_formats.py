@@ -52,7 +52,7 @@ _LONGEST_KEPT = 4096
 """The longest formats that are kept for other logs, with what they nest. Those of PX4 are shorter."""
 _MOST_KEPT = 512
 """How many are kept. PX4 has some 250 topics."""
-_LONGEST_RUN = 1 << 17
+LONGEST_RUN = 1 << 17
 """The most bytes of all formats of a log that are kept. Those of PX4 have some 20 kB."""
 _MOST_RUNS = 16
 """Of how many logs all formats are kept: those of one firmware have the same ones."""
@@ -132,9 +132,14 @@ class Formats:
         """What other logs that begin with the same formats can have, too."""
         return {"_texts": self._texts, "_twins": self._twins, "_known": self._known, "_is_shared": True}
 
+    @property
+    def is_empty(self) -> bool:
+        """Whether there are no formats yet."""
+        return not self._texts
+
     def begin(self, run: bytes) -> bool:
         """Take the messages with the first formats of a log. Return False if that has to be done one by one."""
-        found = None if self._texts or len(run) > _LONGEST_RUN else _formats_in(run)
+        found = None if self._texts or not 0 < len(run) <= LONGEST_RUN else _formats_in(run)
         if found is None:
             return False
         self.__dict__.update(found.shared)
