@@ -18,6 +18,7 @@ from pyarrow import parquet
 from msggen import recordings
 from msggen.cli import main, parser_for
 from msggen.live.sim import Options, Simulator
+from msggen.recordings.log import reader
 from msggen.recordings.log.reader import Reader
 from msggen.recordings.writer import Writer
 from support.flights import TOPICS, write_flight
@@ -594,15 +595,15 @@ def test_a_bar_shows_that_a_recording_is_read(
         sleep(0.3)
         return opens(*arguments, **options)
 
-    def times(topic: recordings.Topic, channels: Any, reads: Any = Reader._times) -> Any:
+    def times(*arguments: Any, reads: Any = reader._Files.times) -> Any:
         sleep(0.3)
-        return reads(topic, channels)
+        return reads(*arguments)
 
     def parts(*arguments: Any, reads: Any = Reader._parts) -> Any:
         sleep(0.3)
         return reads(*arguments)
 
-    monkeypatch.setattr(Reader, "_times", times)
+    monkeypatch.setattr(reader._Files, "times", times)
     monkeypatch.setattr(Reader, "_parts", parts)
     monkeypatch.setattr(recordings, "open", opened)
     monkeypatch.setattr("msggen.cli.log.progress._PATIENCE", 0.01)

@@ -149,7 +149,9 @@ def test_bools_are_found_in_linear_time() -> None:
     with limited():
         decoder = Decoder(Channel(0, "/a", "mine/msg/T0", f"bool[{MAX_VALUES}] x\n"))
     assert decoder.layout is not None
-    places = [place for bools in decoder.layout.bools for place in bools.places]
+    places = [
+        bools.offset + place for bools in decoder.layout.bools for place in np.flatnonzero(bools.largest == 1).tolist()
+    ]
     assert places == list(range(4, 4 + MAX_VALUES))
 
 

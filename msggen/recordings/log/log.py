@@ -156,7 +156,7 @@ class Log:
     @property
     def information(self) -> Mapping[str, object]:
         """Information about the vehicle in a ULog, such as `sys_name` and `ver_sw`."""
-        return self.facts.information
+        return self._reader.information
 
     @cached_property
     def texts(self) -> Sequence[Text]:
@@ -364,7 +364,8 @@ class Log:
         chosen = self.chosen(topics)
         limited = start is not None or stop is not None
         collected = {
-            topic.key: Collector(topic, self.dtype(topic), 0 if limited else topic.known_count or 0) for topic in chosen
+            topic.key: Collector(topic, self._reader.decoder(topic).dtype, 0 if limited else topic.known_count or 0)
+            for topic in chosen
         }
         for topic, rows, times, published in self._reader.rows(chosen, *self._limits(start, stop)):
             collected[topic.key].add(rows, times, published)

@@ -45,33 +45,66 @@ if TYPE_CHECKING:
     """The numbers of a file and of a channel in it."""
 
 
+class _Files:
+    """The files, and whether they are closed.
+
+    Topics refer to this and not to the reader, which has them: only the collector would free a log otherwise.
+    """
+
+    def __init__(self, sources: Sequence[Source], path: str) -> None:
+        self._sources, self._path = sources, path
+        self.is_closed = False
+
+    def close(self) -> None:
+        """Close the files. Can be repeated."""
+        self.is_closed = True
+        for source in self._sources:
+            source.close()
+
+    def check_open(self) -> None:
+        """Raise RecordingError if the files are closed."""
+        if self.is_closed:
+            raise RecordingError(f"{self._path} is closed")
+
+    def times(self, channels: Sequence[tuple[int, Channel]]) -> Times:
+        """Return the log times of channels, in the order of the files."""
+        self.check_open()
+        return np.concatenate(
+            [self._sources[number].times([channel.number])[channel.number] for number, channel in channels]
+        )
+
+    def ends(self, channels: Sequence[tuple[int, Channel]]) -> tuple[int, int] | None:
+        """Return the first and the last log time of channels, None without samples."""
+        self.check_open()
+        found = [self._sources[number].ends(channel.number) for number, channel in channels]
+        known = [each for each in found if each is not None]
+        return (min(first for first, _ in known), max(last for _, last in known)) if known else None
+
+
 class Reader:
     """The files of a recording, whose path is `path`."""
 
     def __init__(self, sources: Sequence[Source], lender: Lender | Nearby | None, path: str) -> None:
         self.sources = sources
         self.path = path
+        self._files = _Files(sources, path)
         self.left_out = LeftOut()
         self._lender = lender
         self._decoders: dict[Numbers, Decoder | SchemaError] = {}
         self._left_out_definitions: list[Problem] = []
-        self._is_closed = False
 
     def close(self) -> None:
         """Close the files. Can be repeated."""
-        self._is_closed = True
-        for source in self.sources:
-            source.close()
+        self._files.close()
 
     @property
     def is_closed(self) -> bool:
         """Whether the files are closed."""
-        return self._is_closed
+        return self._files.is_closed
 
     def check_open(self) -> None:
         """Raise RecordingError if the files are closed."""
-        if self._is_closed:
-            raise RecordingError(f"{self.path} is closed")
+        self._files.check_open()
 
     @cached_property
     def topics(self) -> tuple[Topic, ...]:
@@ -81,8 +114,8 @@ class Reader:
             for number, source in enumerate(self.sources)
             for channel in source.channels.values()
         ]
-        release = firmware_of(self.facts.information).release
-        return topics_of(self._within_limits(channels), self._times, self._ends, release)
+        release = firmware_of(self.information).release
+        return topics_of(self._within_limits(channels), self._files.times, self._files.ends, release)
 
     @cached_property
     def by_name(self) -> Topics:
@@ -93,6 +126,11 @@ class Reader:
     def facts(self) -> Facts:
         """What only a ULog has, and an MCAP file made of one."""
         return next((source.facts for source in self.sources if source.facts is not NO_FACTS), NO_FACTS)
+
+    @cached_property
+    def information(self) -> Mapping[str, object]:
+        """The information among the facts. The facts themselves may not have been read yet."""
+        return self.sources[0].information if len(self.sources) == 1 else self.facts.information
 
     @cached_property
     def lent(self) -> Lent:
@@ -187,7 +225,8 @@ class Reader:
         Channels of the same name that cannot be decoded are reported.
         """
         wanted: dict[Numbers, tuple[Topic, Decoder]] = {}
-        for topic in topics:
+        chosen = dict.fromkeys(topics)
+        for topic in chosen:
             self.decoder(topic)
             for number, channel in topic.channels:
                 decoder = self._tried(number, channel)
@@ -195,7 +234,7 @@ class Reader:
                     wanted[number, channel.number] = topic, decoder
         names = {(topic.recorded_name, topic.instance) for topic, _ in wanted.values()}
         for topic in self.topics:
-            if (topic.recorded_name, topic.instance) in names:
+            if topic not in chosen and (topic.recorded_name, topic.instance) in names:
                 self.can_decode(topic)
         with self.left_out.reading() as missing:
             for number, part in self._parts(wanted, low, high):
@@ -256,25 +295,11 @@ class Reader:
         parts = as_cdr(self._parts_of(number, names.keys(), low, high), encoders)
         yield from in_order(parts, times, names, low, high)
 
-    def _times(self, channels: Sequence[tuple[int, Channel]]) -> Times:
-        """Return the log times of channels, in the order of the files."""
-        self.check_open()
-        return np.concatenate(
-            [self.sources[number].times([channel.number])[channel.number] for number, channel in channels]
-        )
-
-    def _ends(self, channels: Sequence[tuple[int, Channel]]) -> tuple[int, int] | None:
-        """Return the first and the last log time of channels, None without samples."""
-        self.check_open()
-        found = [self.sources[number].ends(channel.number) for number, channel in channels]
-        known = [each for each in found if each is not None]
-        return (min(first for first, _ in known), max(last for _, last in known)) if known else None
-
     def _count(self, number: int, channel: Channel) -> int:
         """Return the number of samples of a channel, 0 if it is not known and the files are closed."""
-        if channel.sample_count is not None or self._is_closed:
+        if channel.sample_count is not None or self.is_closed:
             return channel.sample_count or 0
-        return len(self._times([(number, channel)]))
+        return len(self._files.times([(number, channel)]))
 
     # definitions and problems
 
