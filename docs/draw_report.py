@@ -6,14 +6,13 @@ It is that of docs/report.md: a simulated flight of examples/offboard.py, record
 from __future__ import annotations
 
 import os
-import shutil
 import socket
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
-from selenium import webdriver
+from headless import chromium
 
 from msggen.cli import main
 
@@ -50,19 +49,12 @@ def record(folder: Path) -> Path:
 
 def take(page: Path) -> None:
     """Write the picture of a report."""
-    options = webdriver.ChromeOptions()
-    options.binary_location = shutil.which("chromium") or ""
-    for argument in ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--hide-scrollbars"):
-        options.add_argument(argument)
-    driver = webdriver.Chrome(options, webdriver.ChromeService(shutil.which("chromedriver")))
-    try:
+    with chromium() as driver:
         screen = {"width": WIDTH, "height": HEIGHT, "deviceScaleFactor": 1, "mobile": False}
         driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", screen)
         driver.get(page.as_uri())
         driver.execute_async_script("requestAnimationFrame(() => setTimeout(arguments[0], 500))")
         driver.save_screenshot(str(DOCS / "report.png"))
-    finally:
-        driver.quit()
 
 
 if __name__ == "__main__":

@@ -154,7 +154,9 @@ def test_texts_parameters_and_findings_of_a_ulog_are_told(ulog: str) -> None:
         "MPC_XY_VEL_MAX 12 8",
         "MPC_Z_VEL_MAX_UP 3 2 2",
         "Board PX4_FMU_V6X",
-        "Left out, because the recording has no samples for them: airspeed (airspeed_validated or airspeed), servos",
+        "Left out, because the recording has no values that can be used: airspeed (airspeed_validated",
+        "or airspeed); servos (actuator_servos)",
+        "thrust setpoint (vehicle_thrust_setpoint)",
     ):
         assert shown in text, shown
     assert "altitude above the origin (" not in text
@@ -312,6 +314,11 @@ class _Fixed(Recorded):
     [
         ("battery_status", "BatteryStatus", {"connected": True, "remaining": 0.1}, "the battery fell to 10 %"),
         ("battery_status", "BatteryStatus", {"connected": True, "remaining": -1.0}, None),
+        ("battery_status", "BatteryStatus", {"connected": False, "remaining": 0.1}, None),
+        ("failure_detector_status", "FailureDetectorStatus", {"fd_roll": True}, "the failure detector reports fd_roll"),
+        ("failure_detector_status", "FailureDetectorStatus", {}, None),
+        ("vehicle_land_detected", "VehicleLandDetected", {"landed": False}, "the recording ends in the air"),
+        ("vehicle_land_detected", "VehicleLandDetected", {"landed": True}, None),
         ("cpuload", "Cpuload", {"load": 0.95}, "the load of the CPU reached 95 %"),
         ("cpuload", "Cpuload", {"load": 0.85}, None),
         ("vehicle_imu_status", "VehicleImuStatus", {"accel_vibration_metric": 12.0}, "severe vibration of IMU 0"),
