@@ -506,12 +506,13 @@ def test_random_damage_gives_a_page_or_an_error(ulog: str, tmp_path: Path) -> No
             check_markup(page_of(path))
 
 
-@pytest.mark.parametrize("attack", ATTACKS)
+@pytest.mark.parametrize("attack", [*ATTACKS, "</script x", "<!--<script "])
 def test_texts_of_a_recording_are_no_markup(attack: str, tmp_path: Path, px4_types: Any) -> None:
     texts = {"text": attack, "parameter": attack, "ver_hw": attack}
     page = page_of(write_ulog(tmp_path / "hostile.ulg", px4_types, texts))
     check_markup(page)
     assert data_of(page)["marks"][0][2] == attack
+    assert not set("<>&") & set(page.rpartition('id="report-data">')[2].partition("</script>")[0])
     local = px4_types.VehicleLocalPosition(xy_valid=True)
     path = write_recording(
         tmp_path / f"{ATTACKS[2].replace('/', '')}.mcap",
