@@ -21,6 +21,7 @@ from hypothesis.extra import numpy as arrays
 
 from msggen import recordings
 from msggen.recordings import RecordingError
+from msggen.recordings.convert import convert
 from msggen.recordings.report.attitude import angle_of
 from msggen.recordings.report.charts import Chart, charts_of
 from msggen.recordings.report.findings import findings_of
@@ -31,9 +32,11 @@ from msggen.recordings.report.recorded import Column, Recorded, spans
 from msggen.recordings.report.thinning import MOST, spread, thinned
 from msggen.recordings.report.timeline import timeline_of
 from msggen.sources.embedded import all_releases, nearest_first
+from support.databases import Stored, write_database
 from support.html import Elements
 from support.log_files import write_ulog_of
 from support.markup_attacks import ATTACKS
+from support.recordings import START
 from support.report_flights import (
     DURATION,
     FAILSAFE,
@@ -43,6 +46,7 @@ from support.report_flights import (
     SIDE,
     SPEED,
     TURN,
+    messages_of,
     write_mcap,
     write_ulog,
 )
@@ -198,6 +202,22 @@ def test_the_altitude_grows_upwards(mcap: Path) -> None:
 def test_topics_can_have_any_of_their_names(name: str, mcap: Path, tmp_path: Path, px4_types: Any) -> None:
     other = write_mcap(tmp_path / "other.mcap", px4_types, name.format)
     assert data_of(page_of(other)) == data_of(page_of(mcap))
+
+
+def test_recordings_of_rosbag2_give_the_same_report(mcap: Path, tmp_path: Path, px4_types: Any) -> None:
+    expected = data_of(page_of(mcap))
+    with recordings.open(str(mcap)) as log:
+        convert(log, str(tmp_path / "bag"), format="rosbag2")
+    assert data_of(page_of(tmp_path / "bag")) == expected
+    samples = sorted(messages_of(px4_types), key=lambda sample: sample[1])
+    names = list(dict.fromkeys(name for name, _, _ in samples))
+    infos = {name: type(message).__msg__ for name, _, message in samples}
+    stored = [
+        Stored(number, f"/fmu/out/{name}", infos[name].ros_type, infos[name].definition)
+        for number, name in enumerate(names)
+    ]
+    rows = [(names.index(name), START + round(time * 1e9), message.encode()) for name, time, message in samples]
+    assert data_of(page_of(write_database(tmp_path / "flight.db3", stored, rows))) == expected
 
 
 def test_of_several_vehicles_the_report_is_about_one(tmp_path: Path, px4_types: Any) -> None:
