@@ -95,7 +95,6 @@ ROOMS: Mapping[str, tuple[str, ...]] = MappingProxyType(
             "base",
             "recordings.source",
             "recordings.files",
-            "recordings.topics",
             "recordings.log",
             "recordings.convert",
         ),

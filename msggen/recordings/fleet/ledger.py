@@ -19,7 +19,17 @@ from typing import Any, NamedTuple
 
 from msggen.base.disk.staging import locked
 from msggen.recordings.fleet.folder import STAGE, STATE, Added, Folder
-from msggen.recordings.fleet.layout import KEYS, UNKNOWN, VERSION, Keys, is_fact, is_place, is_token, token_of
+from msggen.recordings.fleet.layout import (
+    KEYS,
+    PLACE_OF_VERSION_3,
+    UNKNOWN,
+    VERSION,
+    Keys,
+    is_fact,
+    is_place,
+    is_token,
+    token_of,
+)
 from msggen.recordings.fleet.ranges import count_of, has, ranges_of, within
 from msggen.recordings.fleet.records import (
     File,
@@ -302,7 +312,7 @@ def _change_of(found: Any) -> Change | None:
         return None
     records = [record_of(each) for each in found["records"]]
     files = {Added(place, each["staged"]): file_of(each) for place, each in added.items()}
-    if None in records or not all(is_place(place) or _is_of_version_3(place) for place in removed):
+    if None in records or not all(is_place(place) or PLACE_OF_VERSION_3.fullmatch(place) for place in removed):
         return None
     return Change(
         {place: file for place, file in files.items() if file is not None},
@@ -315,9 +325,3 @@ def _change_of(found: Any) -> Change | None:
 def _is_staged(value: object) -> bool:
     found = _STAGED.fullmatch(value) if isinstance(value, str) else None
     return value == "" or (found is not None and is_token(found[1]))
-
-
-def _is_of_version_3(place: str) -> bool:
-    from msggen.recordings.fleet.version3 import is_place as is_of_version_3
-
-    return is_of_version_3(place)
