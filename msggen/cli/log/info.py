@@ -9,6 +9,7 @@ from datetime import datetime, timezone
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from msggen.base.diagnostics import counted, printable
+from msggen.base.disk.urls import is_address
 from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.base.recording_formats import FORMATS
 from msggen.cli.log.arguments import CODES, add_file
@@ -60,7 +61,8 @@ def _info(options: argparse.Namespace) -> int:
     with opened(options, options.file) as log:
         with busy_bar(options, f"reading {options.file}"):
             checksums = _verify(log) if options.verify else None
-            _ = [topic.times for topic in ([log.topic(options.topic)] if options.topic else log.topics)]
+            chosen = [log.topic(options.topic)] if options.topic else () if is_address(log.path) else log.topics
+            _ = [topic.times for topic in chosen]
         if options.topic:
             _print_topic(options, log, log.topic(options.topic))
         elif options.json:
@@ -111,7 +113,7 @@ def _rows(path: str, log: Log) -> Iterator[tuple[str, str]]:
     if system:
         yield "system", system
     yield "firmware", ", ".join(filter(None, (str(log.release()), _commit(log))))
-    contents = contents_of(path) if log.kind in ("mcap", "rosbag2") else None
+    contents = contents_of(path) if log.kind in ("mcap", "rosbag2") and not is_address(path) else None
     if contents:
         yield "contents", str(contents)
     counts = [topic.count for topic in log.topics]
@@ -169,6 +171,10 @@ def _dropouts(durations: Sequence[float]) -> str:
 
 def _size(path: str) -> int:
     """Return the bytes of a file, or of the files in a folder."""
+    if is_address(path):
+        from msggen.recordings.files.stored import size_of
+
+        return size_of(path)
     if not os.path.isdir(path):
         return os.path.getsize(path)
     return sum(entry.stat().st_size for entry in os.scandir(path) if entry.is_file())
@@ -220,7 +226,7 @@ def _topic_rows(log: Log, topic: Topic) -> Iterator[tuple[str, str]]:
 
 def _print_topics(log: Log) -> None:
     print()
-    print_table(_COLUMNS, [_row(log, topic) for topic in log.topics if topic.count])
+    print_table(_columns(log), [_row(log, topic) for topic in log.topics if topic.count])
 
 
 class _Row(NamedTuple):
@@ -228,9 +234,13 @@ class _Row(NamedTuple):
 
     topic: Topic
     start: int
-    gaps: Sequence[tuple[int, int]]
     sample_size: int | None
     """The bytes of each sample, None if they differ or the definition is not known."""
+
+    @property
+    def gaps(self) -> Sequence[tuple[int, int]]:
+        """The gaps of the topic. They need the times of its samples."""
+        return self.topic.gaps
 
     @property
     def size(self) -> int | None:
@@ -259,8 +269,18 @@ _COLUMNS: Sequence[Column[_Row]] = (
 )
 
 
+_WITH_TIMES = {"rate", "first", "last", "gaps"}
+"""The columns that need the times of all samples: of a recording in a store, these would be fetched."""
+_WITHOUT_TIMES = tuple(column for column in _COLUMNS if not {column.key, column.heading} & _WITH_TIMES)
+
+
+def _columns(log: Log) -> Sequence[Column[_Row]]:
+    """Return the columns for the topics of a recording."""
+    return _WITHOUT_TIMES if is_address(log.path) else _COLUMNS
+
+
 def _row(log: Log, topic: Topic) -> _Row:
-    return _Row(topic, log.start, topic.gaps, _sample_size(topic))
+    return _Row(topic, log.start, _sample_size(topic))
 
 
 def _gaps(gaps: Sequence[tuple[int, int]]) -> str:
@@ -286,7 +306,7 @@ def _sample_size(topic: Topic) -> int | None:
 def _object(path: str, log: Log) -> dict[str, Any]:
     start, end = _start(log), _time_of_day(log, log.end)
     facts = log.facts
-    contents = contents_of(path) if log.kind in ("mcap", "rosbag2") else None
+    contents = contents_of(path) if log.kind in ("mcap", "rosbag2") and not is_address(path) else None
     made: dict[str, Any] = {
         "file": path,
         "format": log.kind,
@@ -300,7 +320,7 @@ def _object(path: str, log: Log) -> dict[str, Any]:
         "firmware": str(log.release()),
         "commit": log.firmware.commit,
         "samples": sum(topic.count for topic in log.topics),
-        "topics": objects_of(_COLUMNS, [_row(log, topic) for topic in log.topics]),
+        "topics": objects_of(_columns(log), [_row(log, topic) for topic in log.topics]),
         "missing_checksums": log.missing_checksums,
         "notes": log.notes,
         "problems": [problem_object(each) for each in log.problems],

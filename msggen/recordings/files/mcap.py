@@ -16,10 +16,12 @@ from msggen.recordings.files.compression import Room
 from msggen.recordings.files.mapped import MappedFile
 from msggen.recordings.files.mcap_channels import Described
 from msggen.recordings.files.mcap_chunks import Loaded, Loader, ahead, limited, records_of
+from msggen.recordings.files.mcap_fetched import Fetched
 from msggen.recordings.files.mcap_messages import Index, between, indexed, searched
 from msggen.recordings.files.mcap_records import (
     ATTACHMENT,
     CRC,
+    INDEX_FRONT,
     LARGEST_NUMBER,
     MAGIC,
     Chunk,
@@ -27,10 +29,11 @@ from msggen.recordings.files.mcap_records import (
     attached_of,
     entries_at,
     entries_of,
+    index_ranges,
     times_of,
 )
 from msggen.recordings.files.mcap_scan import scan
-from msggen.recordings.files.mcap_summary import read_summary
+from msggen.recordings.files.mcap_summary import Summary, read_summary
 from msggen.recordings.files.metadata import facts_of, notes_of
 from msggen.recordings.source.memory import drop_pages
 from msggen.recordings.source.source import (
@@ -72,11 +75,13 @@ class McapFile:
         self._times: Mapping[int, Sequence[NDArray[np.int64]]] = {}
         """The times of the messages that no message index has."""
         self.notes: Sequence[str] = ()
-        self._mapped = MappedFile(path)
+        self._mapped = MappedFile(path, in_ranges=True)
+        self._mapped.need([(0, len(MAGIC))])
+        self._fetched = Fetched(self._mapped)
         if bytes(self._file[: len(MAGIC)]) != MAGIC:
             raise RecordingError(f"{path} is not an MCAP file")
         room = room or Room(self._file.size)
-        summary = read_summary(self._file.data, self._described)
+        summary = self._summary()
         self._stated = summary.counts
         if summary.chunks is None:
             self._scan(room, is_damaged=summary.is_damaged)
@@ -117,12 +122,14 @@ class McapFile:
     @property
     def missing_checksums(self) -> int:
         """How many chunks, and stretches of messages outside of chunks, have no checksum."""
-        return sum(isinstance(region, Loose) or not region.crc for region in self._regions)
+        loose = len(self._regions) - len(self._chunks)
+        return loose + sum(not chunk.crc for chunk in self._fetched.expected(self._chunks))
 
     def verify(self) -> Checksums:
         """Compare the chunks and attachments with their CRCs, and add those that differ to `problems`."""
         self._mapped.check()
-        chunks = [chunk for chunk in self._chunks if chunk.crc]
+        self._mapped.need_all()
+        chunks = [chunk for chunk in self._fetched.present(self._chunks) if chunk.crc]
         for chunk in chunks:
             if not self._checks.is_compared(chunk):
                 data = records_of(self._file, chunk, self._described)
@@ -136,6 +143,7 @@ class McapFile:
         """See Source.attached."""
         self._mapped.check()
         for opcode, start, length in self._described.attached:
+            self._mapped.need([(start, start + length)])
             content = self._file.data[start : start + length]
             try:
                 found = attached_of(content, opcode)
@@ -169,7 +177,12 @@ class McapFile:
         self._mapped.check()
         found: dict[int, list[NDArray[np.int64]]] = {number: list(self._times.get(number, ())) for number in channels}
         file = self._file
-        for chunk in self._chunks_with(channels):
+        chunks = self._chunks_with(channels)
+        if self._mapped.is_partial:
+            places = [chunk.indexes[number] for chunk in chunks for number in found.keys() & chunk.indexes.keys()]
+            self._mapped.need((place, place + INDEX_FRONT) for place in places)
+            self._mapped.need(index_ranges(file.data, places))
+        for chunk in chunks:
             for number in found.keys() & chunk.indexes.keys():
                 entries = entries_of(file, number, chunk.indexes[number])
                 if entries is not None:
@@ -196,6 +209,17 @@ class McapFile:
                 found[number].append(chunk)
         return found
 
+    def _summary(self) -> Summary:
+        """Read the summary. A file in a store that has none that can be relied on is fetched whole."""
+        is_partial = self._mapped.is_partial
+        summary = read_summary(self._mapped, self._described)
+        if summary.chunks is not None or not is_partial:
+            return summary
+        self._mapped.need_all()
+        self.problems.clear()
+        self._described = Described(self.problems, self._checks)
+        return read_summary(self._mapped, self._described)
+
     def _scan(self, room: Room, *, is_damaged: bool) -> None:
         """Search the file, which has no index of all its messages. If `is_damaged`, so may be the message indexes."""
         summarized = self._described.channels
@@ -212,14 +236,17 @@ class McapFile:
 
     def _parts(self, wanted: set[int], start: int, stop: int) -> Iterator[Part]:
         loader = Loader(self._checks)  # one for each pass: passes take turns, or are in several threads
+        groups = list(self._groups(wanted, start, stop))
+        present = self._fetched.in_groups(groups)
 
-        def load(group: Sequence[Chunk] | Loose) -> Loaded | None:
-            if isinstance(group, Loose) or not all(chunk.indexes for chunk in group):
-                return None
-            return loader.load(self._file, group)
+        def load(group: Sequence[Chunk] | Loose) -> tuple[Sequence[Chunk] | Loose, Loaded | None]:
+            if isinstance(group, Loose):
+                return group, None
+            group = present(group)
+            return group, loader.load(self._file, group) if all(chunk.indexes for chunk in group) else None
 
-        with closing(ahead(load, list(self._groups(wanted, start, stop)))) as groups:
-            for group, loaded in groups:
+        with closing(ahead(load, groups)) as loading:
+            for _, (group, loaded) in loading:
                 for part in self._of_group(group, loaded, wanted):
                     chosen = between(part, start, stop)
                     if chosen is not None:

@@ -15,7 +15,7 @@ from msggen.recordings.source.memory import Octets, Places
 from msggen.recordings.source.source import Attached
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator, Mapping, Sequence
+    from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -62,6 +62,9 @@ LARGEST_NUMBER = (1 << 62) - 1
 """The largest time and length that are believed. Later times, from the year 2116 on, are read as this one."""
 
 
+UNREAD = -1
+
+
 class Chunk(NamedTuple):
     """A chunk of a file."""
 
@@ -73,7 +76,7 @@ class Chunk(NamedTuple):
     last: int
     """The log times of the first and the last message, in ns."""
     crc: int
-    """The CRC-32 of its records, 0 if there is none."""
+    """The CRC-32 of its records, 0 if there is none, UNREAD if only the index of the file was read."""
     kind: str
     """The compression."""
     records: int
@@ -86,6 +89,8 @@ class Chunk(NamedTuple):
     """The offset of the message index of each channel. Without one, the chunk is searched."""
     limit: int = LARGEST
     """How many of its records are read, in bytes without the compression."""
+    index_size: int = 0
+    """The size of its message indexes behind its content, as far as the index of the file tells it."""
 
 
 class Loose(NamedTuple):
@@ -117,6 +122,25 @@ def chunk_at(data: memoryview, start: int, length: int) -> Chunk | None:
         return None
     first, last = min(first, LARGEST_NUMBER), min(last, LARGEST_NUMBER)
     return Chunk(start, length, first, last, crc, kind, place + 8, stored, size, {})
+
+
+def told_chunk(record: memoryview, place: int, start: int, length: int) -> Chunk | None:
+    """Return the chunk whose content is at `start`, by its chunk index from the compression on. Otherwise as above."""
+    kind, place = text_at(record, place)
+    stored, size = struct.unpack_from("<QQ", record, place)
+    records = start + _CHUNK_HEAD.size + 4 + len(kind.encode()) + 8
+    if records + stored != start + length or kind not in ("", "lz4", "zstd") or (not kind and size != stored):
+        return None
+    return Chunk(start, length, 0, 0, UNREAD, kind, records, stored, size, {})
+
+
+def index_ranges(data: memoryview, offsets: Iterable[int]) -> Iterator[tuple[int, int]]:
+    """Yield where the message indexes at offsets are, by their heads."""
+    for offset in offsets:
+        if offset + INDEX_FRONT <= len(data):
+            opcode, _, _, size = _INDEX_HEAD.unpack_from(data, offset)
+            if opcode == MESSAGE_INDEX:
+                yield offset, offset + INDEX_FRONT + size
 
 
 def entries_of(file: Octets, number: int, offset: int) -> Octets | None:

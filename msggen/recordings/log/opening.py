@@ -19,6 +19,9 @@ def open_log(
 ) -> Log:
     """Return the recording at `path`: an MCAP file, a ULog, a db3 file or a folder of rosbag2.
 
+    `path` can be the address of a recording in a store, such as "s3://bucket/flight.mcap", or on a server of HTTP, with
+    the extra `msggen[stores]`.
+
     `definitions` are for topics that have none in the recording: a generated package, an embedded release such as
     "v1.17", or what else `msggen.read` takes. Without them, those of the embedded release that fits best are used.
     `Log.notes` tells which.
@@ -33,6 +36,7 @@ def open_log(
     except ModuleNotFoundError as error:
         text = f"the package {error.name} is not installed: pip install 'msggen[recordings]'"
         raise ModuleNotFoundError(text, name=error.name) from None
+    from msggen.base.disk.urls import shown_address
     from msggen.recordings.definitions.lent import lender_of
     from msggen.recordings.files.opening import open_sources
     from msggen.recordings.log.log import Log
@@ -40,7 +44,7 @@ def open_log(
 
     lender = None if definitions is None else lender_of(definitions)
     place = os.fsdecode(path)
-    return Log(open_sources(place, Verification(verify, keep_damaged)), lender, place)
+    return Log(open_sources(place, Verification(verify, keep_damaged)), lender, shown_address(place))
 
 
 open = open_log  # noqa: A001 - users write recordings.open
