@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from msggen.recordings.files.mcap_records import (
     CHUNK,
+    CHUNK_FRONT,
     FRONT,
     RECORD,
     UNREAD,
@@ -47,10 +48,11 @@ class Fetched:
 
     def expected(self, chunks: Sequence[Chunk]) -> Iterator[Chunk]:
         """Yield chunks with their CRCs. Those that were not fetched are as the first: writers give all one, or none."""
-        first = self.present(chunks[:1])
+        for chunk in chunks[:1]:
+            self._mapped.need([(chunk.start - FRONT, min(chunk.start + CHUNK_FRONT, chunk.start + chunk.length))])
+        crc = self._crc(chunks[0]) if chunks else 0
         for chunk in chunks:
-            is_unread = chunk.crc == UNREAD
-            yield chunk._replace(crc=self._crcs.get(chunk.start, first[0].crc)) if is_unread else chunk
+            yield chunk._replace(crc=self._crcs.get(chunk.start, crc)) if chunk.crc == UNREAD else chunk
 
     def in_groups(self, groups: Sequence[Sequence[Chunk] | Loose]) -> Callable[[Sequence[Chunk]], Sequence[Chunk]]:
         """Return a function as `present` for groups in their order, which fetches further ones with some of them."""

@@ -52,7 +52,7 @@ CRC = 4
 """The size of the CRC at the end of an attachment."""
 _CHUNK_HEAD = struct.Struct("<QQQI")
 _CHUNK_BEGINS = re.compile(rb"\x06.{36}(?:\x00{4}|\x03\x00{3}lz4|\x04\x00{3}zstd)", re.DOTALL)
-_CHUNK_FRONT = 45
+CHUNK_FRONT = 45
 """The most bytes that this takes."""
 _STEP = 1 << 9
 """The bytes that are searched first for a chunk or a message."""
@@ -299,7 +299,7 @@ def chunk_or_message_from(data: memoryview, low: int, channels: Collection[int])
         end = min(begin + step, size)
         message = message_from(data, begin, end, size, channels)
         limit = end if message < 0 else message
-        for found in _CHUNK_BEGINS.finditer(data, begin, min(limit + _CHUNK_FRONT, size)):
+        for found in _CHUNK_BEGINS.finditer(data, begin, min(limit + CHUNK_FRONT, size)):
             if found.start() >= limit:
                 break
             _, length = RECORD.unpack_from(data, found.start())

@@ -47,7 +47,10 @@ def split(address: str) -> tuple[str, str]:
 
 
 def client_for(place: str, address: str) -> ObjectStore:
-    """Return a client for what `split` returns of an address. Raises StoreError, and ModuleNotFoundError without the extra."""
+    """Return a client for what `split` returns of an address.
+
+    Raises StoreError, and ModuleNotFoundError without the extra.
+    """
     try:
         import botocore.session  # noqa: F401
         from obstore.exceptions import BaseError

@@ -73,7 +73,7 @@ def _missing(text: str) -> str:
 
 def _reason(text: str) -> str:
     """Return what is wrong in a line."""
-    if "Range request not supported" in text:
+    if "Range request not supported" in text or "non-partial response" in text:
         return "the server does not send parts of files (HTTP Range): copy the file to this computer first"
     status = _status(text)
     if status:
