@@ -1,6 +1,6 @@
 """A server of HTTP on the loopback interface that has files, counts what it sends, and fails on request.
 
-To clients of S3, `/bucket/key` is an object. It answers no requests for lists; moto does.
+To clients of S3, `/bucket/key` is an object, and lists have no folders; those of moto do.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from hashlib import md5
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import TYPE_CHECKING, NamedTuple
+from urllib.parse import unquote
 
 if TYPE_CHECKING:
     import pytest
@@ -83,6 +84,9 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _answer(self) -> None:
         fault = self._fails()
+        if "?list-type=2" in self.path and not fault.isdecimal():
+            self._send(200, self._listed(), {})
+            return
         data = self.has.files.get(self.path.partition("?")[0])
         if fault.isdecimal() or data is None:
             self._error(int(fault) if fault.isdecimal() else 404)
@@ -97,6 +101,17 @@ class _Handler(BaseHTTPRequestHandler):
             self._error(412)
             return
         self._send_range(data, headers, fault)
+
+    def _listed(self) -> bytes:
+        prefix = unquote(self.path.partition("prefix=")[2].partition("&")[0])
+        own = {path.removeprefix("/bucket/"): data for path, data in self.has.files.items()}
+        entries = [
+            f"<Contents><Key>{key}</Key><LastModified>2026-11-27T02:33:02.000Z</LastModified><ETag>{_tag(data)}</ETag>"
+            f"<Size>{len(data)}</Size></Contents>"
+            for key, data in own.items()
+            if key.startswith(prefix)
+        ]
+        return f"<ListBucketResult><IsTruncated>false</IsTruncated>{''.join(entries)}</ListBucketResult>".encode()
 
     def _send_range(self, data: bytes, headers: dict[str, str], fault: str) -> None:
         text = self.headers.get("Range")

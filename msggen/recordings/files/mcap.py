@@ -236,21 +236,20 @@ class McapFile:
 
     def _parts(self, wanted: set[int], start: int, stop: int) -> Iterator[Part]:
         loader = Loader(self._checks)  # one for each pass: passes take turns, or are in several threads
-        groups = list(self._groups(wanted, start, stop))
-        present = self._fetched.in_groups(groups)
 
         def load(group: Sequence[Chunk] | Loose) -> tuple[Sequence[Chunk] | Loose, Loaded | None]:
             if isinstance(group, Loose):
                 return group, None
-            group = present(group)
+            group = self._fetched.present(group)
             return group, loader.load(self._file, group) if all(chunk.indexes for chunk in group) else None
 
-        with closing(ahead(load, groups)) as loading:
-            for _, (group, loaded) in loading:
-                for part in self._of_group(group, loaded, wanted):
-                    chosen = between(part, start, stop)
-                    if chosen is not None:
-                        yield chosen
+        for groups in self._fetched.in_steps(list(self._groups(wanted, start, stop))):
+            with closing(ahead(load, groups)) as loading:
+                for _, (group, loaded) in loading:
+                    for part in self._of_group(group, loaded, wanted):
+                        chosen = between(part, start, stop)
+                        if chosen is not None:
+                            yield chosen
 
     def _of_group(self, group: Sequence[Chunk] | Loose, loaded: Loaded | None, wanted: set[int]) -> Iterable[Part]:
         """Return the messages of one group of `_groups`. What has no correct message index is searched."""

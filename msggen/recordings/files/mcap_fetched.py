@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import accumulate
 from typing import TYPE_CHECKING
 
 from msggen.recordings.files.mcap_records import (
@@ -18,10 +20,11 @@ from msggen.recordings.files.mcap_records import (
 from msggen.recordings.source.source import RecordingError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Iterator
 
     from msggen.recordings.files.mapped import MappedFile
 
+Group = Sequence[Chunk] | Loose
 _LARGEST_STEP = 32 << 20
 """The most bytes that are fetched ahead. Each step is twice as large as the last: a user may want the first samples."""
 
@@ -54,25 +57,18 @@ class Fetched:
         for chunk in chunks:
             yield chunk._replace(crc=self._crcs.get(chunk.start, crc)) if chunk.crc == UNREAD else chunk
 
-    def in_groups(self, groups: Sequence[Sequence[Chunk] | Loose]) -> Callable[[Sequence[Chunk]], Sequence[Chunk]]:
-        """Return a function as `present` for groups in their order, which fetches further ones with some of them."""
-        of_chunks = [group for group in groups if not isinstance(group, Loose)]
-        places = {group[0].start: place for place, group in enumerate(of_chunks)}
-        end, step = 0, 0
-
-        def present(group: Sequence[Chunk]) -> Sequence[Chunk]:
-            nonlocal end, step
-            place = places[group[0].start]
-            if self._mapped.is_partial and place >= end:
-                step = min(max(2 * step, _size(group)), _LARGEST_STEP)
-                end, size = place, 0
-                while end < len(of_chunks) and size + _size(of_chunks[end]) <= step:
-                    size += _size(of_chunks[end])
-                    end += 1
-                self._mapped.need(_range(chunk) for each in of_chunks[place:end] for chunk in each)
-            return self.present(group)
-
-        return present
+    def in_steps(self, groups: Sequence[Group]) -> Iterator[Sequence[Group]]:
+        """Yield groups, as many at a time as are fetched together. Those that are there are one step."""
+        begin, most = 0, 0
+        while begin < len(groups):
+            end = len(groups)
+            if self._mapped.is_partial:
+                most = min(max(2 * most, _size(groups[begin])), _LARGEST_STEP)
+                sizes = accumulate(map(_size, groups[begin:]))
+                end = begin + max(sum(size <= most for size in sizes), 1)
+                self._mapped.need(_range(chunk) for group in groups[begin:end] for chunk in _chunks(group))
+            yield groups[begin:end]
+            begin = end
 
     def _crc(self, chunk: Chunk) -> int:
         if chunk.crc != UNREAD:
@@ -93,8 +89,12 @@ def _range(chunk: Chunk) -> tuple[int, int]:
     return chunk.start - FRONT, chunk.start + chunk.length + chunk.index_size
 
 
-def _size(group: Sequence[Chunk]) -> int:
-    return sum(stop - start for start, stop in map(_range, group))
+def _chunks(group: Group) -> Sequence[Chunk]:
+    return () if isinstance(group, Loose) else group
+
+
+def _size(group: Group) -> int:
+    return sum(stop - start for start, stop in map(_range, _chunks(group)))
 
 
 def _told(chunk: Chunk) -> tuple[str, int, int, int]:

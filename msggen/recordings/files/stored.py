@@ -80,7 +80,9 @@ class Copy:
             spans = list(_spans(wanted))
             limits = [(start * _BLOCK, min(stop * _BLOCK, self._stored.size)) for start, stop in spans]
             with _making_room(self._stored.address), open(self.path, "r+b", buffering=0) as file:
-                self._store.read_all(self._stored, limits, _writer(file.fileno()))
+                for start, data in self._store.read_all(self._stored, limits):
+                    file.seek(start)
+                    file.write(data)
             for start, stop in spans:
                 self._has[start:stop] = True
 
@@ -214,27 +216,6 @@ def _spans(wanted: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
     starts = places[np.concatenate([[0], ends + 1])]
     stops = places[np.concatenate([ends, [len(places) - 1]])] + 1
     yield from zip(starts.tolist(), stops.tolist(), strict=True)
-
-
-def _writer(descriptor: int) -> Callable[[int, bytes], None]:
-    """Return a function that writes bytes at an offset. A map of the file shows them at once."""
-    if hasattr(os, "pwrite"):
-
-        def write(start: int, data: bytes) -> None:
-            while data:
-                count = os.pwrite(descriptor, data, start)
-                start, data = start + count, data[count:]
-
-        return write
-    lock = Lock()
-
-    def seek_and_write(start: int, data: bytes) -> None:
-        with lock:
-            os.lseek(descriptor, start, os.SEEK_SET)
-            while data:
-                data = data[os.write(descriptor, data) :]
-
-    return seek_and_write
 
 
 @contextmanager

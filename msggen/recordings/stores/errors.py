@@ -36,7 +36,7 @@ def translated(error: Exception, address: str) -> StoreError:
     """Return the error for what obstore raised."""
     text = str(error)
     shown = shown_address(address)
-    if isinstance(error, FileNotFoundError):
+    if isinstance(error, FileNotFoundError) or _status(text) == _NOT_FOUND:
         return MissingError(errno.ENOENT, _missing(text), shown)
     if _status(text) == _UNSATISFIABLE:
         return RangeError(errno.EINVAL, "the range is behind the end of the object", shown)
@@ -45,6 +45,7 @@ def translated(error: Exception, address: str) -> StoreError:
 
 
 NO_OBJECT = "there is no such object"
+_NOT_FOUND = 404
 _UNSATISFIABLE = 416
 _REFUSED = {401: "unauthorized", 403: "forbidden"}
 _STATUS = re.compile(r"status code: (\d{3})")
@@ -75,7 +76,7 @@ def _reason(text: str) -> str:
     """Return what is wrong in a line."""
     if "Range request not supported" in text or "non-partial response" in text:
         return "the server does not send parts of files (HTTP Range): copy the file to this computer first"
-    status = _status(text)
+    status = 301 if "redirect without LOCATION" in text else _status(text)
     if status:
         return _answered(status, text)
     if "kind: Timeout" in text:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from datetime import datetime
 from typing import TYPE_CHECKING, NamedTuple
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from msggen.base.disk.urls import scheme_of, shown_address
 from msggen.recordings.stores.client import client_for, split
 from msggen.recordings.stores.errors import NO_OBJECT, RangeError, StoreError, store_error, translated
+from msggen.recordings.stores.threads import result_of, results_of
 
 if TYPE_CHECKING:
     from obstore import GetOptions, ObjectMeta
@@ -58,13 +58,17 @@ class Store:
         import obstore
 
         key = self._key(address)
-        with _translating(address):
-            try:
-                with _translating(address):
-                    found = obstore.get(self._client, key, options={"range": (0, size)})
-            except RangeError:  # an empty object has no range
-                return _stored(address, obstore.head(self._client, key)), b""
+
+        def look() -> tuple[Stored, bytes]:
+            found = obstore.get(self._client, key, options={"range": (0, size)})
             return _stored(address, found.meta), bytes(found.bytes())
+
+        try:
+            with _translating(address):
+                return result_of(look)
+        except RangeError:  # an empty object has no range
+            with _translating(address):
+                return _stored(address, result_of(lambda: obstore.head(self._client, key))), b""
 
     def read(self, stored: Stored, start: int, stop: int) -> bytes:
         """Return a range of an object. Raises StoreError if it is another object by now."""
@@ -82,10 +86,10 @@ class Store:
             raise store_error(stored.address, f"the server sent {len(data)} of {stop - start} bytes")
         return data
 
-    def read_all(self, stored: Stored, ranges: Iterable[tuple[int, int]], take: Callable[[int, bytes], None]) -> None:
-        """Call `take` with the start and the bytes of pieces of ranges, from several threads, in any order."""
+    def read_all(self, stored: Stored, ranges: Iterable[tuple[int, int]]) -> Iterator[tuple[int, bytes]]:
+        """Yield the pieces of ranges, each with the offset at which it begins, in the order in which they arrive."""
         pieces = [(begin, min(begin + _PIECE, stop)) for start, stop in ranges for begin in range(start, stop, _PIECE)]
-        _in_threads(lambda piece: take(piece[0], self.read(stored, *piece)), pieces)
+        yield from results_of(lambda piece: (piece[0], self.read(stored, *piece)), pieces, _REQUESTS)
 
     def put(self, path: str, address: str) -> None:
         """Write a file to a new object, of which others never see a part.
@@ -104,10 +108,10 @@ class Store:
             if os.path.getsize(path) > _ATOMIC:
                 if self.has(address):
                     raise exists
-                obstore.put(self._client, key, file, max_concurrency=_PARTS)
+                result_of(lambda: obstore.put(self._client, key, file, max_concurrency=_PARTS))
                 return
             try:
-                obstore.put(self._client, key, file.read(), mode="create", use_multipart=False)
+                result_of(lambda: obstore.put(self._client, key, file.read(), mode="create", use_multipart=False))
             except AlreadyExistsError:
                 raise exists from None
 
@@ -137,7 +141,7 @@ class Store:
 
         prefix = self._prefix(address)
         with _translating(address):
-            found = obstore.list_with_delimiter(self._client, prefix.rstrip("/") or None)
+            found = result_of(lambda: obstore.list_with_delimiter(self._client, prefix.rstrip("/") or None))
             return sorted(_stored(f"{self._place}/{each['path']}", each) for each in found["objects"])
 
     def below(self, address: str) -> Iterator[Stored]:
@@ -146,17 +150,22 @@ class Store:
 
         prefix = self._prefix(address)
         with _translating(address):
-            for page in obstore.list(self._client, prefix.rstrip("/") or None):
+            pages = obstore.list(self._client, prefix.rstrip("/") or None)
+            while page := result_of(lambda: next(pages, None)):
                 for each in page:
                     yield _stored(f"{self._place}/{each['path']}", each)
 
     def delete(self, addresses: Sequence[str]) -> None:
         """Delete objects. Those that there are not are passed over."""
+        for address in addresses:
+            self._delete(address)
+
+    def _delete(self, address: str) -> None:
         import obstore
 
-        for address in addresses:
-            with _translating(address), suppress(FileNotFoundError):
-                obstore.delete(self._client, self._key(address))
+        key = self._key(address)
+        with _translating(address), suppress(FileNotFoundError):
+            result_of(lambda: obstore.delete(self._client, key))
 
     def _key(self, address: str) -> str:
         place, key = split(address)
@@ -185,16 +194,3 @@ def _translating(address: str) -> Iterator[None]:
         raise
     except (BaseError, FileNotFoundError, ValueError) as error:
         raise translated(error, address) from None
-
-
-def _in_threads(work: Callable[[tuple[int, int]], None], pieces: Sequence[tuple[int, int]]) -> None:
-    """Call a function for each piece, in several threads if there are several. Raises the first error."""
-    if len(pieces) == 1:
-        work(pieces[0])
-        return
-    pool = ThreadPoolExecutor(_REQUESTS)
-    try:
-        for done in [pool.submit(work, piece) for piece in pieces]:
-            done.result()
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
