@@ -19,7 +19,9 @@ GROUPS = {
         *("docs/vehicle", "docs/connect", "docs/sim", "docs/topic", "docs/top", "docs/command", "docs/doctor"),
         *("docs/links", "docs/link", "docs/beyond", "docs/ros2", "docs/view"),
     ),
-    "Recordings": ("docs/record", "docs/recordings", "docs/reading", "docs/fleet", "docs/recording_formats"),
+    "Recordings": (
+        *("docs/record", "docs/recordings", "docs/reading", "docs/stores", "docs/fleet", "docs/recording_formats"),
+    ),
     "Reference": (
         *("commands/index", "api/index", "docs/library", "docs/errors", "docs/wire", "docs/xrce"),
         *("docs/benchmarks", "CHANGELOG"),

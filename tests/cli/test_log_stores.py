@@ -16,7 +16,7 @@ import pytest
 
 from msggen.base.exit_codes import FAILED, FINDINGS
 from support.commands import Outcome, run
-from support.object_server import ObjectServer, hasten, object_server, set_credentials
+from support.object_server import FAULTS, ObjectServer, hasten, object_server, set_credentials
 from support.random_mcap import WAYS, recording
 
 INFO = ["log", "info", "s3://bucket/a.mcap"]
@@ -53,16 +53,7 @@ def check_failed(outcome: Outcome, reason: str) -> None:
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-@pytest.mark.parametrize(
-    ("fault", "reason"),
-    [
-        ("half", "the connection broke off before the end of the answer"),
-        ("stall", "the server does not answer in time"),
-        ("500", "the server answers with an error (500), 2 times"),
-        ("403", "access is forbidden (403): these credentials may not do this"),
-        ("404", "there is no such object"),
-    ],
-)
+@pytest.mark.parametrize(("fault", "reason"), [*FAULTS.items(), ("404", "there is no such object")])
 def test_a_store_that_fails_is_an_error_of_every_command(
     server: ObjectServer, name: str, fault: str, reason: str
 ) -> None:

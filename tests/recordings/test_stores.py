@@ -25,7 +25,7 @@ from msggen.recordings.stores.store import Store
 from support.databases import Stored, write_database
 from support.examples import examples
 from support.log_files import Written, write_log
-from support.object_server import ObjectServer, hasten, object_server, set_credentials
+from support.object_server import FAULTS, ObjectServer, hasten, object_server, set_credentials
 from support.random_mcap import START, WAYS, recording
 from support.scratch import scratch_folder
 from support.ulog import write_ulog
@@ -255,10 +255,7 @@ def test_an_object_that_changes_while_it_is_open_is_an_error(server: ObjectServe
 @pytest.mark.parametrize(
     ("fault", "reason"),
     [
-        ("half", "the connection broke off before the end of the answer"),
-        ("stall", "the server does not answer in time"),
-        ("500", "the server answers with an error (500), 2 times"),
-        ("403", "access is forbidden (403): these credentials may not do this"),
+        *FAULTS.items(),
         ("no range", "the server does not send parts of files (HTTP Range): copy the file to this computer first"),
     ],
 )

@@ -12,7 +12,6 @@ from typing import Any
 
 import pytest
 from botocore.session import Session
-from moto.server import ThreadedMotoServer
 from pyarrow import parquet
 
 from msggen import recordings
@@ -21,6 +20,7 @@ from msggen.recordings.source.source import RecordingError
 from msggen.recordings.stores import store as stores
 from msggen.recordings.stores.errors import MissingError, StoreError
 from msggen.recordings.stores.store import Store
+from support.moto import moto_server
 from support.object_server import hasten, object_server, set_credentials
 from support.random_mcap import WAYS, recording
 from support.ulog import write_ulog
@@ -28,12 +28,8 @@ from support.ulog import write_ulog
 
 @pytest.fixture(scope="module")
 def moto() -> Iterator[str]:
-    server = ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
-    server.start()
-    try:
-        yield "http://{}:{}".format(*server.get_host_and_port())
-    finally:
-        server.stop()
+    with moto_server() as url:
+        yield url
 
 
 @pytest.fixture

@@ -17,6 +17,15 @@ if TYPE_CHECKING:
     import pytest
 
 
+FAULTS = {
+    "half": "the connection broke off before the end of the answer",
+    "stall": "the server does not answer in time",
+    "500": "the server answers with an error (500), 2 times",
+    "403": "access is forbidden (403): these credentials may not do this",
+}
+"""What is told of some faults, with `hasten`."""
+
+
 class Request(NamedTuple):
     """A request, and the bytes of the file that were sent."""
 
