@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import os
+import struct
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,6 +18,7 @@ from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 
 from msggen import recordings
+from msggen.recordings.convert import convert
 from msggen.recordings.files import mcap, mcap_fetched, mcap_summary, stored
 from msggen.recordings.log.log import Log
 from msggen.recordings.source.source import RecordingError
@@ -151,6 +153,36 @@ def test_attachments_and_metadata_between_chunks_are_read(server: ObjectServer, 
     assert local[0]["attached"].count(".bin") == 2 * 5
 
 
+def test_a_message_index_that_reaches_beyond_its_chunk_is_the_same(server: ObjectServer, px4_types: Any) -> None:
+    data = bytearray(recording(px4_types, 400, 5, 1500, **WAYS["none"]))
+    with scratch_folder() as folder:
+        (folder / "a.mcap").write_bytes(data)
+        chunk = mcap.McapFile("a.mcap")._chunks[1]
+    for number, place in chunk.indexes.items():
+        opcode, length, channel, size = struct.unpack_from("<BQHI", data, place)
+        assert (opcode, channel) == (7, number)
+        struct.pack_into("<BQHI", data, place, opcode, length + 1600, channel, size + 1600)
+    local, remote = both(server, bytes(data))
+    assert local == remote
+    assert local[0]
+
+
+def test_a_file_made_of_a_ulog_is_the_same_in_a_store(server: ObjectServer, tmp_path: Path) -> None:
+    write_ulog(tmp_path / "flight.ulg")
+    with recordings.open(tmp_path / "flight.ulg") as log:
+        convert(log, str(tmp_path / "flight.mcap"), format="mcap")
+    local, remote = both(server, (tmp_path / "flight.mcap").read_bytes())
+    assert local == remote
+    assert "Facts(parameters={}," not in local[0]["facts"]
+
+
+def test_a_size_that_no_object_has_is_an_error(server: ObjectServer, monkeypatch: pytest.MonkeyPatch) -> None:
+    server.files["/bucket/a.mcap"] = bytes(1000)
+    monkeypatch.setattr(stored, "_LARGEST", 999)
+    with pytest.raises(StoreError, match="the object has 1000 bytes, more than 999"):
+        recordings.open("s3://bucket/a.mcap")
+
+
 def big(folder: Path, package: Any, count: int) -> bytes:
     """Return a file with so many samples, of about 200 kB a chunk."""
     topics = []
@@ -176,6 +208,7 @@ def test_little_is_fetched_of_an_indexed_file(
     server: ObjectServer, flight: bytes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.undo()
+    monkeypatch.setattr(mcap_summary, "_TAIL", 1000)  # so that the summary needs a request of its own
     set_credentials(monkeypatch, server.url)
     server.files["/bucket/big.mcap"] = flight
     with recordings.open("s3://bucket/big.mcap") as log:

@@ -35,6 +35,8 @@ _GAP = 4
 """The blocks between two ranges that are fetched too, instead of a further request."""
 _MOST_FILES = 1000
 """The files of a folder that are looked at."""
+_LARGEST = 1 << 40
+"""The most bytes of an object. A server can tell any size, and maps of files have limits."""
 _JOURNAL = "-wal"
 """What SQLite adds to the name of a database for its journal."""
 
@@ -51,6 +53,8 @@ class Copy:
     """A file in a folder of copies, as large as an object. Of its bytes, those that were fetched are right."""
 
     def __init__(self, store: Store, stored: Stored, folder: Folder, path: str) -> None:
+        if stored.size > _LARGEST:
+            raise store_error(stored.address, f"the object has {stored.size} bytes, more than {_LARGEST}")
         self.path = path
         self.size = stored.size
         self.shown = shown_address(stored.address)
