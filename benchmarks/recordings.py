@@ -8,7 +8,7 @@ The recordings have 18 topics at their real rates for 600 s: MCAP with each comp
 ULog. The floor only reads an MCAP file and decompresses its chunks. msggen gives arrays of all samples; the other
 libraries give a message of Python at a time, which is not yet a column, except that pyulog gives columns. Times are
 elapsed, the best of some turns in one process; of the slow libraries, the first turn. The CPU time is longer where a
-thread decompresses ahead. A library that is not installed is named below the table.
+thread decompresses ahead. A library that is not installed is named below the table, and so is the load of the machine.
 """
 
 from __future__ import annotations
@@ -16,15 +16,16 @@ from __future__ import annotations
 import argparse
 import importlib
 import logging
+import os
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
-from zlib import crc32
 
 from flight import COMPRESSIONS, Topic, beginning, flight, write_db3, write_mcap, write_ulog
 from msggen import recordings
@@ -33,7 +34,7 @@ from tables import NONE, Table
 from ulogs import ulog_table, write_vehicle_log
 
 SECONDS = 600
-MCAP_HEAD = ["reader of MCAP", "zstd, ms", "lz4, ms", "none, ms", "zstd, times the floor", "zstd, CPU ms"]
+MCAP_HEAD = ["reader of MCAP", *(f"{each}, ms" for each in COMPRESSIONS), *(f"{each}, CPU ms" for each in COMPRESSIONS)]
 OTHERS_HEAD = ["reader", "db3, ms", "ULog, ms"]
 
 
@@ -81,16 +82,40 @@ def our_columns(path: str) -> None:
             samples.columns()
 
 
+def unverified(path: str) -> None:
+    """Read all topics as structured arrays, without a comparison of checksums."""
+    with recordings.open(path, verify=False) as log:
+        log.load()
+
+
+def tables(path: str) -> None:
+    """Read one topic after the other as a table."""
+    with recordings.open(path) as log:
+        for key in log.keys():  # noqa: SIM118 - as programs are written
+            log.table(key)
+
+
+def summary(path: str) -> None:
+    """Read what `msggen log info` shows of a large file."""
+    with recordings.open(path) as log:
+        _ = [(topic.count, topic.rate, topic.first, topic.last) for topic in log.topics]
+
+
 def checksums(path: str) -> None:
     """Compare the chunks with their checksums."""
     with recordings.open(path) as log:
         log.verify()
 
 
-def one_topic(path: str) -> None:
+def one_topic(path: str, *, verify: bool = True) -> None:
     """Read a topic."""
-    with recordings.open(path) as log:
+    with recordings.open(path, verify=verify) as log:
         log.samples("VehicleOdometry")
+
+
+def one_unverified_topic(path: str) -> None:
+    """Read a topic, without a comparison of checksums."""
+    one_topic(path, verify=False)
 
 
 def ten_seconds(path: str) -> None:
@@ -151,9 +176,13 @@ FLOOR = "floor: read and decompress"
 ON_MCAP: Readers = {
     FLOOR: (floor, True),
     "msggen, structured arrays": (ours, True),
+    "msggen, the same without checksums": (unverified, True),
     "msggen, columns": (our_columns, True),
+    "msggen, tables in a loop over the topics": (tables, True),
     "msggen, one topic": (one_topic, True),
+    "msggen, one topic without checksums": (one_unverified_topic, True),
     "msggen, 10 s of one topic": (ten_seconds, True),
+    "msggen, counts and times of topics": (summary, True),
     "msggen, `verify` alone": (checksums, True),
     "rosbags, messages": (rosbags, False),
     "mcap-ros2-support, messages": (mcap_ros2, False),
@@ -222,21 +251,18 @@ def peak_memory(path: str) -> tuple[float, float]:
     return peak / 1e6, size / 1e6
 
 
-def crc_seconds(path: str, rounds: int) -> float:
-    """Return how long the checksums of all chunks take, in s, without reading and decompression."""
-    data = [bytes(whole) for _, _, _, whole in _chunks(path)]  # zeros: the values do not matter
-    best = float("inf")
-    for _ in range(rounds):
-        before = time.perf_counter()
-        for each in data:
-            crc32(each)
-        best = min(best, time.perf_counter() - before)
-    return best
-
-
-def _milliseconds(best: Best, reader: str, labels: Iterable[str]) -> list[str]:
+def _milliseconds(best: Best, reader: str, labels: Iterable[str]) -> list[list[str]]:
+    """Return the elapsed times and the CPU times of a reader."""
     times = [best.get((reader, label)) for label in labels]
-    return [NONE if each is None else f"{each.elapsed * 1e3:,.1f}" for each in times]
+    return [
+        [NONE if each is None else f"{each[which] * 1e3:,.1f}" for each in times] for which in range(len(Taken._fields))
+    ]
+
+
+def _load() -> str:
+    """Return how busy the machine is, on systems that tell it."""
+    told = f"{os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else "unknown"
+    return f"load of the machine at the end: {told}, with {os.cpu_count()} processors"
 
 
 def _missing(readers: Iterable[str], best: Best) -> list[str]:
@@ -256,19 +282,11 @@ def mcap_table(folder: str, topics: list[Topic], rounds: int, readers: Readers =
     peak, size = peak_memory(paths["zstd"])
     whole = sum(each[3] for each in _chunks(paths["zstd"])) / 1e6
     rows = [
-        [
-            name,
-            *_milliseconds(best, name, paths),
-            f"{best[name, 'zstd'].elapsed / best[FLOOR, 'zstd'].elapsed:.2f}",
-            f"{best[name, 'zstd'].cpu * 1e3:,.1f}",
-        ]
-        for name in readers
-        if (name, "zstd") in best
+        [name, *chain.from_iterable(_milliseconds(best, name, paths))] for name in readers if (name, "zstd") in best
     ]
-    loading = best["msggen, structured arrays", "zstd"].elapsed
     notes = [
+        _load(),
         f"memory: {peak:.0f} MB at most for {size:.0f} MB of arrays; the chunks have {whole:.0f} MB",
-        f"the checksums take {crc_seconds(paths['zstd'], rounds) / loading:.0%} of the time of loading",
         *_missing(readers, best),
     ]
     return Table(f"MCAP, {sum(len(topic.times) for topic in topics):,} samples", MCAP_HEAD, rows, notes=notes)
@@ -284,9 +302,11 @@ def others_table(folder: str, topics: list[Topic], rounds: int) -> Table:
         write(paths[kind], topics)
         best |= seconds_of(readers, {kind: paths[kind]}, small, rounds)
     present = {name for name, _ in best}
-    rows = [[name, *_milliseconds(best, name, paths)] for name in ON_DB3 | ON_ULOG if name in present]
+    rows = [[name, *_milliseconds(best, name, paths)[0]] for name in ON_DB3 | ON_ULOG if name in present]
     sizes = ", ".join(f"{Path(path).suffix[1:]} {Path(path).stat().st_size / 1e6:.0f} MB" for path in paths.values())
-    return Table("other formats", OTHERS_HEAD, rows, notes=[f"the files: {sizes}", *_missing(ON_DB3 | ON_ULOG, best)])
+    return Table(
+        "other formats", OTHERS_HEAD, rows, notes=[_load(), f"the files: {sizes}", *_missing(ON_DB3 | ON_ULOG, best)]
+    )
 
 
 SAMPLES = {"generated, few samples": 5_000, "generated, more samples": 60_000}

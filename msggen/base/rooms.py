@@ -70,7 +70,15 @@ ROOMS: Mapping[str, tuple[str, ...]] = MappingProxyType(
             "recordings.columns",
             "recordings.definitions",
         ),
-        "recordings.writer": ("base", "recordings.files"),
+        "recordings.report": (
+            "base",
+            "definitions",
+            "recordings.source",
+            "recordings.columns",
+            "recordings.topics",
+            "recordings.log",
+        ),
+        "recordings.writer": ("recordings.files",),
         "recordings.convert": (
             "base",
             "definitions",
@@ -83,7 +91,6 @@ ROOMS: Mapping[str, tuple[str, ...]] = MappingProxyType(
             "recordings.topics",
             "recordings.columns",
             "recordings.log",
-            "recordings.writer",
         ),
         "recordings.live": ("live", "recordings.decode", "recordings.topics", "recordings.log", "recordings.writer"),
         "recordings.fleet": (

@@ -165,6 +165,9 @@ def _with_advice(report: Report, embedded: Sources) -> Report:
     from dataclasses import replace
 
     text = f"no firmware was named, so these are differences from {embedded.label}: name the firmware with --px4"
+    missing = sum(finding.rule.id == "MESSAGE_REMOVED" for finding in report.findings)
+    if missing * 2 > len(embedded.messages):
+        text += "; `msggen lint --msg-dir DIR` checks definitions of your own"
     return replace(report, advice=text) if report.findings else report
 
 

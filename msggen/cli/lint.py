@@ -50,8 +50,9 @@ def _lint(options: argparse.Namespace) -> int:
     rules, ignored = selected_rules("lint", options, settings)
     sources = sources_of(options, settings)
     if sources.embedded and not (options.px4 or settings.px4 or options.msg_dir or settings.msg_dir):
-        has_messages = find_definitions(Folder(os.curdir), "msg", ".msg", "", is_flat=False)
-        hint = ", did you mean --msg-dir .?" if has_messages else ": name them with --px4 or --msg-dir"
+        folders = (each for each in (*options.messages, os.curdir) if os.path.isdir(each))
+        near = next((each for each in folders if find_definitions(Folder(each), "msg", ".msg", "", is_flat=False)), "")
+        hint = f", did you mean --msg-dir {near}?" if near else ": name them with --px4 or --msg-dir"
         raise input_error("lint", "S102", f"no definitions here{hint}", 0)
     report = lint(sources, rules, ignored, options.messages)
     report = replace(report, notices=(*report.notices, *unmatched(report, settings, strict=sources.strict)))

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 ACTIONS: Mapping[str, str] = {
-    **dict.fromkeys(("info", "show", "plot", "convert", "cut", "merge", "repair"), "log"),
+    **dict.fromkeys(("info", "show", "plot", "report", "convert", "compact", "cut", "merge", "repair"), "log"),
     **dict.fromkeys(("echo", "hz", "bw", "delay", "list", "pub", "type", "find"), "topic"),
 }
 """The commands of actions that users type without them."""

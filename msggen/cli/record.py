@@ -149,7 +149,7 @@ def _record(options: argparse.Namespace) -> int:
 def check_packages(code: str) -> None:
     """Raise an InputError if a package of the extra is missing."""
     try:
-        import mcap.writer  # noqa: F401
+        import mcap.records  # noqa: F401
     except ImportError as error:
         raise missing_extra(error, "recordings", code) from None
 

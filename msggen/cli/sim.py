@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import re
 from collections.abc import Iterator
+from contextlib import nullcontext
 from types import ModuleType
 from typing import TYPE_CHECKING
 
@@ -13,6 +14,7 @@ from msggen.base.exit_codes import DONE
 from msggen.cli.chosen_types import Types, folder_types, given_types, release_types
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
 from msggen.cli.packages import topics_of
+from msggen.cli.sim_log import check_ulog, contents_of, endpoint_topics, fly_alone, open_log, told
 from msggen.cli.status import Status
 from msggen.cli.values import Deferred, finite, local_path, non_empty, positive, share, whole
 from msggen.cli.watching import watching
@@ -22,6 +24,7 @@ from msggen.sources.sources import find_sources
 
 if TYPE_CHECKING:
     from msggen.live.sim import Options, Simulator
+    from msggen.recordings.live.ulog import UlogWriter
 
 _SYNCS = ("px4", "short", "off")
 _BOARDS = ("most", "sitl")
@@ -50,8 +53,13 @@ def add_to(commands: Commands) -> None:
         metavar="ADDRESS",
         nargs="?",
         type=non_empty,
-        default=DEFAULT,
         help=f"of the agent: {usages(CLIENTS)} (default: {DEFAULT})",
+    )
+    parser.add_argument(
+        "--log",
+        metavar="FILE",
+        type=local_path,
+        help="write a ULog of the vehicle; without ADDRESS, it flies a square by itself, as fast as it can be computed",
     )
     _add_vehicles(parser)
     _add_misbehaviour(parser)
@@ -152,9 +160,20 @@ def _version(text: str) -> tuple[str, int]:
 
 
 def _sim(options: argparse.Namespace) -> int:
+    _check_log(options)
     package, label = _types(options)
     _check_messages(options, package)
-    simulator = _open(options, package)
+    if options.log and options.address is None:
+        return fly_alone(options, package, label, next(_options_of_vehicles(options)))
+    options.address = options.address or DEFAULT
+    log = open_log(options, endpoint_topics(package), label) if options.log else None
+    with told(options.log), log or nullcontext():
+        return _connected(options, package, label, log)
+
+
+def _connected(options: argparse.Namespace, package: ModuleType, label: str, log: UlogWriter | None) -> int:
+    """Simulate vehicles that connect to an agent."""
+    simulator = _open(options, package, log)
     try:
         with watching():
             if not options.quiet:
@@ -166,6 +185,8 @@ def _sim(options: argparse.Namespace) -> int:
         simulator.close()
     if not options.quiet:
         print(*_summary(simulator, seconds), sep="\n")
+        if log is not None:
+            print(contents_of(log))
     return DONE
 
 
@@ -233,7 +254,7 @@ def _summary(simulator: Simulator, seconds: float) -> Iterator[str]:
             yield f"  refused: {reason} ({number})"
 
 
-def _open(options: argparse.Namespace, package: ModuleType) -> Simulator:
+def _open(options: argparse.Namespace, package: ModuleType, log: UlogWriter | None) -> Simulator:
     from msggen.live.link import LinkError
     from msggen.live.sim import Simulator
 
@@ -241,7 +262,7 @@ def _open(options: argparse.Namespace, package: ModuleType) -> Simulator:
         if re.search(f"[?&]{option}=", options.address):
             options.parser.error(f"argument ADDRESS: '{option}' is not part of an address: give it as --{option}")
     try:
-        return Simulator(package, options.address, list(_options_of_vehicles(options)))
+        return Simulator(package, options.address, list(_options_of_vehicles(options)), log)
     except LinkError as error:
         raise input_error(options.address, "L102", str(error), 0) from None
     except ValueError as error:
@@ -279,6 +300,15 @@ def _options_of_vehicles(options: argparse.Namespace) -> Iterator[Options]:
             misbehaviour=misbehaviour,
             board=options.board,
         )
+
+
+def _check_log(options: argparse.Namespace) -> None:
+    """Refuse a log that cannot be written, before vehicles are started."""
+    if not options.log:
+        return
+    if options.count > 1:
+        options.parser.error("argument --log: the ULog of one vehicle is written, not with --count")
+    check_ulog(options.log)
 
 
 def _check_messages(options: argparse.Namespace, package: ModuleType) -> None:

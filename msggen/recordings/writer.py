@@ -1,25 +1,37 @@
 """A writer of MCAP files for ROS 2, whole after each `flush`.
 
-The package `mcap` writes the records (https://mcap.dev/spec). This module gives channels the metadata that rosbag2
-writes, and ends the file after each chunk, so that every reader can read it even if the program is killed.
+It ends the file after each chunk, so that every reader can read it even if the program is killed.
 """
 
 from __future__ import annotations
 
 import os
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from mcap.data_stream import RecordBuilder
-from mcap.records import DataEnd, Footer
-from mcap.writer import MCAP0_MAGIC, CompressionType
-from mcap.writer import Writer as McapWriter
+from mcap.opcode import Opcode
 
-from msggen.base.version import __version__
-from msggen.recordings.files.qos import QOS, QOS_VERSION
+from msggen.recordings.files.mcap_writer import (
+    CHUNK,
+    COMPRESSIONS,
+    ENTRY,
+    FRONT,
+    MESSAGE_HEAD,
+    SMALLER,
+    Chunk,
+    ChunkWriter,
+    Target,
+    unindexed_end,
+)
+from msggen.recordings.files.qos import QOS
 
-COMPRESSIONS = ("zstd", "lz4", "none")
-CHUNK = 768 * 1024
-"""The size of a chunk in bytes before compression, as rosbag2 has it."""
+if TYPE_CHECKING:
+    from msggen.recordings.files.mcap_writer import Octets
+
+__all__ = ["COMPRESSIONS", "Channel", "Writer"]
+
+_MESSAGE = int(Opcode.MESSAGE)
+_PLAIN = MESSAGE_HEAD.size - FRONT
+"""The length of a message without a payload."""
 
 
 class Channel(NamedTuple):
@@ -41,14 +53,14 @@ class Writer:
     def __init__(self, path: str, compression: str = "zstd") -> None:
         self.path = path
         self._file = _WholeFile(path)
-        file: Any = self._file  # what the writer uses of a file
-        self._writer = McapWriter(file, chunk_size=CHUNK, compression=_COMPRESSIONS[compression])
-        self._writer.start("ros2", f"msggen {__version__}")
-        self._writer.add_metadata("rosbag2", QOS_VERSION)
-        self._schemas: dict[tuple[str, str], int] = {}
+        self._data = bytearray()
+        """The messages of the chunk that is not complete yet."""
+        self._entries: dict[int, bytearray] = {}
+        self._times: list[int] = []
         try:
+            self._writer = ChunkWriter(self._file, compression, SMALLER)
             self._file.flush()
-        except OSError:
+        except (OSError, ImportError):
             self._file.close()
             os.remove(path)
             raise
@@ -60,24 +72,34 @@ class Writer:
 
     def add_channel(self, channel: Channel) -> int:
         """Add a topic, and return its number."""
-        key = channel.ros_type, channel.definition
-        schema = self._schemas.get(key)
-        if schema is None:
-            encoding = "ros2msg" if channel.definition else ""  # rosbag2 writes unknown definitions like this
-            schema = self._writer.register_schema(channel.ros_type, encoding, channel.definition.encode())
-            self._schemas[key] = schema
-        metadata = {"offered_qos_profiles": QOS}
-        if channel.type_hash:
-            metadata["topic_type_hash"] = channel.type_hash
-        return self._writer.register_channel(channel.topic, "cdr", schema, metadata)
+        topic, ros_type, definition, type_hash = channel
+        return self._writer.add_channel(Target(topic, ros_type, definition, type_hash=type_hash, qos=QOS))
 
     def write(self, channel: int, log_time: int, publish_time: int, payload: bytes) -> None:
         """Add a sample. Times are in ns since 1970, and `payload` is CDR with its header."""
-        self._writer.add_message(channel, log_time, payload, publish_time)
+        data = self._data
+        head = MESSAGE_HEAD.pack(_MESSAGE, _PLAIN + len(payload), channel, 0, log_time, publish_time)
+        entry = ENTRY.pack(log_time, len(data))
+        data += head
+        data += payload
+        try:
+            self._entries[channel] += entry
+        except KeyError:
+            self._entries[channel] = bytearray(entry)
+        self._times.append(log_time)
+        if len(data) >= CHUNK:
+            self._end_chunk()
+
+    def _end_chunk(self) -> None:
+        if self._data:
+            times = self._times
+            self._writer.add_chunk(Chunk(self._data, len(self._data), min(times), max(times), self._entries))
+            self._data, self._entries, self._times = bytearray(), {}, []
 
     def flush(self) -> None:
         """Write the chunk to the file. Raises OSError; the file is then whole up to the chunk before."""
-        self._writer.flush()
+        self._end_chunk()
+        self._file.flush()
 
     def sync(self) -> None:
         """Wait until the disk has what was written, so that it survives a loss of power. Raises OSError."""
@@ -86,8 +108,8 @@ class Writer:
     def close(self) -> None:
         """Write the rest and the index, and close the file. Raises OSError; the file is then whole without an index."""
         try:
-            self._writer.flush()
-            self._file.has_tail = False  # the writer ends the file with an index
+            self.flush()
+            self._file.has_tail = False  # the index ends the file
             self._writer.finish()
             self._file.flush()
             self._file.sync()
@@ -99,17 +121,6 @@ class Writer:
         self._file.close()
 
 
-_COMPRESSIONS = {"zstd": CompressionType.ZSTD, "lz4": CompressionType.LZ4, "none": CompressionType.NONE}
-
-
-def _tail() -> bytes:
-    """Return the end of a file without an index."""
-    records = RecordBuilder()
-    DataEnd(0).write(records)
-    Footer(0, 0, 0).write(records)
-    return bytes(records.end()) + MCAP0_MAGIC
-
-
 class _WholeFile:
     """A file whose end is written with each `flush`, in the same call of the system, over the end before."""
 
@@ -117,14 +128,14 @@ class _WholeFile:
         self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
         self._waiting: list[bytes] = []
         self._position = 0
-        self._tail = _tail()
+        self._tail = unindexed_end()
         self._is_closed = False
         self.size = 0
         """The bytes of the file, without its end."""
         self.has_tail = True
         """Whether to write an end."""
 
-    def write(self, data: bytes) -> int:
+    def write(self, data: Octets, /) -> int:
         """Keep bytes until `flush`."""
         self._waiting.append(bytes(data))
         self._position += len(data)

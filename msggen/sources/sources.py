@@ -375,6 +375,9 @@ def _fail_without_definitions(root: Tree) -> NoReturn:
     hint = f"; the embedded release is '{PREFIX}{root.path}'" if root.path in EMBEDDED else hint
     if isinstance(root, Folder) and not root.names(""):
         raise input_error(root.path, "S102", f"empty folder: a submodule that is not checked out?{hint}", 0)
+    if isinstance(root, Folder) and root.is_file("topics.py"):
+        text = "a package that msggen has generated, not definitions: `msggen build --check` tells if it is up to date"
+        raise input_error(root.path, "S102", text, 0)
     text = f"no .msg file here or in msg/: expected a PX4-Autopilot tree, px4_msgs or a folder{hint}"
     raise input_error(root.path, "S102", text, 0)
 

@@ -225,6 +225,7 @@ WORDS = {
     "log merge": ["a.ulg", "b.ulg", "-o", "c.mcap"],
     "log plot": ["a.ulg", "b.c"],
     "log repair": ["a.ulg"],
+    "log report": ["a.ulg"],
     "log show": ["a.ulg", "b"],
     "play": ["a.ulg"],
     "px4-generate": ["-y", "dds_topics.yaml", "-t", "a.em", "-o", "a.h"],

@@ -93,6 +93,7 @@ CASES: dict[str, list[list[str]]] = {
         [FILE, NAME, "-o", f"{FILE}.svg"],
     ],
     "log repair": _each("-o", f"{FILE}.repaired.mcap", of=_LOGS),
+    "log report": _each("-o", f"{FILE}.html", of=_LOGS),
     "log show": [
         *[
             [f"{FILE}.mcap", name, *more]

@@ -133,6 +133,31 @@ def test_info_tells_what_ulog_info_tells(here: Path, capsys: pytest.CaptureFixtu
     assert (found["topics"][0]["sample_size"], found["topics"][0]["size"]) == (12, 36)
 
 
+def test_gaps_in_many_chunks_are_shown_on_request(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with (here / "many.mcap").open("wb") as file:
+        writer = McapWriter(file, chunk_size=1)
+        writer.start("ros2", "tests")
+        channel = writer.register_channel("/a", "cdr", writer.register_schema("a/msg/A", "ros2msg", b"uint64 number\n"))
+        for number in [*range(60), *range(100, 150)]:
+            writer.add_message(channel, START + number * 10**9, b"\0\1\0\0" + bytes(8), START)
+        writer.finish()
+
+    def printed(*words: str) -> str:
+        assert run("info", "many.mcap", *words) == 0
+        return capsys.readouterr().out
+
+    hint = "gaps        not searched for in this many chunks: --gaps does\n"
+    row = r"^/a +A +110 +1\.3 kB +0\.7 +0\.000 +149\.000"
+    assert hint in printed()
+    assert re.search(rf"{row}$", printed(), re.MULTILINE)
+    for words in (["--gaps"], ["--verify"]):
+        assert hint not in printed(*words)
+        assert re.search(rf"{row} +1 \(41\.000\)$", printed(*words), re.MULTILINE)
+    assert "gaps 1 (41.000)" in printed("/a")
+    assert json.loads(printed("--json"))["topics"][0]["gaps"] is None
+    assert json.loads(printed("--json", "--gaps"))["topics"][0]["gaps"] == [[59.0, 100.0]]
+
+
 def test_info_tells_the_contents_of_mcap_and_verifies_them(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with (here / "more.mcap").open("wb") as file:
         writer = McapWriter(file, compression=CompressionType.NONE)

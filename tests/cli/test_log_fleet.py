@@ -23,11 +23,11 @@ from msggen.cli.sources import is_recording
 from msggen.recordings.fleet import KEYS
 from msggen.recordings.fleet.ledger import Ledger
 from support.fleet_logs import VEHICLES, write_logs
-from support.fleet_recordings import write_flight
+from support.fleet_recordings import logs_in, rows_of, write_flight
 from support.repository import ROOT
 
 SUMMARY = """\
-fleet: 6 recordings converted in S s, 1,631 samples in 34 files, N kB
+fleet: 6 recordings converted in S s, 1,631 samples in 5 files, N kB
        1 with parts that cannot be read
        1 that cannot be read
 vehicles: px4-00060000000033343531303437, px4-00060000000037363231353530, px4-0006000000003832393034313a
@@ -70,10 +70,9 @@ def test_a_folder_becomes_a_fleet(here: Path, capsys: pytest.CaptureFixture[str]
         "_logs.parquet", "_msggen", "battery_status", "sensor_gps", "ulog_parameters", "vehicle_local_position",
         "vehicle_status",
     }  # fmt: skip
-    vehicles = {path.name for path in (here / "fleet" / "battery_status").iterdir()}
-    assert vehicles == {f"vehicle=px4-{vehicle}" for vehicle in VEHICLES}
-    instances = {path.name for path in (here / "fleet" / "battery_status").rglob("instance=*")}
-    assert instances == {"instance=0", "instance=1"}
+    rows = rows_of(here / "fleet")["battery_status"]
+    assert {row["vehicle"] for row in rows} == {f"px4-{vehicle}" for vehicle in VEHICLES}
+    assert {row["instance"] for row in rows} == {0, 1}
 
 
 def test_the_second_run_has_nothing_to_do(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -135,7 +134,7 @@ def test_json(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert told.err == ""
     document = json.loads(told.out)
     assert document == json.loads((here / "fleet" / "_msggen" / "report.json").read_text())
-    assert (document["found"], document["converted"], document["rows"], document["files"]) == (7, 6, 1631, 34)
+    assert (document["found"], document["converted"], document["rows"], document["files"]) == (7, 6, 1631, 5)
     assert [each["path"] for each in document["failed"]] == [str(here / "logs" / "2026-11-21" / "notes.ulg")]
     assert [Path(each["path"]).name for each in document["incomplete"]] == ["16_20_55.ulg"]
 
@@ -160,7 +159,7 @@ def test_json(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
 def test_errors(words: Sequence[str], error: str, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (here / "empty").mkdir()
     (here / "fleet_of_dates" / "_msggen").mkdir(parents=True)
-    (here / "fleet_of_dates" / "_msggen" / "layout.json").write_text('{"by": ["date"], "version": 2}')
+    (here / "fleet_of_dates" / "_msggen" / "layout.json").write_text('{"by": ["date"], "version": 4}')
     assert run(*words) == FAILED
     assert error in capsys.readouterr().err
     assert not (here / "fleet").exists()
@@ -179,8 +178,7 @@ def test_the_workers_of_a_scheduler_convert(here: Path, capsys: pytest.CaptureFi
         assert run("logs", "--dask", cluster.scheduler_address) == FINDINGS
         assert capsys.readouterr().out.startswith("fleet: nothing new\n       6 converted before\n")
     assert run("logs", "-o", "alone", "--jobs", "1", "-q") == FINDINGS
-    made = [{str(path.relative_to(here / name)) for path in (here / name).rglob("*")} for name in ("fleet", "alone")]
-    assert made[0] == made[1]
+    assert rows_of(here / "fleet") == rows_of(here / "alone")
 
 
 def test_a_bag_without_metadata_is_one_recording_for_every_action(
@@ -233,9 +231,7 @@ def test_names_of_outputs(here: Path, px4_types: Any, capsys: pytest.CaptureFixt
     (here / "dots").mkdir()
     write_flight(here / "dots" / "10.02.11.mcap", px4_types, 1)
     assert run("dots", "--jobs", "1", "-q") == DONE
-    assert [path.name.rpartition("-")[0] for path in (here / "fleet").glob("vehicle_gps_position/*/*/*")] == [
-        "log=10.02.11"
-    ]
+    assert [name.rpartition("-")[0] for name in logs_in(here / "fleet")] == ["10.02.11"]
 
 
 def test_without_dask(here: Path) -> None:

@@ -57,6 +57,7 @@ WORDS = {
     "log merge": "flight.ulg flight.ulg -o made.mcap",
     "log plot": "flight.ulg sensor_gps.fix_type -o a.png",
     "log repair": "flight.ulg -o made.mcap",
+    "log report": "flight.ulg -o made.html",
     "log show": "flight.ulg sensor_gps",
     "play": "flight.ulg",
     "px4-generate": "-y dds_topics.yaml -t a.em -o a.h",

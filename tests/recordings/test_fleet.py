@@ -15,14 +15,17 @@ from pathlib import Path
 from queue import Queue
 from typing import Any
 
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import pytest
 
 from msggen import InputError, recordings
-from msggen.recordings.fleet import KEYS, Outcome, Progress, Summary, Task, convert_one, update
+from msggen.recordings.fleet import KEYS, Batch, Keys, Progress, Summary, Task, convert_batch, update
 from msggen.recordings.fleet.layout import date_of
-from msggen.recordings.fleet.ledger import FleetError, Ledger
-from support.fleet_recordings import parquet_in, rows_in, write_flight, write_folder
+from msggen.recordings.fleet.ledger import Ledger
+from msggen.recordings.fleet.records import FleetError
+from support.fleet_logs import write_logs
+from support.fleet_recordings import logs_in, parquet_in, rows_in, rows_of, state_names, write_flight, write_folder
 from support.log_files import Written, write_log
 from support.recordings import START
 from support.ulog import UlogWriter
@@ -42,20 +45,23 @@ def test_the_files_have_the_columns_of_the_recordings(logs: Path, tmp_path: Path
     summary = update(str(logs), str(fleet), progress=seen.append)
     assert [(each.done, each.total) for each in seen] == [(1, 3), (2, 3), (3, 3)]
     assert (summary.found, summary.unchanged, len(summary.converted), summary.failed) == (3, 0, 3, [])
-    for record in summary.converted:
-        (path,) = record.paths
-        with recordings.open(path) as log:
-            for name in record.files:
-                topic, *keys, _ = name.split("/")
-                values = dict(key.split("=") for key in keys)
-                assert list(values) == ["vehicle", "date", "log", "namespace", "instance"]
-                assert values["log"] == record.log
-                table = pq.ParquetFile(fleet / name).read()
-                columns = log.columns(topic)
-                assert table.column_names[0] == "timestamp"
-                assert set(columns) <= set(table.column_names)
-                for column, expected in columns.items():
-                    assert table[column].to_numpy().tobytes() == expected.tobytes()
+    for topic in ("vehicle_local_position", "vehicle_gps_position"):
+        (name,) = [name for name in parquet_in(fleet) if name.startswith(f"{topic}/")]
+        table = pq.ParquetFile(fleet / name).read()
+        assert table.column_names[:6] == [*Keys._fields, "timestamp"]
+        assert table["log"].to_pylist() == sorted(table["log"].to_pylist())
+        for record in summary.converted:
+            rows = table.filter(pc.equal(table["log"], record.log))
+            (path,) = record.paths
+            with recordings.open(path) as log:
+                columns, expected = log.columns(topic), log.table(topic)
+            assert set(columns) <= set(table.column_names)
+            for column, values in columns.items():
+                assert rows[column].to_numpy().tobytes() == values.tobytes()
+                assert (rows.schema.field(column).metadata or {}) == (expected.schema.field(column).metadata or {})
+            assert set(zip(*(rows[key].to_pylist() for key in Keys._fields), strict=True)) == {
+                (record.values["vehicle"], record.values["date"], record.log, "none", 0)
+            }
 
 
 def test_names_dates_and_vehicles(logs: Path, tmp_path: Path, px4_types: Any) -> None:
@@ -96,38 +102,34 @@ def test_what_is_done_is_not_done_again(logs: Path, tmp_path: Path, px4_types: A
 
 
 @pytest.mark.parametrize("gone", ["file", "topic", "all"])
-def test_results_that_are_missing_are_made_again(gone: str, logs: Path, tmp_path: Path) -> None:
+def test_results_that_are_missing_are_made_again(gone: str, logs: Path, tmp_path: Path, px4_types: Any) -> None:
     fleet = tmp_path / "fleet"
     update(str(logs), str(fleet))
-    before = parquet_in(fleet)
+    write_flight(logs / "new.mcap", px4_types, 9)
+    update(str(logs), str(fleet))
+    before = rows_of(fleet)
     if gone == "file":
-        next(fleet.glob("*/**/*.parquet")).unlink()
+        max(fleet.glob("vehicle_local_position/*.parquet")).unlink()  # of the new one
     else:
         for topic in fleet.glob("v*" if gone == "all" else "vehicle_local_position"):
             shutil.rmtree(topic)
     summary = update(str(logs), str(fleet))
-    assert len(summary.converted) == (1 if gone == "file" else 3)
-    assert summary.unchanged == 3 - len(summary.converted)
-    assert parquet_in(fleet).keys() == before.keys()
-    assert rows_in(fleet) == 3 * 100
-    assert update(str(logs), str(fleet)).unchanged == 3
+    assert len(summary.converted) == (1 if gone == "file" else 4)
+    assert summary.unchanged == 4 - len(summary.converted)
+    assert (summary.removed, summary.copies) == (0, 0)
+    assert rows_of(fleet) == before
+    assert update(str(logs), str(fleet)).unchanged == 4
 
 
-def test_missing_results_of_copies_are_made_once(logs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_results_of_copies_are_made_once(logs: Path, tmp_path: Path) -> None:
     for day in ("2025-01-01", "2025-02-02"):
         shutil.copy(logs / "a" / "flight.mcap", logs / f"{day}.mcap")
     (logs / "a" / "flight.mcap").unlink()
     fleet = tmp_path / "fleet"
     update(str(logs), str(fleet))
-    next(fleet.rglob("date=2025-01-01/**/*.parquet")).unlink()
-
-    def at_the_same_time(tasks: Sequence[Task]) -> Iterator[Outcome]:
-        with monkeypatch.context() as patch:
-            patch.setattr(Ledger, "has_files", lambda *_: False)  # as none sees the files of another one
-            return iter([convert_one(task) for task in tasks])
-
-    summary = update(str(logs), str(fleet), pool=at_the_same_time)
-    assert (summary.unchanged, len(summary.converted), summary.copies) == (2, 1, 1)
+    next(fleet.glob("v*/*.parquet")).unlink()
+    summary = update(str(logs), str(fleet))
+    assert (summary.unchanged, len(summary.converted), summary.copies) == (0, 3, 1)
     assert rows_in(fleet) == 3 * 100
     assert update(str(logs), str(fleet)).unchanged == 4
 
@@ -145,7 +147,7 @@ def test_a_run_tells_that_it_waits_for_another_one(logs: Path, tmp_path: Path) -
     waits.join(60)
     assert len(found.get_nowait().converted) == 3
     assert told.empty()
-    assert sorted(path.name for path in (fleet / "_msggen").iterdir()) == ["layout.json", "logs", "report.json"]
+    assert state_names(fleet) == ["changes", "layout.json", "ledger.jsonl", "report.json"]
 
 
 def test_copies_and_moved_recordings_are_not_converted_again(logs: Path, tmp_path: Path) -> None:
@@ -160,11 +162,8 @@ def test_copies_and_moved_recordings_are_not_converted_again(logs: Path, tmp_pat
     assert update(str(tmp_path / "moved"), str(fleet)).unchanged == 4
 
 
-def test_copies_that_are_converted_at_the_same_time_are_one(
-    logs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_copies_that_are_found_at_the_same_time_are_one(logs: Path, tmp_path: Path) -> None:
     shutil.copy(logs / "a" / "flight.mcap", logs / "b" / "copy.mcap")
-    monkeypatch.setattr(Ledger, "find", lambda *_: None)  # as neither sees the record of the other
     fleet = tmp_path / "fleet"
     summary = update(str(logs), str(fleet))
     assert (summary.found, summary.copies, len(summary.converted)) == (4, 1, 3)
@@ -172,41 +171,74 @@ def test_copies_that_are_converted_at_the_same_time_are_one(
     assert update(str(logs), str(fleet)).unchanged == 4
 
 
-def test_copies_that_have_one_record_keep_all_their_paths(logs: Path, tmp_path: Path) -> None:
+def test_copies_of_a_bad_recording_are_reported_with_their_own_paths(logs: Path, tmp_path: Path) -> None:
+    for name in ("a/bad.ulg", "b/bad.ulg"):
+        (logs / name).write_bytes(b"nothing of the sort")
+    failed = update(str(logs), str(tmp_path / "fleet")).failed
+    assert [each.error.split(" is not")[0] for each in failed] == [each.path for each in failed]
+    assert len(failed) == 2
+
+
+def test_recordings_that_change_while_they_are_read_are_tried_again(logs: Path, tmp_path: Path) -> None:
     fleet = tmp_path / "fleet"
     update(str(logs), str(fleet))
-    tasks = []
-    for name in ("c", "d"):
-        (logs / name).mkdir()
-        tasks.append(Task(str(shutil.copy(logs / "a" / "flight.mcap", logs / name / "flight.mcap")), str(fleet), KEYS))
-    found = list(map(convert_one, tasks))  # both before either one is in the record
-    summary = update(str(logs), str(fleet), pool=lambda _: iter(found))
-    assert summary.copies == 2
-    assert update(str(logs), str(fleet)).unchanged == 5
+    before = rows_of(fleet)
+    (logs / "c").mkdir()
+    path = logs / "c" / "longer.mcap"
+    path.write_bytes((logs / "a" / "flight.mcap").read_bytes() + b"more")
+
+    def later(tasks: Sequence[Task]) -> Iterator[Batch]:
+        shutil.copy(logs / "a" / "flight.mcap", path)
+        return map(convert_batch, tasks)
+
+    (failed,) = update(str(logs), str(fleet), pool=later).failed
+    assert (failed.path, failed.error) == (str(path), "changed while it was read: run the same command again")
+    assert rows_of(fleet) == before
+    assert update(str(logs), str(fleet)).copies == 1
+    assert rows_of(fleet) == before
 
 
-OTHERS = ["../logs/a/flight.mcap", "/etc/hosts", "_logs.parquet", "..\\x.parquet", "C:x.parquet", "a/../b/x.parquet"]
+OTHERS = [
+    *("../logs/a/flight.mcap", "/etc/hosts", "_logs.parquet", "..\\x.parquet", "C:x.parquet", "a/../b/x.parquet"),
+    *(
+        "t/mine.parquet",
+        "../000001-00000000.parquet",
+        "_msggen/000001-00000000.parquet",
+        "",
+        "a/b/000001-00000000.parquet",
+    ),
+]
 
 
-@pytest.mark.parametrize("name", [*OTHERS, *(f"t/log={{log}}/{each}" for each in OTHERS), "t/log=other/t.parquet", ""])
-def test_records_cannot_name_other_files(name: str, logs: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", OTHERS)
+def test_a_ledger_cannot_name_other_files(name: str, logs: Path, tmp_path: Path) -> None:
     fleet = tmp_path / "fleet"
     update(str(logs), str(fleet))
+    line = json.dumps({"place": name, "rows": 1, "size": 1, "logs": "0"})
+    with (fleet / "_msggen" / "ledger.jsonl").open("a") as ledger:
+        ledger.write(f"{line}\n")
+    assert name not in ledger_of(fleet).files
+    change = {"added": {}, "removed": [name], "records": [], "gone": []}
+    (fleet / "_msggen" / "changes" / "000009-00000000.json").write_text(json.dumps(change))
+    before = sorted(path for path in tmp_path.rglob("*") if path.suffix == ".parquet")
+    assert update(str(logs), str(fleet)).unchanged == 3
+    assert sorted(path for path in tmp_path.rglob("*") if path.suffix == ".parquet") == before
+
+
+def ledger_of(fleet: Path) -> Ledger:
+    """Return the ledger of a fleet, as a run reads it."""
     ledger = Ledger(str(fleet))
-    record = next(iter(ledger.records()))
-    ledger.write(record._replace(files=[f"t/log={record.log}/t.parquet"]))
-    assert ledger.record(record.log) is not None
-    for names in ([name.format(log=record.log)], [str(logs / "a" / "flight.mcap")]):
-        ledger.write(record._replace(files=names))
-        assert ledger.record(record.log) is None
+    ledger.open()
+    with ledger.locked(lambda _: None):
+        return ledger
 
 
 WRONG: dict[str, Any] = {
+    "number": [-1, "0", None, True, 10**10],
     "log": ["", None],
-    "paths": [{}, [], {"/a": 1}, {"/a": [1]}, {"/a": [1, "2"]}, {"/a\0": [1, 2]}, {"/a": [1, 1 << 80]}],
+    "paths": [[], {"/a": 1}, {"/a": [1]}, {"/a": [1, "2"]}, {"/a\0": [1, 2]}, {"/a": [1, 1 << 80]}],
     "values": [{}, {"vehicle": "a"}, {"vehicle": 1, "date": "b"}, {"vehicle": "a", "date": "b", "c": "d"}, "ab"],
     "date_from": ["elsewhere", None, []],
-    "files": ["abc", [1], {}, None],
     "rows": ["1", 1.5, True, 1 << 80],
     "problems": ["abc", [1]],
     "firmware": [None, 1],
@@ -220,17 +252,21 @@ WRONG: dict[str, Any] = {
 def test_records_with_other_contents_are_not_used(name: str, value: object, logs: Path, tmp_path: Path) -> None:
     fleet = tmp_path / "fleet"
     update(str(logs), str(fleet))
-    path = min((fleet / "_msggen" / "logs").iterdir())
-    before = json.loads(path.read_text())
-    path.write_text(json.dumps({**before, name: value}))
-    assert len(update(str(logs), str(fleet)).converted) == 1
-    assert json.loads(path.read_text()) == before
+    before = rows_of(fleet)
+    path = fleet / "_msggen" / "ledger.jsonl"
+    first, *others = path.read_text().splitlines(keepends=True)
+    path.write_text("".join([json.dumps({**json.loads(first), name: value}) + "\n", *others]))
+    summary = update(str(logs), str(fleet))
+    assert (len(summary.converted), summary.unchanged) == (1, 2)
+    assert rows_of(fleet) == before
+    assert update(str(logs), str(fleet)).unchanged == 3
 
 
-@pytest.mark.parametrize("text", ["[" * 100_000, "[]", "{}", "null", "\xff", ""])
+@pytest.mark.parametrize("text", ["[" * 100_000, "[]", "{}", "null", "\xff", "", "0-999999999"])
 def test_files_of_the_fleet_that_make_no_sense_are_written_again(text: str, logs: Path, tmp_path: Path) -> None:
     fleet = tmp_path / "fleet"
     update(str(logs), str(fleet))
+    before = rows_of(fleet)
     files = [path for path in (fleet / "_msggen").rglob("*") if path.is_file()]
     for path in files:
         path.write_text(text, encoding="latin-1")
@@ -239,6 +275,36 @@ def test_files_of_the_fleet_that_make_no_sense_are_written_again(text: str, logs
             update(str(logs), str(fleet))
     else:
         assert len(update(str(logs), str(fleet)).converted) == 3
+        assert rows_of(fleet) == before
+        assert update(str(logs), str(fleet)).unchanged == 3
+
+
+@pytest.mark.parametrize("logs_of_file", ["0-999999999", "5", "", "2-1", "0,0,1", "000000000"])
+def test_files_whose_recordings_the_ledger_does_not_know_tell_them(
+    logs_of_file: str, logs: Path, tmp_path: Path
+) -> None:
+    fleet = tmp_path / "fleet"
+    update(str(logs), str(fleet))
+    path = fleet / "_msggen" / "ledger.jsonl"
+    lines = [json.loads(line) for line in path.read_text().splitlines()]
+    changed = [{**line, "logs": logs_of_file} if "place" in line else line for line in lines]
+    path.write_text("".join(json.dumps(line) + "\n" for line in changed))
+    before = rows_of(fleet)
+    assert update(str(logs), str(fleet)).unchanged == 3
+    assert rows_of(fleet) == before
+
+
+def test_the_rows_of_recordings_that_are_gone_outlive_the_ledger(logs: Path, tmp_path: Path) -> None:
+    fleet = tmp_path / "fleet"
+    update(str(logs), str(fleet))
+    before = rows_of(fleet)
+    (fleet / "_msggen" / "ledger.jsonl").unlink()
+    shutil.rmtree(logs / "b")
+    summary = update(str(logs), str(fleet))
+    assert (len(summary.converted), len(summary.records)) == (1, 3)
+    assert rows_of(fleet) == before
+    assert sorted(each.rows for each in summary.records) == [100, 100, 100]
+    assert update(str(logs), str(fleet)).unchanged == 1
 
 
 @pytest.fixture
@@ -256,38 +322,42 @@ needs_links = pytest.mark.skipif(sys.platform == "win32", reason="links need rig
 def test_nothing_below_a_link_is_removed(logs: Path, tmp_path: Path, outside: Path, px4_types: Any) -> None:
     fleet = tmp_path / "fleet"
     update(str(logs), str(fleet))
-    ledger = Ledger(str(fleet))
-    record = next(each for each in ledger.records() if str(logs / "a" / "flight.mcap") in each.paths)
-    mine = outside / f"log={record.log}" / "mine.parquet"
-    mine.parent.mkdir()
+    (record,) = (each for each in ledger_of(fleet).records.values() if str(logs / "a" / "flight.mcap") in each.paths)
+    mine = outside / "000001-00000000.parquet"
     mine.write_bytes(b"mine")
     (fleet / "link").symlink_to(outside)
-    ledger.write(record._replace(files=[*record.files, f"link/log={record.log}/mine.parquet"]))
+    line = {"place": f"link/{mine.name}", "rows": 1, "size": 1, "logs": str(record.number)}
+    with (fleet / "_msggen" / "ledger.jsonl").open("a") as ledger:
+        ledger.write(json.dumps(line) + "\n")
     (logs / "a" / "flight.mcap").unlink()
     write_flight(logs / "a" / "flight.mcap", px4_types, 9)
     assert update(str(logs), str(fleet)).removed == 1
     assert mine.read_bytes() == b"mine"
-    assert not any((fleet / name).exists() for name in record.files)
+    assert record.log not in logs_in(fleet)
 
 
 @needs_links
-@pytest.mark.parametrize("level", range(6))
+@pytest.mark.parametrize("level", range(2))
 def test_nothing_is_written_through_a_link(level: int, logs: Path, tmp_path: Path, outside: Path) -> None:
     fleet = tmp_path / "fleet"
     update(str(logs), str(fleet))
     name = min(parquet_in(fleet))
     place = fleet.joinpath(*name.split("/")[: level + 1])
-    shutil.rmtree(place)
-    place.symlink_to(outside)
+    shutil.rmtree(place) if level == 0 else place.unlink()
+    place.symlink_to(outside if level == 0 else outside / "mine.parquet")
     summary = update(str(logs), str(fleet))
     assert not list(outside.iterdir())
+    if level:
+        assert len(summary.converted) == 3
+        assert rows_in(fleet) == 300
+        return
     (failed,) = {each.error for each in summary.failed}
     text = "replace it with a folder, or name its target as the output"
     assert failed == f"{place}: S115 symbolic link to {outside}: {text}"
 
 
 @needs_links
-@pytest.mark.parametrize("name", ["_msggen", "_msggen/logs"])
+@pytest.mark.parametrize("name", ["_msggen", "_msggen/changes"])
 def test_records_are_not_written_through_a_link(name: str, logs: Path, tmp_path: Path, outside: Path) -> None:
     fleet = tmp_path / "fleet"
     (fleet / name).parent.mkdir(parents=True)
@@ -298,7 +368,9 @@ def test_records_are_not_written_through_a_link(name: str, logs: Path, tmp_path:
 
 
 @needs_links
-@pytest.mark.parametrize("name", ["_logs.parquet", "_msggen/report.json", "_msggen/layout.json", "_msggen/run.txt"])
+@pytest.mark.parametrize(
+    "name", ["_logs.parquet", *(f"_msggen/{name}" for name in ("report.json", "layout.json", "run.txt"))]
+)
 def test_files_of_the_fleet_that_are_links_are_replaced(name: str, logs: Path, tmp_path: Path, outside: Path) -> None:
     fleet = tmp_path / "fleet"
     update(str(logs), str(fleet))
@@ -315,7 +387,7 @@ def test_files_of_the_fleet_that_are_links_are_replaced(name: str, logs: Path, t
 def test_a_pipe_among_the_records_is_left_alone(logs: Path, tmp_path: Path) -> None:
     fleet = tmp_path / "fleet"
     update(str(logs), str(fleet))
-    os.mkfifo(fleet / "_msggen" / "logs" / "pipe.json")
+    os.mkfifo(fleet / "_msggen" / "changes" / "000001-00000000.json")
     assert update(str(logs), str(fleet)).unchanged == 3
 
 
@@ -326,7 +398,7 @@ def test_the_fleet_itself_may_be_a_link(logs: Path, tmp_path: Path, outside: Pat
     assert update(str(logs), str(outside)).unchanged == 3
 
 
-def test_a_changed_recording_replaces_its_files(logs: Path, tmp_path: Path, px4_types: Any) -> None:
+def test_a_changed_recording_replaces_its_rows(logs: Path, tmp_path: Path, px4_types: Any) -> None:
     fleet = tmp_path / "fleet"
     before = {next(iter(each.paths)): each for each in update(str(logs), str(fleet)).converted}
     path = logs / "a" / "flight.mcap"
@@ -334,13 +406,12 @@ def test_a_changed_recording_replaces_its_files(logs: Path, tmp_path: Path, px4_
     write_flight(path, px4_types, 3, count=70)
     summary = update(str(logs), str(fleet))
     assert (summary.unchanged, len(summary.converted), summary.removed) == (2, 1, 1)
-    assert not any((fleet / name).exists() for name in before[str(path)].files)
-    assert not any("log=" + before[str(path)].log in str(each) for each in fleet.rglob("*"))
+    assert before[str(path)].log not in logs_in(fleet)
     assert rows_in(fleet) == 2 * (50 + 50 + 70)
     assert update(str(logs), str(fleet)).removed == 0
 
 
-def test_recordings_that_are_gone_keep_their_files(logs: Path, tmp_path: Path) -> None:
+def test_recordings_that_are_gone_keep_their_rows(logs: Path, tmp_path: Path) -> None:
     fleet = tmp_path / "fleet"
     update(str(logs), str(fleet))
     before = parquet_in(fleet)
@@ -411,7 +482,7 @@ def test_errors_of_msggen_itself_are_reported_too(logs: Path, tmp_path: Path, mo
     summary = update(str(logs), str(tmp_path / "fleet"))
     assert [each.error for each in summary.failed] == ["unexpected error: TypeError: a bug"] * 3
     assert parquet_in(tmp_path / "fleet") == {}
-    assert [path.name for path in (tmp_path / "fleet" / "_msggen").iterdir() if path.name.endswith(".stage")] == []
+    assert not [name for name in state_names(tmp_path / "fleet") if name.endswith(".stage")]
 
 
 def test_the_vehicle_tells_the_date_of_its_log(tmp_path: Path) -> None:
@@ -447,16 +518,28 @@ def test_a_recording_whose_problem_names_a_topic_with_nul_is_not_forgotten(tmp_p
     assert update(str(logs), str(fleet)).unchanged == 1
 
 
-def test_another_layout_is_refused(logs: Path, tmp_path: Path) -> None:
+def test_the_order_is_that_of_the_first_run(logs: Path, tmp_path: Path) -> None:
     fleet = tmp_path / "fleet"
     update(str(logs), str(fleet), by=["date"])
-    assert {name.split("/")[1][:5] for name in parquet_in(fleet)} == {"date="}
     with pytest.raises(recordings.RecordingError, match="this fleet is by 'date', not by 'vehicle,date'"):
         update(str(logs), str(fleet))
-    layout = fleet / "_msggen" / "layout.json"
-    layout.write_text('{"by": ["date"]}')  # as the first version wrote it
-    with pytest.raises(recordings.RecordingError, match="another version of msggen wrote this fleet, with other folde"):
+    (fleet / "_msggen" / "layout.json").write_text('{"by": ["date"], "version": 99}')
+    with pytest.raises(
+        recordings.RecordingError, match="another version of msggen wrote this fleet, in another layout"
+    ):
         update(str(logs), str(fleet), by=["date"])
+
+
+@pytest.mark.parametrize("by", [["vehicle", "date"], ["date", "vehicle"], ["date"], ["vehicle"]])
+def test_rows_are_sorted(by: list[str], tmp_path: Path) -> None:
+    update(str(write_logs(tmp_path / "logs")), str(tmp_path / "fleet"), by=by)
+    order = [*by, *(key for key in Keys._fields if key not in by), "timestamp"]
+    for name in parquet_in(tmp_path / "fleet"):
+        rows = pq.ParquetFile(tmp_path / "fleet" / name).read(columns=order).to_pylist()
+        found = [tuple(row[key] for key in order) for row in rows]
+        assert found == sorted(found)
+        told = pq.ParquetFile(tmp_path / "fleet" / name).metadata.row_group(0).sorting_columns
+        assert [Keys._fields[each.column_index] for each in told] == order[:-1]
 
 
 def test_a_folder_without_recordings(tmp_path: Path) -> None:

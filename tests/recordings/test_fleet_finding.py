@@ -78,7 +78,7 @@ def test_what_cannot_be_read_is_reported(logs: Path, tmp_path: Path, monkeypatch
         return digest_of(path)
 
     monkeypatch.setattr("os.listdir", refuse)
-    monkeypatch.setattr("msggen.recordings.fleet.single.digest_of", digest)
+    monkeypatch.setattr("msggen.recordings.fleet.batch.digest_of", digest)
     for _ in range(2):
         summary = update(str(logs), str(tmp_path / "fleet"))
         assert [(os.path.relpath(each.path, logs), each.error.partition(": ")[2][:40]) for each in summary.failed] == [

@@ -7,7 +7,6 @@ from collections import Counter
 from pathlib import Path
 
 import numpy as np
-import pyarrow.parquet as pq
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -20,7 +19,7 @@ from msggen.recordings.fleet.layout import cleaned, day_in
 from msggen.recordings.source.source import Channel
 from msggen.recordings.topics.topic import Topic
 from msggen.sources.embedded import EMBEDDED
-from support.fleet_recordings import parquet_in, rows_in
+from support.fleet_recordings import parquet_in, rows_of
 from support.log_files import Written, write_log
 from support.recordings import START
 from support.ulog import write_ulog
@@ -92,15 +91,14 @@ def test_a_folder_does_not_depend_on_the_other_topics(tmp_path: Path) -> None:
     fleet = tmp_path / "fleet"
     update(str(tmp_path / "logs"), str(fleet), by=["date"])
     found: Counter[tuple[str, str]] = Counter()
-    for name in parquet_in(fleet):
-        folder, _, _, namespace, instance, _ = name.split("/")
-        assert instance == "instance=0"
-        found[folder, namespace.partition("=")[2]] += 1
-        described = pq.read_schema(fleet / name).metadata[b"topic"].decode().partition("#")[0]
-        assert described == names[2 * ["none", "uav_1", "uav_2"].index(namespace[10:]) + (folder == "a")]
+    for topic, rows in rows_of(fleet).items():
+        for row in rows:
+            assert row["instance"] == 0
+            assert row["x"] == (0.5 if row["timestamp"] == 9 else None) if topic == "a" else "x" not in row
+            found[topic, row["namespace"]] += 1
     every = {(folder, space): 1 for folder in ("a", "fmu_in_a") for space in ("none", "uav_1", "uav_2")}
     assert found == {**every, ("fmu_in_a", "none"): 2, ("a", "none"): 2, ("a", "uav_1"): 2}
-    assert rows_in(fleet) == 9
+    assert len(parquet_in(fleet)) == 2
 
 
 @pytest.mark.parametrize(
@@ -132,11 +130,11 @@ def test_a_ulog_and_the_mcap_file_made_of_it_are_in_the_same_folders(tmp_path: P
         assert convert(log, str(tmp_path / "logs" / "two.mcap"), format="mcap").rows
     fleet = tmp_path / "fleet"
     update(str(tmp_path / "logs"), str(fleet), by=["date"])
-    found: dict[str, set[tuple[str, str]]] = {"one": set(), "two": set()}
-    for name in parquet_in(fleet):
-        folder, _, log_key, namespace, instance, _ = name.split("/")
-        assert namespace == "namespace=none"
-        found[log_key[4:7]].add((folder, instance))
-    assert ("sensor_gps", "instance=1") in found["one"]
-    assert found["one"] - found["two"] == {("odd", "instance=0")}  # its fields have names that ROS 2 does not allow
-    assert found["two"] - found["one"] <= {("px4.log", "instance=0"), ("rosout", "instance=0")}
+    found: dict[str, set[tuple[str, int]]] = {"one": set(), "two": set()}
+    for topic, rows in rows_of(fleet).items():
+        for row in rows:
+            assert row["namespace"] == "none"
+            found[row["log"][:3]].add((topic, row["instance"]))
+    assert ("sensor_gps", 1) in found["one"]
+    assert found["one"] - found["two"] == {("odd", 0)}  # its fields have names that ROS 2 does not allow
+    assert found["two"] - found["one"] <= {("px4.log", 0), ("rosout", 0)}

@@ -14,8 +14,8 @@ from typing import Any
 import pyarrow.parquet as pq
 import pytest
 
-from msggen.recordings.fleet import Outcome, Summary, pools, run, update
-from support.fleet_recordings import parquet_in, rows_in, write_flight, write_folder
+from msggen.recordings.fleet import Batch, Summary, pools, run, update
+from support.fleet_recordings import rows_of, state_names, write_flight, write_folder
 from support.fleet_tasks import convert_or_die
 from support.repository import ROOT
 
@@ -26,7 +26,7 @@ def logs(tmp_path: Path, px4_types: Any) -> Path:
 
 
 @pytest.fixture(params=["processes", "dask"])
-def pool(request: pytest.FixtureRequest) -> Iterator[Callable[..., Iterator[Outcome]]]:
+def pool(request: pytest.FixtureRequest) -> Iterator[Callable[..., Iterator[Batch]]]:
     if request.param == "processes":
         yield run.pool_of(2)
         return
@@ -42,13 +42,13 @@ def contents(summary: Summary) -> list[dict[str, Any]]:
     return [each._asdict() for each in summary.converted]
 
 
-def test_pools_do_the_same(logs: Path, tmp_path: Path, pool: Callable[..., Iterator[Outcome]]) -> None:
+def test_pools_do_the_same(logs: Path, tmp_path: Path, pool: Callable[..., Iterator[Batch]]) -> None:
     (logs / "bad.mcap").write_bytes(b"bad")
     expected = update(str(logs), str(tmp_path / "one"))
     found = update(str(logs), str(tmp_path / "two"), pool=pool)
     assert contents(found) == contents(expected)
     assert found.document() == expected.document()
-    assert parquet_in(tmp_path / "two").keys() == parquet_in(tmp_path / "one").keys()
+    assert rows_of(tmp_path / "two") == rows_of(tmp_path / "one")
 
 
 def test_no_scheduler_of_dask(logs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -64,7 +64,7 @@ def test_a_process_that_is_killed_costs_one_recording(
     logs: Path, tmp_path: Path, px4_types: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     write_flight(logs / "b" / "deadly.mcap", px4_types, 4)
-    monkeypatch.setattr(pools, "convert_one", convert_or_die)
+    monkeypatch.setattr(pools, "convert_batch", convert_or_die)
     summary = update(str(logs), str(tmp_path / "fleet"), pool=run.pool_of(2))
     assert [(os.path.basename(each.path), each.error) for each in summary.failed] == [
         ("deadly.mcap", "the process that converted it was killed")
@@ -74,7 +74,8 @@ def test_a_process_that_is_killed_costs_one_recording(
 
 PROGRAM = """
 import sys
-from msggen.recordings.fleet import run, update
+from msggen.recordings.fleet import planning, run, update
+planning._MOST = 2
 if __name__ == "__main__":
     print("begins", flush=True)
     update(sys.argv[1], sys.argv[2], pool=run.pool_of(2))
@@ -96,22 +97,21 @@ def test_interrupted_runs_leave_whole_files_and_the_next_one_goes_on(
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     process = subprocess.Popen(
         [sys.executable, str(program), str(logs), str(fleet)],
-        env=environment, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
+        env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
     )  # fmt: skip
     assert process.stdout is not None
     process.stdout.readline()
     end = time.monotonic() + 60
-    while not list(fleet.glob("_msggen/logs/*.json")) and time.monotonic() < end:
+    while not list(fleet.glob("_msggen/changes/*.json")) and time.monotonic() < end:
         time.sleep(0.01)
     process.send_signal(number)
     process.stdout.read()  # until all processes have ended
     assert process.wait(60) != 0
-    for path in fleet.rglob("*.parquet"):
-        if "_msggen" not in path.parts:
-            assert pq.read_metadata(path).num_rows == 400
+    for path in fleet.glob("v*/*.parquet"):
+        assert pq.read_metadata(path).num_rows % 400 == 0
     summary = update(str(logs), str(fleet))
     assert summary.unchanged >= 1
     assert summary.unchanged + len(summary.converted) == 12
-    assert len(parquet_in(fleet)) == 24
-    assert rows_in(fleet) == 12 * 2 * 400
-    assert sorted(path.name for path in (fleet / "_msggen").iterdir()) == ["layout.json", "logs", "report.json"]
+    update(str(logs), str(tmp_path / "whole"))
+    assert rows_of(fleet) == rows_of(tmp_path / "whole")
+    assert state_names(fleet) == ["changes", "layout.json", "ledger.jsonl", "report.json"]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ import pytest
 from msggen import recordings
 from msggen.base.disk import files
 from msggen.recordings.fleet import update
-from msggen.recordings.fleet.ledger import Ledger, Record
+from msggen.recordings.fleet.ledger import Change, Ledger
 from support.fleet_recordings import write_folder
 from support.ulog import write_ulog
 
@@ -52,23 +51,22 @@ def test_the_table_has_every_recording(logs: Path, tmp_path: Path) -> None:
     assert len(paths) == 5
 
 
-def test_files_are_on_the_disk_before_the_record(logs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_files_are_on_the_disk_before_the_change(logs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     fleet, flushed, checked = tmp_path / "fleet", set[str](), []
-    wait, write = files.flush, Ledger.write
+    wait, commit = files.flush, Ledger.commit
 
     def flush(paths: Iterable[str]) -> None:
         each = [*paths]
         flushed.update(each)
         wait(each)
 
-    def written(ledger: Ledger, record: Record) -> None:
-        for name in record.files:
-            path = fleet / name
-            needed = [path, *(parent for parent in path.parents if parent == fleet or fleet in parent.parents)]
-            checked.append({str(each) for each in needed} <= {os.path.normpath(each) for each in flushed})
-        write(ledger, record)
+    def committed(ledger: Ledger, change: Change) -> None:
+        for each in change.added:
+            path = fleet / "_msggen" / each.staged
+            checked.append({str(path), str(path.parent)} <= flushed)
+        commit(ledger, change)
 
     monkeypatch.setattr(files, "flush", flush)
-    monkeypatch.setattr(Ledger, "write", written)
+    monkeypatch.setattr(Ledger, "commit", committed)
     update(str(logs), str(fleet))
-    assert checked == [True] * 6
+    assert checked == [True] * 2

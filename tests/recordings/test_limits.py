@@ -21,7 +21,7 @@ from msggen.recordings.convert.selection import Selection
 from msggen.recordings.decode.decoder import Decoder
 from msggen.recordings.decode.layouts import layout_of
 from msggen.recordings.decode.schemas import SchemaError, read_schema
-from msggen.recordings.files import bag, compression, mcap
+from msggen.recordings.files import compression, frames, mcap
 from msggen.recordings.files.compression import CompressionError
 from msggen.recordings.files.mcap_records import Chunk
 from msggen.recordings.log.opening import open_log
@@ -259,7 +259,7 @@ def test_samples_with_wrong_checksums_take_their_room(
             made += error.spent
             raise
 
-    monkeypatch.setattr(bag, "decompress_frame", counting)
+    monkeypatch.setattr(frames, "decompress_frame", counting)
     for _ in range(2):  # nor does reading them again, topic by topic
         made = 0
         with open_log(path) as log:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import sqlite3
 from collections import defaultdict
@@ -292,7 +291,11 @@ def read_only(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("is_read_only", [False, True])
-def test_a_write_ahead_log_is_read(is_read_only: bool, tmp_path: Path) -> None:  # noqa: FBT001 - hypothesis or a parameter
+def test_a_write_ahead_log_is_read(
+    is_read_only: bool,  # noqa: FBT001 - hypothesis or a parameter
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     rows = rows_of(400, 4)
     (tmp_path / "written").mkdir()
     base = open_database(tmp_path / "written/x.db3", TOPICS, journal="WAL")
@@ -308,13 +311,16 @@ def test_a_write_ahead_log_is_read(is_read_only: bool, tmp_path: Path) -> None: 
     if is_read_only:
         read_only(bag)
     before = content_of(bag)
-    for source in both(bag / "x.db3"):
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(temporary))
+    sources = both(bag / "x.db3")
+    assert len(list(temporary.iterdir())) == len(sources)
+    for source in sources:
         assert samples_of(source) == expected_of(TOPICS, rows)
         assert "was not closed" in source.problems[0].text
-        copy = source._copy
-        assert copy is not None
         source.close()
-        assert not os.path.exists(copy.name)
+    assert not list(temporary.iterdir())
     assert content_of(bag) == before
     bag.chmod(0o755)
 

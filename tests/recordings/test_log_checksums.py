@@ -172,9 +172,49 @@ def test_a_damaged_summary_is_not_used(tmp_path: Path) -> None:
     assert rows_of(path, verify=False) == (whole, [])
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_verify_compares_what_no_chunk_has(kind: CompressionType, tmp_path: Path) -> None:
+    """The data section as a whole, and the summary, also if reading does not compare them."""
+    path = write(tmp_path / "flight.mcap", kind, enable_data_crcs=True)
+    data = path.read_bytes()
+    with recordings.open(path) as log:
+        assert log.verify().missing == 0
+        assert log.problems == []
+    flipped(path, data.index(b"ros2"))  # in the header, which nothing else covers
+    with recordings.open(path) as log:
+        log.load()
+        assert log.problems == []
+        log.verify()
+        assert [each.text for each in log.problems] == ["the data section does not match its CRC"]
+    path.write_bytes(data)
+    flipped(path, data.rindex(b"uint64 number"))  # of the schema in the summary
+    with recordings.open(path, verify=False) as log:
+        log.load()
+        before = log.problems
+        log.verify()
+        assert [each.text for each in log.problems if each not in before] == [
+            "the summary at the end does not match its CRC"
+        ]
+
+
+def test_a_data_section_without_the_magic_bytes_in_its_checksum_is_right(tmp_path: Path) -> None:
+    """The specification has them outside of the section, and most programs count them."""
+    path = write(tmp_path / "flight.mcap", CompressionType.NONE, enable_data_crcs=True)
+    data = bytearray(path.read_bytes())
+    (start_of_summary,) = struct.unpack_from("<Q", data, len(data) - 8 - 20)
+    end = start_of_summary - 13
+    assert data[end] == 15
+    assert struct.unpack_from("<I", data, end + 9)[0] == checksums.crc32(data[:end])
+    struct.pack_into("<I", data, end + 9, checksums.crc32(data[8:end]))
+    path.write_bytes(data)
+    with recordings.open(path) as log:
+        log.verify()
+        assert log.problems == []
+
+
 @pytest.mark.parametrize("size", [0, 1, 63, 5000, 1 << 20])
 def test_the_fast_function_is_that_of_zlib(size: int) -> None:
     import zlib
 
     data = Random(size).randbytes(size)  # noqa: S311 - no secret
-    assert checksums.crc32(data) == zlib.crc32(data)
+    assert checksums.crc32(data) == zlib.crc32(data) == checksums.crc32(data[7:], checksums.crc32(data[:7]))

@@ -19,7 +19,7 @@ from msggen.recordings.convert.facts import between, joined, shifted
 from msggen.recordings.convert.selection import Selection
 from msggen.recordings.files.metadata import LENT, facts_of, notes_of, records_of
 from msggen.recordings.fleet.layout import date_of, vehicle_of
-from msggen.recordings.source.source import LEVELS, NO_FACTS, Dropout, Facts, Text
+from msggen.recordings.source.facts import LEVELS, NO_FACTS, Dropout, Facts, Text
 from support.databases import Stored, write_database
 from support.flights import same_columns, write_flight
 from support.ulog import UTC, UlogWriter

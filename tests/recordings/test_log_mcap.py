@@ -24,7 +24,7 @@ from msggen.recordings.columns.samples import Samples
 from msggen.recordings.files import mcap
 from msggen.recordings.log.log import Log
 from msggen.recordings.log.opening import open_log
-from msggen.recordings.source.source import Problem, RecordingError
+from msggen.recordings.source.source import Contents, Problem, RecordingError
 from support.examples import examples
 from support.log_files import Written, write_log
 from support.mcap_reference import Message, flat, messages
@@ -63,6 +63,10 @@ def test_all_messages_are_those_of_the_reference(px4_types: Any, count: int, see
             assert {topic.name: topic.count for topic in log.topics if topic.count} == {
                 name: sum(each.topic == name for each in whole) for name in {each.topic for each in whole}
             }
+            for topic in log.topics:
+                times = [each.log_time for each in whole if each.topic == topic.name]
+                assert (topic.first, topic.last) == ((min(times), max(times)) if times else (0, 0))
+                assert topic.times.tolist() == sorted(times)
             for name, samples in loaded.items():
                 own = sorted((each for each in whole if each.topic == name), key=lambda each: each.log_time)
                 assert samples.log_times.tolist() == [each.log_time for each in own]
@@ -203,6 +207,54 @@ def test_a_message_that_an_index_has_twice_is_read_once(tmp_path: Path) -> None:
             "/b": [1, 2, 3],
         }
         assert problems_of(log)
+
+
+@pytest.mark.parametrize("way", ["zstd", "none"])
+def test_a_whole_summary_is_all_that_is_read_to_open_a_file(way: str, px4_types: Any, tmp_path: Path) -> None:
+    """Only the first and the last chunk are looked at, and the message indexes of few, for first and last times."""
+    data = bytearray(recording(px4_types, 120, 3, 1200, **WAYS[way]))
+    path = tmp_path / "flight.mcap"
+    path.write_bytes(data)
+    with open_log(path) as log:
+        expected = [(topic.name, topic.count) for topic in log.topics]
+        whole = found_in(log)
+    begins = [start for opcode, start in records_of(data) if opcode == 6]
+    assert len(begins) > 8
+    data[begins[1] : begins[-1]] = bytes(begins[-1] - begins[1])
+    path.write_bytes(data)
+    with open_log(path) as log:
+        assert log.problems == []
+        assert [(topic.name, topic.count) for topic in log.topics] == expected
+        assert log.contents == Contents(len(begins), (way,), 0, 0)
+        assert log.missing_checksums == 0
+        found = found_in(log)
+        assert 0 < len(found) < len(whole)
+        assert set(found) < set(whole)
+        assert problems_of(log)
+
+
+@pytest.mark.parametrize("way", ["zstd", "lz4", "none"])
+def test_a_damaged_front_of_a_chunk_costs_nothing(way: str, px4_types: Any, tmp_path: Path) -> None:
+    """But a damaged checksum costs the chunk."""
+    data = recording(px4_types, 60, 3, 1200, **WAYS[way])
+    whole = expected_of(messages(data))
+    begin = [start for opcode, start in records_of(data) if opcode == 6][2]
+    path = tmp_path / "flight.mcap"
+    for place in range(begin, begin + 9 + 28 + 4 + len(way.replace("none", "")) + 8):
+        damaged = bytearray(data)
+        damaged[place] ^= 0x41
+        path.write_bytes(damaged)
+        with open_log(path) as log:
+            found, problems = found_in(log), [each.text for each in problems_of(log)]
+            log.verify()
+        is_crc = begin + 9 + 24 <= place < begin + 9 + 28
+        is_time = begin + 9 <= place < begin + 9 + 16
+        is_front = place < begin + 9  # the record before is read by the index
+        assert (found == whole) != is_crc
+        if is_crc:
+            assert any("does not match its CRC and is left out" in each for each in problems)
+        elif not (is_time or is_front):
+            assert problems == ["a chunk does not begin as the index of chunks tells, which is used instead"]
 
 
 def records_of(data: bytes | bytearray) -> Iterator[tuple[int, int]]:

@@ -15,7 +15,7 @@ from msggen import recordings
 from msggen.recordings.decode.schemas import read_schema
 from msggen.recordings.files.ulog_formats import MESSAGES, Formats
 from msggen.recordings.log.origin import release_text
-from msggen.recordings.source.source import Dropout, Text
+from msggen.recordings.source.facts import Dropout, Text
 from support.repository import DEFINITIONS, ROOT, SOME
 from support.ulog import UlogWriter, columns_of_pyulog, content_of, differences, flight, formats_of, size_of, snake
 

@@ -7,7 +7,6 @@ import sys
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -15,15 +14,13 @@ import pytest
 from msggen import recordings
 from msggen.recordings import RecordingError
 from msggen.recordings.convert import convert, names
-from msggen.recordings.convert import mcap as mcap_writer
 from msggen.recordings.convert.types import TypeNames
+from msggen.recordings.files import mcap_writer
 from msggen.recordings.files.mcap import McapFile
 from msggen.recordings.files.mcap_channels import Described
 from msggen.recordings.files.mcap_records import chunk_or_message_from
 from msggen.recordings.files.ulog_formats import Formats
-from msggen.recordings.fleet.layout import places_of
 from msggen.recordings.log.payloads import in_order
-from msggen.recordings.source.open_file import OpenFile
 from msggen.recordings.source.source import Channel, Part, Problem
 from msggen.recordings.topics.choice import names_of
 from msggen.recordings.topics.find import by_name, find
@@ -62,14 +59,6 @@ def test_many_topics_with_one_name_for_the_disk_have_files_of_their_own() -> Non
     assert len({*names.file_names(topics).values()}) == len(topics)
 
 
-def test_many_definitions_of_one_topic_have_places_of_their_own() -> None:
-    first = topic("/a")
-    topics = [Topic(f"/a#{number}", 0, first.ros_type, "", "", first.channels, None) for number in range(MANY // 2)]
-    places = {*places_of(topics, {}, "log").values()}
-    assert len(places) == len(topics)
-    assert {each.rpartition("/")[0] for each in places} == {"a/log=log/namespace=none/instance=0"}
-
-
 def test_many_definitions_of_one_type_have_names_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("msggen.recordings.convert.types._hashes_of", lambda _, definition: (definition, {}))
     types = TypeNames()
@@ -91,16 +80,10 @@ def test_many_problems_of_a_file_are_told_once_each() -> None:
 def test_samples_of_many_channels_are_put_in_order() -> None:
     count = MANY // 3
 
-    class Source:
-        def times(self, channels: Any) -> dict[int, Any]:
-            return {number: np.array([START - number], np.int64) for number in channels}
-
-        def parts(self, channels: Any, *_: int) -> Iterator[Part]:
-            none = np.zeros(1, np.int64)
-            for number in channels:
-                yield Part(number, np.zeros(1, np.uint8), none, none + 1, none + START - number)
-
-    found = list(in_order(cast("OpenFile", Source()), dict.fromkeys(range(count), "/a"), 0, 1 << 62))
+    none = np.zeros(1, np.int64)
+    times = {number: none + START - number for number in range(count)}
+    parts = (Part(number, np.zeros(1, np.uint8), none, none + 1, own) for number, own in times.items())
+    found = list(in_order(parts, times, dict.fromkeys(range(count), "/a"), 0, 1 << 62))
     assert [each.time for each in found] == list(range(START - count + 1, START + 1))
 
 

@@ -9,12 +9,16 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
+from msggen.recordings.convert.mcap import McapWriter
+from msggen.recordings.convert.payloads import Block
+from msggen.recordings.files.mcap_writer import FASTEST, Target
 from msggen.recordings.log.opening import open_log
 from msggen.recordings.source.source import RecordingError
 from msggen.recordings.writer import COMPRESSIONS, Channel, Writer
@@ -68,6 +72,44 @@ def test_other_readers_find_what_was_written(px4_types: Any, counts: list[int], 
         assert open_log(path).problems == []
         if expected:
             check_read(path, expected)
+
+
+@settings(max_examples=examples(20))
+@given(st.integers(0, 60), st.sampled_from([1, 100_000]), st.randoms(use_true_random=False))
+def test_both_writers_write_the_same_file(px4_types: Any, count: int, chunk: int, chance: Random) -> None:
+    """Sample by sample, or all at once in blocks of equal sizes, with a chunk for each sample or for all."""
+    known = channels(px4_types)
+    expected = samples(known, count, chance.randrange(1000))
+    numbers = {channel.topic: number for number, channel in enumerate(known)}
+    by_size: dict[tuple[int, int], list[Found]] = {}
+    for each in expected:
+        by_size.setdefault((numbers[each.topic], len(each.payload)), []).append(each)
+    blocks = [
+        Block(
+            number,
+            np.frombuffer(b"".join(each.payload for each in found), np.uint8).reshape(len(found), size),
+            np.array([each.time for each in found]),
+            np.array([each.time - 1000 for each in found]),
+        )
+        for (number, size), found in by_size.items()
+    ]
+    with scratch_folder() as folder, pytest.MonkeyPatch.context() as patch:
+        for module in ("msggen.recordings.writer", "msggen.recordings.convert.mcap"):
+            patch.setattr(f"{module}.CHUNK", chunk)
+        patch.setattr("msggen.recordings.writer.SMALLER", FASTEST)
+        writer, _ = opened(folder / "one.mcap", known)
+        for each in expected:
+            write(writer, numbers, each)
+        writer.close()
+        bulk = McapWriter(str(folder / "bulk.mcap"))
+        for channel in known:
+            topic, ros_type, definition, type_hash = channel
+            bulk.add_channel(Target(topic, ros_type, definition, type_hash=type_hash))
+        if blocks:
+            bulk.write(blocks)
+        bulk.close()
+        assert (folder / "one.mcap").read_bytes() == (folder / "bulk.mcap").read_bytes()
+        assert read_mcap(folder / "one.mcap") == expected
 
 
 def test_a_channel_is_as_rosbag2_writes_it(px4_types: Any, tmp_path: Path) -> None:

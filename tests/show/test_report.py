@@ -180,6 +180,20 @@ def test_findings_without_lines_have_no_table() -> None:
     ]
 
 
+@pytest.mark.parametrize("width", [40, 80])
+def test_many_definitions_that_one_side_lacks_stand_in_a_list(width: int) -> None:
+    names = [f"Message{number}" for number in range(9)]
+    gone = [replace(GONE, change=replace(GONE.change, subject=name)) for name in names]
+    few = rendered("full", replace(REPORT, findings=(*gone[:8], RENAMED)), width)
+    assert few.count("MESSAGE_REMOVED message") == 8
+    many = rendered("full", replace(REPORT, findings=(*gone, RENAMED)), width)
+    heading, *listed = many.partition("\n\n")[0].splitlines()
+    assert heading == "MESSAGE_REMOVED (9 times): a message was removed"
+    assert max(map(len, listed)) <= width
+    assert re.findall(r"\w+", " ".join(listed)) == names
+    assert "ActuatorArmed\n" in many
+
+
 @pytest.mark.parametrize("width", [20, 80, 120, 200])
 def test_full_keeps_to_the_width_where_it_draws_and_never_breaks_a_finding(width: int) -> None:
     text = rendered("full", width=width)

@@ -33,11 +33,30 @@ def write_flight(path: Path, types: Any, seed: int, *, gps: int = 0, count: int 
 
 def parquet_in(fleet: Path) -> dict[str, int]:
     """Return the Parquet files of a fleet, with their times of change."""
-    return {
-        path.relative_to(fleet).as_posix(): path.stat().st_mtime_ns for path in sorted(fleet.glob("*/**/*.parquet"))
-    }
+    found = sorted(
+        path for path in fleet.glob("[!_.]*/*.parquet") if not path.is_symlink() and not path.parent.is_symlink()
+    )
+    return {path.relative_to(fleet).as_posix(): path.stat().st_mtime_ns for path in found}
 
 
 def rows_in(fleet: Path) -> int:
     """Return the number of rows in all Parquet files of a fleet."""
-    return sum(pq.read_metadata(path).num_rows for path in fleet.glob("*/**/*.parquet"))
+    return sum(pq.read_metadata(fleet / name).num_rows for name in parquet_in(fleet))
+
+
+def rows_of(fleet: Path) -> dict[str, list[dict[str, Any]]]:
+    """Return all rows of each topic of a fleet, in an order of their own: the same for all files that have them."""
+    found: dict[str, list[dict[str, Any]]] = {}
+    for name in parquet_in(fleet):
+        found.setdefault(name.partition("/")[0], []).extend(pq.ParquetFile(fleet / name).read().to_pylist())
+    return {topic: sorted(rows, key=repr) for topic, rows in found.items()}
+
+
+def logs_in(fleet: Path) -> set[str]:
+    """Return the names of the recordings whose rows a fleet has."""
+    return {log for name in parquet_in(fleet) for log in pq.ParquetFile(fleet / name).read(["log"])["log"].to_pylist()}
+
+
+def state_names(fleet: Path) -> list[str]:
+    """Return the names of what a fleet has beside its data."""
+    return sorted(path.name for path in (fleet / "_msggen").iterdir())

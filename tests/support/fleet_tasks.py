@@ -5,11 +5,11 @@ from __future__ import annotations
 import os
 import signal
 
-from msggen.recordings.fleet.single import Outcome, Task, convert_one
+from msggen.recordings.fleet import Batch, Task, convert_batch
 
 
-def convert_or_die(task: Task) -> Outcome:
-    """Convert a recording; for one called `deadly`, kill the process, as the system does for want of memory."""
-    if "deadly" in task.path:
+def convert_or_die(task: Task) -> Batch:
+    """Convert recordings; for one called `deadly`, kill the process, as the system does for want of memory."""
+    if any("deadly" in path for path in task.paths):
         os.kill(os.getpid(), signal.SIGKILL)
-    return convert_one(task)
+    return convert_batch(task)

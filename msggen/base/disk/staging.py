@@ -90,16 +90,24 @@ def staging_folder(path: str) -> Iterator[str]:
     """
     clear(path)
     try:
+        yield make_stage(path)
+    finally:
+        clear(path)
+
+
+def make_stage(path: str) -> str:
+    """Create a staging folder at `path`, and return the path of an empty folder in it. Both stay until `clear`.
+
+    Raises InputError if something is there, and OSError.
+    """
+    try:
         os.mkdir(path)
     except FileExistsError:
         raise _taken(path) from None
-    try:
-        create_file(os.path.join(path, _MARK), _MARKED)
-        content = os.path.join(path, _CONTENT)
-        os.mkdir(content)
-        yield content
-    finally:
-        clear(path)
+    create_file(os.path.join(path, _MARK), _MARKED)
+    content = os.path.join(path, _CONTENT)
+    os.mkdir(content)
+    return content
 
 
 def clear(stage: str) -> None:

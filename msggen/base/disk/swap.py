@@ -49,7 +49,7 @@ def mirror(source: str, copy: str, without: Collection[str] = ()) -> None:
             elif entry.is_dir():
                 folders.append(f"{name}/")
             elif name not in left_out:
-                _link(entry.path, path)
+                link_or_copy(entry.path, path)
     for folder in reversed(folders):
         _copy_access(os.path.join(source, folder), os.path.join(copy, folder))
 
@@ -166,7 +166,8 @@ def _is_same(path: str, other: str) -> bool:
         return False
 
 
-def _link(source: str, path: str) -> None:
+def link_or_copy(source: str, path: str) -> None:
+    """Create a hard link to a file, or a copy if the system has none. Raises OSError, also for another file system."""
     try:
         os.link(source, path)
     except OSError as error:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from msggen.cli.log import convert, cut, info, merge, plot, repair, show
+from msggen.cli.log import compact, convert, cut, info, merge, plot, repair, report, show
 from msggen.cli.log.arguments import CODES
 from msggen.cli.nearby import folder_firmware
 from msggen.cli.options import Commands, add_group
 
-_MODULES = (info, show, plot, convert, cut, merge, repair)
+_MODULES = (info, show, plot, report, convert, compact, cut, merge, repair)
 """The modules of the actions, in the order of the help."""
 
 
@@ -16,7 +16,7 @@ def add_to(commands: Commands) -> None:
     actions = add_group(
         commands,
         "log",
-        help="look at recordings (MCAP, rosbag2, ULog), and plot, convert, cut, merge and repair them",
+        help="look at recordings (MCAP, rosbag2, ULog), and plot, report on, convert, cut, merge and repair them",
         description="Look at recordings of flights, and make others of them: MCAP files, folders and databases of "
         "rosbag2, and PX4's own ULogs. Definitions come from the recording itself.",
         epilog=CODES,

@@ -53,7 +53,7 @@ def add_fleet(parser: argparse.ArgumentParser) -> None:
         "--by",
         metavar="KEYS",
         type=non_empty,
-        help="what folders are named after: vehicle,date, or one of these (default: vehicle,date)",
+        help="what rows are sorted by first: vehicle,date, or one of these (default: vehicle,date)",
     )
     group.add_argument(
         "--jobs", metavar="N", type=whole(1, _MOST_JOBS), help="number of processes (default: that of the processors)"
@@ -103,7 +103,7 @@ def _updated(options: argparse.Namespace, fleet: str) -> Summary:
         import pyarrow  # noqa: F401, ICN001
 
         from msggen.recordings.fleet import KEYS, update
-        from msggen.recordings.fleet.ledger import FleetError
+        from msggen.recordings.fleet.records import FleetError
         from msggen.recordings.fleet.run import pool_of
         from msggen.recordings.source.source import RecordingError
 
@@ -120,7 +120,7 @@ def _updated(options: argparse.Namespace, fleet: str) -> Summary:
     with progress_bar(options, at_once=True) as show:
         try:
             shows = partial(_show, show)
-            return update(options.file, fleet, by=by, pool=pool, progress=shows, waiting=partial(_print_waiting, fleet))
+            return update(options.file, fleet, by=by, pool=pool, progress=shows, waiting=partial(print_waiting, fleet))
         except KeyboardInterrupt:
             print("the same command goes on where this run was interrupted", file=sys.stderr)
             raise
@@ -140,7 +140,7 @@ def _show(show: Show, progress: Progress) -> None:
     show(progress.done / progress.total, f"{progress.done} of {progress.total} {name}")
 
 
-def _print_waiting(fleet: str, process: str) -> None:
+def print_waiting(fleet: str, process: str) -> None:
     """Print to stderr that another run changes the fleet."""
     name = f" ({process})" if process else ""
     print(f"{fleet}: waiting for another run that changes this fleet{printable(name)}", file=sys.stderr, flush=True)
@@ -148,7 +148,8 @@ def _print_waiting(fleet: str, process: str) -> None:
 
 def _print_names(summary: Summary, fleet: str, *, quiet: bool) -> None:
     """Print to stderr which recordings are not in the fleet, or only in part, and the new copies."""
-    from msggen.recordings.fleet.ledger import REPORT, STATE, original_of
+    from msggen.recordings.fleet.ledger import REPORT, STATE
+    from msggen.recordings.fleet.records import original_of
 
     failed = [f"{_shown_path(each.path)}: {_reason(each)}" for each in summary.failed]
     incomplete = [f"{_shown_path(each.path)}: {_loss(each)}" for each in summary.incomplete]
@@ -185,8 +186,8 @@ def _loss(outcome: Outcome) -> str:
 def _lines(summary: Summary, fleet: str, seconds: float) -> Iterator[str]:
     """Yield the summary for people."""
     done = summary.converted
-    files = counted(sum(len(each.files) for each in done), "file")
-    size = number_of_bytes(sum(each.size for each in done))
+    files = counted(len(summary.written), "file")
+    size = number_of_bytes(sum(each.size for each in summary.written))
     converted = (
         f"{counted(len(done), 'recording')} converted in {seconds:.1f} s, "
         f"{counted_samples(sum(each.rows for each in done))} in {files}, {size}"
@@ -195,7 +196,7 @@ def _lines(summary: Summary, fleet: str, seconds: float) -> Iterator[str]:
     for number, text in (
         (summary.unchanged, "converted before"),
         (summary.copies, "with the contents of another one"),
-        (summary.removed, "changed, whose earlier files were removed"),
+        (summary.removed, "changed, whose earlier rows were removed"),
         (len(summary.incomplete), "with parts that cannot be read"),
         (len(summary.failed), "that cannot be read"),
     ):

@@ -13,7 +13,6 @@ from msggen.base.disk.urls import is_address
 from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.base.recording_formats import FORMATS
 from msggen.cli.log.arguments import CODES, add_file
-from msggen.cli.log.contents import contents_of
 from msggen.cli.log.fields import field_objects, print_fields
 from msggen.cli.log.opening import (
     counted_samples,
@@ -30,10 +29,13 @@ from msggen.show.report.json import dump
 
 if TYPE_CHECKING:
     from msggen.recordings import Log, Topic
-    from msggen.recordings.source.source import Checksums, Facts
+    from msggen.recordings.source.facts import Facts
+    from msggen.recordings.source.source import Checksums, Contents
 
 _BAD = ("emergency", "alert", "critical", "error", "warning")
 """The levels of texts that are counted."""
+_FEW_CHUNKS = 100
+"""How many chunks may be read for gaps that nobody asked for: rosbag2 writes one for each 768 KiB."""
 
 
 def add_to(actions: Commands) -> None:
@@ -45,12 +47,15 @@ def add_to(actions: Commands) -> None:
         help="show what a recording has: topics, rates, times, vehicle, firmware, or the fields of a topic",
         description="Show what a recording has: its time, vehicle and firmware, and of each topic the type, the "
         "number of samples, their size, the rate in Hz, the times of the first and the last sample in s after the "
-        "start, and the gaps: intervals longer than five times the median, with the longest in s. With TOPIC, show its "
-        "fields.",
+        "start, and the gaps: intervals longer than five times the median, with the longest in s. Gaps of a recording "
+        f"in MCAP with more than {_FEW_CHUNKS} chunks are shown on request. With TOPIC, show its fields.",
         epilog=CODES,
     )
     add_file(parser)
     parser.add_argument("topic", metavar="TOPIC", nargs="?", type=non_empty, help="topic whose fields to show")
+    parser.add_argument(
+        "--gaps", action="store_true", help="read the times of all samples, also in MCAP of many chunks, for the gaps"
+    )
     parser.add_argument(
         "--verify", action="store_true", help="read the whole file, and compare the chunks of MCAP with their checksums"
     )
@@ -61,19 +66,34 @@ def _info(options: argparse.Namespace) -> int:
     with opened(options, options.file) as log:
         with busy_bar(options, f"reading {options.file}"):
             checksums = _verify(log) if options.verify else None
-            chosen = [log.topic(options.topic)] if options.topic else () if is_address(log.path) else log.topics
-            _ = [topic.times for topic in chosen]
+            has_gaps = bool(options.gaps or options.verify or options.topic) or _has_few_chunks(log)
+            topics = [log.topic(options.topic)] if options.topic else log.topics
+            rows = [_row(log, topic, has_gaps=has_gaps) for topic in topics]
         if options.topic:
-            _print_topic(options, log, log.topic(options.topic))
+            _print_topic(options, log, *rows)
         elif options.json:
-            made = _object(options.file, log)
+            made = _object(options.file, log, rows)
             print(dump(made if checksums is None else {**made, "checksums": checksums._asdict()}))
         else:
             print_problems(options, log.problems)
             for name, text in (*_rows(options.file, log), *_rows_on_contents(log, checksums)):
                 print(f"{name:<11} {printable(text)}")
-            _print_topics(log)
+            if not has_gaps:
+                where = "a store" if is_address(log.path) else "this many chunks"
+                print(f"{'gaps':<11} not searched for in {where}: --gaps does")
+            print()
+            print_table(_COLUMNS, [row for row in rows if row.topic.count])
         return FINDINGS if log.problems else DONE
+
+
+def _has_few_chunks(log: Log) -> bool:
+    """Whether the times of all samples are read at once. A ULog is read when it is opened, and a database always.
+
+    Of MCAP in a store, the message indexes of all chunks would be fetched.
+    """
+    if log.contents is not None and is_address(log.path):
+        return False
+    return log.contents is None or log.contents.chunks <= _FEW_CHUNKS
 
 
 def _verify(log: Log) -> Checksums:
@@ -113,9 +133,8 @@ def _rows(path: str, log: Log) -> Iterator[tuple[str, str]]:
     if system:
         yield "system", system
     yield "firmware", ", ".join(filter(None, (str(log.release()), _commit(log))))
-    contents = contents_of(path) if log.kind in ("mcap", "rosbag2") and not is_address(path) else None
-    if contents:
-        yield "contents", str(contents)
+    if log.contents:
+        yield "contents", _contents(log.contents)
     counts = [topic.count for topic in log.topics]
     empty = f", {counts.count(0)} more without samples" if 0 in counts else ""
     yield "topics", f"{len(counts) - counts.count(0)}, {counted_samples(sum(counts))}{empty}"
@@ -135,6 +154,12 @@ def _rows(path: str, log: Log) -> Iterator[tuple[str, str]]:
             yield "information", counted(len(facts.information), "value") + f"{several}: --json prints all"
     for note in log.notes:
         yield "definitions", note
+
+
+def _contents(found: Contents) -> str:
+    counts = {"attachment": found.attachments, "metadata record": found.metadata}
+    chunks = f"{counted(found.chunks, 'chunk')} ({', '.join(found.compressions)})" if found.chunks else "no chunks"
+    return ", ".join([chunks, *(counted(count, noun) for noun, count in counts.items() if count)])
 
 
 def _changed(facts: Facts) -> set[str]:
@@ -195,23 +220,23 @@ def _time_of_day(log: Log, time: int) -> datetime | None:
         return None
 
 
-def _print_topic(options: argparse.Namespace, log: Log, topic: Topic) -> None:
+def _print_topic(options: argparse.Namespace, log: Log, row: _Row) -> None:
     """Print a topic with its fields."""
     if options.json:
-        (made,) = objects_of(_COLUMNS, [_row(log, topic)])
-        print(dump({**made, "fields": field_objects(topic)}))
+        (made,) = objects_of(_COLUMNS, [row])
+        print(dump({**made, "fields": field_objects(row.topic)}))
         return
-    for name, text in _topic_rows(log, topic):
+    for name, text in _topic_rows(log, row):
         print(f"{name:<11} {printable(text)}")
-    print_fields(topic)
+    print_fields(row.topic)
     print_problems(options, log.problems)
 
 
-def _topic_rows(log: Log, topic: Topic) -> Iterator[tuple[str, str]]:
+def _topic_rows(log: Log, row: _Row) -> Iterator[tuple[str, str]]:
+    topic = row.topic
     yield "topic", topic.label
     yield "type", topic.ros_type
     if topic.count:
-        row = _row(log, topic)
         cells = {column.heading: column.text(row) for column in _COLUMNS}
         gaps = f", gaps {cells['gaps']}" if row.gaps else ""
         times = f"from {cells['first']} to {cells['last']} s"
@@ -224,23 +249,15 @@ def _topic_rows(log: Log, topic: Topic) -> Iterator[tuple[str, str]]:
         yield "definitions", note
 
 
-def _print_topics(log: Log) -> None:
-    print()
-    print_table(_columns(log), [_row(log, topic) for topic in log.topics if topic.count])
-
-
 class _Row(NamedTuple):
     """A topic of a recording that begins at `start`, in ns."""
 
     topic: Topic
     start: int
+    gaps: Sequence[tuple[int, int]] | None
+    """None if they were not searched for."""
     sample_size: int | None
     """The bytes of each sample, None if they differ or the definition is not known."""
-
-    @property
-    def gaps(self) -> Sequence[tuple[int, int]]:
-        """The gaps of the topic. They need the times of its samples."""
-        return self.topic.gaps
 
     @property
     def size(self) -> int | None:
@@ -264,23 +281,13 @@ _COLUMNS: Sequence[Column[_Row]] = (
     Column("", "rate", lambda row: f"{row.topic.rate:.1f}" if row.topic.rate else "", align=">"),
     Column("first", "first", lambda row: row.seconds(row.topic.first), "{:.3f}".format, ">"),
     Column("last", "last", lambda row: row.seconds(row.topic.last), "{:.3f}".format, ">"),
-    Column("gaps", "", lambda row: [tuple(map(row.seconds, gap)) for gap in row.gaps]),
-    Column("", "gaps", lambda row: _gaps(row.gaps), align=">", style=lambda _: YELLOW),
+    Column("gaps", "", lambda row: None if row.gaps is None else [tuple(map(row.seconds, gap)) for gap in row.gaps]),
+    Column("", "gaps", lambda row: _gaps(row.gaps or ()), align=">", style=lambda _: YELLOW),
 )
 
 
-_WITH_TIMES = {"rate", "first", "last", "gaps"}
-"""The columns that need the times of all samples: of a recording in a store, these would be fetched."""
-_WITHOUT_TIMES = tuple(column for column in _COLUMNS if not {column.key, column.heading} & _WITH_TIMES)
-
-
-def _columns(log: Log) -> Sequence[Column[_Row]]:
-    """Return the columns for the topics of a recording."""
-    return _WITHOUT_TIMES if is_address(log.path) else _COLUMNS
-
-
-def _row(log: Log, topic: Topic) -> _Row:
-    return _Row(topic, log.start, _sample_size(topic))
+def _row(log: Log, topic: Topic, *, has_gaps: bool) -> _Row:
+    return _Row(topic, log.start, topic.gaps if has_gaps else None, _sample_size(topic))
 
 
 def _gaps(gaps: Sequence[tuple[int, int]]) -> str:
@@ -303,10 +310,10 @@ def _sample_size(topic: Topic) -> int | None:
     return layout.size if layout else None
 
 
-def _object(path: str, log: Log) -> dict[str, Any]:
+def _object(path: str, log: Log, rows: Sequence[_Row]) -> dict[str, Any]:
     start, end = _start(log), _time_of_day(log, log.end)
     facts = log.facts
-    contents = contents_of(path) if log.kind in ("mcap", "rosbag2") and not is_address(path) else None
+    contents = log.contents
     made: dict[str, Any] = {
         "file": path,
         "format": log.kind,
@@ -320,13 +327,18 @@ def _object(path: str, log: Log) -> dict[str, Any]:
         "firmware": str(log.release()),
         "commit": log.firmware.commit,
         "samples": sum(topic.count for topic in log.topics),
-        "topics": objects_of(_columns(log), [_row(log, topic) for topic in log.topics]),
+        "topics": objects_of(_COLUMNS, rows),
         "missing_checksums": log.missing_checksums,
         "notes": log.notes,
         "problems": [problem_object(each) for each in log.problems],
     }
     if contents:
-        made["contents"] = contents._asdict()
+        made["contents"] = {
+            "chunks": contents.chunks,
+            "compression": ", ".join(contents.compressions),
+            "attachments": contents.attachments,
+            "metadata": contents.metadata,
+        }
     if log.has_facts:
         made["information"] = dict(facts.information)
         made["parameters"] = {

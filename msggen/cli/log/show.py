@@ -22,7 +22,7 @@ from msggen.show.report.json import dump
 
 if TYPE_CHECKING:
     from msggen.recordings import Log, Samples, Topic
-    from msggen.recordings.source.source import Facts
+    from msggen.recordings.source.facts import Facts
 
 _PIECE = 50_000
 """The samples that are read at a time."""

@@ -1,13 +1,15 @@
 """The motion of a simulated multicopter: a point mass whose attitude follows from its acceleration.
 
 Vectors are in NED, in m, m/s and m/s^2, with the origin on the ground below the start. Gains and limits have the
-defaults of PX4's parameters, which the comments name.
+defaults of PX4's parameters, which msggen.live.sim.parameters lists.
 """
 
 from __future__ import annotations
 
 import math
 from typing import NamedTuple, TypeAlias
+
+from msggen.live.sim.parameters import PARAMETERS
 
 Vector: TypeAlias = tuple[float, float, float]
 Quaternion: TypeAlias = tuple[float, float, float, float]
@@ -19,17 +21,17 @@ FREE: Vector = (NAN, NAN, NAN)
 
 GRAVITY = 9.80665
 
-_POSITION_GAIN = 0.95  # MPC_XY_P
+_POSITION_GAIN = PARAMETERS["MPC_XY_P"]
 _VELOCITY_GAIN = 2.0  # near MPC_XY_VEL_P_ACC and MPC_Z_VEL_P_ACC, without their integral parts
 _LAG = 0.1
 """The time in s in which the acceleration follows its setpoint: that of motors and attitude together."""
-_MAX_SPEED = 12.0  # MPC_XY_VEL_MAX
-_MAX_CLIMB = 3.0  # MPC_Z_VEL_MAX_UP
-_MAX_SINK = 1.5  # MPC_Z_VEL_MAX_DN
-_MAX_ACCELERATION = 5.0  # MPC_ACC_HOR_MAX
-_MAX_CLIMB_ACCELERATION = 4.0  # MPC_ACC_UP_MAX
-_MAX_SINK_ACCELERATION = 3.0  # MPC_ACC_DOWN_MAX
-_YAW_GAIN = 2.8  # MC_YAW_P
+_MAX_SPEED = PARAMETERS["MPC_XY_VEL_MAX"]
+_MAX_CLIMB = PARAMETERS["MPC_Z_VEL_MAX_UP"]
+_MAX_SINK = PARAMETERS["MPC_Z_VEL_MAX_DN"]
+_MAX_ACCELERATION = PARAMETERS["MPC_ACC_HOR_MAX"]
+_MAX_CLIMB_ACCELERATION = PARAMETERS["MPC_ACC_UP_MAX"]
+_MAX_SINK_ACCELERATION = PARAMETERS["MPC_ACC_DOWN_MAX"]
+_YAW_GAIN = PARAMETERS["MC_YAW_P"]
 _MAX_YAW_RATE = 1.5
 _LIFT = 0.2
 """The upward acceleration in m/s^2 above which the vehicle leaves the ground."""

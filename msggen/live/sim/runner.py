@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from msggen.live.link import LinkError
 from msggen.live.links.address import Address
 from msggen.live.links.link_types import DEFAULT
+from msggen.live.sim.publishing import FlightLog
 from msggen.live.sim.transport import Transport, open_transport, read_address
 from msggen.live.sim.vehicle import Options, SimulatedVehicle
 
@@ -179,11 +180,19 @@ class Simulator(Runner):
     `vehicles` tells their state. It changes while the thread runs.
     """
 
-    def __init__(self, package: ModuleType, address: str = DEFAULT, options: Sequence[Options] = (Options(),)) -> None:
+    def __init__(
+        self,
+        package: ModuleType,
+        address: str = DEFAULT,
+        options: Sequence[Options] = (Options(),),
+        log: FlightLog | None = None,
+    ) -> None:
         """Open the connections of a vehicle for each of `options`.
 
-        `package` is a package that msggen generated. Raises ValueError for an address that is none, and LinkError if
-        it cannot be opened.
+        `package` is a package that msggen generated. `log` takes what the first vehicle publishes and reads. Raises
+        ValueError for an address that is none, and LinkError if it cannot be opened.
         """
-        self.vehicles = tuple(SimulatedVehicle(package, each) for each in options)
+        self.vehicles = tuple(
+            SimulatedVehicle(package, each, log if number == 0 else None) for number, each in enumerate(options)
+        )
         super().__init__(self.vehicles, read_address(address))

@@ -11,7 +11,7 @@ import random
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, TypeAlias
 
-from msggen.live.sim.flight import NAN
+from msggen.live.sim.flight import NAN, Target
 from msggen.live.sim.world import (
     ALTITUDE,
     HOLD,
@@ -30,6 +30,9 @@ Values: TypeAlias = Mapping[str, Any]
 
 _PILOTED = {MANUAL, ALTITUDE, POSITION, STABILIZED}
 _AUTOMATIC = {HOLD, TAKING_OFF, LANDING}
+_HOVER = 0.5
+"""The share of the full thrust that holds the vehicle: MPC_THR_HOVER."""
+_MOTORS = 4
 _MOVING = 0.1
 """The speed in m/s above which the land detector reports movement."""
 
@@ -311,6 +314,24 @@ def _timesync_status(scene: Scene) -> Values:
     }
 
 
+def _vehicle_local_position_setpoint(scene: Scene) -> Values:
+    target = scene.world.target or Target()
+    names = ("x", "y", "z", "vx", "vy", "vz")
+    return {
+        **dict(zip(names, (*target.position, *target.velocity), strict=True)),
+        "acceleration": target.acceleration,
+        "thrust": (0.0, 0.0, -_HOVER * scene.world.thrust),
+        "yaw": target.yaw,
+        "yawspeed": target.yaw_rate,
+    }
+
+
+def _actuator_motors(scene: Scene) -> Values:
+    each, noise = _HOVER * scene.world.thrust, scene.noise.gauss
+    motors = tuple(max(0.0, each + noise(0.0, 0.01)) if each else NAN for _ in range(_MOTORS))
+    return {"control": motors + (NAN,) * (12 - _MOTORS)}
+
+
 def _wind(_: Scene) -> Values:
     return {"windspeed_north": 1.5, "windspeed_east": -0.8, "variance_north": 0.3, "variance_east": 0.3}
 
@@ -329,6 +350,7 @@ def _input_rc(_: Scene) -> Values:
 
 
 VALUES: Mapping[str, Callable[[Scene], Values]] = {
+    "ActuatorMotors": _actuator_motors,
     "AirspeedValidated": _airspeed_validated,
     "BatteryStatus": _battery_status,
     "EstimatorStatusFlags": _estimator_status_flags,
@@ -344,6 +366,7 @@ VALUES: Mapping[str, Callable[[Scene], Values]] = {
     "VehicleGlobalPosition": _vehicle_global_position,
     "VehicleLandDetected": _vehicle_land_detected,
     "VehicleLocalPosition": _vehicle_local_position,
+    "VehicleLocalPositionSetpoint": _vehicle_local_position_setpoint,
     "VehicleOdometry": _vehicle_odometry,
     "VehicleStatus": _vehicle_status,
     "Wind": _wind,

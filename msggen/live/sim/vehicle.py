@@ -10,7 +10,6 @@ Times are in us since boot. The same options and the same calls give the same da
 
 from __future__ import annotations
 
-import heapq
 import random
 import re
 from collections import Counter, deque
@@ -21,28 +20,13 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 
 from msggen.live.messages.object_ids import object_ids_of
 from msggen.live.sim.line import Line, Misbehaviour
-from msggen.live.sim.values import Clocks, Filler, Scene
+from msggen.live.sim.publishing import FlightLog, Publication, Schedule, publication_of
+from msggen.live.sim.values import Clocks, Scene
 from msggen.live.sim.world import ACCEPTED, DENIED, TEMPORARILY_REJECTED, UNSUPPORTED, Home, World
 from msggen.live.xrce import client as xrce
 from msggen.live.xrce.client_entities import Reader, Server, Settings, Sync, Writer
 from msggen.live.xrce.client_events import Connected, Received, Requested
 from msggen.live.xrce.wire import ENCAPSULATION, HEADER, TIMESTAMP_REPLY
-
-_DEFAULT_INTERVAL = 4_000
-"""The interval in us of a topic without a limit."""
-
-_OWN_INTERVALS = {"arming_check_request": 300_000, "transponder_report": 1_000_000, "vtol_vehicle_status": 100_000}
-"""The interval in us at which PX4 itself publishes topics, where it is far longer than that of the bridge."""
-
-_ANSWERS = {
-    "config_overrides_confirm",
-    "message_format_response",
-    "mode_completed",
-    "register_ext_component_reply",
-    "setpoint_config_reply",
-    "vehicle_command_ack",
-}
-"""The topics that PX4 publishes as answers or when something happens, not at a rate."""
 
 _QUEUE = 8
 """The number of answers that wait: ORB_QUEUE_LENGTH of VehicleCommandAck."""
@@ -53,9 +37,6 @@ _RESULTS = {
     DENIED: "denied",
     UNSUPPORTED: "unsupported",
 }
-
-_SPREAD = 200
-"""The time in us between the first samples of two topics, so that they do not all come at once."""
 
 _POLL = 1_000
 """The time in us of a loop of PX4's client: samples that become due in it share a datagram."""
@@ -92,20 +73,26 @@ class Change(NamedTuple):
     text: str
 
 
-class _Publication(NamedTuple):
-    number: int
-    name: str
-    """The name of the topic in ROS 2."""
-    interval: int
-    """In us."""
-    filler: Filler
+class _Input(NamedTuple):
+    """A topic that the vehicle reads."""
+
+    topic: str
+    """Its name in uORB."""
+    message: Any
+    handler: Callable[[Any], None] | None
 
 
 class SimulatedVehicle:
     """A vehicle that publishes and accepts the endpoints of a generated package."""
 
-    def __init__(self, package: ModuleType, options: Options = Options()) -> None:  # noqa: B008 - it is immutable
+    def __init__(
+        self,
+        package: ModuleType,
+        options: Options = Options(),  # noqa: B008 - it is immutable
+        log: FlightLog | None = None,
+    ) -> None:
         self.options = options
+        self._log = log
         self.world = World(options.home, options.key, has_position=not options.misbehaviour.no_position)
         self.sent: Counter[str] = Counter()
         """The number of samples published, by the name of the topic in ROS 2."""
@@ -127,8 +114,8 @@ class SimulatedVehicle:
         self._from_agent = Line(wrong._replace(garbage=0.0), f"in {options.seed} {options.key}")
         self._outgoing: list[tuple[bytes, int]] = []
         self._read_topics()
-        self._due: list[tuple[int, int]] = []
-        self._answers: deque[tuple[_Publication, Any]] = deque(maxlen=_QUEUE)
+        self._schedule = Schedule((), 0)
+        self._answers: deque[tuple[Publication, Any]] = deque(maxlen=_QUEUE)
         self._settings = self._client_settings()
         self._client = xrce.Client(self._settings)
         self._loop_time = -_POLL
@@ -156,9 +143,10 @@ class SimulatedVehicle:
     @property
     def next_time(self) -> int:
         """The time at which `advance` is to be called next."""
-        if not (self._due and self._client.is_ready):
+        due = self._schedule.next_time
+        if due is None or not self._client.is_ready:
             return self._client.next_time
-        return min(max(self._due[0][0], self._loop_time + _POLL), self._client.next_time)
+        return min(max(due, self._loop_time + _POLL), self._client.next_time)
 
     def advance(self, now: int) -> None:
         """Move the vehicle and publish what is due. The intervals of misbehaviour count from the first call."""
@@ -207,9 +195,9 @@ class SimulatedVehicle:
         namespace = f"/{self.options.namespace}" if self.options.namespace else ""
         versions = self.options.misbehaviour.versions or {}
         self._received_names: dict[int, str] = {}
-        self._publications: list[_Publication] = []
-        self._by_topic: dict[str, _Publication] = {}
-        self._handlers: dict[int, tuple[Any, Callable[[Any], None]]] = {}
+        self._publications: list[Publication] = []
+        self._by_topic: dict[str, Publication] = {}
+        self._inputs: dict[int, _Input] = {}
         self._readers, self._writers = [], []
         handlers: Mapping[str, Callable[[Any], None]] = {
             "message_format_request": self._answer_format_request,
@@ -225,20 +213,13 @@ class SimulatedVehicle:
                 self._received_names[number] = name
                 self._readers.append(Reader(number, f"rt{name}", dds_type, endpoint.qos.reader.depth))
                 handler = handlers.get(endpoint.uorb_topic)
-                if handler:
-                    self._handlers[number] = (endpoint.message, handler)
+                if handler or self._log is not None:
+                    self._inputs[number] = _Input(endpoint.uorb_topic, endpoint.message, handler)
             else:
                 self._writers.append(Writer(number, f"rt{name}", dds_type))
-                publication = _Publication(number, name, self._interval(endpoint), Filler(endpoint.message))
+                publication = publication_of(endpoint, name=name, number=number, rate=self.options.rate)
+                self._publications.append(publication)
                 self._by_topic[endpoint.uorb_topic] = publication
-                if endpoint.uorb_topic not in _ANSWERS:
-                    self._publications.append(publication)
-
-    def _interval(self, endpoint: Any) -> int:
-        if self.options.rate:
-            return max(1, round(1e6 / self.options.rate))
-        of_bridge = (endpoint.publish_interval_ms or 0) * 1000 or _DEFAULT_INTERVAL
-        return max(of_bridge, _OWN_INTERVALS.get(endpoint.uorb_topic, 0))
 
     def _client_settings(self) -> Settings:
         options = self.options
@@ -256,21 +237,18 @@ class SimulatedVehicle:
     # Publishing
 
     def _publish_due(self) -> None:
-        due, now = self._due, self._now
         if not self._client.is_ready:
             return
-        self._loop_time = now
+        self._loop_time = self._now
         self._publish_answers()
         scene = Scene(self.world, self._noise, self._clocks)
-        while due and due[0][0] <= now:
-            time, index = due[0]
-            publication = self._publications[index]
-            self._publish(publication, publication.filler.make(scene, now))
-            following = time + publication.interval
-            heapq.heapreplace(due, (following if following > now else now + publication.interval, index))
+        for publication in self._schedule.take(self._now):
+            self._publish(publication, publication.filler.make(scene, self._now))
 
-    def _publish(self, publication: _Publication, message: Any) -> None:
+    def _publish(self, publication: Publication, message: Any) -> None:
         """Send a message, with its times in the agent's clock (docs/time.md)."""
+        if self._log is not None:
+            self._log.add(self._now, publication.topic, message)
         offset = self._client.offset + round(self.options.misbehaviour.clock_off * 1e6)
         message.timestamp = max(0, message.timestamp + offset)
         if publication.filler.is_sampled:
@@ -300,7 +278,7 @@ class SimulatedVehicle:
             elif isinstance(event, Connected):
                 self._tell("connected")
                 self._answers.clear()
-                self._due = [(self._now + index * _SPREAD, index) for index in range(len(self._publications))]
+                self._schedule = Schedule(self._publications, self._now)
             else:
                 self._tell(f"disconnected: {event.reason}")
         self._clocks = _clocks_of(self._client)
@@ -310,14 +288,19 @@ class SimulatedVehicle:
     def _take_sample(self, event: Received) -> None:
         name = self._received_names[event.number]
         self.received[name] += 1
-        handler = self._handlers.get(event.number)
-        if handler:
-            try:
-                message = handler[0].decode(ENCAPSULATION + event.data)
-            except ValueError:  # DecodeError of the generated package
-                self.refused[f"{name}: not a {handler[0].__name__}"] += 1
-                return
-            handler[1](message)
+        found = self._inputs.get(event.number)
+        if found is None:
+            return
+        try:
+            message = found.message.decode(ENCAPSULATION + event.data)
+        except ValueError:  # DecodeError of the generated package
+            self.refused[f"{name}: not a {found.message.__name__}"] += 1
+            return
+        if found.handler is not None:
+            found.handler(message)
+        if self._log is not None:
+            message.timestamp = self._local(message.timestamp)
+            self._log.add(self._now, found.topic, message)
 
     def _local(self, timestamp: int) -> int:
         """Return the time of a message in the vehicle's clock. 0 and times to come count as now, as in PX4."""
@@ -395,13 +378,13 @@ class SimulatedVehicle:
             self._answer("mode_completed", result=0, nav_state=world.completed.popleft())
         state = (world.is_armed, world.mode, world.failsafe)
         if state != self._shown:
-            failsafe = ", failsafe" if world.failsafe else ""
-            why = world.why_disarmed if self._shown[0] and not world.is_armed else ""
-            self._tell(f"{'armed' if world.is_armed else 'disarmed'}, {world.mode_name}{failsafe}{why and f': {why}'}")
+            self._tell(world.state(was_armed=self._shown[0]))
             self._shown = state
 
     def _tell(self, text: str) -> None:
         self.changes.append(Change(self._now, text))
+        if self._log is not None:
+            self._log.text(self._now, text)
 
     def _is_silent(self) -> bool:
         after = self.options.misbehaviour.silent_after

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from msggen.live.sim.flight import FREE, GRAVITY, NAN, Flight, Target, Vector
+from msggen.live.sim.parameters import PARAMETERS, microseconds
 
 STEP = 4_000
 """The time in us between two steps, so that a flight does not depend on how often the world is asked."""
@@ -53,15 +54,15 @@ _FORCE = 21196
 _BY_COMMAND, _BY_LANDING, _BY_INACTION = 4, 6, 7
 """Reasons of arming and disarming: COMMAND_EXTERNAL, LANDING, PREFLIGHT_INACTION."""
 
-_HEARTBEAT_LOSS = 1_000_000  # COM_OF_LOSS_T
+_HEARTBEAT_LOSS = microseconds("COM_OF_LOSS_T")
 _SETPOINT_LIFE = 1_000_000
-_DISARM_AFTER_LANDING = 2_000_000  # COM_DISARM_LAND
-_DISARM_UNUSED = 10_000_000  # COM_DISARM_PRFLT
-_TAKEOFF_HEIGHT = 2.5  # MIS_TAKEOFF_ALT
-_TAKEOFF_SPEED = 1.5  # MPC_TKO_SPEED
-_LAND_SPEED = 0.7  # MPC_LAND_SPEED
-_LAND_SLOW_HEIGHT = 5.0  # MPC_LAND_ALT2
-_FAST_LAND_SPEED = 1.5  # MPC_Z_VEL_MAX_DN
+_DISARM_AFTER_LANDING = microseconds("COM_DISARM_LAND")
+_DISARM_UNUSED = microseconds("COM_DISARM_PRFLT")
+_TAKEOFF_HEIGHT = PARAMETERS["MIS_TAKEOFF_ALT"]
+_TAKEOFF_SPEED = PARAMETERS["MPC_TKO_SPEED"]
+_LAND_SPEED = PARAMETERS["MPC_LAND_SPEED"]
+_LAND_SLOW_HEIGHT = PARAMETERS["MPC_LAND_ALT2"]
+_FAST_LAND_SPEED = PARAMETERS["MPC_Z_VEL_MAX_DN"]
 _REACHED = 0.2
 _IDLE_THRUST = 0.2
 _EARTH_RADIUS = 6_371_000.0
@@ -154,9 +155,8 @@ class World:
         if self.mode == OFFBOARD and not self.has_offboard_signal(self.time):
             self._lose_offboard()
         flight, was_on_ground = self.flight, self.flight.is_on_ground
-        flight.step(seconds, self._target() if self.is_armed else None)
-        thrust = _IDLE_THRUST if flight.is_on_ground else -flight.specific_force[2] / GRAVITY
-        self.battery.drain(seconds, thrust if self.is_armed else 0.0)
+        flight.step(seconds, self.target)
+        self.battery.drain(seconds, self.thrust)
         if flight.is_on_ground != was_on_ground:
             self._ground_time = self.time
             self.takeoff_time = self.takeoff_time if flight.is_on_ground else self.time
@@ -182,6 +182,12 @@ class World:
         """Why the vehicle has disarmed by itself, "" if a command did it."""
         texts = {_BY_LANDING: "landed", _BY_INACTION: f"no takeoff within {_DISARM_UNUSED / 1e6:.0f} s"}
         return texts.get(self.disarming_reason, "")
+
+    def state(self, *, was_armed: bool) -> str:
+        """Return the state for people, and why the vehicle has disarmed by itself if it was armed before."""
+        failsafe = ", failsafe" if self.failsafe else ""
+        why = f": {self.why_disarmed}" if was_armed and not self.is_armed and self.why_disarmed else ""
+        return f"{'armed' if self.is_armed else 'disarmed'}, {self.mode_name}{failsafe}{why}"
 
     # Modes
 
@@ -250,8 +256,18 @@ class World:
         self.intention, self.failsafe = mode, False
         self._enter(mode)
 
-    def _target(self) -> Target:
-        """Return the setpoint of the mode."""
+    @property
+    def thrust(self) -> float:
+        """The thrust of all motors: 1 in hover, 0 with the motors off."""
+        if not self.is_armed:
+            return 0.0
+        return _IDLE_THRUST if self.flight.is_on_ground else -self.flight.specific_force[2] / GRAVITY
+
+    @property
+    def target(self) -> Target | None:
+        """The setpoint of the mode, None with the motors off."""
+        if not self.is_armed:
+            return None
         x, y, _ = self._hold.position
         if self.mode == TAKING_OFF:
             return Target((x, y, NAN), (NAN, NAN, -_TAKEOFF_SPEED), yaw=self._hold.yaw)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from msggen.recordings.log.log import Log
-    from msggen.recordings.source.source import Event, Facts, Text
+    from msggen.recordings.source.facts import Event, Facts, Text
 
 
 def fact_tables(log: Log, low: int, high: int) -> Iterator[tuple[str, Any]]:

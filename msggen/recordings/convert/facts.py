@@ -10,7 +10,7 @@ from msggen.recordings.log.origin import vehicle_of
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from msggen.recordings.source.source import Facts
+    from msggen.recordings.source.facts import Facts
 
     _Value = TypeVar("_Value")
 

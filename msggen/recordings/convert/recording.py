@@ -11,14 +11,16 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.base.diagnostics import counted, few
 from msggen.recordings.convert.facts import between, joined, shifted
-from msggen.recordings.convert.mcap import McapWriter, Target
+from msggen.recordings.convert.mcap import McapWriter
 from msggen.recordings.convert.payloads import blocks_of_parts, blocks_of_ulog, merged, ordered
 from msggen.recordings.convert.selection import Converted, Selection, Share
 from msggen.recordings.convert.types import TypeNames
 from msggen.recordings.convert.ulog import blocks_of_texts
 from msggen.recordings.decode.schemas import content_of, read_schema
+from msggen.recordings.files.mcap_writer import Target
 from msggen.recordings.files.metadata import LENT, NAMES, records_of
-from msggen.recordings.source.source import NO_FACTS, SEPARATOR, Problem, RecordingError
+from msggen.recordings.source.facts import NO_FACTS
+from msggen.recordings.source.source import SEPARATOR, Problem, RecordingError
 from msggen.sources.embedded import all_releases, nearest_first
 from msggen.sources.released import Released, released_as
 
@@ -27,7 +29,7 @@ if TYPE_CHECKING:
 
     from msggen.recordings.convert.payloads import Block
     from msggen.recordings.log.log import Key, Log
-    from msggen.recordings.source.source import Facts
+    from msggen.recordings.source.facts import Facts
     from msggen.recordings.topics.topic import Topic
 
 _OURS = ("rosbag2", *NAMES)

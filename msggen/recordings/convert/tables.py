@@ -43,6 +43,8 @@ class Format(NamedTuple):
     """`parquet`, `arrow` or `csv`, which is the suffix of files too."""
     quotes_formulas: bool = False
     """Whether `'` precedes text in CSV that a spreadsheet would evaluate."""
+    packing: str = "zstd"
+    """The compression of Arrow."""
 
     def table(self, table: Any) -> Any:
         """Return a table as the format has it."""
@@ -98,7 +100,7 @@ def _written_facts(log: Log, folder: str, format_: Format, selection: Selection)
         return
     for name, table in fact_tables(log, *selection.limits(log.start)):
         path, shown = os.path.join(folder, f"{name}.{format_.name}"), format_.table(table)
-        with open(path, "xb") as file, _writer(file, format_.name, shown.schema) as writer:
+        with open(path, "xb") as file, _writer(file, format_, shown.schema) as writer:
             writer.write_table(shown)
         yield path
 
@@ -188,29 +190,29 @@ class _Tables:
         if key not in self._writers:
             # pyarrow itself only opens files whose names are UTF-8
             file = self._ends[key].enter_context(open(self._paths[key], "wb"))  # noqa: SIM115 - the stack closes it
-            self._writers[key] = self._ends[key].enter_context(_writer(file, self._format.name, table.schema))
+            self._writers[key] = self._ends[key].enter_context(_writer(file, self._format, table.schema))
         self._writers[key].write_table(table)
         self.rows += len(table)
 
 
-def _writer(file: IO[bytes], format_: str, schema: Any) -> Any:
+def _writer(file: IO[bytes], format_: Format, schema: Any) -> Any:
     """Return a writer of pyarrow. All have `write_table`, and end the content at the end of their context."""
-    if format_ == "parquet":
+    if format_.name == "parquet":
         from pyarrow.parquet import ParquetWriter
 
         # dictionaries make files of measured values larger and writing slower; differences of times are small
-        times = {field.name: "DELTA_BINARY_PACKED" for field in schema if _is_time(field)}
+        times = {field.name: "DELTA_BINARY_PACKED" for field in schema if is_time(field)}
         return ParquetWriter(file, schema, compression="zstd", use_dictionary=False, column_encoding=times)
-    if format_ == "arrow":
+    if format_.name == "arrow":
         from pyarrow import ipc
 
-        return ipc.new_file(file, schema, options=ipc.IpcWriteOptions(compression="zstd"))
+        return ipc.new_file(file, schema, options=ipc.IpcWriteOptions(compression=format_.packing))
     from pyarrow.csv import CSVWriter
 
     return CSVWriter(file, schema)
 
 
-def _is_time(field: Any) -> bool:
+def is_time(field: Any) -> bool:
     """Whether a column has times in 64 bits."""
     import pyarrow as pa
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from msggen.recordings.convert.mcap import Target
 from msggen.recordings.convert.payloads import Block
 from msggen.recordings.decode.layouts import USUAL
+from msggen.recordings.files.mcap_writer import Target
 from msggen.recordings.source.source import SEPARATOR
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from msggen.recordings.convert.selection import Selection
     from msggen.recordings.log.log import Log
-    from msggen.recordings.source.source import Text
+    from msggen.recordings.source.facts import Text
 
 _ROSOUT = Target(
     "/rosout",

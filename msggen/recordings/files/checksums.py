@@ -14,10 +14,10 @@ if TYPE_CHECKING:
     from msggen.recordings.files.mcap_records import Chunk
 
 
-def _crc_function() -> Callable[[Any], int]:
+def _crc_function() -> Callable[..., int]:
     """Return the function of zlib-ng, which is eight times as fast as that of zlib, or else that of zlib."""
     with suppress(ImportError):
-        fast: Callable[[Any], int] = import_module("zlib_ng.zlib_ng").crc32
+        fast: Callable[..., int] = import_module("zlib_ng.zlib_ng").crc32
         return fast
     from zlib import crc32
 
@@ -25,7 +25,10 @@ def _crc_function() -> Callable[[Any], int]:
 
 
 crc32 = _crc_function()
-"""Returns the CRC-32 of bytes. It releases the lock of Python for all but few bytes."""
+"""Returns the CRC-32 of bytes. They can follow others, whose CRC-32 is the second argument.
+
+It releases the lock of Python for all but few bytes.
+"""
 
 
 class Checks:
@@ -41,14 +44,14 @@ class Checks:
         """Whether chunks and attachments that do not match are left out."""
         return self.verification.is_on and not self.verification.keeps_damaged
 
-    def passes(self, chunk: Chunk, data: Any) -> bool:
+    def passes(self, chunk: Chunk, crc: int, data: Any) -> bool:
         """Whether the records of a chunk match its CRC, as far as that has one and is to be compared."""
-        return not (self.verification.is_on and chunk.crc) or self.compare(chunk, data)
+        return not (self.verification.is_on and crc) or self.compare(chunk, crc, data)
 
-    def compare(self, chunk: Chunk, data: Any) -> bool:
+    def compare(self, chunk: Chunk, crc: int, data: Any) -> bool:
         """Compare the records of a chunk with its CRC, and return whether they match."""
         if chunk.start not in self._known:
-            self._known[chunk.start] = "" if crc32(data) == chunk.crc else "does not match its CRC"
+            self._known[chunk.start] = "" if crc32(data) == crc else "does not match its CRC"
         return not self._known[chunk.start]
 
     def is_compared(self, chunk: Chunk) -> bool:

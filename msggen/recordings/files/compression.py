@@ -7,6 +7,8 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
+ZSTD = b"\x28\xb5\x2f\xfd"
+"""The first bytes of a frame of zstd."""
 LARGEST = 1 << 30
 """The largest block that is decompressed, in bytes. rosbag2 writes chunks of 768 KiB, Foxglove's tools of 4 MiB."""
 MAX_CONTENT = "MSGGEN_MAX_CONTENT"

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from msggen.recordings.files.compression import Room
+from msggen.recordings.files.frames import Frames
 from msggen.recordings.files.mapped import MappedFile
 from msggen.recordings.files.mcap_channels import definition_in, ros_type_of, type_hash_in
 from msggen.recordings.files.sqlite import ERRORS, Column, Statements, columns_of, has_log, settle
@@ -16,20 +18,16 @@ from msggen.recordings.files.sqlite_pages import Pages, Rows, is_integer, sizes_
 from msggen.recordings.source.gather import groups
 from msggen.recordings.source.source import (
     FOREVER,
-    NO_CHECKSUMS,
-    NO_FACTS,
-    Attached,
     Channel,
-    Checksums,
-    Facts,
     Part,
     Problem,
     RecordingError,
+    Source,
 )
 
 if TYPE_CHECKING:
     import tempfile
-    from collections.abc import Collection, Iterator, Mapping, Sequence
+    from collections.abc import Collection, Iterator, Mapping
 
     from numpy.typing import NDArray
 
@@ -67,24 +65,34 @@ class _Found(NamedTuple):
         return _Found(rows.take(chosen), which[chosen], times[chosen], sent, places[chosen], sizes[chosen])
 
 
-class Db3File:
+class Db3File(Source):
     """A file. Raises RecordingError if it is not one of rosbag2, and OSError.
 
     `by_statements` forces SQL queries; otherwise only tables with an unusual layout are queried.
     """
 
     kind = "db3"
-    notes: Sequence[str] = ()
 
-    def __init__(self, path: str, *_: object, by_statements: bool = False) -> None:
-        self.path = path
-        self.problems: list[Problem] = []
+    def __init__(
+        self,
+        path: str,
+        room: Room | None = None,
+        _: object = None,
+        *,
+        is_by_sample: bool = False,
+        by_statements: bool = False,
+    ) -> None:
+        super().__init__(path)
         self._reported: set[Problem] = set()
-        self._copy: tempfile.TemporaryDirectory[str] | None = None
+        self._frames = Frames(room or Room(os.path.getsize(path)), self.problems, is_by_sample=is_by_sample)
         self._times: Mapping[int, NDArray[np.int64]] | None = None
         self._span: tuple[int, int] | None = None
-        place = self._settled(path) if has_log(path) else path
+        copy = self._settled(path) if has_log(path) else None
+        place = os.path.join(copy.name, os.path.basename(path)) if copy else path
         self._mapped = MappedFile(place)
+        self.close_with(self._mapped.close)
+        if copy:
+            self.close_with(copy.cleanup)
         self._statements = Statements(place)
         try:
             self._read_schema()
@@ -97,15 +105,15 @@ class Db3File:
         self._known = np.array(sorted(self._channels), np.int64)
         self._find_span()
 
-    def _settled(self, path: str) -> str:
-        """Return the path of a copy with the transactions of a log, which is beside the file."""
+    def _settled(self, path: str) -> tempfile.TemporaryDirectory[str] | None:
+        """Return a folder with a copy that has the transactions of a log, which is beside the file."""
         try:
-            self._copy = settle(path)
+            copy = settle(path)
         except ERRORS as error:
             self.problems.append(Problem(f"the log of transactions beside the file cannot be read: {error}"))
-            return path
+            return None
         self.problems.append(Problem("the file was not closed: the log of transactions beside it is read too"))
-        return os.path.join(self._copy.name, os.path.basename(path))
+        return copy
 
     @property
     def _pages(self) -> Pages:
@@ -115,11 +123,6 @@ class Db3File:
     def channels(self) -> Mapping[int, Channel]:
         """The channels by their numbers."""
         return self._channels
-
-    @property
-    def facts(self) -> Facts:
-        """Nothing: rosbag2 has topics only."""
-        return NO_FACTS
 
     @property
     def span(self) -> tuple[int, int] | None:
@@ -134,30 +137,15 @@ class Db3File:
         except ERRORS:
             return None
 
-    @property
-    def missing_checksums(self) -> None:
-        """See Source.missing_checksums."""
-        return
-
-    def verify(self) -> Checksums:
-        """Do nothing: the format has no checksums."""
-        return NO_CHECKSUMS
-
-    def attached(self) -> Iterator[Attached]:
-        """Yield nothing: only MCAP files have attachments."""
-        return iter(())
-
-    def close(self) -> None:
-        """Close the file. Can be repeated."""
-        self._mapped.close()
-        if self._copy is not None:
-            self._copy.cleanup()
-
     # samples
 
     def parts(self, channels: Collection[int], start: int = 0, stop: int = FOREVER) -> Iterator[Part]:
         """See Source.parts."""
         self._mapped.check()
+        return self._frames.unpacked(self._stored(channels, start, stop), self.channels)
+
+    def _stored(self, channels: Collection[int], start: int, stop: int) -> Iterator[Part]:
+        """Yield the samples of channels as they are in the file."""
         low = start if start > 0 else -FOREVER
         is_wanted = np.isin(self._known, list(channels))
         if self._by_statements:

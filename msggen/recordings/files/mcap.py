@@ -13,28 +13,30 @@ import numpy as np
 
 from msggen.recordings.files.checksums import Checks
 from msggen.recordings.files.compression import Room
+from msggen.recordings.files.frames import Frames
 from msggen.recordings.files.mapped import MappedFile
 from msggen.recordings.files.mcap_channels import Described
 from msggen.recordings.files.mcap_chunks import Loaded, Loader, ahead, limited, records_of
-from msggen.recordings.files.mcap_fetched import Fetched
+from msggen.recordings.files.mcap_fetched import fetch_heads, fetch_indexes, in_steps
 from msggen.recordings.files.mcap_messages import Index, between, indexed, searched
 from msggen.recordings.files.mcap_records import (
     ATTACHMENT,
     CRC,
-    INDEX_FRONT,
     LARGEST_NUMBER,
     MAGIC,
+    METADATA,
     Chunk,
     Loose,
     attached_of,
+    crc_of,
     entries_at,
     entries_of,
-    index_ranges,
     times_of,
 )
 from msggen.recordings.files.mcap_scan import scan
-from msggen.recordings.files.mcap_summary import Summary, read_summary
+from msggen.recordings.files.mcap_summary import Summary, differing_sections, read_summary
 from msggen.recordings.files.metadata import facts_of, notes_of
+from msggen.recordings.source.facts import Facts
 from msggen.recordings.source.memory import drop_pages
 from msggen.recordings.source.source import (
     FOREVER,
@@ -42,10 +44,10 @@ from msggen.recordings.source.source import (
     Attached,
     Channel,
     Checksums,
-    Facts,
+    Contents,
     Part,
-    Problem,
     RecordingError,
+    Source,
     Verification,
 )
 
@@ -60,27 +62,33 @@ _GROUP = 3 << 20
 """The bytes of chunks that are read at a time: many, as each step costs; few enough for the processor's large cache."""
 
 
-class McapFile:
+class McapFile(Source):
     """A file, with the room for its content. Raises RecordingError if it is not MCAP, and OSError."""
 
     kind = "mcap"
 
-    def __init__(self, path: str, room: Room | None = None, verification: Verification = VERIFIED) -> None:
-        self.path = path
-        self.problems: list[Problem] = []
+    def __init__(
+        self,
+        path: str,
+        room: Room | None = None,
+        verification: Verification = VERIFIED,
+        *,
+        is_by_sample: bool = False,
+    ) -> None:
+        super().__init__(path)
         self._checks = Checks(verification)
         self._described = Described(self.problems, self._checks)
         self._regions: Sequence[Chunk | Loose] = ()
         self._span: tuple[int, int] | None = None
         self._times: Mapping[int, Sequence[NDArray[np.int64]]] = {}
         """The times of the messages that no message index has."""
-        self.notes: Sequence[str] = ()
         self._mapped = MappedFile(path, in_ranges=True)
         self._mapped.need([(0, len(MAGIC))])
-        self._fetched = Fetched(self._mapped)
+        self.close_with(self._mapped.close)
         if bytes(self._file[: len(MAGIC)]) != MAGIC:
             raise RecordingError(f"{path} is not an MCAP file")
         room = room or Room(self._file.size)
+        self._frames = Frames(room, self.problems, is_by_sample=is_by_sample)
         summary = self._summary()
         self._stated = summary.counts
         if summary.chunks is None:
@@ -115,29 +123,44 @@ class McapFile:
         """The first and the last log time in ns, or None without samples."""
         return self._span
 
-    def close(self) -> None:
-        """Close the file. Can be repeated."""
-        self._mapped.close()
-
     @property
     def missing_checksums(self) -> int:
-        """How many chunks, and stretches of messages outside of chunks, have no checksum."""
-        loose = len(self._regions) - len(self._chunks)
-        return loose + sum(not chunk.crc for chunk in self._fetched.expected(self._chunks))
+        """How many chunks, and stretches of messages outside of chunks, have no checksum.
+
+        Programs write checksums of all chunks or of none, so only the first and the last one are read if they agree.
+        """
+        chunks = self._chunks
+        loose = len(self._regions) - len(chunks)
+        data = self._file.data
+        fetch_heads(self._mapped, (*chunks[:1], *chunks[-1:]))
+        has_crc = {bool(crc_of(data, chunk)) for chunk in (*chunks[:1], *chunks[-1:])}
+        if len(has_crc) > 1:
+            fetch_heads(self._mapped, chunks)
+            return loose + sum(not crc_of(data, chunk) for chunk in chunks)
+        return loose + len(chunks) * (False in has_crc)
+
+    @property
+    def contents(self) -> Contents:
+        """See Source.contents."""
+        kinds = tuple(sorted({chunk.kind or "none" for chunk in self._chunks}))
+        opcodes = [opcode for opcode, *_ in self._described.attached]
+        return Contents(len(self._chunks), kinds, opcodes.count(ATTACHMENT), opcodes.count(METADATA))
 
     def verify(self) -> Checksums:
-        """Compare the chunks and attachments with their CRCs, and add those that differ to `problems`."""
+        """Compare chunks, attachments, data section and summary with their CRCs, and report those that differ."""
         self._mapped.check()
         self._mapped.need_all()
-        chunks = [chunk for chunk in self._fetched.present(self._chunks) if chunk.crc]
-        for chunk in chunks:
+        known = [(chunk, crc) for chunk in self._chunks if (crc := crc_of(self._file.data, chunk))]
+        for chunk, crc in known:
             if not self._checks.is_compared(chunk):
                 data = records_of(self._file, chunk, self._described)
-                if data.size == chunk.size and not self._checks.compare(chunk, data.data):
+                if data.size == chunk.size and not self._checks.compare(chunk, crc, data.data):
                     self._described.report_damaged(self._file, chunk)
         for _ in self.attached():
             pass
-        return Checksums(len(chunks), self.missing_checksums)
+        for part in differing_sections(self._file):
+            self._described.report(f"{part} does not match its CRC")
+        return Checksums(len(known), len(self._regions) - len(known))
 
     def attached(self) -> Iterator[Attached]:
         """See Source.attached."""
@@ -163,7 +186,10 @@ class McapFile:
     def parts(self, channels: Collection[int], start: int = 0, stop: int = FOREVER) -> Iterator[Part]:
         """See Source.parts."""
         self._mapped.check()
-        wanted = set(channels)
+        return self._frames.unpacked(self._counted(set(channels), start, stop), self.channels)
+
+    def _counted(self, wanted: set[int], start: int, stop: int) -> Iterator[Part]:
+        """Yield the messages of channels, and compare their numbers with those in the summary."""
         counts: Counter[int] = Counter()
         for part in self._parts(wanted, start, stop):
             counts[part.channel] += len(part.starts)
@@ -178,17 +204,42 @@ class McapFile:
         found: dict[int, list[NDArray[np.int64]]] = {number: list(self._times.get(number, ())) for number in channels}
         file = self._file
         chunks = self._chunks_with(channels)
-        if self._mapped.is_partial:
-            places = [chunk.indexes[number] for chunk in chunks for number in found.keys() & chunk.indexes.keys()]
-            self._mapped.need((place, place + INDEX_FRONT) for place in places)
-            self._mapped.need(index_ranges(file.data, places))
+        if self._mapped.is_partial:  # all at once, for several requests at a time
+            of_chunks = [(chunk, number) for chunk in chunks for number in found.keys() & chunk.indexes.keys()]
+            fetch_indexes(self._mapped, [chunk.indexes[number] for chunk, number in of_chunks])
         for chunk in chunks:
             for number in found.keys() & chunk.indexes.keys():
-                entries = entries_of(file, number, chunk.indexes[number])
-                if entries is not None:
-                    found[number].append(times_of(entries.view("<u8")[::2]))
+                found[number] += self._times_in(chunk, number)
             drop_pages(file)
         return {number: np.concatenate(each or [np.zeros(0, np.int64)]) for number, each in found.items()}
+
+    def ends(self, channel: int) -> tuple[int, int] | None:
+        """See Source.ends. Only the message indexes of few chunks are read: those that may have these samples."""
+        self._mapped.check()
+        loose = self._times.get(channel, ())
+        firsts = [int(each.min()) for each in loose if len(each)]
+        lasts = [int(each.max()) for each in loose if len(each)]
+        for chunk in self._chunks_by_first:
+            if firsts and chunk.first >= min(firsts):
+                break
+            firsts += [int(each.min()) for each in self._times_in(chunk, channel)]
+        for chunk in self._chunks_by_last:
+            if lasts and chunk.last <= max(lasts):
+                break
+            lasts += [int(each.max()) for each in self._times_in(chunk, channel)]
+        return (min(firsts), max(lasts)) if firsts and lasts else None
+
+    def _times_in(self, chunk: Chunk, channel: int) -> Iterator[NDArray[np.int64]]:
+        """Yield the log times of a channel in a chunk, if there are any."""
+        if channel not in chunk.indexes:
+            return
+        if self._mapped.is_partial:  # with those of other channels, whose times are often asked for next
+            end = chunk.start + chunk.length
+            self._mapped.need([(end, end + chunk.index_size)])
+            fetch_indexes(self._mapped, [chunk.indexes[channel]])
+        entries = entries_of(self._file, channel, chunk.indexes[channel])
+        if entries is not None and entries.size:
+            yield times_of(entries.view("<u8")[::2])
 
     def _chunks_with(self, channels: Collection[int]) -> Iterable[Chunk]:
         """Return the chunks that may have messages of channels. Topics ask for one channel after the other."""
@@ -200,6 +251,14 @@ class McapFile:
     @cached_property
     def _chunks(self) -> Sequence[Chunk]:
         return [region for region in self._regions if isinstance(region, Chunk)]
+
+    @cached_property
+    def _chunks_by_first(self) -> Sequence[Chunk]:
+        return sorted(self._chunks, key=lambda chunk: chunk.first)
+
+    @cached_property
+    def _chunks_by_last(self) -> Sequence[Chunk]:
+        return sorted(self._chunks, key=lambda chunk: -chunk.last)
 
     @cached_property
     def _chunks_by_channel(self) -> Mapping[int, Sequence[Chunk]]:
@@ -237,15 +296,14 @@ class McapFile:
     def _parts(self, wanted: set[int], start: int, stop: int) -> Iterator[Part]:
         loader = Loader(self._checks)  # one for each pass: passes take turns, or are in several threads
 
-        def load(group: Sequence[Chunk] | Loose) -> tuple[Sequence[Chunk] | Loose, Loaded | None]:
-            if isinstance(group, Loose):
-                return group, None
-            group = self._fetched.present(group)
-            return group, loader.load(self._file, group) if all(chunk.indexes for chunk in group) else None
+        def load(group: Sequence[Chunk] | Loose) -> Loaded | None:
+            if isinstance(group, Loose) or not all(chunk.indexes for chunk in group):
+                return None
+            return loader.load(self._file, group)
 
-        for groups in self._fetched.in_steps(list(self._groups(wanted, start, stop))):
+        for groups in in_steps(self._mapped, list(self._groups(wanted, start, stop))):
             with closing(ahead(load, groups)) as loading:
-                for _, (group, loaded) in loading:
+                for group, loaded in loading:
                     for part in self._of_group(group, loaded, wanted):
                         chosen = between(part, start, stop)
                         if chosen is not None:

@@ -19,7 +19,7 @@ from msggen.recordings.files.mcap_records import (
     entries_of,
     text_at,
 )
-from msggen.recordings.files.metadata import NAMES
+from msggen.recordings.files.metadata import IS_LENT, NAMES
 from msggen.recordings.source.source import VERIFIED, Channel, Problem, RawSchema
 
 if TYPE_CHECKING:
@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from msggen.recordings.source.memory import Octets
 
 
-IS_LENT = "msggen.is_lent"
-"""The metadata of a channel whose definition was not recorded."""
 _LARGEST_METADATA = 1 << 24
 _KNOWN = tuple(name.encode() for name in NAMES)
 _LONGEST_NAME = max(map(len, _KNOWN))

@@ -15,7 +15,7 @@ from msggen.recordings.files.compression import (
     decompress_into,
     prefix_of,
 )
-from msggen.recordings.files.mcap_records import Chunk, Loose
+from msggen.recordings.files.mcap_records import Chunk, Loose, crc_of, fits
 from msggen.recordings.source.memory import drop_pages, large_empty
 
 if TYPE_CHECKING:
@@ -53,14 +53,14 @@ class Loader:
         The buffer is valid until the second call from here on.
         """
         drop_pages(file)
-        if any(chunk.records + chunk.stored > file.size for chunk in chunks):
+        if any(chunk.records + chunk.stored > file.size or not fits(file.data, chunk) for chunk in chunks):
             return None
         return self._decompressed(file, chunks) if any(chunk.kind for chunk in chunks) else self._in_place(file, chunks)
 
     def _in_place(self, file: Octets, chunks: Sequence[Chunk]) -> Loaded | None:
         """Return the records of chunks without compression, where they are in the file."""
         places = [(chunk, file[chunk.records : chunk.records + chunk.stored]) for chunk in chunks]
-        is_right = all(self._checks.passes(chunk, data) for chunk, data in places)
+        is_right = all(self._checks.passes(chunk, crc_of(file.data, chunk), data) for chunk, data in places)
         return Loaded(file, [chunk.records for chunk in chunks]) if is_right else None
 
     def _decompressed(self, file: Octets, chunks: Sequence[Chunk]) -> Loaded | None:
@@ -80,7 +80,8 @@ class Loader:
                 decompress_into(chunk.kind, data, target)
             except CompressionError:
                 return None
-            if not self._checks.passes(chunk, target):  # here, while they are in the cache of the processor
+            # here, while they are in the cache of the processor
+            if not self._checks.passes(chunk, crc_of(file.data, chunk), target):
                 return None
         return Loaded(buffer, bases)
 
@@ -135,6 +136,8 @@ def records_of(file: Octets, chunk: Chunk, described: Described) -> Octets:
     that can be read.
     """
     drop_pages(file)
+    if not fits(file.data, chunk):
+        described.report("a chunk does not begin as the index of chunks tells, which is used instead", chunk.start)
     data = file[chunk.records : chunk.records + chunk.stored]
     if not chunk.kind and data.size == chunk.size:
         return _checked(data, file, chunk, described)
@@ -146,7 +149,7 @@ def records_of(file: Octets, chunk: Chunk, described: Described) -> Octets:
                 decompress_into(chunk.kind, data, found.data)
             except CompressionError as error:
                 text = f"is damaged: {error}"
-                if chunk.crc and described.checks.leaves_out:
+                if crc_of(file.data, chunk) and described.checks.leaves_out:
                     described.checks.fail(chunk, error)
                     described.report_damaged(file, chunk)
                     return data[:0]
@@ -162,7 +165,7 @@ def records_of(file: Octets, chunk: Chunk, described: Described) -> Octets:
 
 def _checked(data: Octets, file: Octets, chunk: Chunk, described: Described) -> Octets:
     """Return the records of a chunk, none if they do not match its CRC and are left out. That is reported."""
-    if described.checks.passes(chunk, data.data):
+    if described.checks.passes(chunk, crc_of(file.data, chunk), data.data):
         return data
     described.report_damaged(file, chunk)
     return data[:0] if described.checks.leaves_out else data

@@ -51,6 +51,9 @@ _INDEX_REST = INDEX_FRONT - FRONT
 CRC = 4
 """The size of the CRC at the end of an attachment."""
 _CHUNK_HEAD = struct.Struct("<QQQI")
+_CHUNK_CRC = struct.Struct("<I")
+_CHUNK_INDEX = struct.Struct("<QQQQI")
+"""The front of a chunk index."""
 _CHUNK_BEGINS = re.compile(rb"\x06.{36}(?:\x00{4}|\x03\x00{3}lz4|\x04\x00{3}zstd)", re.DOTALL)
 CHUNK_FRONT = 45
 """The most bytes that this takes."""
@@ -60,9 +63,6 @@ _MESSAGE_BEGINS = re.compile(rb"\x05.{3}\x00{5}", re.DOTALL)
 """Where a message of less than 16 MiB may begin."""
 LARGEST_NUMBER = (1 << 62) - 1
 """The largest time and length that are believed. Later times, from the year 2116 on, are read as this one."""
-
-
-UNREAD = -1
 
 
 class Chunk(NamedTuple):
@@ -75,8 +75,6 @@ class Chunk(NamedTuple):
     first: int
     last: int
     """The log times of the first and the last message, in ns."""
-    crc: int
-    """The CRC-32 of its records, 0 if there is none, UNREAD if only the index of the file was read."""
     kind: str
     """The compression."""
     records: int
@@ -90,7 +88,7 @@ class Chunk(NamedTuple):
     limit: int = LARGEST
     """How many of its records are read, in bytes without the compression."""
     index_size: int = 0
-    """The size of its message indexes behind its content, as far as the index of the file tells it."""
+    """The size of its message indexes, which follow its content, if the index of chunks tells it."""
 
 
 class Loose(NamedTuple):
@@ -113,25 +111,59 @@ def steps(data: memoryview, start: int, stop: int) -> Iterator[tuple[int, int, i
 def chunk_at(data: memoryview, start: int, length: int) -> Chunk | None:
     """Return the chunk whose content is at `start`, None if its lengths contradict each other. It has no indexes."""
     try:
-        first, last, size, crc = _CHUNK_HEAD.unpack_from(data, start)
+        first, last, size, _ = _CHUNK_HEAD.unpack_from(data, start)
         kind, place = text_at(data, start + _CHUNK_HEAD.size)
         (stored,) = struct.unpack_from("<Q", data, place)
     except (struct.error, ValueError):
         return None
-    if place + 8 + stored != start + length or kind not in ("", "lz4", "zstd") or (not kind and size != stored):
-        return None
     first, last = min(first, LARGEST_NUMBER), min(last, LARGEST_NUMBER)
-    return Chunk(start, length, first, last, crc, kind, place + 8, stored, size, {})
+    chunk = Chunk(start, length, first, last, kind, place + 8, stored, size, {})
+    return chunk if _is_sound(chunk) else None
 
 
-def told_chunk(record: memoryview, place: int, start: int, length: int) -> Chunk | None:
-    """Return the chunk whose content is at `start`, by its chunk index from the compression on. Otherwise as above."""
-    kind, place = text_at(record, place)
-    stored, size = struct.unpack_from("<QQ", record, place)
-    records = start + _CHUNK_HEAD.size + 4 + len(kind.encode()) + 8
-    if records + stored != start + length or kind not in ("", "lz4", "zstd") or (not kind and size != stored):
-        return None
-    return Chunk(start, length, 0, 0, UNREAD, kind, records, stored, size, {})
+def crc_of(data: memoryview, chunk: Chunk) -> int:
+    """Return the CRC-32 of the records of a chunk, 0 if there is none."""
+    crc: int = _CHUNK_CRC.unpack_from(data, chunk.start + _CHUNK_HEAD.size - _CHUNK_CRC.size)[0]
+    return crc
+
+
+def fits(data: memoryview, chunk: Chunk) -> bool:
+    """Whether a chunk begins as an index of chunks tells: this is not read before its samples are."""
+    found = chunk_at(data, chunk.start, chunk.length)
+    return found is not None and (found.kind, found.stored, found.size) == (chunk.kind, chunk.stored, chunk.size)
+
+
+def chunk_in(record: memoryview) -> Chunk:
+    """Return the chunk that a chunk index tells. Raises ValueError for contradictions, and struct.error."""
+    first, last, offset, whole, size = _CHUNK_INDEX.unpack_from(record)
+    place = _CHUNK_INDEX.size
+    indexes = dict(struct.iter_unpack("<HQ", record[place : place + size]))
+    (index_size,) = struct.unpack_from("<Q", record, place + size)
+    kind, place = text_at(record, place + size + 8)
+    stored, content = struct.unpack_from("<QQ", record, place)
+    first, last = min(first, LARGEST_NUMBER), min(last, LARGEST_NUMBER)
+    records = offset + FRONT + _CHUNK_HEAD.size + 4 + len(kind.encode()) + 8
+    chunk = Chunk(
+        start=offset + FRONT,
+        length=whole - FRONT,
+        first=first,
+        last=last,
+        kind=kind,
+        records=records,
+        stored=stored,
+        size=content,
+        indexes=indexes,
+        index_size=index_size,
+    )
+    if not _is_sound(chunk):
+        raise ValueError(offset)
+    return chunk
+
+
+def _is_sound(chunk: Chunk) -> bool:
+    """Whether the sizes of a chunk do not contradict each other, and its compression is known."""
+    is_right = chunk.records + chunk.stored == chunk.start + chunk.length and (chunk.kind or chunk.size == chunk.stored)
+    return bool(is_right) and chunk.kind in ("", "lz4", "zstd")
 
 
 def index_ranges(data: memoryview, offsets: Iterable[int]) -> Iterator[tuple[int, int]]:

@@ -5,38 +5,42 @@ from __future__ import annotations
 import struct
 from typing import TYPE_CHECKING, NamedTuple
 
+from msggen.recordings.files.checksums import crc32
+from msggen.recordings.files.mcap_fetched import fetch_heads
 from msggen.recordings.files.mcap_records import (
     ATTACHMENT,
     CHUNK,
     CHUNK_INDEX,
     CRC,
+    DATA_END,
     ENTRY,
     FOOTER,
     FRONT,
     INDEX_FRONT,
-    LARGEST_NUMBER,
     MAGIC,
     MESSAGE,
     METADATA,
-    RECORD,
     STATISTICS,
     Chunk,
-    chunk_at,
+    chunk_in,
+    fits,
     statistics_of,
     steps,
-    told_chunk,
 )
-from msggen.recordings.source.memory import drop_pages
+from msggen.recordings.source.gather import WINDOW
+from msggen.recordings.source.memory import Octets, drop_pages
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from msggen.recordings.files.mapped import MappedFile
     from msggen.recordings.files.mcap_channels import Described
 
 _TAIL = 1 << 16
 """The bytes at the end of a file in a store that are fetched first: small summaries fit."""
-_END = FRONT + 20 + len(MAGIC)
+_FOOTER = struct.Struct("<BQQQI")
+_DATA_END = struct.Struct("<BQI")
+_END = _FOOTER.size + len(MAGIC)
 """The size of the footer and of the magic bytes after it."""
 
 
@@ -59,21 +63,17 @@ def read_summary(mapped: MappedFile, described: Described) -> Summary:
     mapped.need([(size - _TAIL, size)])
     if size < len(MAGIC) + _END or data[-len(MAGIC) :] != MAGIC:
         return Summary(None, {})
-    opcode, _, start_of_summary, _, crc = struct.unpack_from("<BQQQI", data, size - _END)
+    opcode, _, start_of_summary, _, crc = _FOOTER.unpack_from(data, size - _END)
     if opcode != FOOTER or not len(MAGIC) <= start_of_summary < size - _END:
         return Summary(None, {}, is_damaged=opcode != FOOTER or start_of_summary != 0)
     mapped.need([(start_of_summary, size)])
     chunks: list[Chunk] = []
-    index_sizes: list[int] = []
     counts: dict[int, int] = {}
     chunk_count = message_count = -1
     for opcode, start, length in steps(data, start_of_summary, size - len(MAGIC)):
         try:
             if opcode == CHUNK_INDEX:
-                chunk, index_size = _indexed_chunk(data, start, length, is_partial=is_partial)
-                chunks.append(chunk)
-                index_sizes.append(index_size)
-                drop_pages(data)
+                chunks.append(_indexed_chunk(data, start, length))
             elif opcode == STATISTICS:
                 message_count, chunk_count, counts = statistics_of(bytes(data[start : start + length]))
             else:
@@ -81,10 +81,11 @@ def read_summary(mapped: MappedFile, described: Described) -> Summary:
         except (struct.error, ValueError):
             break
     index_count = sum(len(chunk.indexes) for chunk in chunks)
-    if sum(index_sizes) != index_count * INDEX_FRONT + message_count * ENTRY:
-        index_sizes = [0] * len(chunks)
+    if sum(chunk.index_size for chunk in chunks) != index_count * INDEX_FRONT + message_count * ENTRY:
         if is_partial:
             return Summary(None, counts)
+        chunks = [chunk._replace(index_size=0) for chunk in chunks]  # they are stepped over one by one
+    fetch_heads(mapped, (*chunks[:1], *chunks[-1:]))
     is_right = described.checks.accepts(data[start_of_summary : size - len(MAGIC) - CRC], crc)
     is_whole = (
         is_right
@@ -92,11 +93,46 @@ def read_summary(mapped: MappedFile, described: Described) -> Summary:
         and message_count == sum(counts.values())
         and counts.keys() <= described.channels.keys()
         and not described.lacks_schemas
-        and _has_only(mapped, chunks, index_sizes, start_of_summary, described)
+        and all(fits(data, chunk) for chunk in (*chunks[:1], *chunks[-1:]))
+        and _has_only(mapped, chunks, start_of_summary, described)
     )
     if is_whole:
         return Summary(chunks, counts)
     return Summary(None, counts, is_damaged=not (is_right and _is_whole(data, start_of_summary)))
+
+
+def differing_sections(file: Octets) -> Iterator[str]:
+    """Yield which of the two sections of a whole file differ from the CRCs that they have."""
+    for name, begins, stop, crc in _sections(file.data):
+        if crc and all(_crc_between(file, begin, stop) != crc for begin in begins):
+            yield name
+
+
+def _sections(data: memoryview) -> Iterator[tuple[str, Sequence[int], int, int]]:
+    """Yield the name of each section, where it may begin, where it ends, and its CRC."""
+    end = len(data) - _END
+    if end < len(MAGIC) or data[-len(MAGIC) :] != MAGIC:
+        return
+    opcode, _, start_of_summary, _, crc = _FOOTER.unpack_from(data, end)
+    if opcode != FOOTER or not (start_of_summary == 0 or len(MAGIC) <= start_of_summary <= end):
+        return
+    if start_of_summary:
+        yield "the summary at the end", (start_of_summary,), len(data) - len(MAGIC) - CRC, crc
+    place = (start_of_summary or end) - _DATA_END.size
+    if place >= len(MAGIC):
+        opcode, length, crc = _DATA_END.unpack_from(data, place)
+        if (opcode, length) == (DATA_END, CRC):
+            # the magic bytes are not in the section, and yet most programs count them
+            yield "the data section", (0, len(MAGIC)), place, crc
+
+
+def _crc_between(file: Octets, start: int, stop: int) -> int:
+    """Return the CRC-32 of some bytes of a file, which are not kept in memory."""
+    crc = 0
+    for place in range(start, stop, WINDOW):
+        crc = crc32(file[place : min(place + WINDOW, stop)], crc)
+        drop_pages(file)
+    return crc
 
 
 def _is_whole(data: memoryview, start_of_summary: int) -> bool:
@@ -107,41 +143,24 @@ def _is_whole(data: memoryview, start_of_summary: int) -> bool:
     return end == len(data) - len(MAGIC)
 
 
-def _indexed_chunk(data: memoryview, start: int, length: int, *, is_partial: bool) -> tuple[Chunk, int]:
-    """Return the chunk that a chunk index names, and the size of its message indexes.
-
-    If `is_partial`, the chunk itself is not read. Raises ValueError, and struct.error.
-    """
-    record = data[start : start + length]
-    first, last, offset, whole, size = struct.unpack_from("<QQQQI", record)
-    if offset + whole > len(data):
-        raise ValueError(offset)
-    indexes = dict(struct.iter_unpack("<HQ", record[36 : 36 + size]))
-    (index_size,) = struct.unpack_from("<Q", record, 36 + size)
-    if is_partial:
-        chunk = told_chunk(record, 44 + size, offset + FRONT, whole - FRONT)
-    else:
-        opcode, content = RECORD.unpack_from(data, offset)
-        chunk = chunk_at(data, offset + FRONT, content) if opcode == CHUNK and content + FRONT == whole else None
-    if chunk is None or (not indexes and chunk.size):  # an index without message indexes is of no use
-        raise ValueError(offset)
-    first, last = min(first, LARGEST_NUMBER), min(last, LARGEST_NUMBER)
-    return chunk._replace(first=first, last=last, indexes=indexes, index_size=index_size), index_size
+def _indexed_chunk(data: memoryview, start: int, length: int) -> Chunk:
+    """Return the chunk that a chunk index names. It is not read. Raises ValueError, and struct.error."""
+    chunk = chunk_in(data[start : start + length])
+    if chunk.start + chunk.length > len(data):
+        raise ValueError(start)
+    if not chunk.indexes and chunk.size:  # an index without message indexes is of no use
+        raise ValueError(start)
+    return chunk
 
 
-def _has_only(
-    mapped: MappedFile, chunks: Sequence[Chunk], index_sizes: Sequence[int], stop: int, described: Described
-) -> bool:
+def _has_only(mapped: MappedFile, chunks: Sequence[Chunk], stop: int, described: Described) -> bool:
     """Whether there is no other chunk, and no message outside of them. `described` takes what is attached.
 
-    The message indexes behind the chunks are stepped over, each in its `index_sizes`.
+    The message indexes behind the chunks are skipped.
     """
     data = mapped.octets.data
     place = len(MAGIC)
-    spans = [
-        (chunk.start - FRONT, chunk.start + chunk.length + size)
-        for chunk, size in zip(chunks, index_sizes, strict=True)
-    ]
+    spans = [(chunk.start - FRONT, chunk.start + chunk.length + chunk.index_size) for chunk in chunks]
     for begin, end in (*spans, (stop, stop)):
         mapped.need([(place, min(place + FRONT, begin))])
         for opcode, start, length in steps(data, place, begin):

@@ -7,125 +7,26 @@ Times are log times of the file in ns.
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING, Any, TypeVar
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from msggen.base.diagnostics import few
-from msggen.recordings.source.source import LEVELS, NO_FACTS, Dropout, Facts, Text
+from msggen.recordings.source.facts import LEVELS, NO_FACTS, Dropout, Facts, Text
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
-    _Kind = TypeVar("_Kind")
-
-INFORMATION, PARAMETERS, DEFAULTS = "ulog.information", "ulog.parameters", "ulog.default_parameters"
-AIRFRAME = "ulog.airframe_defaults"
-CHANGED, TEXTS, DROPOUTS, TIME = "ulog.changed_parameters", "ulog.texts", "ulog.dropouts", "ulog.time"
 LENT = "msggen.definitions"
 """The record that tells which definitions are not in the recording."""
-NAMES = (INFORMATION, PARAMETERS, DEFAULTS, AIRFRAME, CHANGED, TEXTS, DROPOUTS, TIME, LENT)
-"""The names of the records that are read back."""
-
-_HEX = "hex"
+IS_LENT = "msggen.is_lent"
+"""The metadata of a channel whose definition was not recorded."""
+_TIME = "ulog.time"
+_HEX, _IS_EVENT = "hex", "is_event"
 _LATEST = 1 << 63
 _SHOWN = 40
 _BITS = 64
 
-
-def records_of(facts: Facts) -> Iterator[tuple[str, Mapping[str, str]]]:
-    """Yield the names and contents of the records with facts, without empty ones."""
-    changed = [{"time": time, "name": name, "value": value} for time, name, value in facts.changed_parameters]
-    found: Mapping[str, Mapping[str, object]] = {
-        INFORMATION: facts.information,
-        PARAMETERS: facts.parameters,
-        DEFAULTS: facts.default_parameters,
-        AIRFRAME: facts.airframe_defaults,
-        CHANGED: _numbered(changed),
-        TEXTS: _numbered(map(_text_object, facts.texts)),
-        DROPOUTS: _numbered(each._asdict() for each in facts.dropouts),
-        TIME: {"start": facts.start, "boot": facts.boot},
-    }
-    for name, values in found.items():
-        if values:
-            yield name, {key: _written(value) for key, value in values.items()}
-
-
-def facts_of(records: Mapping[str, Sequence[Mapping[str, str]]], report: Callable[[str], None]) -> Facts:
-    """Return the facts in records, which are listed by name, and report what cannot be read.
-
-    Different records of one name are not read: a program has put several recordings into one file.
-    """
-    if records.keys() <= {LENT}:
-        return NO_FACTS
-
-    def values(name: str, take: Callable[[Any], _Kind]) -> Iterator[tuple[str, _Kind]]:
-        first, *others = records.get(name) or [{}]
-        if any(each != first for each in others):
-            report(f"there are {len(others) + 1} different metadata records '{name}', and none of them is used")
-            return
-        wrong = []
-        for key, text in first.items():
-            try:
-                yield key, take(_read(text))
-            except (ValueError, KeyError, TypeError):
-                wrong.append(repr(key[:_SHOWN]))
-        if wrong:
-            report(f"the metadata record '{name}' has values that cannot be read: {few(wrong)}")
-
-    def listed(name: str, take: Callable[[Any], _Kind]) -> list[_Kind]:
-        # keys are numbers in decimal
-        return [value for _, value in sorted(values(name, take), key=lambda each: (len(each[0]), each[0]))]
-
-    time = dict(values(TIME, _time_or_none))
-    return Facts(
-        parameters=dict(values(PARAMETERS, _number)),
-        changed_parameters=listed(CHANGED, _change),
-        default_parameters=dict(values(DEFAULTS, _number)),
-        airframe_defaults=dict(values(AIRFRAME, _number)),
-        information=dict(values(INFORMATION, _information)),
-        texts=listed(TEXTS, _text),
-        dropouts=listed(DROPOUTS, _dropout),
-        start=time.get("start"),
-        boot=time.get("boot"),
-    )
-
-
-def notes_of(records: Mapping[str, Sequence[Mapping[str, str]]]) -> list[str]:
-    """Return the lines about definitions that are not in the recording, each once."""
-    lines = (line for each in records.get(LENT, ()) for line in each.get("notes", "").splitlines())
-    return list(dict.fromkeys(lines))
-
-
-def _numbered(values: Iterable[object]) -> dict[str, object]:
-    return {str(number): value for number, value in enumerate(values)}
-
-
-def _written(value: object) -> str:
-    if isinstance(value, str) and _read(value) is value:
-        return value
-    return json.dumps(value, ensure_ascii=False, default=_object)
-
-
-def _text_object(text: Text) -> dict[str, object]:
-    """Return a text as JSON has it: `is_event` only if it is true."""
-    return {name: value for name, value in text._asdict().items() if name != "is_event" or value}
-
-
-def _object(value: object) -> dict[str, str]:
-    """Return what JSON does not have as an object. Raises TypeError."""
-    if isinstance(value, bytes):
-        return {_HEX: value.hex()}
-    raise TypeError(type(value))
-
-
-def _read(text: str) -> Any:
-    """Return the value of JSON, or the same text if it is not JSON."""
-    try:
-        return json.loads(text)
-    except (ValueError, RecursionError):
-        return text
-
-
-# values: the functions raise ValueError, KeyError or TypeError for others
+# checks: each returns a value of JSON, or what it stands for, and raises ValueError, KeyError or TypeError for others
 
 
 def _number(value: Any) -> int | float:
@@ -155,27 +56,10 @@ def _string(value: Any) -> str:
     return value
 
 
-def _change(value: Any) -> tuple[int, str, int | float]:
-    return _time(value["time"]), _string(value["name"]), _number(value["value"])
-
-
-def _text(value: Any) -> Text:
-    level = _string(value["level"])
-    if level not in (*LEVELS, "unknown"):
-        raise ValueError(level)
-    is_event = value.get("is_event") is True
-    return Text(_time(value["time"]), level, _string(value["text"]), _time_or_none(value["tag"]), is_event)
-
-
-def _dropout(value: Any) -> Dropout:
-    return Dropout(_time(value["time"]), _time(value["duration"]))
-
-
-def _information(value: Any) -> object:
-    """Return a value, or the lists of the values of one that has several parts."""
-    if isinstance(value, list) and value and all(isinstance(each, list) for each in value):
-        return [[_value(part) for part in each] for each in value]
-    return _value(value)
+def _level(value: Any) -> str:
+    if value not in (*LEVELS, "unknown"):
+        raise ValueError(value)
+    return _string(value)
 
 
 def _value(value: Any) -> object:
@@ -185,3 +69,126 @@ def _value(value: Any) -> object:
     if isinstance(value, dict):
         return bytes.fromhex(value[_HEX])
     return _string(value) if isinstance(value, str) else _number(value)
+
+
+def _values(value: Any) -> object:
+    """Return a value, or the lists of the values of one that has several parts."""
+    if isinstance(value, list) and value and all(isinstance(each, list) for each in value):
+        return [list(map(_value, each)) for each in value]
+    return _value(value)
+
+
+# records
+
+
+class _Record(NamedTuple):
+    """What a record has by key: values, or rows by their numbers."""
+
+    field: str
+    """The field of Facts."""
+    check: Callable[[Any], Any] | Mapping[str, Callable[[Any], Any]]
+    """The check of a value, or those of the columns of a row."""
+    make: Callable[[Iterable[Any]], Any] = tuple
+    """Returns a row with the values of its columns."""
+
+    def read(self, value: Any) -> Any:
+        """Return a checked value. See above for the errors."""
+        if callable(self.check):
+            return self.check(value)
+        if not isinstance(value, dict):
+            raise TypeError(value)
+        return self.make([check(value.get(name)) for name, check in self.check.items()])
+
+    def written(self, facts: Facts) -> Mapping[str, object]:
+        """Return the values of facts by key. Of rows, `is_event` is left out if it is not true."""
+        content: Any = getattr(facts, self.field)
+        if callable(self.check):
+            return content  # type: ignore[no-any-return]
+        rows = (zip(self.check, row, strict=True) for row in content)
+        objects = ({name: value for name, value in row if value or name != _IS_EVENT} for row in rows)
+        return {str(number): each for number, each in enumerate(objects)}
+
+
+_TEXT = {"time": _time, "level": _level, "text": _string, "tag": _time_or_none, _IS_EVENT: lambda value: value is True}
+_RECORDS: Mapping[str, _Record] = MappingProxyType(
+    {
+        "ulog.information": _Record("information", _values),
+        "ulog.parameters": _Record("parameters", _number),
+        "ulog.default_parameters": _Record("default_parameters", _number),
+        "ulog.airframe_defaults": _Record("airframe_defaults", _number),
+        "ulog.changed_parameters": _Record("changed_parameters", {"time": _time, "name": _string, "value": _number}),
+        "ulog.texts": _Record("texts", _TEXT, Text._make),
+        "ulog.dropouts": _Record("dropouts", {"time": _time, "duration": _time}, Dropout._make),
+    }
+)
+NAMES = (*_RECORDS, _TIME, LENT)
+"""The names of the records that are read back."""
+
+
+def records_of(facts: Facts) -> Iterator[tuple[str, Mapping[str, str]]]:
+    """Yield the names and contents of the records with facts, without empty ones."""
+    found = {name: record.written(facts) for name, record in _RECORDS.items()}
+    for name, values in {**found, _TIME: {"start": facts.start, "boot": facts.boot}}.items():
+        if values:
+            yield name, {key: _written(value) for key, value in values.items()}
+
+
+def facts_of(records: Mapping[str, Sequence[Mapping[str, str]]], report: Callable[[str], None]) -> Facts:
+    """Return the facts in records, which are listed by name, and report what cannot be read.
+
+    Different records of one name are not read: a program has put several recordings into one file.
+    """
+    if records.keys() <= {LENT}:
+        return NO_FACTS
+
+    def values(name: str, read: Callable[[Any], Any]) -> dict[str, Any]:
+        first, *others = records.get(name) or [{}]
+        if any(each != first for each in others):
+            report(f"there are {len(others) + 1} different metadata records '{name}', and none of them is used")
+            return {}
+        found, wrong = {}, []
+        for key, text in first.items():
+            try:
+                found[key] = read(_read(text))
+            except (ValueError, KeyError, TypeError):
+                wrong.append(repr(key[:_SHOWN]))
+        if wrong:
+            report(f"the metadata record '{name}' has values that cannot be read: {few(wrong)}")
+        return found
+
+    made: dict[str, Any] = {}
+    for name, record in _RECORDS.items():
+        found = values(name, record.read)
+        # the keys of rows are numbers in decimal
+        rows = [found[key] for key in sorted(found, key=lambda key: (len(key), key))]
+        made[record.field] = found if callable(record.check) else rows
+    time = values(_TIME, _time_or_none)
+    return Facts(**made, start=time.get("start"), boot=time.get("boot"))
+
+
+def notes_of(records: Mapping[str, Sequence[Mapping[str, str]]]) -> list[str]:
+    """Return the lines about definitions that are not in the recording, each once."""
+    lines = (line for each in records.get(LENT, ()) for line in each.get("notes", "").splitlines())
+    return list(dict.fromkeys(lines))
+
+
+def _written(value: object) -> str:
+    """Return a value as JSON, or as it is if it is text that is not JSON."""
+    if isinstance(value, str) and _read(value) is value:
+        return value
+    return json.dumps(value, ensure_ascii=False, default=_hex)
+
+
+def _hex(value: object) -> Mapping[str, str]:
+    """Return bytes as an object of JSON. Raises TypeError for what else JSON does not have."""
+    if isinstance(value, bytes):
+        return {_HEX: value.hex()}
+    raise TypeError(type(value))
+
+
+def _read(text: str) -> Any:
+    """Return the value of JSON, or the same text if it is not JSON."""
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError):
+        return text

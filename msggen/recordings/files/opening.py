@@ -1,22 +1,21 @@
-"""A recording on the disk: the format of each of its files, by its first bytes."""
+"""A recording on the disk: the format of each of its files, by its first bytes, which can be compressed."""
 
 from __future__ import annotations
 
 import os
+import tempfile
 from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING
 
 from msggen.base.diagnostics import either
 from msggen.base.disk.urls import is_address
-from msggen.base.recording_formats import FORMATS
-from msggen.recordings.source.source import VERIFIED, RecordingError, Verification
+from msggen.base.recording_formats import FORMATS, unpacked
+from msggen.recordings.files.compression import ZSTD, CompressionError, Room, decompress_file
+from msggen.recordings.source.source import VERIFIED, Problem, RecordingError, Source, Verification
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-
-    from msggen.recordings.files.compression import Room
-    from msggen.recordings.source.source import Source
 
 _PARQUET = b"PAR1"
 
@@ -30,25 +29,62 @@ def open_sources(path: str, verification: Verification = VERIFIED) -> list[Sourc
         from msggen.recordings.files.stored import open_stored
 
         return open_stored(path, lambda local: open_sources(local, verification))
-    from msggen.recordings.files.bag import open_compressed, open_folder
+    from msggen.recordings.files.bag import open_folder
 
-    open_file = partial(_open_file, verification)
+    open_file = partial(_open_file, verification=verification)
     if os.path.isdir(path):
         return open_folder(path, open_file)
     if os.path.exists(path) and not os.path.isfile(path):
         raise RecordingError(f"{path} is not a recording: this is a pipe or a device")
-    return [open_compressed(path, open_file)]
+    return [open_file(path)]
 
 
-def _open_file(verification: Verification, path: str, room: Room) -> Source:
-    """Return a file that is not compressed, with the room for its chunks. Raises RecordingError, and OSError."""
+def _open_file(
+    path: str, folder_room: Room | None = None, *, verification: Verification, is_by_sample: bool = False
+) -> Source:
+    """Return a file, which can be compressed. `folder_room` is for all files of a folder.
+
+    Samples are decompressed if `is_by_sample`, or if they are zstd frames. Raises RecordingError, and OSError.
+    """
+    room = Room(os.path.getsize(path), folder_room)
+    open_plain = partial(_open_plain, room=room, verification=verification, is_by_sample=is_by_sample)
+    with open(path, "rb") as file:
+        is_compressed = file.read(len(ZSTD)) == ZSTD
+    return _open_compressed(path, room, open_plain) if is_compressed else open_plain(path)
+
+
+def _open_compressed(path: str, room: Room, open_plain: Callable[[str], Source]) -> Source:
+    """Return a compressed file, which is decompressed to a folder. Raises RecordingError, and OSError."""
+    folder = tempfile.TemporaryDirectory(prefix="msggen-", ignore_cleanup_errors=True)
+    target = os.path.join(folder.name, unpacked(os.path.basename(path)))
+    try:
+        cut = decompress_file(path, target, room)
+        source = open_plain(target)
+    except RecordingError as error:
+        folder.cleanup()
+        raise RecordingError(str(error).replace(target, path)) from None
+    except CompressionError as error:
+        folder.cleanup()
+        raise RecordingError(f"{path} cannot be decompressed: {error}") from None
+    except BaseException:
+        folder.cleanup()
+        raise
+    if cut:
+        source.problems.insert(0, Problem(f"the compressed file is damaged or cut off: {cut}"))
+    source.path = path
+    source.close_with(folder.cleanup)
+    return source
+
+
+def _open_plain(path: str, *, room: Room, verification: Verification, is_by_sample: bool) -> Source:
+    """Return a file that is not compressed, with the room for its content. Raises RecordingError, and OSError."""
     with open(path, "rb") as file:
         front = file.read(16)
     for name, each in FORMATS.items():
         if front.startswith(each.front):
             module = import_module(f"msggen.recordings.files.{name}")
-            reader: Callable[[str, Room, Verification], Source] = getattr(module, each.reader)
-            return reader(path, room, verification)
+            reader: Callable[..., Source] = getattr(module, each.reader)
+            return reader(path, room, verification, is_by_sample=is_by_sample)
     if not front:
         raise RecordingError(f"{path} is empty")
     if front.startswith(_PARQUET):

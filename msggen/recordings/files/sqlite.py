@@ -123,39 +123,49 @@ class Statements:
             f"SELECT topic_id, {time}, data, {sent or 0} FROM messages "  # noqa: S608 - known columns
             "WHERE rowid BETWEEN ? AND ? ORDER BY rowid"
         )
-        rows: list[tuple[int, int, bytes, int]] = []
-        size = bad = total = 0
+        made = _Columns([], [], [], [])
+        size = bad = 0
+        rest = self._size
         with self._opened() as base:
-            for row in base.execute(query, (low, high)):
-                topic, stamp, data, published = row
-                if type(topic) is int and type(stamp) is int and type(data) is bytes and type(published) is int:
-                    rows.append(row)
+            for topic, stamp, data, published in base.execute(query, (low, high)):
+                if type(topic) is type(stamp) is type(published) is int and type(data) is bytes:
+                    made.topics.append(topic)
+                    made.times.append(stamp)
+                    made.payloads.append(data)
+                    made.published.append(published)
                     size += len(data)
-                    total += len(data)
-                    if total > self._size:
+                    if size > rest:
                         raise sqlite3.DatabaseError("the messages have more bytes than the file")
-                    if size >= _BATCH or len(rows) >= _ROWS:
-                        yield _batch(rows, has_published=bool(sent))
-                        rows, size = [], 0
+                    if size >= _BATCH or len(made.topics) >= _ROWS:
+                        yield made.batch(has_published=bool(sent))
+                        made, rest, size = _Columns([], [], [], []), rest - size, 0
                 else:
                     bad += 1
-        if rows:
-            yield _batch(rows, has_published=bool(sent))
+        if made.topics:
+            yield made.batch(has_published=bool(sent))
         if bad:
             yield bad
 
 
-def _batch(rows: list[tuple[int, int, bytes, int]], *, has_published: bool) -> Batch:
-    topics, times, data, published = zip(*rows, strict=True)
-    sizes = np.fromiter(map(len, data), np.int64, len(data))
-    return Batch(
-        np.array(topics, np.int64),
-        np.array(times, np.int64),
-        np.array(published, np.int64) if has_published else None,
-        np.frombuffer(b"".join(data), np.uint8),
-        np.cumsum(sizes) - sizes,
-        sizes,
-    )
+class _Columns(NamedTuple):
+    """Rows of the table `messages`, column by column: tuples of so many rows would cost more than reading them."""
+
+    topics: list[int]
+    times: list[int]
+    payloads: list[bytes]
+    published: list[int]
+
+    def batch(self, *, has_published: bool) -> Batch:
+        """Return the same rows as arrays."""
+        sizes = np.fromiter(map(len, self.payloads), np.int64, len(self.payloads))
+        return Batch(
+            np.array(self.topics, np.int64),
+            np.array(self.times, np.int64),
+            np.array(self.published, np.int64) if has_published else None,
+            np.frombuffer(b"".join(self.payloads), np.uint8),
+            np.cumsum(sizes) - sizes,
+            sizes,
+        )
 
 
 class Column(NamedTuple):

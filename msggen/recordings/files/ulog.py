@@ -8,7 +8,7 @@ from __future__ import annotations
 import mmap
 import struct
 from collections import Counter, defaultdict
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -19,18 +19,16 @@ from msggen.recordings.files.ulog_formats import FRONT, NUMBERS, PAYLOAD, is_for
 from msggen.recordings.files.ulog_messages import DATA, HEAD, SMALLEST, Messages, kinds_of, sizes_of
 from msggen.recordings.files.ulog_notes import LARGEST_TIME, Notes
 from msggen.recordings.files.ulog_topics import Subscribed, Topics
+from msggen.recordings.source.facts import Facts
 from msggen.recordings.source.gather import at, groups
 from msggen.recordings.source.memory import Octets, Places, drop_pages
 from msggen.recordings.source.source import (
     FOREVER,
-    NO_CHECKSUMS,
-    Attached,
     Channel,
-    Checksums,
-    Facts,
     Part,
     Problem,
     RecordingError,
+    Source,
 )
 
 if TYPE_CHECKING:
@@ -86,15 +84,13 @@ class _Window(NamedTuple):
         return times
 
 
-class UlogFile:
+class UlogFile(Source):
     """A ULog. Raises RecordingError for other files, and for unknown flags, and OSError."""
 
     kind = "ulog"
-    notes: Sequence[str] = ()
 
-    def __init__(self, path: str, *_: object) -> None:
-        self.path = path
-        self.problems: list[Problem] = []
+    def __init__(self, path: str, *_: object, **__: object) -> None:
+        super().__init__(path)
         self._topics = Topics()
         self._notes = Notes()
         self._channels: dict[int, Channel] = {}
@@ -111,6 +107,7 @@ class UlogFile:
         self._last_time = 0
         """The latest time in ns of all samples so far."""
         self._mapped = MappedFile(path)
+        self.close_with(self._mapped.close)
         header = self._map[:_HEADER]
         if not header.startswith(MAGIC):
             raise RecordingError(f"{path} is not a ULog")
@@ -145,23 +142,6 @@ class UlogFile:
         if not self._windows:
             return None
         return min(each.first for each in self._windows), max(each.last for each in self._windows)
-
-    @property
-    def missing_checksums(self) -> None:
-        """See Source.missing_checksums."""
-        return
-
-    def verify(self) -> Checksums:
-        """Do nothing: the format has no checksums."""
-        return NO_CHECKSUMS
-
-    def attached(self) -> Iterator[Attached]:
-        """Yield nothing: only MCAP files have attachments."""
-        return iter(())
-
-    def close(self) -> None:
-        """Close the file. Can be repeated."""
-        self._mapped.close()
 
     # samples
 

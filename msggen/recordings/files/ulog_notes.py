@@ -8,7 +8,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from msggen.recordings.source.source import LEVELS, Dropout, Facts, Text
+from msggen.recordings.source.facts import LEVELS, Dropout, Facts, Text
 
 _Kind = TypeVar("_Kind")
 LARGEST_TIME = ((1 << 62) - 1) // 1000

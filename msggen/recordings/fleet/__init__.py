@@ -1,17 +1,32 @@
-"""Many recordings as one data set: Parquet files in folders that engines understand, made once each (docs/fleet.md).
+"""Many recordings as one data set: Parquet files by topic that engines read, made once each (docs/fleet.md).
 
-`update` converts all recordings below a folder; `convert_one` is the work for one of them, which any pool of processes
-can do. The files of a recording are below
+`update` converts all recordings below a folder; `convert_batch` is the work for a few of them, which any pool of
+processes can do. It adds small files, and `compact` makes large ones of them:
 
-    fleet/<topic>/vehicle=<id>/date=<day>/log=<name>/namespace=<name>/instance=<number>/<topic>.parquet
+    fleet/<topic>/000012-9f3a5c01.parquet
 
-`fleet/_msggen/logs/` has a record of each recording that is done, and `fleet/_logs.parquet` a row for queries.
+The first columns of each, `Keys`, tell of which recording a row is. `fleet/_msggen/ledger.jsonl` has a line for each
+recording that is done and for each file, and `fleet/_logs.parquet` a row for queries.
 """
 
 from __future__ import annotations
 
-from msggen.recordings.fleet.layout import KEYS, UNKNOWN
+from msggen.recordings.fleet.batch import Batch, Outcome, Task, convert_batch
+from msggen.recordings.fleet.compaction import Compacted, compact
+from msggen.recordings.fleet.layout import KEYS, UNKNOWN, Keys
 from msggen.recordings.fleet.run import Progress, Summary, update
-from msggen.recordings.fleet.single import Outcome, Task, convert_one
 
-__all__ = ["KEYS", "UNKNOWN", "Outcome", "Progress", "Summary", "Task", "convert_one", "update"]
+__all__ = [
+    "KEYS",
+    "UNKNOWN",
+    "Batch",
+    "Compacted",
+    "Keys",
+    "Outcome",
+    "Progress",
+    "Summary",
+    "Task",
+    "compact",
+    "convert_batch",
+    "update",
+]

@@ -1,35 +1,35 @@
-"""Where the files of a recording are in a fleet: by vehicle, by date, or both."""
+"""What the files of a fleet are called, and the columns that tell the recording of each row."""
 
 from __future__ import annotations
 
 import os
 import re
-from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from datetime import date, datetime, timezone
 from typing import TYPE_CHECKING, NamedTuple
 
-from msggen.recordings.convert.names import Place, place_of
 from msggen.recordings.files.paths import stem_of
 from msggen.recordings.log.origin import gps_offset_of
 
 if TYPE_CHECKING:
+    from msggen.recordings.convert.names import Place
     from msggen.recordings.log.log import Log
-    from msggen.recordings.topics.topic import Topic
 
-VERSION = 3
+VERSION = 4
 """The version of the layout. A fleet has only files of one."""
 KEYS = ("vehicle", "date")
-"""What folders can be named after."""
+"""What rows can be sorted by, before all else."""
 UNKNOWN = "unknown"
 ORIGINS = ("gps", "name", "clock", UNKNOWN)
 """Where the day of a recording can come from."""
 NONE = "none"
-"""The namespace of topics without one. All files of a data set must have the same keys."""
+"""The namespace of topics without one."""
 DIGITS = 8
 """How many digits of its digest the name of a recording has."""
 
 _STRANGE = re.compile(r"[^A-Za-z0-9_.-]+")
+_TOKEN = re.compile(r"\d{6,12}-[0-9a-f]{8}", re.ASCII)
+_PLACE = re.compile(rf"[A-Za-z0-9-][\w.-]*/{_TOKEN.pattern}(?:-\d{{1,6}})?\.parquet", re.ASCII)
 _DATE = re.compile(r"(?<!\d)(20\d\d)([-_.]?)(\d\d)\2(\d\d)(?!\d)")
 _LOGGER = "[logger] "
 """The front of PX4's line that names its log: `[logger] /fs/microsd/log/2026-01-12/10_23_26.ulg`."""
@@ -44,33 +44,49 @@ class Dated(NamedTuple):
     origin: str
 
 
-def places_of(topics: Iterable[Topic], values: Mapping[str, str], log: str) -> dict[tuple[str, int], str]:
-    """Return the path of the file of each topic of a recording, below the folder of the fleet, by name and instance.
+class Keys(NamedTuple):
+    """The columns in front of those of a topic: of which recording a row is. They are strings, and an int32."""
 
-    `values` are those of the keys, in order. Folders have the form `key=value` that Hive began and that DuckDB, Polars,
-    Arrow, Dask and Spark read as columns. They depend on the topic alone. If the definition of a topic changes in a
-    recording, it has several files in one folder.
+    vehicle: str
+    date: str
+    log: str
+    namespace: str
+    instance: int
+
+
+def keys_of(place: Place, values: Mapping[str, str], log: str) -> Keys:
+    """Return the keys of a topic in a recording. `values` are those of KEYS."""
+    return Keys(values["vehicle"], values["date"], log, place.namespace or NONE, place.instance)
+
+
+def order_of(by: Sequence[str]) -> tuple[str, ...]:
+    """Return the columns that rows are sorted by: those of KEYS that were chosen first, and the time comes last."""
+    return tuple(dict.fromkeys((*by, *Keys._fields)))
+
+
+def is_place(name: object) -> bool:
+    """Whether this is the path of a file below the folder of a fleet: `<topic>/000012-9f3a5c01.parquet`.
+
+    No such name leads out of the fleet, on any system. Other files are not of the fleet.
     """
-    found: dict[tuple[str, int], str] = {}
-    counts: Counter[str] = Counter()
-    for topic in topics:
-        place = place_of(topic)
-        folder = _folder_of(place, values, log)
-        stem = f"{place.name}_{place.instance}" if place.instance else place.name
-        counts[folder] += 1
-        end = f"-{counts[folder]}.parquet" if counts[folder] > 1 else ".parquet"
-        found[topic.name, topic.instance] = f"{folder}/{stem}{end}"
-    return found
+    return isinstance(name, str) and _PLACE.fullmatch(name) is not None
 
 
-def place_of_facts(name: str, values: Mapping[str, str], log: str) -> str:
-    """Return the path of a table of FACT_TABLES, as `places_of` does for topics."""
-    return f"{_folder_of(Place(name, '', 0), values, log)}/{name}.parquet"
+def is_fact(place: str) -> bool:
+    """Whether a file has what ULogs have beside their topics."""
+    from msggen.recordings.convert.names import FACT_TABLES
+
+    return place.partition("/")[0] in FACT_TABLES
 
 
-def _folder_of(place: Place, values: Mapping[str, str], log: str) -> str:
-    keys = {**values, "log": log, "namespace": place.namespace or NONE, "instance": str(place.instance)}
-    return "/".join((place.name, *(f"{key}={value}" for key, value in keys.items())))
+def is_token(name: object) -> bool:
+    """Whether this is the name of a change, as `token_of` makes them."""
+    return isinstance(name, str) and _TOKEN.fullmatch(name) is not None
+
+
+def token_of(number: int) -> str:
+    """Return a name for a change and its files, `000012-9f3a5c01`. None of a run that was killed has the same."""
+    return f"{number:06}-{os.urandom(4).hex()}"
 
 
 def cleaned(text: str) -> str:

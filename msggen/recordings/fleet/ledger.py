@@ -1,7 +1,9 @@
-"""What a fleet has: a record of each recording that is done, in a file of its own, and the keys of the layout.
+"""What a fleet has: the recordings, and which of them are in which file of which topic.
 
-A record is written when all files of its recording are in place. So a run that was killed leaves whole files, which
-the next run writes again.
+`ledger.jsonl` has a line for each recording and each file. A change of the fleet is a file of its own in `changes`,
+which is written first: what it adds waits in a stage. Then the folders of its topics are changed, each in one step. If
+a run is killed in between, the next one repeats the change. At its end, a run writes `ledger.jsonl` anew, and removes
+the changes.
 """
 
 from __future__ import annotations
@@ -10,295 +12,293 @@ import json
 import os
 import platform
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from msggen.base.disk.output import check_links, link_in
-from msggen.base.disk.reading import read_bytes
-from msggen.base.disk.staging import locked, make_folder, write_if_changed
-from msggen.recordings.fleet.finding import State
-from msggen.recordings.fleet.layout import DIGITS, KEYS, ORIGINS, VERSION
+from msggen.base.disk.staging import locked
+from msggen.recordings.fleet.folder import STAGE, STATE, Added, Folder
+from msggen.recordings.fleet.layout import KEYS, UNKNOWN, VERSION, Keys, is_fact, is_place, is_token, token_of
+from msggen.recordings.fleet.ranges import count_of, has, ranges_of, within
+from msggen.recordings.fleet.records import (
+    File,
+    FleetError,
+    Record,
+    are_files,
+    document_of_file,
+    file_of,
+    is_count,
+    line_of_record,
+    read_json,
+    record_of,
+)
 from msggen.recordings.source.source import RecordingError
 
+__all__ = ["REPORT", "STATE", "Change", "FleetError", "Ledger"]
 
-class FleetError(RecordingError):
-    """A folder that is not the fleet that was asked for."""
-
-
-STATE = "_msggen"
-"""The folder of the records. Engines skip names that begin with an underscore."""
 LAYOUT = "layout.json"
 REPORT = "report.json"
-_LOGS = "logs"
+_LEDGER = "ledger.jsonl"
+_CHANGES = "changes"
 _RUN = "run.txt"
 """The file that names the process that changes the fleet."""
 _LONGEST = 200
 """The most characters that are shown of it."""
-_PLACE = re.compile(r"(?:[A-Za-z0-9-][\w.=-]*/)+[A-Za-z0-9-][\w.-]*\.parquet", re.ASCII)
-"""A file of a recording, as `places_of` names it. No part of it leads out of the fleet, on any system."""
+_STAGED = re.compile(rf"([\w-]+){re.escape(STAGE)}/new/[\w.-]+", re.ASCII)
 
 
-class Record(NamedTuple):
-    """A recording that is done."""
+class Change(NamedTuple):
+    """A change of a fleet."""
 
-    log: str
-    """Its name in the fleet."""
-    digest: str
-    paths: Mapping[str, State]
-    """Where it was found, and its state there. A copy is not converted."""
-    values: Mapping[str, str]
-    """The values of the keys: vehicle, date."""
-    date_from: str
-    files: Sequence[str]
-    """Its files, below the folder of the fleet."""
-    rows: int
-    size: int
-    """The bytes of its files."""
-    problems: Sequence[str]
-    """What it has and what is not in the files."""
-    notes: Sequence[str]
-    """Where definitions are from that are not in the recording."""
-    firmware: str
-    """The release of the firmware, "" if a ULog does not tell it."""
-    start: int | None
-    """The start in ns since 1970 in UTC, None if the recording does not tell it."""
-    utc_offset: int | None
-    """What to add to log times in ns for UTC, None if it is not known."""
-    duration: float
-    """In s."""
+    added: Mapping[Added, File] = MappingProxyType({})
+    """Files with what they have. Without a staged file, only what the ledger says of a file changes."""
+    removed: Collection[str] = ()
+    """The places of files."""
+    records: Sequence[Record] = ()
+    gone: Collection[int] = ()
+    """The numbers of recordings that it no longer has."""
 
-
-def original_of(record: Record) -> str:
-    """Return the path of a recording of which other ones are copies: the first that there still is."""
-    return next((path for path in record.paths if os.path.lexists(path)), next(iter(record.paths), record.log))
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing changes."""
+        return not (self.added or self.removed or self.records or self.gone)
 
 
 class Ledger:
-    """The records of a fleet in a folder."""
+    """The records and files of a fleet."""
 
     def __init__(self, fleet: str) -> None:
         self.fleet = fleet
-        self.state = os.path.join(fleet, STATE)
+        self.folder = Folder(fleet)
+        self.records: dict[int, Record] = {}
+        """The recordings, by number."""
+        self.files: dict[str, File] = {}
+        """The files that the fleet should have, by place."""
+        self.found: dict[str, int] = {}
+        """The sizes of the files of topics that are there, by place: users can remove and add some."""
+        self.version = VERSION
+        self.by: Sequence[str] = KEYS
+        self._changes = 0
 
-    def open(self, by: Sequence[str]) -> None:
-        """Create the folders. Raises FleetError for a fleet with other keys or another layout, and OSError.
+    def open(self, by: Sequence[str] | None = None) -> None:
+        """Create the folders, or find those of a fleet that is there if `by` is None. Raises FleetError and OSError.
 
-        A folder with other files raises FleetError too: the files of a fleet would be among them. Raises InputError if
-        a folder of the records is a symbolic link.
+        FleetError is raised for a fleet with other keys or a newer layout, and for a folder with other files: the files
+        of a fleet would be among them. Raises InputError if a folder of the records is a symbolic link.
         """
-        if not os.path.lexists(self.state) and os.path.isdir(self.fleet) and os.listdir(self.fleet):
+        if by is None and not os.path.isfile(os.path.join(self.folder.state, LAYOUT)):
+            raise FleetError("this is not a fleet: name a folder that `msggen log convert FOLDER -o FLEET` has written")
+        if self.folder.has_others():
             raise FleetError("the folder of the fleet has other files: choose a new folder")
-        check_links(self.fleet, [f"{STATE}/{_LOGS}"])
-        make_folder(os.path.join(self.state, _LOGS))
-        path = os.path.join(self.state, LAYOUT)
-        known = _read(path)
+        self.folder.make(_CHANGES)
+        known = read_json(self.folder.read(LAYOUT))
         if known is None:
-            write_if_changed(path, json.dumps({"by": list(by), "version": VERSION}) + "\n")
-        elif known.get("by") != list(by):
-            had = known.get("by")
+            self.by = by or KEYS
+            self.write_layout()
+            return
+        had = known.get("by")
+        if by is not None and had != list(by):
             had = ",".join(map(str, had)) if isinstance(had, list) else had
             raise FleetError(f"this fleet is by '{had}', not by '{','.join(by)}': choose another folder")
-        elif known.get("version") != VERSION:
-            raise FleetError("another version of msggen wrote this fleet, with other folders: choose a new folder")
+        self.version = known.get("version")
+        if self.version not in (VERSION - 1, VERSION) or not _is_order(had):
+            raise FleetError("another version of msggen wrote this fleet, in another layout: choose a new folder")
+        self.by = had
+
+    def write_layout(self) -> None:
+        """Write that the fleet has the layout of this version."""
+        self.folder.write(LAYOUT, (json.dumps({"by": list(self.by), "version": VERSION}) + "\n").encode())
+        self.version = VERSION
 
     @contextmanager
     def locked(self, waiting: Callable[[str], None]) -> Iterator[None]:
-        """Hold the lock of the fleet. If another run has it, call `waiting` with the name of its process, and wait."""
-        path = os.path.join(self.state, _RUN)
-        with locked(self.state, lambda: waiting(_line_in(path))):
-            write_if_changed(path, f"process {os.getpid()} on {platform.node()}\n", flushed=False)
+        """Hold the lock of the fleet. If another run has it, call `waiting` with the name of its process, and wait.
+
+        Then read the records, and repeat the changes of a run that was killed.
+        """
+        with locked(self.folder.state, lambda: waiting(self._line_of_run())):
+            line = f"process {os.getpid()} on {platform.node()}\n"
+            self.folder.write(_RUN, os.fsencode(line), flushed=False)
             try:
+                self._read()
                 yield
             finally:
-                with suppress(OSError):
-                    os.unlink(path)
+                self.folder.delete(_RUN)
 
-    def records(self) -> Iterator[Record]:
-        """Yield the records, without those that cannot be read."""
-        folder = os.path.join(self.state, _LOGS)
-        for name in sorted(os.listdir(folder)):
-            found = self.record(name.removesuffix(".json")) if name.endswith(".json") else None
-            if found is not None:
-                yield found
+    def token(self) -> str:
+        """Return a name for the next change and its files."""
+        numbers = (int(os.path.basename(place).partition("-")[0]) for place in self.files)
+        self._changes = max([self._changes, *numbers]) + 1
+        return token_of(self._changes)
 
-    def record(self, log: str) -> Record | None:
-        """Return the record of a recording by its name, None if there is none that can be read."""
-        found = _read(self._path(log))
-        if found is None or found.keys() != _IS_SOUND.keys() or found["log"] != log:
-            return None
-        if not all(is_sound(found[name]) for name, is_sound in _IS_SOUND.items()):
-            return None
-        if not all(f"/log={log}/" in name for name in found["files"]):  # others are of another recording, or of nobody
-            return None
-        return Record(**{**found, "paths": {path: State(*state) for path, state in found["paths"].items()}})
+    def commit(self, change: Change) -> None:
+        """Make a change: afterwards it is part of the fleet, whatever happens. Raises OSError."""
+        name = f"{_CHANGES}/{self.token()}.json"
+        added = {each.place: {"staged": each.staged, **document_of_file(file)} for each, file in change.added.items()}
+        document = {
+            "added": added,
+            "removed": list(change.removed),
+            "records": [json.loads(line_of_record(record)) for record in change.records],
+            "gone": sorted(change.gone),
+        }
+        self.folder.write(name, (json.dumps(document) + "\n").encode())
+        self._apply(change)
 
-    def find(self, digest: str) -> Record | None:
-        """Return the record of a recording with these contents, None if there is none."""
-        end = f"-{digest[:DIGITS]}.json"
-        names = (name for name in sorted(os.listdir(os.path.join(self.state, _LOGS))) if name.endswith(end))
-        found = (self.record(name.removesuffix(".json")) for name in names)
-        return next((each for each in found if each is not None and each.digest == digest), None)
+    def finish(self) -> None:
+        """Write all records and files, after which the changes are not needed any more. Raises OSError."""
+        self.folder.flush(sorted({place.partition("/")[0] for place in self.files}))
+        self.folder.write(_LEDGER, "".join(f"{line}\n" for line in self._lines()).encode())
+        for name in self._pending():  # in this order: the later ones may remove what the first ones add
+            self.folder.delete(f"{_CHANGES}/{name}")
 
-    def has_files(self, record: Record) -> bool:
-        """Whether all files of a record are there: users can remove them."""
-        return all(os.path.exists(os.path.join(self.fleet, name)) for name in record.files)
+    def next_number(self) -> int:
+        """Return a number that no recording has."""
+        highest = (each[-1] for file in self.files.values() for each in file.logs)
+        return max([*self.records, *highest], default=-1) + 1
 
-    def write(self, record: Record) -> None:
-        """Write a record. Raises OSError."""
-        paths = {path: list(state) for path, state in record.paths.items()}
-        write_if_changed(self._path(record.log), json.dumps({**record._asdict(), "paths": paths}, indent=1) + "\n")
+    def missing(self) -> set[int]:
+        """Return the numbers of the recordings of which a file is missing."""
+        gone = [file for place, file in self.files.items() if place not in self.found]
+        known = sorted(self.records)
+        return {number for file in gone for number in within(file.logs, known)}
 
-    def add(self, record: Record) -> None:
-        """Write a record, with the paths that it had before, and remove files that it no longer has. Raises OSError."""
-        known = self.record(record.log)
-        if known is not None and known.digest == record.digest:
-            record = record._replace(paths={**known.paths, **record.paths})
-            self.remove_files(set(known.files) - set(record.files))
-        self.write(record)
+    def places_with(self, numbers: Collection[int]) -> list[str]:
+        """Return the places of the files that have rows of some recordings, also of those that are missing."""
+        return [place for place, file in self.files.items() if has(file.logs, numbers)]
 
-    def remove(self, record: Record) -> None:
-        """Remove the files of a record, the folders that are then empty, and the record itself. Raises OSError."""
-        self.remove_files(record.files)
-        os.unlink(self._path(record.log))
+    def _lines(self) -> Iterator[str]:
+        for _, record in sorted(self.records.items()):
+            yield line_of_record(record)
+        for place, file in sorted(self.files.items()):
+            yield json.dumps({"place": place, **document_of_file(file)})
 
-    def remove_files(self, files: Iterable[str]) -> None:
-        """Remove files of the fleet, and the folders that are then empty, but nothing below a link. Raises OSError."""
-        for name in files:
-            path, folder = os.path.join(self.fleet, name), os.path.dirname(name)
-            if link_in(self.fleet, folder):
+    def _read(self) -> None:
+        """Read what the fleet has, repeat changes, and take in files that no line names: the ledger may be damaged."""
+        self.records, self.files = {}, {}
+        for line in self.folder.lines(_LEDGER):
+            found = read_json(line) or {}
+            file = file_of(found)
+            if file is not None and is_place(found.get("place")):
+                self.files[found["place"]] = file
+            elif (record := record_of(found)) is not None:
+                self.records[record.number] = record
+        for name in self._pending():
+            change = _change_of(read_json(self.folder.read(f"{_CHANGES}/{name}")))
+            if change is not None:
+                self._apply(change)
+        for stage in self.folder.stages():
+            self.folder.clear(stage)
+        self.found = self.folder.places()
+        self._take_in()
+
+    def _pending(self) -> list[str]:
+        """Return the names of the files of changes, in their order."""
+        names = [name for name in self.folder.names(_CHANGES) if is_token(name.removesuffix(".json"))]
+        numbers = [int(name.partition("-")[0]) for name in names]
+        self._changes = max([self._changes, *numbers])
+        return [name for _, name in sorted(zip(numbers, names, strict=True))]
+
+    def _take_in(self) -> None:
+        """Take in the files whose recordings no line tells: the ledger was damaged. Only their rows are known."""
+        known = sorted(self.records)
+        strange = [place for place, file in self.files.items() if count_of(file.logs) != len(within(file.logs, known))]
+        for place in strange:
+            file = self.files.pop(place)
+            if place not in self.found and (rest := within(file.logs, known)):
+                self.files[place] = file._replace(logs=ranges_of(rest))
+        places = [place for place in self.found if place not in self.files and is_place(place)]
+        numbers = {record.log: record.number for record in self.records.values()}
+        for place, rows in _rows_in(self.folder, places):
+            for keys, count in rows.items():
+                if keys.log not in numbers:
+                    numbers[keys.log] = number = self.next_number()
+                    self.records[number] = _unknown(number, keys)
+                record = self.records[numbers[keys.log]]
+                if not record.digest and not is_fact(place):
+                    self.records[record.number] = record._replace(rows=record.rows + count)
+            logs = ranges_of(numbers[keys.log] for keys in rows)
+            self.files[place] = File(sum(rows.values()), self.found[place], logs)
+
+    def _apply(self, change: Change) -> None:
+        """Change the folders of the topics, and what is known of them. It does not matter if that was done before."""
+        topics: dict[str, tuple[list[Added], list[str]]] = {}
+        for each in change.added:
+            topics.setdefault(each.place.partition("/")[0], ([], []))[0].append(each)
+        for place in change.removed:
+            topics.setdefault(place.partition("/")[0], ([], []))[1].append(place)
+        for topic, (added, removed) in topics.items():
+            self.folder.change(topic, added, removed)
+        for stage in {each.staged.partition("/")[0] for each in change.added if each.staged}:
+            self.folder.clear(stage)
+        for place in change.removed:
+            self.files.pop(place, None)
+            self.found.pop(place, None)
+        for each, file in change.added.items():
+            self.files[each.place] = file
+            self.found[each.place] = file.size
+        for number in change.gone:
+            self.records.pop(number, None)
+        self.records.update({record.number: record for record in change.records})
+
+    def _line_of_run(self) -> str:
+        text = (self.folder.read(_RUN) or b"").decode(errors="replace")
+        return text.partition("\n")[0][:_LONGEST].strip()
+
+
+def _unknown(number: int, keys: Keys) -> Record:
+    """Return the record of a recording of which only rows are known."""
+    values = {"vehicle": keys.vehicle, "date": keys.date}
+    return Record(number, keys.log, "", {}, values, UNKNOWN, 0, [], [], "", None, None, 0.0)
+
+
+def _rows_in(folder: Folder, places: Sequence[str]) -> Iterator[tuple[str, Mapping[Keys, int]]]:
+    """Yield the number of rows by keys of files, without those that cannot be read."""
+    if not places:
+        return
+    from msggen.recordings.fleet.runs import opened
+
+    with opened(folder.open) as files:
+        for place in places:
+            try:
+                yield place, files.rows(place)
+            except (RecordingError, OSError):
                 continue
-            if os.path.lexists(path) and not os.path.isdir(path):  # a folder is not of a record
-                os.unlink(path)
-            with suppress(OSError):  # the first one that is not empty ends it
-                while folder:
-                    os.rmdir(os.path.join(self.fleet, folder))
-                    folder = os.path.dirname(folder)
-
-    def merge_copies(self) -> set[str]:
-        """Remove all but one of recordings with the same contents, and return their names.
-
-        Copies of a recording can be converted at the same time.
-        """
-        removed = set()
-        kept: dict[str, Record] = {}
-        for record in self.records():
-            first = kept.setdefault(record.digest, record)
-            if first is not record:
-                kept[record.digest] = first._replace(paths={**first.paths, **record.paths})
-                self.write(kept[record.digest])
-                self.remove(record)
-                removed.add(record.log)
-        return removed
-
-    def remove_stale(self) -> int:
-        """Remove what earlier contents of changed recordings have left. Return how many recordings that were."""
-        records = list(self.records())
-        owners: dict[str, list[Record]] = {}
-        for record in records:
-            for path in record.paths:
-                owners.setdefault(path, []).append(record)
-        stale: dict[str, set[str]] = {}
-        for path, found in owners.items():
-            current = [each for each in found if each.paths[path] == _state(path)]
-            for each in found if len(found) > 1 and current else ():
-                if each is not current[0]:
-                    stale.setdefault(each.log, set()).add(path)
-        removed = 0
-        for record in records:
-            gone = stale.get(record.log, set())
-            rest = {path: state for path, state in record.paths.items() if path not in gone}
-            if not rest:
-                self.remove(record)
-                removed += 1
-            elif gone:
-                self.write(record._replace(paths=rest))
-        return removed
-
-    def _path(self, log: str) -> str:
-        return os.path.join(self.state, _LOGS, f"{log}.json")
 
 
-# what a record may have: anybody can have written it
+def _is_order(value: object) -> bool:
+    return isinstance(value, list) and bool(value) and set(map(str, value)) <= set(KEYS)
 
 
-def _is_text(value: object) -> bool:
-    """Whether this is a text that can be in a path."""
-    return isinstance(value, str) and "\0" not in value
-
-
-def _are_texts(value: object) -> bool:
-    """Whether these are texts of any characters: problems name topics, which can have NUL in a damaged recording."""
-    return isinstance(value, list) and all(isinstance(each, str) for each in value)
-
-
-def _are_places(value: object) -> bool:
-    return isinstance(value, list) and all(isinstance(each, str) and _PLACE.fullmatch(each) for each in value)
-
-
-def _are_states(value: object) -> bool:
-    """Whether these are states by path."""
-    return (
-        isinstance(value, dict)
-        and bool(value)
-        and all(map(_is_text, value))
-        and all(isinstance(each, list) and len(each) == len(State._fields) for each in value.values())
-        and all(_is_number(number) for each in value.values() for number in each)
+def _change_of(found: Any) -> Change | None:
+    """Return the change in a JSON document, None if it is not sound: anybody can have written it."""
+    if found is None or not {"added", "removed", "records", "gone"} <= found.keys():
+        return None
+    added, removed, gone = found["added"], found["removed"], found["gone"]
+    if not are_files(added) or not all(_is_staged(each.get("staged")) for each in added.values()):
+        return None
+    if not isinstance(removed, list) or not all(isinstance(place, str) for place in removed):
+        return None
+    if not isinstance(found["records"], list) or not isinstance(gone, list) or not all(map(is_count, gone)):
+        return None
+    records = [record_of(each) for each in found["records"]]
+    files = {Added(place, each["staged"]): file_of(each) for place, each in added.items()}
+    if None in records or not all(is_place(place) or _is_of_version_3(place) for place in removed):
+        return None
+    return Change(
+        {place: file for place, file in files.items() if file is not None},
+        removed,
+        [record for record in records if record is not None],
+        gone,
     )
 
 
-def _are_keys(value: object) -> bool:
-    return isinstance(value, dict) and value.keys() == {*KEYS} and all(map(_is_text, value.values()))
+def _is_staged(value: object) -> bool:
+    found = _STAGED.fullmatch(value) if isinstance(value, str) else None
+    return value == "" or (found is not None and is_token(found[1]))
 
 
-def _is_number(value: object) -> bool:
-    return type(value) is int and -_LIMIT <= value < _LIMIT
+def _is_of_version_3(place: str) -> bool:
+    from msggen.recordings.fleet.version3 import is_place as is_of_version_3
 
-
-def _is_number_or_none(value: object) -> bool:
-    return value is None or _is_number(value)
-
-
-_LIMIT = 1 << 63
-_IS_SOUND: Mapping[str, Callable[[Any], bool]] = {
-    "log": _is_text,
-    "digest": _is_text,
-    "paths": _are_states,
-    "values": _are_keys,
-    "date_from": ORIGINS.__contains__,
-    "files": _are_places,
-    "rows": _is_number,
-    "size": _is_number,
-    "problems": _are_texts,
-    "notes": _are_texts,
-    "firmware": lambda value: isinstance(value, str),
-    "start": _is_number_or_none,
-    "utc_offset": _is_number_or_none,
-    "duration": lambda value: isinstance(value, float) or _is_number(value),
-}
-
-
-def _state(path: str) -> State | None:
-    from msggen.recordings.fleet.finding import state_of
-
-    try:
-        return state_of(path)
-    except (OSError, ValueError):  # half a surrogate is in no path
-        return None
-
-
-def _line_in(path: str) -> str:
-    """Return the first line of a file, "" if it cannot be read."""
-    try:
-        return read_bytes(path, follow=False).decode(errors="replace").partition("\n")[0][:_LONGEST].strip()
-    except OSError:
-        return ""
-
-
-def _read(path: str) -> Any:
-    """Return the object in a JSON file, None if there is none that can be read."""
-    try:
-        found = json.loads(read_bytes(path, follow=False))
-    except (OSError, ValueError, RecursionError):
-        return None
-    return found if isinstance(found, dict) else None
+    return is_of_version_3(place)

@@ -11,41 +11,46 @@ from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any
 
 from msggen.base.interpreter import command_of
-from msggen.recordings.fleet.single import Outcome, Task, convert_one
+from msggen.recordings.fleet.batch import Batch, Outcome, Task, convert_batch
 
 _PATIENCE = 10
 """How long to wait for a scheduler, in s."""
 
 if TYPE_CHECKING:
-    Pool = Callable[[Sequence[Task]], Iterator[Outcome]]
-    """Converts recordings, and yields what became of each, in any order."""
+    Pool = Callable[[Sequence[Task]], Iterator[Batch]]
+    """Converts recordings, and yields what became of those of each task, in any order."""
 
 
-def in_this_process(tasks: Sequence[Task]) -> Iterator[Outcome]:
+def in_this_process(tasks: Sequence[Task]) -> Iterator[Batch]:
     """Convert recordings one after the other."""
-    return map(convert_one, tasks)
+    return map(convert_batch, tasks)
 
 
-def in_processes(tasks: Sequence[Task], jobs: int) -> Iterator[Outcome]:
+def in_processes(tasks: Sequence[Task], jobs: int) -> Iterator[Batch]:
     """Convert recordings in `jobs` processes. If one is killed, as for want of memory, the others go on."""
-    killed = []
-    for task, outcome in _processes(tasks, jobs):
-        if outcome is None:
-            killed.append(task)
+    killed: list[Task] = []
+    for task, batch in _processes(tasks, jobs):
+        if batch is None:
+            killed += task.single()
         else:
-            yield outcome
-    for task, outcome in _processes(killed, 1):  # alone: the others may have had the memory that it needs
-        yield outcome or Outcome(task.path, error="the process that converted it was killed")
+            yield batch
+    for task, batch in _processes(killed, 1):  # alone: the others may have had the memory that it needs
+        yield batch or failed(task, "the process that converted it was killed")
 
 
-def _processes(tasks: Sequence[Task], jobs: int) -> Iterator[tuple[Task, Outcome | None]]:
+def failed(task: Task, error: str) -> Batch:
+    """Return what became of recordings whose conversion has ended."""
+    return Batch(task, [Outcome(path, error=error) for path in task.paths])
+
+
+def _processes(tasks: Sequence[Task], jobs: int) -> Iterator[tuple[Task, Batch | None]]:
     """Convert recordings in `jobs` processes. Yield None for one whose process was killed."""
     workers = [_Worker() for _ in tasks[:jobs]]
     idle: SimpleQueue[_Worker] = SimpleQueue()
     for worker in workers:
         idle.put(worker)
 
-    def run(task: Task) -> tuple[Task, Outcome | None]:
+    def run(task: Task) -> tuple[Task, Batch | None]:
         worker = idle.get()
         try:
             return task, worker.run(task)
@@ -69,18 +74,18 @@ class _Worker:
         self._process: subprocess.Popen[bytes] | None = None
         self._is_ended = False
 
-    def run(self, task: Task) -> Outcome | None:
+    def run(self, task: Task) -> Batch | None:
         """Convert a recording. Return None if the process was killed."""
         process = self._process or self._start()
         assert process.stdin is not None and process.stdout is not None  # noqa: S101, PT018 - they are pipes
         try:
-            pickle.dump((convert_one, task), process.stdin)
+            pickle.dump((convert_batch, task), process.stdin)
             process.stdin.flush()
-            outcome: Outcome = pickle.load(process.stdout)  # noqa: S301 - from a process of our own
+            batch: Batch = pickle.load(process.stdout)  # noqa: S301 - from a process of our own
         except (EOFError, OSError, ValueError, pickle.UnpicklingError):
             self._kill()
             return None
-        return outcome
+        return batch
 
     def end(self) -> None:
         """End the process, and what it converts. From any thread."""
@@ -102,7 +107,7 @@ class _Worker:
                 pass
 
 
-def on_dask(tasks: Sequence[Task], address: str) -> Iterator[Outcome]:
+def on_dask(tasks: Sequence[Task], address: str) -> Iterator[Batch]:
     """Convert recordings on the cluster of a Dask scheduler, whose workers see the same folders and have msggen.
 
     Raises OSError if the scheduler cannot be reached.
@@ -113,12 +118,20 @@ def on_dask(tasks: Sequence[Task], address: str) -> Iterator[Outcome]:
         yield from on_client(tasks, client)
 
 
-def on_client(tasks: Sequence[Task], client: Any) -> Iterator[Outcome]:
+def on_client(tasks: Sequence[Task], client: Any) -> Iterator[Batch]:
     """Convert recordings with a `distributed.Client`."""
     from distributed import as_completed
 
-    futures = {client.submit(convert_one, task, pure=False): task for task in tasks}
-    for future in as_completed(futures, loop=client.loop):
-        error = future.exception()  # as of a worker that was killed, again and again
-        yield Outcome(futures[future].path, error=f"{type(error).__name__}: {error}") if error else future.result()
+    futures = {client.submit(convert_batch, task, pure=False): task for task in tasks}
+    for future in (waiting := as_completed(futures, loop=client.loop)):
+        error, task = future.exception(), futures[future]  # as of a worker that was killed, again and again
+        if error is None:
+            yield future.result()
+        elif len(task.paths) > 1:
+            for single in task.single():
+                again = client.submit(convert_batch, single, pure=False)
+                futures[again] = single
+                waiting.add(again)
+        else:
+            yield failed(task, f"{type(error).__name__}: {error}")
         future.release()

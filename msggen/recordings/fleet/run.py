@@ -10,13 +10,15 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from msggen.base.diagnostics import either
-from msggen.base.disk.staging import clear, write_if_changed
 from msggen.base.recording_formats import FORMATS
 from msggen.recordings.fleet import pools
-from msggen.recordings.fleet.finding import find_recordings, state_of
-from msggen.recordings.fleet.layout import KEYS
-from msggen.recordings.fleet.ledger import REPORT, Ledger, Record, original_of
-from msggen.recordings.fleet.single import STAGE, Outcome, Task
+from msggen.recordings.fleet.batch import Batch, Outcome, Task
+from msggen.recordings.fleet.changes import Held, change_of, end_of
+from msggen.recordings.fleet.finding import Found, find_recordings
+from msggen.recordings.fleet.layout import KEYS, VERSION
+from msggen.recordings.fleet.ledger import REPORT, Ledger
+from msggen.recordings.fleet.planning import plan_of, tasks_of
+from msggen.recordings.fleet.records import File, Record, original_of
 from msggen.recordings.fleet.table import write_table
 from msggen.recordings.source.source import RecordingError
 
@@ -47,6 +49,10 @@ class Summary(NamedTuple):
     """What became of the others, in the order of their paths."""
     known: Sequence[Outcome]
     """All recordings that the fleet has, of earlier runs too, in the order of their paths."""
+    written: Sequence[File]
+    """The files that this run has added."""
+    files: Sequence[File]
+    """All files of the fleet."""
 
     @property
     def converted(self) -> list[Record]:
@@ -99,9 +105,9 @@ class Summary(NamedTuple):
                 if each.record is not None and each.is_copy
             ],
             "recordings": len(records),
-            "files": sum(len(each.files) for each in records),
+            "files": len(self.files),
             "rows": sum(each.rows for each in records),
-            "bytes": sum(each.size for each in records),
+            "bytes": sum(each.size for each in self.files),
             "vehicles": dict(sorted(Counter(each.values["vehicle"] for each in records).items())),
             "dates": dict(sorted(Counter(each.values["date"] for each in records).items())),
             "date_from": dict(sorted(Counter(each.date_from for each in records).items())),
@@ -119,57 +125,83 @@ def update(  # noqa: PLR0913 - named options
 ) -> Summary:
     """Convert all recordings below `folder` that the fleet in the folder `fleet` does not have yet.
 
-    `by` are the keys of the folders, of KEYS. A recording that cannot be read is in the summary, and is tried again by
-    the next run, as is one of whose files some are missing. If this run is interrupted, the next one goes on. Only one
-    run at a time can update a fleet: if another one does, `waiting` is called with the name of its process, "" if that
-    is not known, and this one waits for its end.
+    Rows are sorted by the columns `by`, of KEYS, and then by recording and time. A recording that cannot be read is in
+    the summary, and is tried again by the next run, as is one of which a file is missing. If this run is interrupted,
+    the next one goes on. Only one run at a time can change a fleet: if another one does, `waiting` is called with the
+    name of its process, "" if that is not known, and this one waits for its end.
+
+    A fleet of an earlier version of msggen, with a file for each recording and topic, gets the present layout first.
 
     Raises RecordingError if `folder` has no recordings, FleetError if the fleet has other keys, and OSError.
     """
     folder, fleet = os.path.abspath(folder), os.path.abspath(fleet)
     found = list(find_recordings(folder, without=fleet))
-    paths = [each.path for each in found if not each.error]
     if not found:
         suffixes = sorted((each.suffix for each in FORMATS.values()), reverse=True)
         raise RecordingError(f"there is no recording in this folder: no {either(suffixes)} file")
     ledger = Ledger(fleet)
     ledger.open(by)
     with ledger.locked(waiting):
-        _clear(ledger)
-        whole = (record for record in ledger.records() if ledger.has_files(record))
-        done = {(path, state) for record in whole for path, state in record.paths.items()}
-        tasks = [Task(path, fleet, tuple(by)) for path in paths if not _is_done(path, done)]
-        outcomes = [Outcome(each.path, error=each.error) for each in found if each.error]
-        failed = len(outcomes)
-        for outcome in pool(tasks) if tasks else ():
-            if outcome.record is not None:
-                ledger.add(outcome.record)
-            outcomes.append(outcome)
-            progress(Progress(len(outcomes) - failed, len(tasks), outcome))
-        outcomes = list(_with_copies(outcomes, ledger.merge_copies()))
-        removed = ledger.remove_stale()
-        summary = Summary(
-            found=len(found),
-            unchanged=len(paths) - len(tasks),
-            copies=sum(each.is_copy for each in outcomes),
-            removed=removed,
-            outcomes=_sorted(outcomes),
-            known=_sorted(each for record in ledger.records() for each in _known(record)),
-        )
+        bring_to_layout(ledger)
+        summary = _updated(found, ledger, pool, progress)
         write_table(ledger)
-        write_if_changed(os.path.join(ledger.state, REPORT), json.dumps(summary.document(), indent=1) + "\n")
+        ledger.folder.write(REPORT, (json.dumps(summary.document(), indent=1) + "\n").encode())
+        ledger.finish()
     return summary
 
 
-def _with_copies(outcomes: Iterable[Outcome], merged: Iterable[str]) -> Iterator[Outcome]:
-    """Yield outcomes, with copies that were converted at the same time as copies. `merged` are removed names."""
-    known = set(merged)
-    for each in outcomes:
-        if each.record is None or each.is_copy:
-            yield each
+def bring_to_layout(ledger: Ledger) -> None:
+    """Give a fleet of an earlier version the present layout. Raises OSError."""
+    from msggen.recordings.fleet.version3 import remove_records, upgrade
+
+    if ledger.version != VERSION:
+        upgrade(ledger)
+    remove_records(ledger)
+
+
+def _updated(found: Sequence[Found], ledger: Ledger, pool: Pool, progress: Callable[[Progress], None]) -> Summary:
+    """Convert what the fleet does not have, and return what became of it."""
+    plan = plan_of([each.path for each in found if not each.error], ledger)
+    before = set(ledger.files)
+    outcomes: list[Outcome] = []
+    held = Held()
+    tasks = [*tasks_of(plan, plan.new, ledger), *tasks_of(plan, plan.replacing, ledger)]
+    total, waits = sum(len(task.paths) for task in tasks), {*plan.replacing}
+    for batch in _batches(pool, tasks):
+        whole = change_of(batch, ledger, held)
+        if waits.isdisjoint(batch.task.paths):
+            ledger.commit(whole.change)
         else:
-            yield each._replace(is_copy=each.record.log in known)
-            known.add(each.record.log)
+            held.add(whole)
+        for outcome in whole.outcomes:
+            outcomes.append(outcome)
+            progress(Progress(len(outcomes), total, outcome))
+    end = end_of(plan, ledger, held, outcomes)
+    if not end.change.is_empty:
+        ledger.commit(end.change)
+    return Summary(
+        found=len(found),
+        unchanged=plan.unchanged,
+        copies=sum(each.is_copy for each in end.copies),
+        removed=end.replaced,
+        outcomes=_sorted(
+            [*outcomes, *end.copies, *(Outcome(each.path, error=each.error) for each in found if each.error)]
+        ),
+        known=_sorted(each for record in ledger.records.values() for each in _known(record)),
+        written=[file for place, file in sorted(ledger.files.items()) if place not in before],
+        files=[file for _, file in sorted(ledger.files.items())],
+    )
+
+
+def _batches(pool: Pool, tasks: Sequence[Task]) -> Iterator[Batch]:
+    """Yield what became of recordings. Those that are not converted together are converted alone."""
+    alone: list[Task] = []
+    for batch in pool(tasks) if tasks else ():
+        if batch.outcomes:
+            yield batch
+        else:
+            alone += batch.task.single()
+    yield from pool(alone) if alone else ()
 
 
 def _known(record: Record) -> Iterator[Outcome]:
@@ -190,20 +222,3 @@ def pool_of(jobs: int, address: str = "") -> Pool:
     if address:
         return partial(pools.on_dask, address=address)
     return pools.in_this_process if jobs == 1 else partial(pools.in_processes, jobs=jobs)
-
-
-def _is_done(path: str, done: set[Any]) -> bool:
-    try:
-        return (path, state_of(path)) in done
-    except OSError:
-        return False
-
-
-def _clear(ledger: Ledger) -> None:
-    """Remove what a killed run has left."""
-    for name in _stages(ledger):
-        clear(os.path.join(ledger.state, name))
-
-
-def _stages(ledger: Ledger) -> Iterator[str]:
-    return (name for name in os.listdir(ledger.state) if name.endswith(STAGE))

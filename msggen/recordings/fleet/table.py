@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import os
 import re
-from contextlib import suppress
 from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
-from msggen.base.disk.reading import read_bytes
-from msggen.base.disk.staging import written_aside
-from msggen.recordings.fleet.ledger import original_of
+from msggen.recordings.fleet.records import original_of
 
 if TYPE_CHECKING:
-    from msggen.recordings.fleet.ledger import Ledger, Record
+    from msggen.recordings.fleet.ledger import Ledger
+    from msggen.recordings.fleet.records import Record
 
 TABLE = "_logs.parquet"
 """The table, beside the folders of the topics. Engines that read a whole folder skip names with an underscore."""
@@ -25,15 +22,10 @@ def write_table(ledger: Ledger) -> None:
     import pyarrow as pa
     from pyarrow import parquet
 
-    rows = [_row(record) for record in ledger.records()]
+    rows = [_row(record) for record in sorted(ledger.records.values(), key=lambda record: record.log)]
     stream = BytesIO()
     parquet.write_table(pa.Table.from_pylist(rows, _schema()), stream, compression="zstd")
-    data, path = stream.getvalue(), os.path.join(ledger.fleet, TABLE)
-    with suppress(OSError):
-        if read_bytes(path, follow=False) == data:
-            return
-    with written_aside({path: data}) as move_into_place:
-        move_into_place()
+    ledger.folder.write(f"/{TABLE}", stream.getvalue())
 
 
 def _row(record: Record) -> dict[str, Any]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from msggen.base.diagnostics import counted, few
 from msggen.recordings.decode.event_metadata import EventMetadataError, read_definitions
-from msggen.recordings.source.source import LEVELS, Event, Text
+from msggen.recordings.source.facts import LEVELS, Event, Text
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence

@@ -19,19 +19,16 @@ from msggen.recordings.log.events import Events, has_events, read_events, with_e
 from msggen.recordings.log.origin import Firmware, firmware_of, gps_offset_of, utc_offset_of, vehicle_of
 from msggen.recordings.log.payloads import Sample
 from msggen.recordings.log.reader import Reader
+from msggen.recordings.source.facts import NO_FACTS, Dropout, Event, Facts, Text
 from msggen.recordings.source.source import (
     FOREVER,
-    NO_FACTS,
     Attached,
     Checksums,
-    Dropout,
-    Event,
-    Facts,
+    Contents,
     Part,
     Problem,
     RecordingError,
     Source,
-    Text,
 )
 from msggen.recordings.topics.choice import check_times, checked_time, listed
 from msggen.recordings.topics.find import Key, find, is_pattern, matching
@@ -74,7 +71,6 @@ class Log:
 
     def __init__(self, sources: Sequence[Source], lender: Lender | Nearby | None = None, path: str = "") -> None:
         self._reader = Reader(sources, lender, path or sources[0].path)
-        self._sources = sources
 
     def __enter__(self) -> Self:
         """Return the log."""
@@ -100,7 +96,7 @@ class Log:
     @property
     def kind(self) -> str:
         """The format: `mcap`, `ulog`, `db3`."""
-        return self._sources[0].kind
+        return self._reader.sources[0].kind
 
     @property
     def start(self) -> int:
@@ -214,7 +210,7 @@ class Log:
 
     def __repr__(self) -> str:
         """Return path, format, duration and number of topics."""
-        topics = {(each.topic, each.instance) for source in self._sources for each in source.channels.values()}
+        topics = {(each.topic, each.instance) for source in self._reader.sources for each in source.channels.values()}
         return f"<Log {self.path!r}: {self.kind}, {self.duration:.3f} s, {counted(len(topics), 'topic')}>"
 
     # samples
@@ -407,11 +403,17 @@ class Log:
         return self._reader.payloads(chosen or self.topics, *self._limits(start, stop))
 
     def verify(self) -> Checksums:
-        """Compare all chunks and attachments of MCAP files with their checksums, and return how many chunks have one.
+        """Compare MCAP files with their checksums, and return how many chunks have one.
 
-        `problems` has those that differ. Reading compares only what it reads.
+        These are the checksums of chunks, attachments, data section and summary. `problems` has what differs. Reading
+        compares only what it reads.
         """
         return self._reader.verify()
+
+    @property
+    def contents(self) -> Contents | None:
+        """The numbers of chunks, attachments and metadata records in MCAP files, None for other formats."""
+        return self._reader.contents
 
     @property
     def missing_checksums(self) -> int | None:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from msggen.recordings.source.open_file import OpenFile
+    from msggen.recordings.source.source import Part
 
 
 class Sample(NamedTuple):
@@ -57,19 +57,26 @@ def merged(streams: Iterable[tuple[int, Iterator[Sample]]]) -> Iterator[Sample]:
             heapreplace(found, (sample.time, number, sample, stream))
 
 
-def in_order(source: OpenFile, names: Mapping[int, str], start: int, stop: int) -> Iterator[Sample]:
-    """Yield the samples of channels, whose topics are `names`, by log time. Those of one time are in the file's order.
+def in_order(
+    parts: Iterable[Part],
+    times: Mapping[int, NDArray[np.int64]],
+    names: Mapping[int, str],
+    start: int,
+    stop: int,
+) -> Iterator[Sample]:
+    """Yield samples of a file by log time, those from `start` up to `stop`. Those of one time are in the file's order.
 
-    A part is kept until no earlier sample can follow it, as the times of all samples tell.
+    `times` are the log times of all samples of each channel, and `names` its topic. A part is kept until no earlier
+    sample can follow it, as these times tell.
     """
-    coming = {number: _Coming(times, start, stop) for number, times in source.times(names.keys()).items()}
+    coming = {number: _Coming(own, start, stop) for number, own in times.items()}
     waiting: list[tuple[int, int, int, Sample]] = []
     """Samples after their time, the number of their buffer, and their place in it."""
     queue = [(each.earliest, number) for number, each in coming.items()]
     heapify(queue)
     reached, buffer = start, 0
     of_buffer: set[int] = set()
-    for part in source.parts(names.keys(), start, stop):
+    for part in parts:
         if part.channel in of_buffer:
             buffer += 1
             of_buffer.clear()

@@ -16,13 +16,12 @@ from msggen.recordings.decode.schemas import SchemaError, nested_values
 from msggen.recordings.definitions.lent import Lender, Lent, Nearby, lend
 from msggen.recordings.log.origin import firmware_of
 from msggen.recordings.log.payloads import in_order, merged
-from msggen.recordings.source.open_file import OpenFile
+from msggen.recordings.source.facts import NO_FACTS, Facts
 from msggen.recordings.source.source import (
-    NO_FACTS,
     Attached,
     Channel,
     Checksums,
-    Facts,
+    Contents,
     Part,
     Problem,
     RecordingError,
@@ -31,7 +30,7 @@ from msggen.recordings.source.source import (
 from msggen.recordings.topics.find import by_name, topics_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -54,20 +53,24 @@ class Reader:
         self.left_out = LeftOut()
         self._lender = lender
         self._decoders: dict[Numbers, Decoder | SchemaError] = {}
-        self._files = [OpenFile(source, path) for source in sources]
         self._left_out_definitions: list[Problem] = []
         self._is_closed = False
 
     def close(self) -> None:
         """Close the files. Can be repeated."""
         self._is_closed = True
-        for file in self._files:
-            file.close()
+        for source in self.sources:
+            source.close()
 
     @property
     def is_closed(self) -> bool:
         """Whether the files are closed."""
         return self._is_closed
+
+    def check_open(self) -> None:
+        """Raise RecordingError if the files are closed."""
+        if self._is_closed:
+            raise RecordingError(f"{self.path} is closed")
 
     @cached_property
     def topics(self) -> tuple[Topic, ...]:
@@ -77,7 +80,8 @@ class Reader:
             for number, source in enumerate(self.sources)
             for channel in source.channels.values()
         ]
-        return topics_of(self._within_limits(channels), self._times, firmware_of(self.facts.information).release)
+        release = firmware_of(self.facts.information).release
+        return topics_of(self._within_limits(channels), self._times, self._ends, release)
 
     @cached_property
     def by_name(self) -> Topics:
@@ -92,7 +96,7 @@ class Reader:
     @cached_property
     def lent(self) -> Lent:
         """The definitions of channels that have none."""
-        return lend(self.sources, self._lender, self._files[0].check_open)
+        return lend(self.sources, self._lender, self.check_open)
 
     @property
     def start(self) -> int:
@@ -106,6 +110,19 @@ class Reader:
     def end(self) -> int:
         """The log time of the last sample in ns, 0 without samples."""
         return max((source.span[1] for source in self.sources if source.span), default=0)
+
+    @property
+    def contents(self) -> Contents | None:
+        """What MCAP files are made of, None for other formats."""
+        found = [each for each in (source.contents for source in self.sources) if each is not None]
+        if not found:
+            return None
+        return Contents(
+            sum(each.chunks for each in found),
+            tuple(sorted({kind for each in found for kind in each.compressions})),
+            sum(each.attachments for each in found),
+            sum(each.metadata for each in found),
+        )
 
     @property
     def missing_checksums(self) -> int | None:
@@ -133,11 +150,11 @@ class Reader:
                 raise RecordingError(f"{topic.name} has samples in '{topic.channels[0][1].encoding}', expected cdr")
             for number, channel in topic.channels:
                 names[number][channel.number] = topic.name
-        self._files[0].check_open()
+        self.check_open()
         streams = []
         for number, own in sorted(names.items()):
             span = self.sources[number].span
-            streams.append((span[0] if span else low, in_order(self._files[number], own, low, high)))
+            streams.append((span[0] if span else low, self._in_order(number, own, low, high)))
         return merged(streams)
 
     def undecoded(self, topics: Iterable[Topic], low: int, high: int) -> Iterator[tuple[Topic, Part]]:
@@ -184,14 +201,14 @@ class Reader:
 
     def verify(self) -> Checksums:
         """Compare the chunks of the files with their checksums, and return how many have one."""
-        self._files[0].check_open()
+        self.check_open()
         found = [source.verify() for source in self.sources]
         return Checksums(sum(each.compared for each in found), sum(each.missing for each in found))
 
     def attached(self) -> Iterator[Attached]:
         """Yield the attachments and the metadata records of the files."""
-        for file, source in zip(self._files, self.sources, strict=True):
-            file.check_open()
+        for source in self.sources:
+            self.check_open()
             yield from source.attached()
 
     # files
@@ -202,13 +219,34 @@ class Reader:
         for number, channel in wanted:
             channels[number].append(channel)
         for number, own in sorted(channels.items()):
-            yield from ((number, part) for part in self._files[number].parts(own, low, high))
+            yield from ((number, part) for part in self._parts_of(number, own, low, high))
+
+    def _parts_of(self, number: int, channels: Collection[int], low: int, high: int) -> Iterator[Part]:
+        """Yield the samples of channels of a file. The files can be closed while this goes on."""
+        self.check_open()
+        for part in self.sources[number].parts(channels, low, high):
+            yield part
+            self.check_open()
+
+    def _in_order(self, number: int, names: Mapping[int, str], low: int, high: int) -> Iterator[Sample]:
+        """Yield the samples of channels of a file, whose topics are `names`, by log time."""
+        self.check_open()
+        times = self.sources[number].times(names.keys())
+        yield from in_order(self._parts_of(number, names.keys(), low, high), times, names, low, high)
 
     def _times(self, channels: Sequence[tuple[int, Channel]]) -> Times:
         """Return the log times of channels, in the order of the files."""
+        self.check_open()
         return np.concatenate(
-            [self._files[number].times([channel.number])[channel.number] for number, channel in channels]
+            [self.sources[number].times([channel.number])[channel.number] for number, channel in channels]
         )
+
+    def _ends(self, channels: Sequence[tuple[int, Channel]]) -> tuple[int, int] | None:
+        """Return the first and the last log time of channels, None without samples."""
+        self.check_open()
+        found = [self.sources[number].ends(channel.number) for number, channel in channels]
+        known = [each for each in found if each is not None]
+        return (min(first for first, _ in known), max(last for _, last in known)) if known else None
 
     def _count(self, number: int, channel: Channel) -> int:
         """Return the number of samples of a channel, 0 if it is not known and the files are closed."""

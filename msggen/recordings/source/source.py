@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from types import MappingProxyType
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING, NamedTuple
+
+from msggen.recordings.source.facts import NO_FACTS
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 
     import numpy as np
     from numpy.typing import NDArray
 
+    from msggen.recordings.source.facts import Facts
     from msggen.recordings.source.memory import Octets, Places
     from msggen.recordings.source.rows import Layout
 
@@ -139,6 +142,16 @@ class Checksums(NamedTuple):
 NO_CHECKSUMS = Checksums(0, 0)
 
 
+class Contents(NamedTuple):
+    """The chunks of MCAP files, and what they have beside their samples."""
+
+    chunks: int
+    compressions: tuple[str, ...]
+    """`zstd`, `lz4` and `none`, as far as chunks have them."""
+    attachments: int
+    metadata: int
+
+
 class Attached(NamedTuple):
     """An attachment or a metadata record of an MCAP file (https://mcap.dev/spec)."""
 
@@ -154,150 +167,81 @@ class Attached(NamedTuple):
     """The bytes of the attached data."""
 
 
-class Source(Protocol):
-    """A file, or a folder of files, as one of the modules in `files/` reads it."""
+class Source(ABC):
+    """A file of a recording. Each module in `files/` that reads a format has a class of this kind."""
 
-    path: str
     kind: str
-    """The format: `mcap`, `ulog`, `db3` or `rosbag2`."""
-    problems: list[Problem]
-    """The problems of the file, each once. Reading appends those that it finds."""
-    notes: Sequence[str]
+    """The format: `mcap`, `ulog`, `db3`."""
+    notes: Sequence[str] = ()
     """Where definitions are from that were not recorded, a line each, if the file tells it."""
 
+    def __init__(self, path: str) -> None:
+        self.path = path
+        """The path for people: a file that was compressed is read elsewhere."""
+        self.problems: list[Problem] = []
+        """The problems of the file, each once. Reading appends those that it finds."""
+        self._closing: list[Callable[[], None]] = []
+
     @property
+    @abstractmethod
     def channels(self) -> Mapping[int, Channel]:
         """The channels by their numbers."""
 
     @property
-    def facts(self) -> Facts:
-        """What a ULog has beside its topics."""
-
-    @property
+    @abstractmethod
     def span(self) -> tuple[int, int] | None:
         """The first and the last log time in ns, or None without samples."""
 
+    @abstractmethod
     def parts(self, channels: Collection[int], start: int = 0, stop: int = FOREVER) -> Iterator[Part]:
         """Yield the samples of `channels` whose log times are from `start` up to `stop`, `stop` excluded.
 
         Parts of a channel are in the order of the file. Only the bytes that they need are read. Raises OSError.
         """
 
+    @abstractmethod
     def times(self, channels: Collection[int]) -> Mapping[int, NDArray[np.int64]]:
         """Return the log times of all samples of `channels`, in the order of the file."""
+
+    def ends(self, channel: int) -> tuple[int, int] | None:
+        """Return the first and the last log time of a channel, None without samples."""
+        times = self.times([channel])[channel]
+        return (int(times.min()), int(times.max())) if len(times) else None
+
+    @property
+    def contents(self) -> Contents | None:
+        """What an MCAP file is made of, None for other formats."""
+        return None
+
+    @property
+    def facts(self) -> Facts:
+        """What the file tells beside its topics."""
+        return NO_FACTS
+
+    @property
+    def message_count(self) -> int | None:
+        """The number of messages, None if only reading all of them would show it."""
+        counts = [channel.sample_count for channel in self.channels.values()]
+        return None if None in counts else sum(count or 0 for count in counts)
 
     @property
     def missing_checksums(self) -> int | None:
         """How many chunks have no checksum, None if the format has no checksums."""
+        return None
 
     def verify(self) -> Checksums:
         """Add the chunks that differ from their checksums to `problems`, if the format has some. Reads all of them."""
+        return NO_CHECKSUMS
 
     def attached(self) -> Iterator[Attached]:
         """Yield what an MCAP file has beside its channels. What cannot be read is added to `problems`."""
+        return iter(())
+
+    def close_with(self, close: Callable[[], None]) -> None:
+        """Let `close` call another function, too, which can be called again, after those before it."""
+        self._closing.append(close)
 
     def close(self) -> None:
         """Close the file. Can be repeated."""
-
-
-LEVELS = ("emergency", "alert", "critical", "error", "warning", "notice", "info", "debug")
-"""The levels of texts, as in Linux (https://docs.px4.io/main/en/dev_log/ulog_file_format.html)."""
-
-
-class Text(NamedTuple):
-    """A line of a vehicle's log."""
-
-    time: int
-    """In ns, as log times are."""
-    level: str
-    """`emergency`, `alert`, `critical`, `error`, `warning`, `notice`, `info`, `debug`, or `unknown`."""
-    text: str
-    tag: int | None = None
-    is_event: bool = False
-    """Whether it is an event, or a line that the vehicle also sent as one."""
-
-
-class Event(NamedTuple):
-    """An event of PX4: what happened, in words. Without metadata, it has no name, group, description and arguments."""
-
-    time: int
-    """In ns, as log times are."""
-    number: int
-    """The number of its definition in the metadata (`id` in Event.msg)."""
-    sequence: int
-    """The number of the event: the vehicle counts up, so that a gap is a lost event."""
-    level: str
-    """The level in the vehicle's log: as that of a text, or `protocol` or `disabled`, which are not for users."""
-    external_level: str
-    """The level for ground stations and other programs."""
-    text: str
-    """What it says, `event 0x0112abcd` without metadata."""
-    name: str = ""
-    """The name in the metadata: `commander_armed_by`."""
-    group: str = ""
-    """`default` for what a user reads, `arming_check`, `health`, `calibration`."""
-    description: str = ""
-    """More about it, such as what to do."""
-    arguments: Mapping[str, int | float] = MappingProxyType({})
-
-    @property
-    def is_text(self) -> bool:
-        """Whether it is among the texts of the log: those of other groups are reports for ground stations."""
-        return self.level in LEVELS and self.group in ("", "default")
-
-
-class Dropout(NamedTuple):
-    """A period in which the logger lost samples."""
-
-    time: int
-    """The time in ns of the last sample before it, 0 if there is none."""
-    duration: int
-    """In ns."""
-
-
-def _is_same(value: float, other: float) -> bool:
-    """Whether two values of a parameter are the same. NaN is the same as NaN."""
-    return value == other or (value != value and other != other)  # noqa: PLR0124 - true for NaN alone
-
-
-class Facts(NamedTuple):
-    """What only a ULog has beside its topics, and an MCAP file that was made of one."""
-
-    parameters: Mapping[str, int | float]
-    """The parameters at the start of the log."""
-    changed_parameters: Sequence[tuple[int, str, int | float]]
-    """Times in ns, names and values of parameters that changed later."""
-    default_parameters: Mapping[str, int | float]
-    """The defaults of the firmware that differ from the parameters at the start."""
-    information: Mapping[str, object]
-    """Such as `sys_name`, `ver_sw`: text, numbers, tuples, bytes; what has several parts is a list of lists of them."""
-    texts: Sequence[Text]
-    dropouts: Sequence[Dropout]
-    start: int | None = None
-    """The log time in ns at which the recording starts: some samples are older. None if it does not tell."""
-    boot: int | None = None
-    """When the vehicle started, in ns since 1970, if that was added to the times in the ULog."""
-    airframe_defaults: Mapping[str, int | float] = MappingProxyType({})
-    """The defaults of the airframe that differ from the parameters at the start."""
-
-    @property
-    def has_defaults(self) -> bool:
-        """Whether the log has defaults. Older firmware does not write them."""
-        return bool(self.default_parameters or self.airframe_defaults)
-
-    @property
-    def tuned(self) -> Mapping[str, int | float]:
-        """The defaults of the airframe, of the parameters that had other values at the start."""
-        return self._others(self.airframe_defaults)
-
-    @property
-    def configured(self) -> Mapping[str, int | float]:
-        """The defaults of the firmware, of the parameters that had other values at the start."""
-        return self._others(self.default_parameters)
-
-    def _others(self, defaults: Mapping[str, int | float]) -> Mapping[str, int | float]:
-        own = self.parameters
-        return {name: value for name, value in defaults.items() if name in own and not _is_same(own[name], value)}
-
-
-NO_FACTS = Facts({}, (), {}, {}, (), ())
+        for close in self._closing:
+            close()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import partial
 from operator import index
 from typing import TYPE_CHECKING, TypeGuard
 
@@ -35,9 +36,14 @@ _BRIDGE = re.compile(r"/(?:.+/)?fmu/(?:in|out)/([^/]+)")
 
 
 def topics_of(
-    channels: Iterable[tuple[int, Channel]], read_times: Callable[[Channels], NDArray[np.int64]], firmware: str
+    channels: Iterable[tuple[int, Channel]],
+    read_times: Callable[[Channels], NDArray[np.int64]],
+    read_ends: Callable[[Channels], tuple[int, int] | None],
+    firmware: str,
 ) -> tuple[Topic, ...]:
-    """Return the topics, by name and instance. `read_times` returns the log times of some channels.
+    """Return the topics, by name and instance.
+
+    `read_times` returns the log times of some channels, and `read_ends` the first and the last one.
 
     A topic whose definition changes is several topics: `/a#1` and `/a#2`. If only one of them can be decoded, it has
     the name alone.
@@ -57,7 +63,8 @@ def topics_of(
                     definition=first.definition,
                     type_hash=first.type_hash,
                     channels=tuple(same),
-                    read_times=lambda same=same: read_times(same),  # type: ignore[misc]
+                    read_times=partial(read_times, same),
+                    read_ends=partial(read_ends, same),
                     is_lent=any(channel.is_lent for _, channel in same),
                     firmware=firmware,
                 )

@@ -42,6 +42,8 @@ class Topic:
     """The channels that have its samples, each with the number of its file."""
     read_times: Callable[[], NDArray[np.int64]] | None = field(repr=False)
     """Returns the log times of all samples in ns. None for the topic of `Samples`, which does not keep the log."""
+    read_ends: Callable[[], tuple[int, int] | None] | None = field(default=None, repr=False)
+    """Returns the first and the last log time in ns, which is cheaper than all times. None to use those."""
     is_lent: bool = False
     """Whether `definition` is not in the recording, but taken from elsewhere: `Log.notes` tells from where."""
     firmware: str = ""
@@ -75,7 +77,7 @@ class Topic:
     @cached_property
     def without_log(self) -> Topic:
         """The same topic without its log: it can be pickled, and a log that nothing else needs can be collected."""
-        return self if self.read_times is None else replace(self, read_times=None)
+        return self if self.read_times is None else replace(self, read_times=None, read_ends=None)
 
     @cached_property
     def count(self) -> int:
@@ -94,20 +96,27 @@ class Topic:
         """Whether the samples are CDR, as in ROS 2."""
         return all(channel.encoding == "cdr" for _, channel in self.channels)
 
+    @cached_property
+    def _ends(self) -> tuple[int, int]:
+        """The log times of the first and the last sample in ns."""
+        if self.read_ends is not None:
+            return self.read_ends() or (0, 0)
+        return (int(self.times[0]), int(self.times[-1])) if len(self.times) else (0, 0)
+
     @property
     def first(self) -> int:
         """The log time of the first sample in ns, 0 without samples."""
-        return int(self.times[0]) if len(self.times) else 0
+        return self._ends[0]
 
     @property
     def last(self) -> int:
         """The log time of the last sample in ns, 0 without samples."""
-        return int(self.times[-1]) if len(self.times) else 0
+        return self._ends[1]
 
     @property
     def rate(self) -> float:
         """The mean rate in Hz, 0.0 for fewer than two samples."""
-        return (len(self.times) - 1) * _NANOSECONDS / (self.last - self.first) if self.last > self.first else 0.0
+        return (self.count - 1) * _NANOSECONDS / (self.last - self.first) if self.last > self.first else 0.0
 
     @property
     def gaps(self) -> list[tuple[int, int]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from textwrap import wrap
 from typing import TYPE_CHECKING
 
@@ -11,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from msggen.base.diagnostics import printable
-from msggen.check.finding import OF_VEHICLES, Excerpt, Finding, Node, Report
+from msggen.check.finding import OF_VEHICLES, Excerpt, Finding, Node, Report, Rule
 from msggen.show.report.console import captured
 from msggen.show.report.line import conclusion, is_misread, mark, remedies, silent_mark
 
@@ -22,6 +22,9 @@ _DECODE = "decode wrong values without an error"
 _ALARM = "bold white on red"
 _BETWEEN = len("    |")
 """The width of the separators around the two columns."""
+_INDENT = 2
+_MANY = 8
+"""The most definitions that only one side has of which each is shown with its lines."""
 
 
 def write_full(report: Report, *, width: int, colour: bool) -> str:
@@ -34,11 +37,17 @@ def write_full(report: Report, *, width: int, colour: bool) -> str:
             _print_line(console, Text(printable(text)))
         _print_lines(console, [each for each in report.findings if each.rule.category in OF_VEHICLES])
         of_files = [each for each in report.findings if each.rule.category not in OF_VEHICLES]
-        for subject, findings in _by_subject(of_files).items():
-            _print_group(console, report, subject, findings)
-        for readers, subjects in _misread_subjects(report.findings).items():
+        subjects = _by_subject(of_files)
+        listed = _whole_definitions(subjects)
+        for rule, names in listed.items():
+            _print_names(console, rule, names)
+        told = {name for names in listed.values() for name in names}
+        for subject, findings in subjects.items():
+            if subject not in told:
+                _print_group(console, report, subject, findings)
+        for readers, misread in _misread_subjects(report.findings).items():
             _print_line(
-                console, Text.assemble((_explain_silent(readers), _ALARM), f": {printable(', '.join(subjects))}")
+                console, Text.assemble((_explain_silent(readers), _ALARM), f": {printable(', '.join(misread))}")
             )
         for remedy in remedies(report.findings):
             _print_line(console, Text(remedy))
@@ -54,6 +63,23 @@ def _by_subject(findings: Sequence[Finding]) -> dict[str, list[Finding]]:
     for finding in findings:
         groups.setdefault(finding.change.subject, []).append(finding)
     return groups
+
+
+def _whole_definitions(subjects: Mapping[str, Sequence[Finding]]) -> dict[Rule, list[str]]:
+    """Return the subjects that only one side has, by rule, of rules with many of them. A table of each says no more."""
+    found: dict[Rule, list[str]] = {}
+    for subject, (first, *others) in subjects.items():
+        if not others and not first.change.names and (first.change.before is None) != (first.change.after is None):
+            found.setdefault(first.rule, []).append(subject)
+    return {rule: names for rule, names in found.items() if len(names) > _MANY}
+
+
+def _print_names(console: Console, rule: Rule, names: Sequence[str]) -> None:
+    """Print the subjects of a rule, in lines of their own."""
+    _print_line(console, Text.assemble((rule.id, "bold"), f" ({len(names)} times): {rule.purpose}"))
+    for text in wrap(printable(", ".join(names)), console.width - _INDENT, break_on_hyphens=False):
+        _print_line(console, Text(" " * _INDENT + text))
+    _print_line(console, Text())
 
 
 def _misread_subjects(findings: Sequence[Finding]) -> dict[tuple[Node, ...], list[str]]:

@@ -1,0 +1,32 @@
+"""The parameters of PX4 that a simulated vehicle follows, with their defaults."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+PARAMETERS: Mapping[str, float] = MappingProxyType(
+    {
+        "COM_DISARM_LAND": 2.0,
+        "COM_DISARM_PRFLT": 10.0,
+        "COM_OF_LOSS_T": 1.0,
+        "MC_YAW_P": 2.8,
+        "MIS_TAKEOFF_ALT": 2.5,
+        "MPC_ACC_DOWN_MAX": 3.0,
+        "MPC_ACC_HOR_MAX": 5.0,
+        "MPC_ACC_UP_MAX": 4.0,
+        "MPC_LAND_ALT2": 5.0,
+        "MPC_LAND_SPEED": 0.7,
+        "MPC_TKO_SPEED": 1.5,
+        "MPC_XY_P": 0.95,
+        "MPC_XY_VEL_MAX": 12.0,
+        "MPC_Z_VEL_MAX_DN": 1.5,
+        "MPC_Z_VEL_MAX_UP": 3.0,
+    }
+)
+"""Times are in s, heights in m, speeds in m/s, accelerations in m/s^2, and gains in 1/s."""
+
+
+def microseconds(name: str) -> int:
+    """Return a parameter in s as a time in us."""
+    return round(PARAMETERS[name] * 1e6)

@@ -1,0 +1,194 @@
+"""The work for a few recordings: the function that each pool runs, in this process, in another one, or elsewhere.
+
+It needs nothing but paths, and no other recordings. The files that it writes wait in a stage, until `update` makes them
+part of the fleet.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+from msggen.base.diagnostics import InputError
+from msggen.recordings.fleet.finding import State, digest_of, state_of
+from msggen.recordings.fleet.folder import Folder
+from msggen.recordings.fleet.records import Record
+
+if TYPE_CHECKING:
+    from msggen.recordings.fleet.layout import Keys
+    from msggen.recordings.fleet.parts import Run
+    from msggen.recordings.log.log import Log
+    from msggen.recordings.source.source import Problem
+
+
+class Task(NamedTuple):
+    """A few recordings to convert, whose rows are in the same files."""
+
+    paths: Sequence[str]
+    """The absolute paths of the recordings."""
+    fleet: str
+    """The absolute path of the folder of the fleet."""
+    by: Sequence[str]
+    """What rows are sorted by: of `KEYS`."""
+    token: str
+    """The name of its files."""
+    names: Sequence[tuple[str, str]] = ()
+    """The paths of recordings that the fleet has already, and their names there."""
+
+    def single(self) -> Iterator[Task]:
+        """Yield tasks with one recording each."""
+        for number, path in enumerate(self.paths):
+            yield self._replace(paths=(path,), token=f"{self.token[:-4]}{number & 0xFFFF:04x}")
+
+
+class Outcome(NamedTuple):
+    """What became of a recording."""
+
+    path: str
+    record: Record | None = None
+    """Its record, None if it could not be converted."""
+    is_copy: bool = False
+    """Whether a recording with the same contents was there already."""
+    error: str = ""
+    """Why it could not be converted."""
+
+
+class Written(NamedTuple):
+    """A file that waits in a stage."""
+
+    topic: str
+    """The folder of its topic."""
+    staged: str
+    """Its path in the folder of the state."""
+    rows: int
+    size: int
+    logs: Sequence[str]
+    """The names of the recordings that it has."""
+
+
+class Batch(NamedTuple):
+    """What became of the recordings of a task: nothing if each is to be converted alone."""
+
+    task: Task
+    outcomes: Sequence[Outcome] = ()
+    files: Sequence[Written] = ()
+
+
+def convert_batch(task: Task) -> Batch:
+    """Convert recordings to files that wait in a stage of a fleet. Errors of the recordings are in the result."""
+    folder = Folder(task.fleet)
+    try:
+        with folder.stage(task.token) as stage:
+            runs: list[tuple[str, Run]] = []
+            outcomes = []
+            for index, path in enumerate(task.paths):
+                outcome, found = _converted(task, path, os.path.join(stage, f"log-{index}"))
+                outcomes.append(outcome)
+                runs += found
+            files = list(_files(task, folder, stage, runs))
+        if not files:
+            folder.clear(os.path.basename(os.path.dirname(stage)))
+    except Exception as error:  # noqa: BLE001 - whatever is wrong with some recordings must not stop the others
+        if len(task.paths) > 1:
+            return Batch(task)
+        return Batch(task, [Outcome(path, error=_text_of(error, path)) for path in task.paths])
+    return Batch(task, outcomes, files)
+
+
+def _converted(task: Task, path: str, aside: str) -> tuple[Outcome, list[tuple[str, Run]]]:
+    """Convert a recording to files in the new folder `aside`. Return what became of it, and its runs by topic."""
+    try:
+        record, runs = _tables(task, path, aside, state_of(path))
+    except Exception as error:  # noqa: BLE001 - as above
+        shutil.rmtree(aside, ignore_errors=True)
+        return Outcome(path, error=_text_of(error, path)), []
+    return Outcome(path, record), runs
+
+
+def _tables(task: Task, path: str, aside: str, state: State) -> tuple[Record, list[tuple[str, Run]]]:
+    """Write a table for each topic of a recording. Return its record, and what the tables are in the fleet."""
+    from msggen.base.disk.output import check_links
+    from msggen.recordings.convert.selection import EVERYTHING
+    from msggen.recordings.convert.tables import Format, write_tables
+    from msggen.recordings.fleet.layout import date_of, is_utc, name_of, vehicle_of
+    from msggen.recordings.fleet.runs import run_of_arrow
+    from msggen.recordings.log.opening import open_log
+
+    digest = digest_of(path)
+    name = dict(task.names).get(path) or name_of(path, digest)
+    with open_log(path) as log:
+        converted = write_tables(log, aside, Format("arrow", packing="lz4"), EVERYTHING, lambda _: None)
+        dated = date_of(log, path)
+        values = {"vehicle": vehicle_of(log), "date": dated.day}
+        places = _keys_by_stem(log, values, name)
+        found = [(file, *places[os.path.splitext(os.path.basename(file))[0]]) for file in converted.files]
+        check_links(task.fleet, sorted({topic for _, topic, _ in found}))
+        offset = log.utc_offset
+        start = None if offset is None else log.start + offset
+        record = Record(
+            number=-1,
+            log=name,
+            digest=digest,
+            paths={path: state},
+            values=values,
+            date_from=dated.origin,
+            rows=converted.rows,
+            problems=[_line(problem) for problem in converted.problems],
+            notes=list(converted.notes),
+            firmware=log.firmware.release,
+            start=start if start is not None and is_utc(start) else None,
+            utc_offset=offset,
+            duration=log.duration,
+        )
+    return record, [(topic, run_of_arrow(file, keys)) for file, topic, keys in found]
+
+
+def _keys_by_stem(log: Log, values: Mapping[str, str], name: str) -> dict[str, tuple[str, Keys]]:
+    """Return the folder and the keys of each topic by the name that its file has without a fleet."""
+    from msggen.recordings.convert.names import FACT_TABLES, Place, file_names, place_of
+    from msggen.recordings.fleet.layout import keys_of
+
+    topics = log.chosen(None)
+    places = {(topic.name, topic.instance): place_of(topic) for topic in topics}
+    by_stem = {stem: places[key] for key, stem in file_names(topics).items()}
+    by_stem |= {stem: Place(stem, "", 0) for stem in FACT_TABLES}
+    return {stem: (place.name, keys_of(place, values, name)) for stem, place in by_stem.items()}
+
+
+def _files(task: Task, folder: Folder, stage: str, runs: Sequence[tuple[str, Run]]) -> Iterator[Written]:
+    """Write the files of all topics, and remove the tables that they are made of. Yield the files."""
+    from msggen.base.disk.files import flush
+    from msggen.recordings.fleet.parts import write_parts
+
+    by_topic: dict[str, list[Run]] = {}
+    for topic, run in runs:
+        by_topic.setdefault(topic, []).append(run)
+    written = []
+    for index, (topic, members) in enumerate(sorted(by_topic.items())):
+        for part in write_parts(members, os.path.join(stage, f"{index}.parquet"), task.by):
+            staged = folder.staged(task.token, part.path)
+            written.append(Written(topic, staged, part.rows, part.size, part.logs))
+    for name in os.listdir(stage):
+        if name.startswith("log-"):
+            shutil.rmtree(os.path.join(stage, name))
+    flush([*(os.path.join(folder.state, each.staged) for each in written), stage])
+    yield from written
+
+
+def _text_of(error: Exception, path: str) -> str:
+    """Return why a recording could not be converted."""
+    if isinstance(error, InputError):  # of the fleet
+        return str(error)
+    if isinstance(error, OSError):
+        is_of_recording = error.strerror is not None and error.filename == path
+        return f"cannot be read: {error.strerror}" if is_of_recording else str(error) or "OSError"
+    text = str(error) or type(error).__name__
+    return text if isinstance(error, ValueError) else f"unexpected error: {type(error).__name__}: {text}"
+
+
+def _line(problem: Problem) -> str:
+    """Return a problem as a line of text."""
+    place = "" if problem.offset is None else f" (at byte {problem.offset})"
+    return f"{problem.text}{place}"

@@ -1,0 +1,86 @@
+"""Large files of small ones: what runs have added to a fleet becomes files that engines read fast."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
+
+from msggen.recordings.fleet.batch import Written
+from msggen.recordings.fleet.changes import added_of, flush_written, written_of
+from msggen.recordings.fleet.ledger import Change, Ledger
+from msggen.recordings.fleet.parts import LARGE, shapes_of
+from msggen.recordings.fleet.run import bring_to_layout
+from msggen.recordings.fleet.runs import Files, opened
+
+
+class Compacted(NamedTuple):
+    """The result of a compaction."""
+
+    topics: int
+    """How many topics had small files."""
+    files_before: int
+    """How many files the fleet had."""
+    files: int
+    """How many it has."""
+    bytes_before: int
+    bytes: int
+
+
+def compact(
+    fleet: str,
+    *,
+    progress: Callable[[float, str], None] = lambda *_: None,
+    waiting: Callable[[str], None] = lambda _: None,
+) -> Compacted:
+    """Make large files of the small ones of each topic: files below 32 MB become ones of up to 256 MB.
+
+    The files of a topic are exchanged in one step, so readers see the earlier ones or the new ones. If this run is
+    killed, nothing is lost, and the next run of `update` or `compact` goes on. `progress` is called with the share that
+    is done and the name of a topic, and `waiting` as by `update`.
+
+    Raises FleetError if there is no fleet in the folder or a file of it is damaged, and OSError.
+    """
+    ledger = Ledger(os.path.abspath(fleet))
+    ledger.open()
+    with ledger.locked(waiting):
+        bring_to_layout(ledger)
+        before = [file.size for file in ledger.files.values()]
+        topics: dict[str, list[str]] = {}
+        for place in sorted(ledger.files):
+            if ledger.found.get(place, LARGE) < LARGE:
+                topics.setdefault(place.partition("/")[0], []).append(place)
+        sizes = {topic: sum(ledger.found[place] for place in places) for topic, places in topics.items()}
+        total, done, changed = max(sum(sizes.values()), 1), 0, 0
+        for topic, places in topics.items():
+            progress(done / total, topic)
+            changed += _compacted(ledger, topic, places)
+            done += sizes[topic]
+        ledger.finish()
+    after = [file.size for file in ledger.files.values()]
+    return Compacted(changed, len(before), len(after), sum(before), sum(after))
+
+
+def _compacted(ledger: Ledger, topic: str, places: Sequence[str]) -> bool:
+    """Make large files of the small ones of a topic. Return whether there was something to do."""
+    with opened(ledger.folder.open) as files:
+        groups = [group for group in _groups(files, places) if len(group) > 1]
+        if not groups:
+            return False
+        token = ledger.token()
+        with ledger.folder.stage(token) as stage:
+            written: list[Written] = []
+            for index, group in enumerate(groups):
+                runs = [run for place in group for run in files.runs(place)]
+                written += written_of(ledger, token, topic, runs, os.path.join(stage, f"{index}.parquet"))
+            flush_written(ledger, written)
+    removed = [place for group in groups for place in group]
+    numbers = {record.log: record.number for record in ledger.records.values()}
+    ledger.commit(Change(added_of(written, token, numbers), removed))
+    return True
+
+
+def _groups(files: Files, places: Sequence[str]) -> Iterator[list[str]]:
+    """Yield the places of files whose columns agree."""
+    for _, members in shapes_of((files.schema(place), place) for place in places):
+        yield members

@@ -1,0 +1,254 @@
+"""A ULog of a simulated vehicle, as PX4's logger writes it (https://docs.px4.io/main/en/dev_log/ulog_file_format.html).
+
+A ULog is whole at any length: if the program ends early, what was written can be read.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import struct
+from collections.abc import Callable, Iterator, Mapping
+from importlib import import_module
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
+MAGIC = b"ULog\x01\x12\x35\x01"
+_HEAD = struct.Struct("<HB")
+_INFO = 6
+"""The level of texts."""
+_RELEASED = 255
+"""The last byte of the number of a release, as no alpha, beta or release candidate."""
+_TYPES: Mapping[str, tuple[str, str, int]] = {
+    "bool": ("bool", "?", 1),
+    "byte": ("uint8_t", "B", 1),
+    "char": ("char", "c", 1),
+    "float32": ("float", "f", 4),
+    "float64": ("double", "d", 8),
+    **{
+        f"{sign}int{bits}": (f"{sign}int{bits}_t", code.upper() if sign else code, bits // 8)
+        for bits, code in ((8, "b"), (16, "h"), (32, "i"), (64, "q"))
+        for sign in ("", "u")
+    },
+}
+"""The types of fields: their names in a ULog, their codes for `struct`, and their sizes."""
+
+
+class _Part(NamedTuple):
+    """A field of a format, or the padding between two."""
+
+    text: str
+    code: str
+    values: Callable[[Any], list[Any]] | None
+    """Returns its values in a message, None for padding."""
+
+
+class _Format(NamedTuple):
+    """The format of a message: its fields in the order of uORB's struct, the largest first, and the padding."""
+
+    name: str
+    parts: tuple[_Part, ...]
+    size: int
+    nested: tuple[_Format, ...]
+
+    @property
+    def text(self) -> str:
+        """The format as a ULog has it."""
+        return f"{self.name}:{''.join(f'{part.text};' for part in self.parts)}"
+
+    @property
+    def code(self) -> str:
+        """The codes for `struct`."""
+        return "".join(part.code for part in self.parts)
+
+    def values(self, message: Any) -> list[Any]:
+        """Return the values of a message, without padding."""
+        return [value for part in self.parts if part.values is not None for value in part.values(message)]
+
+    def all(self) -> Iterator[_Format]:
+        """Yield the format and those that it nests."""
+        yield self
+        for each in self.nested:
+            yield from each.all()
+
+
+class Vehicle(NamedTuple):
+    """The vehicle that a ULog tells."""
+
+    number: int = 1
+    """That of its board."""
+    release: str = ""
+    """The release of its firmware, such as "v1.18"; "" leaves it out."""
+
+
+class UlogError(Exception):
+    """A file that cannot be written further, as on a full disk. The message is the reason."""
+
+
+class UlogWriter:
+    """A new file, closed by a `with` statement. Raises OSError, FileExistsError among them.
+
+    `topics` are the classes of the messages by the names of their topics in uORB. Times are in us since boot.
+    """
+
+    def __init__(
+        self, path: str, start: int, topics: Mapping[str, Any], parameters: Mapping[str, float], vehicle: Vehicle
+    ) -> None:
+        self.path = path
+        self.samples = 0
+        self.size = 0
+        """The bytes of the file."""
+        formats = {topic: _format_of(cls)._replace(name=topic) for topic, cls in topics.items()}
+        self._formats = {topic: (each, struct.Struct(f"<H{_without_end(each)}")) for topic, each in formats.items()}
+        self._numbers: dict[str, int] = {}
+        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
+        self._file = os.fdopen(descriptor, "wb")
+        self._put(MAGIC + struct.pack("<Q", start))
+        self._write("B", bytes(40))
+        for key, text in (("sys_name", "PX4"), ("ver_hw", "MSGGEN_SIM"), ("sys_uuid", f"{vehicle.number:036}")):
+            self._information(f"char[{len(text)}] {key}", text.encode())
+        number = _number_of(vehicle.release)
+        if number is not None:
+            self._information("uint32_t ver_sw_release", struct.pack("<I", number))
+        for text in dict.fromkeys(inner.text for each in formats.values() for inner in each.all()):
+            self._write("F", text.encode())
+        for name, value in sorted(parameters.items()):
+            label = f"float {name}".encode()
+            self._write("P", bytes([len(label)]) + label + struct.pack("<f", value))
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def add(self, time: int, topic: str, message: Any) -> None:
+        """Write a message of a topic, unless the file has no such topic. Raises UlogError."""
+        del time  # that of the message counts
+        found = self._formats.get(topic)
+        if found is None:
+            return
+        number = self._numbers.get(topic)
+        if number is None:
+            number = self._numbers[topic] = len(self._numbers)
+            self._write("A", struct.pack("<BH", 0, number) + topic.encode())
+        layout, packer = found
+        self._write("D", packer.pack(number, *layout.values(message)))
+        self.samples += 1
+
+    def text(self, time: int, text: str) -> None:
+        """Write a line of the vehicle's log. Raises UlogError."""
+        self._write("L", struct.pack("<BQ", ord("0") + _INFO, time) + text.encode())
+
+    def close(self) -> None:
+        """Write what waits, and close the file. Can be repeated. Raises UlogError."""
+        try:
+            self._file.close()
+        except OSError as error:
+            raise UlogError(error.strerror or str(error)) from None
+
+    def _information(self, key: str, value: bytes) -> None:
+        self._write("I", bytes([len(key)]) + key.encode() + value)
+
+    def _write(self, kind: str, content: bytes) -> None:
+        self._put(_HEAD.pack(len(content), ord(kind)) + content)
+
+    def _put(self, data: bytes) -> None:
+        try:
+            self._file.write(data)
+        except OSError as error:
+            raise UlogError(error.strerror or str(error)) from None
+        self.size += len(data)
+
+
+def _format_of(cls: Any) -> _Format:
+    """Return the format of a generated class (docs/wire.md, 9)."""
+    nested_class = import_module(type(cls.__msg__).__module__).nested_class
+    fields: list[tuple[int, int, _Part]] = []
+    nested: list[_Format] = []
+    for field in cls.__msg__.fields:
+        count = field.length or 0
+        if field.base in _TYPES:
+            name, code, size = _TYPES[field.base]
+            part = _Part(
+                _spelled(name, count, field.name), _repeated(code, count), _plain(field.attribute, code, count)
+            )
+            fields.append((size, size * (count or 1), part))
+        else:
+            inner = _format_of(nested_class(cls, field.base))
+            nested.append(inner)
+            text = _spelled(inner.name, count, field.name)
+            part = _Part(text, inner.code * (count or 1), _of_messages(field.attribute, inner, count))
+            fields.append((0, inner.size * (count or 1), part))
+    return _Format(_snake(cls.__name__), *_in_struct(fields), tuple(nested))
+
+
+def _in_struct(fields: list[tuple[int, int, _Part]]) -> tuple[tuple[_Part, ...], int]:
+    """Return fields, each with its alignment and size, in the order of uORB's struct with its padding, and its size.
+
+    Nested messages, whose alignment is given as 0, come last and are aligned to 8.
+    """
+    parts: list[_Part] = []
+    offset = 0
+    for alignment, size, part in [*sorted(fields, key=lambda each: -each[0]), (0, 0, None)]:
+        padding = -offset % (alignment or 8)
+        if padding:
+            parts.append(_Part(f"uint8_t[{padding}] _padding{len(parts)}", f"{padding}x", None))
+        if part is not None:
+            parts.append(part)
+        offset += padding + size
+    return tuple(parts), offset
+
+
+def _without_end(layout: _Format) -> str:
+    """Return the codes of a format without the padding at its end, which PX4 does not write."""
+    parts = layout.parts
+    return "".join(part.code for part in (parts[:-1] if parts and parts[-1].values is None else parts))
+
+
+def _spelled(type_: str, count: int, name: str) -> str:
+    return f"{type_}[{count}] {name}" if count else f"{type_} {name}"
+
+
+def _repeated(code: str, count: int) -> str:
+    """Return the code of an array. One of characters is one value for `struct`."""
+    return f"{count or 1}s" if code == "c" else code * (count or 1)
+
+
+def _plain(attribute: str, code: str, count: int) -> Callable[[Any], list[Any]]:
+    """Return what takes the values of a field of a primitive type out of a message."""
+    get = attrgetter(attribute)
+    if code == "c":
+        return lambda message: [_characters(get(message))]
+    if count:
+        return lambda message: list(get(message))
+    return lambda message: [get(message)]
+
+
+def _characters(value: Any) -> bytes:
+    """Return characters as bytes: a single one can be a number."""
+    return bytes((value,)) if isinstance(value, int) else bytes(value)
+
+
+def _of_messages(attribute: str, inner: _Format, count: int) -> Callable[[Any], list[Any]]:
+    """Return what takes the values of a nested message, or of an array of them."""
+    get = attrgetter(attribute)
+    if count:
+        return lambda message: [value for each in get(message) for value in inner.values(each)]
+    return lambda message: inner.values(get(message))
+
+
+def _snake(name: str) -> str:
+    return re.sub(r"(?<!^)(?=[A-Z])", "_", name).lower()
+
+
+def _number_of(release: str) -> int | None:
+    """Return the number of a release as `ver_sw_release` has it, None if this is no release."""
+    found = re.search(r"\bv(\d{1,3})\.(\d{1,3})(?:\.(\d{1,3}))?\b", release)
+    if not found:
+        return None
+    major, minor, patch = (int(each or 0) for each in found.groups())
+    return major << 24 | minor << 16 | patch << 8 | _RELEASED

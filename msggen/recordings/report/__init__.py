@@ -1,0 +1,1 @@
+"""A report on a flight: one HTML file with charts, the track, events, parameters and findings."""

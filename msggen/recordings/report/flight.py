@@ -1,0 +1,204 @@
+"""What a flight was, in numbers: how long, how far, how high, how fast; and its track."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from msggen.recordings.report.attitude import tilt_of
+from msggen.recordings.report.recorded import Column, Recorded
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+_QUARTER = 90
+"""The degrees from the equator to a pole."""
+_RADIUS = 6_371_000.0
+"""The radius of the earth in m."""
+_FARTHEST = 2e7
+"""Half of the way around the earth in m. A position that is farther away, or no number, is none."""
+_STEP = 1.0
+"""The time in s between the positions whose distances are summed: noise would add to shorter ones."""
+_HAS_FIX = 3
+
+
+class Track(NamedTuple):
+    """Where a vehicle was: a plane, in m."""
+
+    times: NDArray[np.float64]
+    east: NDArray[np.float64]
+    north: NDArray[np.float64]
+    source: str
+    """The topic."""
+
+
+class Figure(NamedTuple):
+    """A number about a flight."""
+
+    name: str
+    value: str
+    note: str = ""
+
+
+def track_of(recorded: Recorded) -> Track | None:
+    """Return the track, None if the recording does not have positions."""
+    for north, east, valid in (
+        ("vehicle_local_position.x", "vehicle_local_position.y", "xy_valid"),
+        ("vehicle_odometry.position[0]", "vehicle_odometry.position[1]", ""),
+    ):
+        found = _plane(recorded, north, east, valid)
+        if found is not None:
+            return found
+    for topic, latitude, longitude, scale in (
+        ("vehicle_global_position", "lat", "lon", 1.0),
+        ("sensor_gps", "latitude_deg", "longitude_deg", 1.0),
+        ("vehicle_gps_position", "latitude_deg", "longitude_deg", 1.0),
+        ("sensor_gps", "lat", "lon", 1e-7),
+        ("vehicle_gps_position", "lat", "lon", 1e-7),
+    ):
+        found = _globe(recorded, topic, latitude, longitude, scale)
+        if found is not None:
+            return found
+    return None
+
+
+def _plane(recorded: Recorded, north: str, east: str, valid: str) -> Track | None:
+    topic, _, field = north.partition(".")
+    x, y = recorded.column(topic, field), recorded.column(topic, east.partition(".")[2])
+    if x is None or y is None:
+        return None
+    mask = (np.abs(x.values) < _FARTHEST) & (np.abs(y.values) < _FARTHEST)
+    flag = recorded.column(topic, valid) if valid else None
+    if flag is not None:
+        mask &= flag.at(x.times) > 0
+    if not mask.any():
+        return None
+    return Track(x.times[mask], y.values[mask], x.values[mask], topic)
+
+
+def _globe(recorded: Recorded, topic: str, latitude: str, longitude: str, scale: float) -> Track | None:
+    lat, lon = recorded.column(topic, latitude), recorded.column(topic, longitude)
+    if lat is None or lon is None:
+        return None
+    north, east = lat.values * scale, lon.values * scale
+    mask = (np.abs(north) <= _QUARTER) & (np.abs(east) <= 2 * _QUARTER) & ((north != 0) | (east != 0))
+    fix = recorded.column(topic, "fix_type")
+    if fix is not None:
+        mask &= fix.at(lat.times) >= _HAS_FIX
+    if not mask.any():
+        return None
+    north, east = np.radians(north[mask]), np.radians(east[mask])
+    turn = (east - east[0] + np.pi) % (2 * np.pi) - np.pi  # across the date line, too
+    return Track(lat.times[mask], turn * np.cos(north[0]) * _RADIUS, (north - north[0]) * _RADIUS, topic)
+
+
+def figures_of(recorded: Recorded, track: Track | None) -> list[Figure]:
+    """Return the numbers about a flight that the recording tells, of the time in which the vehicle was armed."""
+    found = [Figure("Duration of the log", duration_text(recorded.duration))]
+    is_told = "vehicle_status" in recorded or "actuator_armed" in recorded
+    if is_told:
+        armed = sum(end - begin for begin, end in recorded.armed)
+        found.append(Figure("Time armed", duration_text(armed)))
+    return [*found, *_of_motion(recorded, track), *_of_battery(recorded)]
+
+
+def _of_motion(recorded: Recorded, track: Track | None) -> Iterator[Figure]:
+    if track is not None:
+        distance, farthest = _distances(recorded, track)
+        yield Figure("Distance", _length(distance), "over ground")
+        yield Figure("Farthest", _length(farthest), "from where it armed")
+    down = _armed(recorded, ("vehicle_local_position.z", "vehicle_odometry.position[2]"), "z_valid")
+    if down is not None:
+        first = float(down.finite[0])
+        yield Figure("Highest", f"{first - float(down.finite.min()):.1f} m", "above where it armed")
+    north = _armed(recorded, ("vehicle_local_position.vx", "vehicle_odometry.velocity[0]"), "v_xy_valid")
+    east = _armed(recorded, ("vehicle_local_position.vy", "vehicle_odometry.velocity[1]"), "v_xy_valid")
+    if north is not None and east is not None and len(north.values) == len(east.values):
+        speed = np.hypot(north.values, east.values)
+        yield Figure("Fastest", f"{np.nanmax(speed):.1f} m/s", "over ground")
+    vertical = _armed(recorded, ("vehicle_local_position.vz", "vehicle_odometry.velocity[2]"), "v_z_valid")
+    if vertical is not None:
+        up, down_speed = max(-float(vertical.finite.min()), 0.0), max(float(vertical.finite.max()), 0.0)
+        yield Figure("Climb and descent", f"{up:.1f}, {down_speed:.1f} m/s", "fastest")
+    tilt = tilt_of(recorded)
+    tilt = tilt.within(recorded.armed) if tilt is not None else None
+    if tilt is not None and len(tilt.finite):
+        yield Figure("Largest tilt", f"{tilt.finite.max():.0f}°")
+
+
+def _of_battery(recorded: Recorded) -> Iterator[Figure]:
+    for instance in recorded.instances("battery_status"):
+        connected = recorded.column("battery_status", "connected", instance)
+        if connected is not None and not connected.values.any():
+            continue
+        number = f" {instance}" if instance else ""
+        used, notes = [], []
+        share = _while_armed(recorded, "remaining", instance)
+        if share is not None and share.finite[0] >= 0:
+            used.append(f"{share.finite[0] * 100:.0f} to {share.finite[-1] * 100:.0f} %")
+        spent = _while_armed(recorded, "discharged_mah", instance)
+        if spent is not None and spent.finite[-1] > spent.finite[0]:
+            notes.append(f"{spent.finite[-1] - spent.finite[0]:.0f} mAh")
+        volts = _while_armed(recorded, "voltage_v", instance)
+        if volts is not None:
+            notes.append(f"at least {volts.finite.min():.2f} V")
+        if used or notes:
+            yield Figure(f"Battery{number}", used[0] if used else notes.pop(0), ", ".join(notes))
+
+
+def _while_armed(recorded: Recorded, field: str, instance: int) -> Column | None:
+    """Return a field of a battery while the vehicle was armed, None without any number."""
+    found = recorded.column("battery_status", field, instance)
+    found = found.within(recorded.armed) if found is not None else None
+    return found if found is not None and len(found.finite) else None
+
+
+def _armed(recorded: Recorded, paths: Sequence[str], valid: str) -> Column | None:
+    """Return the first of some fields while the vehicle was armed, NaN where it cannot be used."""
+    for path in paths:
+        topic, _, field = path.partition(".")
+        found = recorded.column(topic, field)
+        if found is None:
+            continue
+        flag = recorded.column(topic, valid)
+        if flag is not None:
+            found = found._replace(values=np.where(flag.at(found.times) > 0, found.values, np.nan))
+        found = found.within(recorded.armed)
+        if len(found.finite):
+            return found
+    return None
+
+
+def _distances(recorded: Recorded, track: Track) -> tuple[float, float]:
+    """Return the distance over ground while armed, and the largest one from where the vehicle armed, in m."""
+    whole, farthest = 0.0, 0.0
+    resets = recorded.column(track.source, "xy_reset_counter")
+    for begin, end in recorded.armed:
+        chosen = np.flatnonzero((track.times >= begin) & (track.times <= end))
+        if not len(chosen):
+            continue
+        times = track.times[chosen]
+        at = chosen[np.unique(np.searchsorted(times, np.arange(times[0], times[-1], _STEP)))]
+        at = np.append(at, chosen[-1])
+        steps = np.hypot(np.diff(track.east[at]), np.diff(track.north[at]))
+        if resets is not None:  # a jump of the estimate is no flight
+            steps = steps[np.diff(resets.at(track.times[at])) == 0]
+        whole += float(steps.sum())
+        east, north = track.east[chosen] - track.east[chosen[0]], track.north[chosen] - track.north[chosen[0]]
+        farthest = max(farthest, float(np.hypot(east, north).max()))
+    return whole, farthest
+
+
+def _length(metres: float) -> str:
+    return f"{metres / 1000:.2f} km" if metres >= 1000 else f"{metres:.1f} m"  # noqa: PLR2004 - m in a km
+
+
+def duration_text(seconds: float) -> str:
+    """Return `36.9 s`, `2:05 min` or `1:02:05 h`."""
+    if seconds < 60:  # noqa: PLR2004 - s in a minute
+        return f"{seconds:.1f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02}:{rest:02} h" if hours else f"{minutes}:{rest:02} min"

@@ -1,0 +1,298 @@
+"""The charts of a report, as a table: what each one shows, and from which topics."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Field(NamedTuple):
+    """A line of a chart. `paths` are where it can be from: the first that the recording has."""
+
+    label: str
+    paths: tuple[str, ...]
+    is_setpoint: bool = False
+    valid: str = ""
+    """The field of the same topic that is true where the values can be used."""
+    is_each: bool = False
+    """Whether there is a line for each instance of the topic, and each element of an array."""
+    scale: float = 1.0
+    unknown: float | None = None
+    """The value that stands for an unknown one."""
+
+
+class Plan(NamedTuple):
+    """A chart."""
+
+    title: str
+    unit: str
+    fields: tuple[Field, ...]
+    instead_of: tuple[str, ...] = ()
+    """The charts of the group without which it is drawn. Default: it always is."""
+
+
+class Group(NamedTuple):
+    """Charts below one heading."""
+
+    title: str
+    plans: tuple[Plan, ...]
+
+
+_LOCAL, _ODOMETRY = "vehicle_local_position", "vehicle_odometry"
+_POSITION_SETPOINT, _TRAJECTORY = "vehicle_local_position_setpoint", "trajectory_setpoint"
+
+
+def _tracked(own: tuple[str, ...], setpoint: tuple[str, ...], valid: str = "", scale: float = 1.0) -> tuple[Field, ...]:
+    """Return the lines of an estimate and its setpoint."""
+    return Field("estimate", own, valid=valid, scale=scale), Field("setpoint", setpoint, is_setpoint=True, scale=scale)
+
+
+def _position(axis: str, place: int) -> tuple[Field, ...]:
+    own = f"{_LOCAL}.{axis}", f"{_ODOMETRY}.position[{place}]", f"{_ODOMETRY}.{axis}"
+    setpoint = f"{_POSITION_SETPOINT}.{axis}", f"{_TRAJECTORY}.position[{place}]", f"{_TRAJECTORY}.{axis}"
+    valid = "z_valid" if axis == "z" else "xy_valid"
+    return _tracked(own, setpoint, valid, -1.0 if axis == "z" else 1.0)
+
+
+def _velocity(axis: str, place: int) -> tuple[Field, ...]:
+    own = f"{_LOCAL}.{axis}", f"{_ODOMETRY}.velocity[{place}]", f"{_ODOMETRY}.{axis}"
+    setpoint = f"{_POSITION_SETPOINT}.{axis}", f"{_TRAJECTORY}.velocity[{place}]", f"{_TRAJECTORY}.{axis}"
+    return _tracked(own, setpoint, "v_z_valid" if axis == "vz" else "v_xy_valid")
+
+
+def _angle(name: str) -> tuple[Field, ...]:
+    own = f"vehicle_attitude.{name}", f"{_ODOMETRY}.{name}"
+    return _tracked(own, (f"vehicle_attitude_setpoint.{name}", f"vehicle_attitude_setpoint.{name}_body"))
+
+
+def _rate(name: str, place: int) -> tuple[Field, ...]:
+    own = (
+        f"vehicle_angular_velocity.xyz[{place}]",
+        f"vehicle_attitude.{name}speed",
+        f"sensor_combined.gyro_rad[{place}]",
+        f"{_ODOMETRY}.angular_velocity[{place}]",
+    )
+    return _tracked(own, (f"vehicle_rates_setpoint.{name}",))
+
+
+def _ratio(label: str, *names: str) -> Field:
+    return Field(label, tuple(f"estimator_status.{name}_test_ratio" for name in names))
+
+
+_GPS = ("sensor_gps", "vehicle_gps_position")
+
+
+def _gps(label: str, name: str) -> Field:
+    return Field(label, tuple(f"{topic}.{name}" for topic in _GPS), is_each=True)
+
+
+def _axes(topic: str, field: str) -> tuple[Field, ...]:
+    return tuple(Field(axis, (f"{topic}.{field}[{place}]",)) for place, axis in enumerate("xyz"))
+
+
+_STICKS = (("roll", "y"), ("pitch", "x"), ("yaw", "r"), ("throttle", "z"))
+
+GROUPS: tuple[Group, ...] = (
+    Group(
+        "Position and velocity",
+        (
+            Plan(
+                "Altitude above the origin",
+                "m",
+                (
+                    *_position("z", 2),
+                    Field("above ground", (f"{_LOCAL}.dist_bottom",), valid="dist_bottom_valid"),
+                ),
+            ),
+            Plan(
+                "Altitude above sea level",
+                "m",
+                (Field("estimate", ("vehicle_global_position.alt",)),),
+                ("Altitude above the origin",),
+            ),
+            Plan("Position north", "m", _position("x", 0)),
+            Plan("Position east", "m", _position("y", 1)),
+            Plan("Velocity north", "m/s", _velocity("vx", 0)),
+            Plan("Velocity east", "m/s", _velocity("vy", 1)),
+            Plan("Velocity down", "m/s", _velocity("vz", 2)),
+            Plan(
+                "Airspeed",
+                "m/s",
+                (
+                    Field("true", ("airspeed_validated.true_airspeed_m_s", "airspeed.true_airspeed_m_s")),
+                    Field("setpoint", ("tecs_status.true_airspeed_sp",), is_setpoint=True),
+                ),
+            ),
+        ),
+    ),
+    Group(
+        "Attitude and rates",
+        (
+            Plan("Roll", "deg", _angle("roll")),
+            Plan("Pitch", "deg", _angle("pitch")),
+            Plan("Yaw", "deg", _angle("yaw")),
+            Plan("Roll rate", "deg/s", _rate("roll", 0)),
+            Plan("Pitch rate", "deg/s", _rate("pitch", 1)),
+            Plan("Yaw rate", "deg/s", _rate("yaw", 2)),
+        ),
+    ),
+    Group(
+        "Actuators and sticks",
+        (
+            Plan("Motors", "", (Field("motor", ("actuator_motors.control",), is_each=True),)),
+            Plan("Servos", "", (Field("servo", ("actuator_servos.control",), is_each=True),)),
+            Plan(
+                "Actuator outputs",
+                "",
+                (Field("output", ("actuator_outputs.output",), is_each=True),),
+                ("Motors", "Servos"),
+            ),
+            Plan("Speed of motors", "rpm", (Field("motor", ("esc_status.esc",), is_each=True),)),
+            Plan("Thrust setpoint", "", _axes("vehicle_thrust_setpoint", "xyz")),
+            Plan("Torque setpoint", "", _axes("vehicle_torque_setpoint", "xyz")),
+            Plan(
+                "Sticks",
+                "",
+                tuple(
+                    Field(name, (f"manual_control_setpoint.{name}", f"manual_control_setpoint.{old}"))
+                    for name, old in _STICKS
+                ),
+            ),
+        ),
+    ),
+    Group(
+        "Power and system",
+        (
+            Plan(
+                "Battery voltage",
+                "V",
+                (Field("battery", ("battery_status.voltage_v", "battery_status.voltage_filtered_v"), is_each=True),),
+            ),
+            Plan(
+                "Battery current",
+                "A",
+                (
+                    Field(
+                        "battery",
+                        ("battery_status.current_a", "battery_status.current_filtered_a"),
+                        is_each=True,
+                        unknown=-1.0,
+                    ),
+                ),
+            ),
+            Plan(
+                "Battery remaining",
+                "%",
+                (Field("battery", ("battery_status.remaining",), is_each=True, scale=100, unknown=-1.0),),
+            ),
+            Plan(
+                "Load of the autopilot",
+                "%",
+                (Field("CPU", ("cpuload.load",), scale=100), Field("RAM", ("cpuload.ram_usage",), scale=100)),
+            ),
+        ),
+    ),
+    Group(
+        "Vibration and sensors",
+        (
+            Plan(
+                "Vibration of the accelerometers",
+                "m/s²",
+                (Field("IMU", ("vehicle_imu_status.accel_vibration_metric",), is_each=True),),
+            ),
+            Plan(
+                "Vibration of the gyroscopes",
+                "deg/s",
+                (Field("IMU", ("vehicle_imu_status.gyro_vibration_metric",), is_each=True),),
+            ),
+            Plan("Raw acceleration", "m/s²", _axes("sensor_combined", "accelerometer_m_s2")),
+            Plan("Magnetic field", "Ga", _axes("vehicle_magnetometer", "magnetometer_ga")),
+        ),
+    ),
+    Group(
+        "GPS",
+        (
+            Plan("Satellites and fix", "", (_gps("satellites", "satellites_used"), _gps("fix type", "fix_type"))),
+            Plan("Accuracy of position", "m", (_gps("horizontal", "eph"), _gps("vertical", "epv"))),
+            Plan("Noise and jamming", "", (_gps("noise per ms", "noise_per_ms"), _gps("jamming", "jamming_indicator"))),
+        ),
+    ),
+    Group(
+        "Estimator",
+        (
+            Plan(
+                "Innovation test ratios",
+                "",
+                (
+                    _ratio("heading", "hdg", "mag"),
+                    _ratio("velocity", "vel"),
+                    _ratio("position", "pos"),
+                    _ratio("height", "hgt"),
+                    _ratio("airspeed", "tas"),
+                    _ratio("above ground", "hagl"),
+                ),
+            ),
+            Plan(
+                "Error of the position",
+                "m",
+                (
+                    Field("horizontal", (f"{_LOCAL}.eph", "estimator_status.pos_horiz_accuracy")),
+                    Field("vertical", (f"{_LOCAL}.epv", "estimator_status.pos_vert_accuracy")),
+                ),
+            ),
+        ),
+    ),
+)
+"""The charts, in the order of the report."""
+
+
+class Lanes(NamedTuple):
+    """A chart of flags, each a row: the fields of topics that are true or false."""
+
+    title: str
+    group: str
+    topics: tuple[str, ...]
+    """The names of topics, or what they begin with."""
+    flags: tuple[str, ...] = ()
+    """What the names of the fields begin with. Default: all."""
+    is_changing: bool = False
+    """Whether flags that never change are left out. Those that are never true always are."""
+
+
+AID_SOURCES = "estimator_aid_src_"
+"""What the names of topics about the estimator's sources begin with."""
+
+LANES: tuple[Lanes, ...] = (
+    Lanes(
+        "State of the vehicle",
+        "Position and velocity",
+        ("vehicle_land_detected",),
+        ("landed", "maybe_landed", "freefall"),
+    ),
+    Lanes("Flags of failsafes", "Power and system", ("failsafe_flags", "failure_detector_status")),
+    Lanes(
+        "Rejected innovations",
+        "Estimator",
+        (AID_SOURCES, "estimator_innovation_flags", "estimator_status_flags"),
+        ("innovation_rejected", "reject_"),
+    ),
+    Lanes("State of the estimator", "Estimator", ("estimator_status_flags",), ("cs_", "fs_"), is_changing=True),
+)
+
+_NAMES = frozenset(
+    {
+        *("vehicle_status", "actuator_armed", "vehicle_global_position"),
+        *(
+            path.partition(".")[0]
+            for group in GROUPS
+            for plan in group.plans
+            for field in plan.fields
+            for path in field.paths
+        ),
+        *(topic for lanes in LANES for topic in lanes.topics),
+    }
+)
+
+
+def is_needed(name: str) -> bool:
+    """Whether a report reads the topic with a name in uORB."""
+    return name in _NAMES or name.startswith(AID_SOURCES)

@@ -1,0 +1,346 @@
+// The charts of a report: drawn with uPlot when they come into view, with one time axis for all.
+(() => {
+  "use strict";
+  const data = JSON.parse(document.getElementById("report-data").textContent);
+  const root = document.documentElement;
+  const whole = [0, data.duration > 0 ? data.duration : 1];
+  const shortest = Math.max(whole[1] / 1e5, 1e-3);
+  const view = { low: whole[0], high: whole[1] };
+  const plots = new Map(); // by the element of the chart
+  const visible = new Set();
+  const find = (selector) => document.querySelector(selector);
+
+  const floats = (text) => new Float32Array(bytes(text));
+  const bytes = (text) => Uint8Array.from(atob(text), (each) => each.charCodeAt(0)).buffer;
+  const times = (text) => Array.from(new Uint32Array(bytes(text)), (each) => (each / 0xffffffff) * data.duration);
+  const numbers = (text) => Array.from(floats(text), (each) => (Number.isFinite(each) ? each : null));
+  const colours = new Map(); // of the present scheme
+  const colour = (name) => {
+    if (!colours.has(name)) colours.set(name, getComputedStyle(root).getPropertyValue(name).trim());
+    return colours.get(name);
+  };
+
+  function clock(seconds, digits) {
+    if (whole[1] < 120) return seconds.toFixed(digits) + " s";
+    const sign = seconds < 0 ? "-" : "";
+    const rounded = Number(Math.abs(seconds).toFixed(digits));
+    const minutes = Math.floor(rounded / 60);
+    const rest = (rounded - 60 * minutes).toFixed(digits).padStart(digits ? 3 + digits : 2, "0");
+    const hours = Math.floor(minutes / 60);
+    return sign + (hours ? hours + ":" + String(minutes % 60).padStart(2, "0") : minutes) + ":" + rest;
+  }
+
+  // one time axis
+
+  function show(low, high) {
+    const length = Math.min(Math.max(high - low, shortest), whole[1] - whole[0]);
+    const begin = Math.min(Math.max(low, whole[0]), whole[1] - length);
+    if (begin === view.low && begin + length === view.high) return;
+    view.low = begin;
+    view.high = begin + length;
+    apply();
+  }
+
+  function apply() {
+    root.style.setProperty("--low", view.low);
+    root.style.setProperty("--scale", 100 / (view.high - view.low));
+    for (const element of visible) fit(plots.get(element));
+    drawInterval();
+    const isWhole = view.low <= whole[0] && view.high >= whole[1];
+    const digits = view.high - view.low < 10 ? 2 : view.high - view.low < 600 ? 1 : 0;
+    find("#shown-time").textContent = isWhole
+      ? "Whole log, " + clock(whole[1], 1)
+      : clock(view.low, digits) + " to " + clock(view.high, digits);
+  }
+
+  function fit(plot) {
+    if (plot && (plot.scales.x.min !== view.low || plot.scales.x.max !== view.high)) {
+      plot.setScale("x", { min: view.low, max: view.high });
+    }
+  }
+
+  const zoom = (factor, middle) => {
+    const place = middle === undefined ? (view.low + view.high) / 2 : middle;
+    show(place - (place - view.low) * factor, place + (view.high - place) * factor);
+  };
+  const pan = (share) => {
+    const step = (view.high - view.low) * share;
+    show(view.low + step, view.low + step + (view.high - view.low));
+  };
+
+  // behind and above lines
+
+  function drawBehind(plot) {
+    const { ctx, bbox } = plot;
+    const rectangle = (begin, end, style, alpha, top, height) => {
+      const left = Math.max(plot.valToPos(begin, "x", true), bbox.left);
+      const right = Math.min(plot.valToPos(end, "x", true), bbox.left + bbox.width);
+      if (right <= left) return;
+      ctx.globalAlpha = alpha;
+      ctx.fillStyle = style;
+      ctx.fillRect(left, top, right - left, height);
+    };
+    ctx.save();
+    for (const [, number, begin, end] of data.modes) {
+      rectangle(begin, end, colour("--mode-" + number), 0.16, bbox.top, bbox.height);
+    }
+    for (const [begin, end] of data.failsafes) {
+      rectangle(begin, end, colour("--bad"), 0.22, bbox.top, bbox.height);
+      rectangle(begin, end, colour("--bad"), 1, bbox.top, 4 * devicePixelRatio);
+    }
+    ctx.restore();
+  }
+
+  function drawMarks(plot) {
+    const { ctx, bbox } = plot;
+    const areFew = data.marks.length <= 12;
+    ctx.save();
+    ctx.lineWidth = devicePixelRatio;
+    ctx.setLineDash([2 * devicePixelRatio, 3 * devicePixelRatio]);
+    for (const [time, isCalm] of data.marks) {
+      const left = plot.valToPos(time, "x", true);
+      if ((isCalm && !areFew) || left < bbox.left || left > bbox.left + bbox.width) continue;
+      ctx.strokeStyle = colour(isCalm ? "--faint" : "--bad");
+      ctx.beginPath();
+      ctx.moveTo(left, bbox.top);
+      ctx.lineTo(left, bbox.top + bbox.height);
+      ctx.stroke();
+    }
+    ctx.restore();
+  }
+
+  // charts
+
+  function make(element) {
+    const chart = data.charts[Number(element.dataset.chart)];
+    const tables = chart.tables.map(([when, values]) => [times(when), ...values.map(numbers)]);
+    const ink = () => colour("--faint");
+    const grid = { stroke: () => colour("--line"), width: 1 };
+    const step = uPlot.paths.stepped({ align: 1 });
+    const axis = { stroke: ink, grid, ticks: grid, font: "12px system-ui, sans-serif" };
+    const plot = new uPlot(
+      {
+        width: element.clientWidth,
+        height: element.clientWidth < 500 ? 190 : 220,
+        scales: { x: { time: false, min: view.low, max: view.high }, y: { range: (self, low, high) => around(low, high) } },
+        axes: [
+          { ...axis, space: 70, size: 34, values: (self, splits) => splits.map((each) => clock(each, digitsOf(splits))) },
+          { ...axis, size: 58, values: (self, splits) => splits.map(shortened) },
+        ],
+        series: [
+          { label: "Time", value: (self, value) => (value === null ? "" : clock(value, 2)) },
+          ...chart.lines.map((line) => ({
+            label: line.label,
+            stroke: () => colour("--line-" + line.colour),
+            width: 1.4,
+            dash: line.dash ? [5, 4] : undefined,
+            paths: line.step ? step : undefined,
+            points: { size: 4 },
+            value: (self, value, number, at) => valueAt(self, number, at, chart.unit),
+          })),
+        ],
+        cursor: { drag: { x: true, y: false, setScale: false }, points: { size: 6 } },
+        legend: { live: true },
+        hooks: {
+          drawClear: [drawBehind],
+          draw: [drawMarks],
+          setSelect: [select],
+          setCursor: [follow],
+        },
+      },
+      uPlot.join(tables),
+      element
+    );
+    plot.over.addEventListener("dblclick", () => show(...whole));
+    plot.over.addEventListener("wheel", (event) => wheel(plot, event), { passive: false });
+    touch(plot);
+    plots.set(element, plot);
+  }
+
+  function around(low, high) {
+    if (low === null) return [0, 1];
+    const least = Math.max(Math.abs(low), Math.abs(high)) * 1e-3 || 1;
+    return high - low < least ? [(low + high) / 2 - least, (low + high) / 2 + least] : uPlot.rangeNum(low, high, 0.1, false);
+  }
+
+  const digitsOf = (splits) => {
+    const between = splits.length > 1 ? splits[1] - splits[0] : 1;
+    return between < 0.01 ? 3 : between < 0.1 ? 2 : between < 1 ? 1 : 0;
+  };
+  const shortened = (value) => {
+    if (value === null) return "";
+    return Math.abs(value) >= 1e5 || (value && Math.abs(value) < 1e-3) ? value.toExponential(0) : String(Number(value.toPrecision(6)));
+  };
+
+  function valueAt(plot, number, index, unit) {
+    // lines of a chart have times of their own: show the latest value
+    const values = plot.data[number];
+    if (index === null) return "";
+    for (let at = index; at >= 0 && at > index - 2000; at--) {
+      if (values[at] !== undefined) {
+        return values[at] === null ? "-" : Number(values[at].toPrecision(5)) + (unit ? " " + unit : "");
+      }
+    }
+    return "-";
+  }
+
+  function select(plot) {
+    const { left, width } = plot.select;
+    if (width > 3) {
+      plot.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+      show(plot.posToVal(left, "x"), plot.posToVal(left + width, "x"));
+    }
+  }
+
+  let isFollowing = false;
+  function follow(plot) {
+    if (isFollowing) return;
+    isFollowing = true;
+    const left = plot.cursor.left;
+    const time = left >= 0 ? plot.posToVal(left, "x") : null;
+    for (const element of visible) {
+      const other = plots.get(element);
+      if (other && other !== plot) {
+        other.setCursor(time === null ? { left: -10, top: -10 } : { left: other.valToPos(time, "x"), top: -10 });
+      }
+    }
+    isFollowing = false;
+    point(time);
+  }
+
+  function wheel(plot, event) {
+    if (!event.ctrlKey && !event.shiftKey) return; // the page scrolls
+    event.preventDefault();
+    const delta = event.deltaY || event.deltaX;
+    if (event.shiftKey) pan(Math.sign(delta) * 0.1);
+    else zoom(Math.exp(Math.max(Math.min(delta, 100), -100) / 300), plot.posToVal(event.offsetX, "x"));
+  }
+
+  function touch(plot) {
+    // one finger to the side moves the time, two fingers zoom; up and down scrolls the page
+    let held = null;
+    const at = (event) => {
+      const box = plot.over.getBoundingClientRect();
+      return [...event.touches].map((each) => each.clientX - box.left);
+    };
+    const start = (event) => {
+      held = event.touches.length ? { places: at(event), low: view.low, high: view.high } : null;
+    };
+    const move = (event) => {
+      if (!held || held.places.length !== event.touches.length) return start(event);
+      const places = at(event);
+      const width = plot.over.clientWidth;
+      const perPixel = (held.high - held.low) / width;
+      if (places.length === 2) {
+        event.preventDefault();
+        const before = Math.max(Math.abs(held.places[1] - held.places[0]), 10);
+        const factor = before / Math.max(Math.abs(places[1] - places[0]), 10);
+        const middle = held.low + ((held.places[0] + held.places[1]) / 2) * perPixel;
+        const low = middle - ((places[0] + places[1]) / 2) * perPixel * factor;
+        show(low, low + (held.high - held.low) * factor);
+      } else if (view.high - view.low < whole[1] - whole[0]) {
+        const moved = (held.places[0] - places[0]) * perPixel;
+        show(held.low + moved, held.high + moved);
+      } else {
+        plot.setCursor({ left: places[0], top: 10 });
+      }
+    };
+    plot.over.addEventListener("touchstart", start, { passive: true });
+    plot.over.addEventListener("touchmove", move, { passive: false });
+    plot.over.addEventListener("touchend", start, { passive: true });
+  }
+
+  // the track, and what is at the cursor
+
+  const track = data.track && { times: times(data.track[0]), east: floats(data.track[1]), north: floats(data.track[2]) };
+  const index = (time) => {
+    let low = 0;
+    let high = track.times.length;
+    while (low < high) {
+      const middle = (low + high) >> 1;
+      if (track.times[middle] <= time) low = middle + 1;
+      else high = middle;
+    }
+    return low - 1;
+  };
+  const place = (at) => track.east[at] + " " + -track.north[at];
+
+  function drawInterval() {
+    const path = find("#track-interval");
+    if (!track || !path) return;
+    const isWhole = view.low <= whole[0] && view.high >= whole[1];
+    const first = Math.max(index(view.low), 0);
+    const last = index(view.high);
+    const points = [];
+    for (let at = first; at <= last; at++) points.push(place(at));
+    path.setAttribute("d", isWhole || !points.length ? "" : "M" + points.join("L"));
+    find("#track").classList.toggle("is-part", !isWhole);
+  }
+
+  function point(time) {
+    const dot = find("#track-dot");
+    if (track && dot) {
+      const at = time === null ? -1 : index(time);
+      dot.setAttribute("d", at < 0 ? "" : "M" + place(at) + "h0");
+    }
+    const mode = time === null ? undefined : data.modes.find((each) => each[2] <= time && time < each[3]);
+    const near = (view.high - view.low) / 100;
+    const mark = time === null ? undefined : data.marks.find((each) => Math.abs(each[0] - time) < near);
+    const parts = time === null ? [] : [clock(time, 2), mode ? mode[0] : "", mark ? mark[2] : ""];
+    find("#at-cursor").textContent = parts.filter(Boolean).join(" · ");
+  }
+
+  // the page
+
+  const elements = [...document.querySelectorAll("[data-chart]")];
+  const draw = (element) => (plots.has(element) ? fit(plots.get(element)) : make(element));
+  const observer = new IntersectionObserver(
+    (entries) => {
+      for (const { target, isIntersecting } of entries) {
+        if (isIntersecting) {
+          visible.add(target);
+          draw(target);
+        } else visible.delete(target);
+      }
+    },
+    { rootMargin: "400px 0px" }
+  );
+  elements.forEach((each) => observer.observe(each));
+
+  function resize(width) {
+    for (const [element, plot] of plots) {
+      const wide = width || element.clientWidth;
+      if (wide && wide !== plot.width) plot.setSize({ width: wide, height: wide < 500 ? 190 : 220 });
+    }
+  }
+  addEventListener("resize", () => resize());
+  addEventListener("beforeprint", () => {
+    elements.forEach(draw);
+    resize(660);
+  });
+  addEventListener("afterprint", () => resize());
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
+    colours.clear();
+    for (const [element, plot] of [...plots]) {
+      plot.destroy();
+      plots.delete(element);
+      if (visible.has(element)) make(element);
+    }
+  });
+  const actions = { in: () => zoom(0.5), out: () => zoom(2), earlier: () => pan(-0.25), later: () => pan(0.25), all: () => show(...whole) };
+  document.querySelectorAll("[data-action]").forEach((button) => {
+    button.addEventListener("click", () => actions[button.dataset.action]());
+  });
+  document.querySelectorAll("[data-time]").forEach((button) => {
+    button.addEventListener("click", () => {
+      const length = Math.min(Math.max(whole[1] / 20, 2), whole[1]);
+      const time = Number(button.dataset.time);
+      show(time - length / 2, time + length / 2);
+      find("#charts").scrollIntoView({ block: "start" });
+    });
+  });
+  window.flightReport = { view, plots, show };
+  root.style.setProperty("--whole", whole[1]);
+  find("#controls").hidden = false;
+  apply();
+})();
