@@ -222,20 +222,26 @@ class McapFile(Source):
         for chunk in self._chunks_by_first:
             if firsts and chunk.first >= min(firsts):
                 break
+            self._fetch_all_indexes(chunk, channel)
             firsts += [int(each.min()) for each in self._times_in(chunk, channel)]
         for chunk in self._chunks_by_last:
             if lasts and chunk.last <= max(lasts):
                 break
+            self._fetch_all_indexes(chunk, channel)
             lasts += [int(each.max()) for each in self._times_in(chunk, channel)]
         return (min(firsts), max(lasts)) if firsts and lasts else None
+
+    def _fetch_all_indexes(self, chunk: Chunk, channel: int) -> None:
+        """Fetch the message indexes of a chunk that has a channel: those of other channels are often asked for next."""
+        if channel in chunk.indexes:
+            end = chunk.start + chunk.length
+            self._mapped.need([(end, end + chunk.index_size)])
 
     def _times_in(self, chunk: Chunk, channel: int) -> Iterator[NDArray[np.int64]]:
         """Yield the log times of a channel in a chunk, if there are any."""
         if channel not in chunk.indexes:
             return
-        if self._mapped.is_partial:  # with those of other channels, whose times are often asked for next
-            end = chunk.start + chunk.length
-            self._mapped.need([(end, end + chunk.index_size)])
+        if self._mapped.is_partial:
             fetch_indexes(self._mapped, [chunk.indexes[channel]])
         entries = entries_of(self._file, channel, chunk.indexes[channel])
         if entries is not None and entries.size:
