@@ -1,6 +1,6 @@
 """Measure how long recordings take to read, side by side with other libraries.
 
-    python benchmarks/run.py recordings            about two minutes;  docs/reading.md shows the tables
+    python benchmarks/run.py recordings            about three minutes;  docs/reading.md shows the tables
     python benchmarks/run.py recordings --quick    checks in a few seconds that it works
     python benchmarks/recordings.py --ulog FILE    reads this ULog, too, beside generated ones: CPU times and goals
 
@@ -328,15 +328,14 @@ def main() -> None:
     parser.add_argument("--ulog", metavar="FILE", action="append", default=[], help="read this ULog, and only ULogs")
     options = parser.parse_args()
     is_quick = options.quick
-    rounds = 3 if is_quick else 9
     with tempfile.TemporaryDirectory() as folder:
-        vehicle_table(folder, options.ulog, rounds).print()
+        vehicle_table(folder, options.ulog, 3 if is_quick else 9).print()
     if options.ulog:
         return
     topics = flight(10 if is_quick else SECONDS)
     for measure in (mcap_table, others_table):
         with tempfile.TemporaryDirectory() as folder:
-            measure(folder, topics, rounds).print()
+            measure(folder, topics, 3 if is_quick else 25).print()
 
 
 if __name__ == "__main__":

@@ -22,7 +22,7 @@ _LARGE = 3_000_000
 Reader = Callable[[str], None]
 
 
-def write_vehicle_log(path: str, samples: int) -> None:
+def write_vehicle_log(path: str, samples: int, seed: int = 4) -> None:
     """Write a log of `TOPICS` topics with random values, and as many parameters as PX4 has."""
     from support.ulog import UlogWriter, content_of, formats_of, size_of, snake
 
@@ -41,7 +41,7 @@ def write_vehicle_log(path: str, samples: int) -> None:
     for number, name in enumerate(names):
         writer.subscribe(number, name)
     sizes = [size_of(formats, name, with_end=False) for name in names]
-    random = Random(4)  # noqa: S311 - no secret
+    random = Random(seed)  # noqa: S311 - no secret
     for index in range(samples):
         number = index % len(names)
         writer.sample(number, content_of(random, sizes[number], START + index * 100))

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import shutil
 import tempfile
 from pathlib import Path
 
-from selenium import webdriver
+from headless import chromium
 
 from msggen.cli import main
 
@@ -21,12 +20,7 @@ PICTURES = {
 
 def take(folder: Path) -> None:
     """Write the pictures of the site in `folder`."""
-    options = webdriver.ChromeOptions()
-    options.binary_location = shutil.which("chromium") or ""
-    for argument in ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--hide-scrollbars"):
-        options.add_argument(argument)
-    driver = webdriver.Chrome(options, webdriver.ChromeService(shutil.which("chromedriver")))
-    try:
+    with chromium() as driver:
         driver.set_window_size(1100, 960)
         driver.implicitly_wait(10)
         for name, (page, theme, words) in PICTURES.items():
@@ -36,8 +30,6 @@ def take(folder: Path) -> None:
                 driver.find_element("id", "search-box").send_keys(words)
                 driver.find_element("css selector", "#search-results a")
             driver.save_screenshot(str(DOCS / name))
-    finally:
-        driver.quit()
 
 
 if __name__ == "__main__":

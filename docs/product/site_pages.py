@@ -20,7 +20,13 @@ GROUPS = {
         *("docs/links", "docs/link", "docs/beyond", "docs/ros2", "docs/view"),
     ),
     "Recordings": (
-        *("docs/record", "docs/recordings", "docs/reading", "docs/stores", "docs/fleet", "docs/recording_formats"),
+        "docs/record",
+        "docs/recordings",
+        "docs/report",
+        "docs/reading",
+        "docs/stores",
+        "docs/fleet",
+        "docs/recording_formats",
     ),
     "Reference": (
         *("commands/index", "api/index", "docs/library", "docs/errors", "docs/wire", "docs/xrce"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import chain
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -33,10 +34,54 @@ FORMATS: Mapping[str, Format] = MappingProxyType(
 )
 """The formats by their names in programs, `Log.kind`."""
 
+STORAGES = tuple(each.storage for each in FORMATS.values() if each.storage)
+"""The storages of rosbag2, the one that msggen writes by default first."""
 MCAP = FORMATS["mcap"].suffix
 """The suffix of the recordings that msggen writes."""
 
-PACKED = (".zstd", ".zst")
+
+_DECRYPT = (
+    "decrypt it first with your private key, by PX4's decrypt_logs.py "
+    "(https://docs.px4.io/main/en/dev_log/log_encryption)"
+)
+FOREIGN: Mapping[bytes, str] = MappingProxyType(
+    {
+        b"ULogEnc": f"an encrypted ULog: {_DECRYPT}",
+        b"#ROSBAG V": "a bag of ROS 1: convert it first, rosbags-convert --src BAG --dst FOLDER (pip install rosbags)",
+        b"\xa3\x95\x80": "a log of PX4 before ULog (sdlog2) or of ArduPilot: mavlogdump.py of pymavlink reads it",
+        b"PAR1": "a table in Parquet, not a recording: pyarrow, DuckDB and Polars read it",
+        b"ARROW1": "a table of Arrow, not a recording: pyarrow, DuckDB and Polars read it",
+        b"PK\x03\x04": "a zip archive: unpack it first",
+    }
+)
+"""What is wrong with other files that users may take for recordings, and what to do, by their first bytes."""
+_WITHOUT_FRONT: Mapping[str, str] = MappingProxyType(
+    {
+        ".ulgc": f"an encrypted ULog of PX4 up to v1.15: {_DECRYPT}",
+        ".ulgk": "the key of an encrypted ULog of PX4 up to v1.15, which is the file .ulgc beside it",
+    }
+)
+"""The same by the suffixes of files whose first bytes tell nothing."""
+
+
+class Packing(NamedTuple):
+    """A way in which files are compressed."""
+
+    name: str
+    front: bytes
+    """The first bytes of such files."""
+
+
+_ZSTD = Packing("zstd", b"\x28\xb5\x2f\xfd")
+PACKED: Mapping[str, Packing] = MappingProxyType(
+    {
+        ".zstd": _ZSTD,
+        ".zst": _ZSTD,
+        ".gz": Packing("gzip", b"\x1f\x8b"),
+        ".xz": Packing("xz", b"\xfd7zXZ\0"),
+        ".bz2": Packing("bzip2", b"BZh"),
+    }
+)
 """The suffixes of compressed files, behind that of their format. rosbag2 writes the first one."""
 
 
@@ -44,6 +89,18 @@ def unpacked(name: str) -> str:
     """Return the name of a file without the suffix of a compressed one: `flight.mcap` for `flight.mcap.zstd`."""
     found = next((each for each in PACKED if name.lower().endswith(each)), "")
     return name[: len(name) - len(found)]
+
+
+def foreign(path: str, front: bytes) -> str:
+    """Return what a file is that is no recording, and what to do, "" if that is not known."""
+    known = (text for first, text in FOREIGN.items() if front.startswith(first))
+    named = (text for suffix, text in _WITHOUT_FRONT.items() if path.lower().endswith(suffix))
+    return next(chain(known, named), "")
+
+
+def packing_of(front: bytes) -> Packing | None:
+    """Return how a file is compressed by its first bytes, None if it is not."""
+    return next((each for each in PACKED.values() if front.startswith(each.front)), None)
 
 
 def format_named(name: str) -> Format | None:

@@ -97,7 +97,6 @@ ROOMS: Mapping[str, tuple[str, ...]] = MappingProxyType(
             "base",
             "recordings.source",
             "recordings.files",
-            "recordings.topics",
             "recordings.log",
             "recordings.convert",
         ),

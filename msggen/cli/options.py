@@ -85,11 +85,16 @@ SHARED: Mapping[str, Mapping[str, Any]] = {
     "--list-outputs": {"action": "store_true", "help": "write nothing; list the output files"},
     "--for": {"metavar": "SECONDS", "type": positive, "help": "end after this time"},
     "-q, --quiet": {"action": "store_true", "help": "print only errors and warnings"},
+    "--sql-names": {
+        "action": "store_true",
+        "help": "name columns so that SQL takes them without quotes: q_0 for q[0]",
+    },
     "--quote-formulas": {
         "action": "store_true",
         "help": "put ' before text in CSV that a spreadsheet would evaluate: text that begins with =, +, - or @",
     },
     "--json": {"action": "store_true", "help": "print JSON instead of text"},
+    "--csv": {"action": "store_true", "help": "print rows under a line with the names: timestamp,q[0],q[1]"},
 }
 """Options with the same meaning in every command that has them."""
 

@@ -93,11 +93,11 @@ def _play(options: argparse.Namespace) -> int:
 
 
 def _open(options: argparse.Namespace) -> Log:
-    from msggen.recordings.log.opening import open_log
+    from msggen.recordings.log import opening
     from msggen.recordings.source.source import RecordingError
 
     try:
-        return open_log(options.file)
+        return opening.open(options.file)
     except RecordingError as error:
         raise input_error(options.file, "R102", str(error).removeprefix(f"{options.file} "), 0) from None
     except OSError as error:

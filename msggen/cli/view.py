@@ -114,12 +114,12 @@ def _packages(options: argparse.Namespace) -> Iterator[ModuleType]:
 
 
 def _recording(path: str) -> Log:
-    from msggen.recordings.log.opening import open_log
+    from msggen.recordings.log import opening
     from msggen.recordings.source.source import RecordingError
     from msggen.show.view.recording import UnviewableRecordingError, channels_of
 
     try:
-        recording = open_log(path)
+        recording = opening.open(path)
         channels_of(recording)
     except (RecordingError, UnviewableRecordingError) as error:
         raise input_error(path, "R102", str(error).removeprefix(f"{path} "), 0) from None

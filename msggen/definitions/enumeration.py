@@ -11,6 +11,8 @@ A field names its constants by prefix, in a tag of its own or in an inferred one
 - A constant such as `FAULT_COUNT` that counts the others is not a member.
 - The enum is a set of flags if the name or the comment of a field says that it is a mask. The constants are then
   masks, or numbers of bits.
+- The enums of a message have at most MOST_MEMBERS together: a small definition could otherwise name all constants in
+  each of its tags. A tag with more than are left makes none.
 """
 
 from __future__ import annotations
@@ -33,6 +35,8 @@ _NOTHING = re.compile(r"(?:^|_)(?:NONE|NO|OK|OFF|UNKNOWN|UNDEFINED|DEFAULT|CLEAR
 _MASK_NAME = re.compile(r"(?:^|_)(?:flags|bits|(?:bit)?mask|bit_?field|bitmap)$")
 _MASK_TEXT = re.compile(r"\bbit[- ]?(?:masks?|fields?|maps?|sets?)\b|\bmasks?\b|\bone bit each\b", re.IGNORECASE)
 
+MOST_MEMBERS = 1 << 16
+"""The most members that all enums of a message have together: those of PX4's VehicleCommand have some hundreds."""
 _OWN_FLAGS = 4
 """The number of constants from which single bits, and no other values, are flags without a comment that says so."""
 
@@ -88,8 +92,20 @@ def enumerations(message: Message) -> tuple[Enumeration, ...]:
     owned: dict[str, list[tuple[int, Constant]]] = {}
     for place, constant in enumerate(integer_constants(message)):
         owned.setdefault(owners.longest(constant.name), []).append((place, constant))
-    made = (_enumeration(tag, prefixes[tag], users, _in_order(owned, prefixes[tag])) for tag, users in fields.items())
+    made = (
+        _enumeration(tag, prefixes[tag], fields[tag], _in_order(owned, prefixes[tag]))
+        for tag in _within_limit({tag: sum(len(owned.get(each, ())) for each in prefixes[tag]) for tag in fields})
+    )
     return tuple(one for one in made if one.members)
+
+
+def _within_limit(sizes: Mapping[str, int]) -> Iterator[str]:
+    """Yield the tags of `sizes`, without those whose members would exceed MOST_MEMBERS."""
+    rest = MOST_MEMBERS
+    for tag, size in sizes.items():
+        if size <= rest:
+            rest -= size
+            yield tag
 
 
 def _in_order(owned: Mapping[str, Sequence[tuple[int, Constant]]], prefixes: Iterable[str]) -> Iterator[Constant]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import lru_cache
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -11,7 +12,7 @@ from msggen.definitions.identity import message_hash
 from msggen.definitions.model import DEFAULT_PACKAGE, Catalog, Message
 from msggen.definitions.parse.definition import parse_message
 from msggen.sources.conventions import CONVENTIONS
-from msggen.sources.embedded import EMBEDDED, PREFIX, Releases
+from msggen.sources.embedded import EMBEDDED, PREFIX, Releases, all_releases, nearest_first
 
 _VERSIONED = "msg/versioned/"
 
@@ -54,6 +55,20 @@ def released_as(releases: Releases, release: str, name: str, package: str = DEFA
         waiting += [inner for inner in nested if inner not in found]
     catalog = Catalog(MappingProxyType(found), (), (), CONVENTIONS[release], package)
     return Released(catalog, found[f"{package}/{name}"])
+
+
+@lru_cache(2048)
+def embedded(release: str, name: str, package: str = DEFAULT_PACKAGE) -> Released | None:
+    """Return the same as `released_as` of the embedded releases, read once a process."""
+    return released_as(all_releases(), release, name, package)
+
+
+def nearest(name: str, firmware: str, package: str = DEFAULT_PACKAGE) -> Iterator[tuple[str, Released]]:
+    """Yield the embedded releases that have a message, with it, the nearest to a firmware first (`nearest_first`)."""
+    for release in nearest_first(firmware):
+        found = embedded(release, name, package)
+        if found is not None:
+            yield release, found
 
 
 def _is_versioned(releases: Releases, release: str, name: str) -> bool:

@@ -219,6 +219,7 @@ WORDS = {
     "command": ["--list"],
     "completion": ["bash"],
     "explain": ["M101"],
+    "log compact": ["fleet"],
     "log convert": ["a.ulg"],
     "log cut": ["a.ulg"],
     "log info": ["a.ulg"],

@@ -71,12 +71,17 @@ CASES: dict[str, list[list[str]]] = {
     "link serve": [[NAME], ["--link", NAME], ["--link", f"unix:///{NAME}"], ["--link", f"serial:///{FILE}"]],
     "link stop": [[NAME], ["udp://127.0.0.1:9"], [f"serial:///{FILE}"]],
     "lint": [*_each("--px4", f"{FILE}.px4", of=_FORMATS), ["--px4", f"{FILE}.px4", "--select", NAME]],
+    "log compact": [[f"{FILE}.fleet"], [FILE], [NAME], [NAME, "--json"]],
     "log convert": [
         *[[*log, "-o", f"{FILE}.{number}", "--format", "csv"] for number, log in enumerate(_LOGS)],
         *[[*log, "-o", f"{FILE}.{number}", "--json"] for number, log in enumerate(_LOGS[1:3], 10)],
         *_each("-o", f"{FILE}.fleet", "--json", of=[["."]]),
         [f"{FILE}.mcap", NAME, "-o", "x.mcap"],
         [f"{FILE}.mcap", "-o", f"{FILE}/x/y.mcap"],
+        [f"{FILE}.mcap", "-o", f"{FILE}.sql", "--format", "csv", "--sql-names"],
+        [f"{FILE}.mcap", "-o", f"{FILE}.csv"],
+        [f"{FILE}.mcap", "/fmu/out/rpm", "-o", f"{FILE}.arrow"],
+        [f"{FILE}.mcap", "-o", f"{FILE}.xlsx"],
         [f"{FILE}.mcap", "-o", f"{FILE}.parquet"],
     ],
     "log cut": [*_each("-o", "cut.mcap", "--start", "0", of=_LOGS), [f"{FILE}.mcap", NAME, "--stop", "1"]],
@@ -98,7 +103,7 @@ CASES: dict[str, list[list[str]]] = {
         *[
             [f"{FILE}.mcap", name, *more]
             for name in (f"{PIECES[0]} ", f"{PIECES[4]} ", "/fmu/out/rpm", PIECES[3])
-            for more in ([], ["--json"], ["--field", NAME])
+            for more in ([], ["--json"], ["--csv"], ["--csv", "--quote-formulas", "--sql-names"], ["--field", NAME])
         ],
         *[
             [f"{FILE}.ulg", *words]

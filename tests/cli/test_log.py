@@ -18,6 +18,7 @@ from pyarrow import parquet
 from msggen import recordings
 from msggen.cli import main, parser_for
 from msggen.live.sim import Options, Simulator
+from msggen.recordings.log import reader
 from msggen.recordings.log.reader import Reader
 from msggen.recordings.writer import Writer
 from support.flights import TOPICS, write_flight
@@ -533,13 +534,17 @@ def test_repair_keeps_every_whole_sample(here: Path, broken: str, capsys: pytest
             "expected a time in s of 0 or more and up to 1000000000, found",
         ),
         ("info flight.ulg sensor_gps flight.mcap", "msggen log info reads one recording: run it for each file"),
-        ("convert flight.mcap -o a.csv", "-o/--output: a folder is written: --format csv -o a\n"),
-        ("convert flight.mcap -o a.CSV", "-o/--output: a folder is written: --format csv -o a\n"),
-        ("convert flight.mcap -o a.parquet", "-o/--output: a folder is written: --format parquet -o a\n"),
-        ("convert flight.mcap -o a.arrow", "-o/--output: a folder is written: --format arrow -o a\n"),
-        ("convert flight.mcap -o a.db3", "-o/--output: a folder is written: --format rosbag2 -o a\n"),
+        ("convert flight.mcap -o a.csv", "a.csv is a file for one topic, and there are 5: name one of "),
+        ("convert flight.mcap -o a.CSV", "a.CSV is a file for one topic, and there are 5: name one of "),
+        ("convert flight.mcap -o a.parquet", "a.parquet is a file for one topic, and there are 5: name one of "),
+        ("convert flight.mcap -o a.arrow", "a.arrow is a file for one topic, and there are 5: name one of "),
+        ("convert flight.mcap -o a.db3", "-o/--output: a folder is written: --format rosbag2 --storage sqlite3 -o a\n"),
         ("convert flight.mcap -o a.ulg", "-o/--output: no ULog is written: --format mcap -o a.mcap\n"),
-        ("convert flight.mcap --format csv -o a.csv", "-o/--output: a folder is written: --format csv -o a\n"),
+        ("convert flight.mcap --format csv -o a.csv", "or write a folder 'a' in the format csv"),
+        ("convert flight.mcap --format csv -o a.parquet", "-o/--output: a folder is written: --format csv -o a\n"),
+        ("convert flight.mcap -o a.mcap.gz", "-o/--output: no compressed file is written: -o a.mcap\n"),
+        ("convert flight.mcap -o a.xlsx", "no .xlsx is written, expected .parquet, .arrow, .feather, .csv or .mcap"),
+        ("convert flight.mcap -o b/a.txt", "no .txt is written"),
         ("convert flight.mcap --format csv -o a.mcap", "-o/--output: a folder is written: --format csv -o a\n"),
         ("convert flight.mcap --format mcap -o a.csv", "an MCAP file is written, not .csv: -o a.mcap\n"),
         ("cut flight.mcap esc_status -o a.ulg", "an MCAP file is written, not .ulg: -o a.mcap\n"),
@@ -590,15 +595,15 @@ def test_a_bar_shows_that_a_recording_is_read(
         sleep(0.3)
         return opens(*arguments, **options)
 
-    def times(topic: recordings.Topic, channels: Any, reads: Any = Reader._times) -> Any:
+    def times(*arguments: Any, reads: Any = reader._Files.times) -> Any:
         sleep(0.3)
-        return reads(topic, channels)
+        return reads(*arguments)
 
     def parts(*arguments: Any, reads: Any = Reader._parts) -> Any:
         sleep(0.3)
         return reads(*arguments)
 
-    monkeypatch.setattr(Reader, "_times", times)
+    monkeypatch.setattr(reader._Files, "times", times)
     monkeypatch.setattr(Reader, "_parts", parts)
     monkeypatch.setattr(recordings, "open", opened)
     monkeypatch.setattr("msggen.cli.log.progress._PATIENCE", 0.01)

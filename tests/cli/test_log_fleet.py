@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import platform
+import re
 import subprocess
 import sys
 import threading
@@ -243,3 +244,53 @@ def test_without_dask(here: Path) -> None:
     )  # fmt: skip
     assert done.returncode == FAILED
     assert done.stderr.startswith("distributed: R150 this package is not installed: pip install 'msggen[dask]'")
+
+
+def compact(*words: str) -> int:
+    try:
+        return main(["log", "compact", *words])
+    except SystemExit as error:
+        return int(error.code or 0)
+
+
+def test_small_files_become_large_ones(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for folder in ("logs/2026-11-20", "logs/hangar"):
+        assert run(folder, "--jobs", "1", "-q") == DONE
+    expected = rows_of(here / "fleet")
+    capsys.readouterr()
+    assert compact("fleet", "--json") == DONE
+    told = capsys.readouterr()
+    document = json.loads(told.out)
+    assert (document["topics"], document["files_before"], document["files"], told.err) == (5, 10, 5, "")
+    assert rows_of(here / "fleet") == expected
+    assert compact("fleet") == DONE
+    assert capsys.readouterr().out.startswith("fleet: nothing to do: 5 files, ")
+    assert compact("fleet", "-q") == DONE
+    assert capsys.readouterr().out == ""
+    assert run("logs", "--jobs", "1", "-q") == FINDINGS
+    capsys.readouterr()
+    assert compact("fleet") == DONE
+    assert re.fullmatch(r"fleet: 10 files, [\d.]+ kB, became 5 files, [\d.]+ kB\n", capsys.readouterr().out)
+
+
+def test_what_cannot_be_compacted_is_named(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert compact("logs") == FAILED
+    assert capsys.readouterr().err.startswith("logs: R150 this is not a fleet: name a folder that `msggen log convert ")
+    for folder in ("logs/2026-11-20", "logs/hangar"):
+        assert run(folder, "--jobs", "1", "-q") == DONE
+    path = next((here / "fleet" / "sensor_gps").iterdir())
+    path.write_bytes(b"PAR1")
+    assert compact("fleet") == FAILED
+    told = capsys.readouterr().err
+    assert told.startswith(f"fleet: R150 sensor_gps/{path.name}: the file is damaged (")
+    assert told.endswith("): remove it, and `msggen log convert` converts its recordings again\n1 error\n")
+
+
+def test_without_pyarrow_nothing_is_compacted(here: Path) -> None:
+    (here / "pyarrow.py").write_text("raise ImportError('none', name='pyarrow')")
+    done = subprocess.run(
+        [sys.executable, "-c", "from msggen.cli import main; raise SystemExit(main())", "log", "compact", "fleet"],
+        env={"PYTHONPATH": f"{here}:{ROOT}"}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == FAILED
+    assert done.stderr.startswith("pyarrow: R150 this package is not installed: pip install 'msggen[recordings]'")

@@ -10,7 +10,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msggen import read
-from msggen.definitions.enumeration import Enumeration, constant_prefixes, enum_by_name, enumerations, integer_constants
+from msggen.definitions.enumeration import (
+    MOST_MEMBERS,
+    Enumeration,
+    constant_prefixes,
+    enum_by_name,
+    enumerations,
+    integer_constants,
+)
 from msggen.definitions.model import Catalog, Message
 from msggen.definitions.parse.definition import parse_message
 from msggen.generate.python.names import enum_names
@@ -216,6 +223,21 @@ def test_an_enum_can_have_many_constants() -> None:
     with runner.limited():
         (found,) = enumerations(message)
     assert len(found.members) == 2 * MANY
+
+
+@pytest.mark.parametrize("tag", ["X{}_A", "A B{}"])
+def test_enums_cannot_multiply_constants(tag: str) -> None:
+    """Each of many tags names all constants: the first enums have them, and the last one with its own few, too."""
+    runner = pytest.importorskip("fuzz.runner")
+    lines = [f"uint16 A_{number} = {number}" for number in range(MANY)]
+    lines += [f"uint16 B{number}_C = 1" for number in range(MANY)]
+    lines += [f"uint16 x{number} # [@enum {tag.format(number)}]" for number in range(MANY)]
+    message = definition_of([*lines, "uint16 D_OFF = 0", "uint16 D_ON = 1", "uint16 d # [@enum D]"])
+    with runner.limited():
+        found = enumerations(message)
+    assert sum(len(each.members) for each in found) <= MOST_MEMBERS
+    assert len(found) == MOST_MEMBERS // (MANY + tag.count("B")) + 1
+    assert [member.name for member in found[-1].members] == ["OFF", "ON"]
 
 
 def test_a_tag_can_have_many_words() -> None:

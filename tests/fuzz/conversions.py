@@ -6,12 +6,17 @@ Nothing else is in the folder, and no recording changes.
 
 from __future__ import annotations
 
+import bz2
+import gzip
 import importlib
 import json
+import lzma
 import os
 import re
-from collections.abc import Iterable, Iterator
-from functools import cache
+import sqlite3
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import closing
+from functools import cache, partial
 from pathlib import Path
 from random import Random
 from typing import Any, NamedTuple
@@ -22,7 +27,7 @@ import pyarrow.parquet as pq
 
 from fuzz.payloads import targets
 from msggen.recordings.convert.names import FACT_TABLES
-from msggen.recordings.log.opening import open_log
+from msggen.recordings.log import opening
 from support.commands import Outcome, check_outcome, run
 from support.databases import Stored, write_database
 from support.flights import TEXTS, write_flight
@@ -32,13 +37,16 @@ from support.ulog import write_ulog
 
 COUNT = 160
 
-KINDS = ("flight.mcap", "flight.ulg", "flight.db3", "old.db3", "bag")
+KINDS = ("flight.mcap", "flight.ulg", "flight.db3", "old.db3", "bag", "flight.mcap.gz", "flight.ulg.xz", "old.db3.bz2")
 ACTIONS = (
     "convert {} -o made",
     "convert {} --format arrow -o made",
     "convert {} --format csv -o made",
     "convert {} -o made.mcap",
     "convert {} --format rosbag2 -o made",
+    "convert {} --format rosbag2 --storage sqlite3 -o made",
+    "convert {} --sql-names -o made",
+    "convert {} *status* -o made.csv",
     "convert {} *status* --start 0.02 -o made",
     "cut {} --start 0.02 --stop 0.08 -o made.mcap",
     "cut {} *s* --stop 0.05 -o made.mcap",
@@ -48,6 +56,12 @@ ACTIONS = (
 )
 NAMED = re.compile(r"([^\n]+: [A-Z]\d{3} |msggen log \w+: error: )[^\n]+\n")
 """How an error begins."""
+COMPRESS: Mapping[str, Callable[[bytes], bytes]] = {
+    ".gz": partial(gzip.compress, mtime=0),
+    ".xz": lzma.compress,
+    ".bz2": bz2.compress,
+}
+"""What makes a compressed file, by its suffix."""
 _SAMPLES = 12
 _LARGEST = 64
 
@@ -95,9 +109,10 @@ def check_target(outcome: Outcome, target: Path, *, is_fleet: bool) -> None:
         return
     if is_fleet:
         names = sorted(path.name for path in (target / "_msggen").iterdir())
-        assert names == ["layout.json", "logs", "report.json"]
+        assert names == ["changes", "layout.json", "ledger.jsonl", "report.json"]
         assert not [each for each in document["failed"] if "unexpected" in each["error"]], outcome
-        count = samples_in(path for path in target.rglob("*.parquet") if path.name != "_logs.parquet")
+        topics = (path for path in target.iterdir() if path.name[0] != "_" and path.name not in FACT_TABLES)
+        count = samples_in(path for topic in topics for path in topic.iterdir())
         assert (outcome.code == 1) == bool(document["failed"] or document["incomplete"]), outcome
         assert document["rows"] == count
         return
@@ -115,7 +130,7 @@ def files_in(folder: Path) -> Iterator[Path]:
     """Yield the files with samples in a folder that was written."""
     metadata = folder / "metadata.yaml"
     if metadata.exists():
-        with open_log(folder) as log:
+        with opening.open(folder) as log:
             log.load()
             assert not [each for each in log.problems if each.offset is not None or "metadata" in each.text]
     yield from (path for path in folder.iterdir() if path != metadata)
@@ -134,6 +149,10 @@ def rows_of(path: Path) -> int:
         return int(pa.ipc.open_file(path).read_all().num_rows)
     if path.suffix == ".csv":
         return int(pyarrow.csv.read_csv(path).num_rows)
+    if path.suffix == ".db3":
+        with closing(sqlite3.connect(path)) as base:
+            assert base.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
+            return int(base.execute("SELECT count(*) FROM messages WHERE length(data) >= 0").fetchone()[0])
     assert path.suffix == ".mcap"
     return len(read_mcap(path))
 
@@ -141,6 +160,10 @@ def rows_of(path: Path) -> int:
 @cache
 def files_of(kind: str) -> dict[str, bytes]:
     """Return the files of a whole recording by name."""
+    suffix = os.path.splitext(kind)[1]
+    if suffix in COMPRESS:
+        ((name, data),) = files_of(kind.removesuffix(suffix)).items()
+        return {f"{name}{suffix}": COMPRESS[suffix](data)}
     targets()  # imports the package
     px4_types: Any = importlib.import_module("px4_types")
     with scratch_folder() as folder:

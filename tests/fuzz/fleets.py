@@ -26,8 +26,10 @@ from support.scratch import inside, scratch_folder
 COUNT = 80
 
 FLEET = "log convert logs -o fleet --json --jobs 1"
+COMPACT = "log compact fleet --json"
 ACTIONS = (
     *[FLEET] * 8,
+    *[COMPACT] * 3,
     f"{FLEET} --by date",
     "log convert logs/bag -o made.mcap --json",
     "log convert logs/bag -o made --json",
@@ -60,16 +62,20 @@ TARGETS = (
     *("../fleet", "flight.mcap"),
 )
 """Targets of links; {o} is the folder outside."""
+STAGES = ("x.stage", "000007-00000000.stage")
+"""Stages of a stranger."""
 OUTSIDE = (
     "{o}/file",
     "../../outside/file",
     "..\\..\\outside\\file",
-    "link/log={log}/mine.parquet",
+    "link/000001-00000000.parquet",
+    "vehicle_status/mine.parquet",
     "mine.txt",
     "/{o}/file",
 )
 """Files that records and metadata.yaml name, and that are not of the fleet or the recording."""
 VALUES: tuple[object, ...] = (
+    *("0-999999999", "9-1", "0,0"),
     *(None, 1, -1, 1 << 80, 1e400, True, "", "\0", "\ud800", "x", [], ["x"], [1], {}, {"a": 1}, {"/a": [1, 2]}),
     *({"vehicle": "..", "date": "/"}, [[[]]], {"/a\0": [1, 2]}),
 )
@@ -143,7 +149,7 @@ def check(case: Case) -> None:
             if path.name.endswith((".msggen-new", "-stage")) or path.name[:5] == ".made"
         ]
         assert not left, f"temporary files stay: {left}"
-        stages = [path for path in (work / "fleet" / "_msggen").glob("*.stage") if path.name != "x.stage"]
+        stages = [path for path in (work / "fleet" / "_msggen").glob("*.stage") if path.name not in STAGES]
         assert not stages, f"temporary folders stay: {stages}"
 
 
@@ -195,7 +201,8 @@ def _place_in_fleet(chance: Random, work: Path) -> Path:
     """Return a place in the fleet, mostly one that a run writes or reads."""
     fleet = work / "fleet"
     known = sorted(path for path in fleet.rglob("*") if "mine" not in path.name)
-    further = [fleet / "_msggen" / name for name in ("logs", "run.txt", "report.json", "logs/x.json", "x.stage")]
+    names = ("changes", "run.txt", "report.json", "ledger.jsonl", "changes/000001-00000000.json", "x.stage", "logs")
+    further = [fleet / "_msggen" / name for name in names]
     return chance.choice([*known, *further, *further, fleet / "link", fleet / "vehicle_status"])
 
 
@@ -269,27 +276,57 @@ def _metadata(chance: Random, work: Path, outside: Path) -> None:
 
 
 def _record(chance: Random, work: Path, outside: Path) -> None:
-    """Change a record of the fleet, or the layout."""
-    paths = sorted(path for path in (work / "fleet" / "_msggen").rglob("*.json") if path.is_file())
-    path = chance.choice(paths)
-    found = json.loads(path.read_text())
-    if not isinstance(found, dict):
-        return
-    log = found.get("log", "x")
+    """Change a line of the ledger, or the layout, or let the ledger name files of others."""
+    state = work / "fleet" / "_msggen"
+    names = ("ledger.jsonl", "ledger.jsonl", "layout.json")
+    path = chance.choice([state / name for name in names if (state / name).is_file()])
+    lines = [json.loads(line) for line in path.read_text().splitlines()]
+    number = chance.randrange(len(lines))
     if chance.random() < 0.6:
         (work / "fleet" / "link").symlink_to(outside / "away")
-        mine = outside / "away" / f"log={log}" / "mine.parquet"
+        mine = outside / "away" / "000001-00000000.parquet"
         mine.parent.mkdir(parents=True)
         mine.write_text("mine\n")
-    names = [each.format(o=outside, log=log) for each in OUTSIDE]
-    if isinstance(found.get("files"), list) and chance.random() < 0.7:
-        found["files"] = [*found["files"], *chance.sample(names, 2)]
-        if chance.random() < 0.7:
-            found["files"] = [*found["files"][:-2], names[3]]
+    name = chance.choice(OUTSIDE).format(o=outside)
+    if chance.random() < 0.5:
+        lines.append({"place": name, "rows": 1, "size": 1, "logs": chance.choice(("0", "0-9", "0-999999999"))})
     else:
-        found[chance.choice([*found, "further"])] = chance.choice(VALUES)
+        lines[number][chance.choice([*lines[number], "further"])] = chance.choice(VALUES)
     _clear(path)
-    path.write_text(json.dumps(found))
+    path.write_text("".join(json.dumps(line) + "\n" for line in lines))
+
+
+def _change(chance: Random, work: Path, outside: Path) -> None:
+    """Leave a change that a run was to make: of files of others, or of none."""
+    names = [*OUTSIDE, *(str(path.relative_to(work / "fleet")) for path in (work / "fleet").glob("v*/*"))]
+    staged = (
+        "000001-00000000.stage/new/0.parquet",
+        "",
+        "../outside/file",
+        "x.stage/new/link/file",
+        name_of_stage(work),
+    )
+    file = {"rows": 1, "size": 1, "logs": "0"}
+    change: dict[str, object] = {
+        "added": {chance.choice(names).format(o=outside): {"staged": chance.choice(staged), **file}},
+        "removed": [chance.choice(names).format(o=outside) for _ in range(2)],
+        "records": [],
+        "gone": [0] * chance.randrange(2),
+    }
+    if chance.random() < 0.4:
+        change["added"] = {}
+    if chance.random() < 0.3:
+        change[chance.choice(list(change))] = chance.choice(VALUES)
+    path = work / "fleet" / "_msggen" / "changes" / "000099-00000000.json"
+    _clear(path)
+    path.write_text(json.dumps(change))
+
+
+def name_of_stage(work: Path) -> str:
+    """Make a stage that is a link, and return a file in it."""
+    stage = work / "fleet" / "_msggen" / "000007-00000000.stage"
+    (stage / "new").mkdir(parents=True, exist_ok=True)
+    return f"{stage.name}/new/0.parquet"
 
 
 def _stage(chance: Random, work: Path, outside: Path) -> None:
@@ -310,5 +347,5 @@ def _text(chance: Random, work: Path, _: Path) -> None:
 
 _ODDITIES: tuple[Callable[[Random, Path, Path], None], ...] = (
     *(_folder, _private, _recording, _recording, _link, _link, _link, _pipe, _metadata, _metadata, _record, _record),
-    *(_record, _stage, _text),
+    *(_record, _change, _change, _stage, _text),
 )

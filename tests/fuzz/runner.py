@@ -37,6 +37,7 @@ NAMES = (
     "shadows",
     "settings",
     "sessions",
+    "events",
 )
 """The campaigns, each a module of this package."""
 

@@ -51,6 +51,7 @@ WORDS = {
     "docs": "-o out",
     "doctor": "--for 0.01",
     "explain": "M101",
+    "log compact": "fleet",
     "log convert": "flight.ulg -o made",
     "log cut": "flight.ulg -o made.mcap",
     "log info": "flight.ulg",

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import lz4.frame
 import zstandard
 
-from msggen.recordings.log.opening import open_log
+from msggen.recordings.log import opening
 from msggen.recordings.source.source import RecordingError
 from support.commands import check_outcome, run
 from support.databases import MESSAGES, Stored, open_database
@@ -70,7 +70,7 @@ def check(case: Case) -> None:
 
 def _read(path: Path) -> None:
     """Read all columns in this process."""
-    with suppress(RecordingError), open_log(path) as log:
+    with suppress(RecordingError), opening.open(path) as log:
         for topic in log.topics:
             with suppress(RecordingError):
                 assert len(log.columns(topic)) >= 0

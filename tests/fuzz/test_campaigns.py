@@ -115,11 +115,12 @@ PLANTED: dict[str, tuple[str, Any]] = {
     "settings": ("msggen.sources.settings.is_own", lambda _: True),
     "arguments": ("msggen.sources.catalog.decode_text", fail),
     "datagrams": ("msggen.live.xrce.wire.WireError", KeyError),
-    "recordings": ("msggen.recordings.writer.McapWriter.flush", lambda _: None),
+    "recordings": ("msggen.recordings.writer.ChunkWriter.add_chunk", lambda *_: None),
     "conversions": ("msggen.recordings.convert._whole", at_once),
-    "fleets": ("msggen.recordings.fleet.ledger.link_in", lambda *_: ""),
+    "fleets": ("msggen.recordings.fleet.folder.link_in", lambda *_: ""),
     "structures": ("msggen.recordings.decode.schemas.too_large", lambda *_: iter(())),
     "sessions": ("msggen.live.xrce.session.REPLIES", 4096),
+    "events": ("msggen.recordings.decode.event_metadata._object", lambda value: value),
 }
 """An error for each campaign: the function or the number that is replaced, and by what."""
 

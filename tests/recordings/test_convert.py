@@ -19,15 +19,15 @@ import pytest
 from mcap.reader import make_reader
 from mcap.writer import Writer as McapWriter
 from mcap_ros2.decoder import DecoderFactory
-from pyarrow import csv, ipc, parquet
 from rosbags.highlevel import AnyReader
 
 from msggen import recordings
 from msggen.recordings import Log
-from msggen.recordings.convert import EVERYTHING, FORMATS, TABLES, Converted, convert, join
+from msggen.recordings.convert import EVERYTHING, FORMATS, TABLE_SUFFIXES, TABLES, Converted, convert, join
 from msggen.recordings.writer import Channel, Writer
 from support.flights import TEXTS, TOPICS, same_columns, write_flight
 from support.recordings import START, read_mcap
+from support.tables import read_table
 from support.ulog import UTC, write_ulog
 
 COUNT = 300
@@ -44,15 +44,6 @@ def flight(px4_types: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def log(flight: Path) -> Iterator[Log]:
     with recordings.open(flight) as found:
         yield found
-
-
-def read_table(path: str, types: Any = None) -> Any:
-    if path.endswith(".parquet"):
-        return parquet.read_table(path)
-    if path.endswith(".arrow"):
-        with pa.memory_map(path) as file:
-            return ipc.open_file(file).read_all()
-    return csv.read_csv(path, convert_options=csv.ConvertOptions(column_types=types))
 
 
 def test_a_table_for_each_topic_is_named_as_px4_names_it(log: Log, tmp_path: Path) -> None:
@@ -99,6 +90,22 @@ def test_sequences_are_json_in_csv(log: Log, tmp_path: Path) -> None:
     table = read_table(str(tmp_path / "flight" / "texts.csv"))
     found = [json.loads(text) for text in table["points"].to_pylist()]
     assert found == [[{"x": 1.5, "label": "label"}] * (index % 2) for index in range(COUNT)]
+
+
+@pytest.mark.parametrize("suffix", [*TABLE_SUFFIXES, ".CSV"])
+def test_a_topic_is_a_file_as_it_is_in_a_folder(log: Log, tmp_path: Path, suffix: str) -> None:
+    format_ = TABLE_SUFFIXES[suffix.lower()]
+    (expected,) = convert(log, str(tmp_path / "flight"), format=format_, topics=["texts"]).files
+    target = tmp_path / f"one{suffix}"
+    converted = convert(log, str(target), format=format_, topics=["texts"])
+    assert (converted.files, converted.rows) == ([str(target)], COUNT)
+    assert target.read_bytes() == Path(expected).read_bytes()
+    with pytest.raises(recordings.RecordingError, match=r"is a file for one topic, and there are 5: name one of "):
+        convert(log, str(tmp_path / f"two{suffix}"), format=format_)
+    assert convert(log, str(tmp_path / f"none{suffix}"), format=format_, topics=["texts"], start=1e5).files == []
+    other = "csv" if format_ != "csv" else "parquet"
+    assert convert(log, str(tmp_path / f"folder{suffix}"), format=other).rows == COUNT * 5
+    assert sorted(os.listdir(tmp_path)) == sorted(["flight", f"folder{suffix}", f"one{suffix}"])
 
 
 @pytest.mark.parametrize("waiting", [1, 5_000, 100_000])

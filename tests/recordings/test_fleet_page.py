@@ -18,7 +18,7 @@ from support.network import isolated
 from support.repository import ROOT
 
 PAGE = (ROOT / "docs" / "fleet.md").read_text(encoding="utf-8")
-COMMAND = re.findall(r"^\$ (msggen .*)\n((?:.*\n)*?)```", PAGE, re.MULTILINE)
+COMMANDS = re.findall(r"^\$ (msggen .*)\n((?:(?!\$|```).*\n)*)", PAGE, re.MULTILINE)
 BLOCKS = re.findall(r"(?:<!-- needs: (\w+) -->\n\n)?```python\n(.*?)```(?:\n\n```text\n(.*?)```)?", PAGE, re.DOTALL)
 """The package that each block needs if it is not run with the others, its text and its output."""
 
@@ -39,9 +39,10 @@ def run(*command: str, cwd: Path, **variables: str) -> subprocess.CompletedProce
 @pytest.mark.slow  # imports duckdb, polars, dask and pandas, and starts a cluster
 def test_the_code_prints_what_the_page_shows(tmp_path: Path) -> None:
     write_logs(tmp_path / "logs")
-    ((command, expected),) = COMMAND
-    done = run(sys.executable, "-m", *command.split(), cwd=tmp_path)
-    assert _FIGURES.sub("#", done.stderr + done.stdout) == _FIGURES.sub("#", expected)
+    assert len(COMMANDS) == 4
+    for command, expected in COMMANDS:
+        done = run(sys.executable, "-m", *command.split(), cwd=tmp_path)
+        assert _FIGURES.sub("#", done.stderr + done.stdout) == _FIGURES.sub("#", expected)
     chosen = [(text, output) for needs, text, output in BLOCKS if not needs]
     assert len(chosen) >= 6
     (tmp_path / "program.py").write_text(program_of([text for text, _ in chosen]))

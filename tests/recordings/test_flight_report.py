@@ -21,6 +21,7 @@ from hypothesis.extra import numpy as arrays
 
 from msggen import recordings
 from msggen.recordings import RecordingError
+from msggen.recordings.convert import convert
 from msggen.recordings.report.attitude import angle_of
 from msggen.recordings.report.charts import Chart, charts_of
 from msggen.recordings.report.findings import findings_of
@@ -31,9 +32,11 @@ from msggen.recordings.report.recorded import Column, Recorded, spans
 from msggen.recordings.report.thinning import MOST, spread, thinned
 from msggen.recordings.report.timeline import timeline_of
 from msggen.sources.embedded import all_releases, nearest_first
+from support.databases import Stored, write_database
 from support.html import Elements
 from support.log_files import write_ulog_of
 from support.markup_attacks import ATTACKS
+from support.recordings import START
 from support.report_flights import (
     DURATION,
     FAILSAFE,
@@ -43,6 +46,7 @@ from support.report_flights import (
     SIDE,
     SPEED,
     TURN,
+    messages_of,
     write_mcap,
     write_ulog,
 )
@@ -154,7 +158,9 @@ def test_texts_parameters_and_findings_of_a_ulog_are_told(ulog: str) -> None:
         "MPC_XY_VEL_MAX 12 8",
         "MPC_Z_VEL_MAX_UP 3 2 2",
         "Board PX4_FMU_V6X",
-        "Left out, because the recording has no samples for them: airspeed (airspeed_validated or airspeed), servos",
+        "Left out, because the recording has no values that can be used: airspeed (airspeed_validated",
+        "or airspeed); servos (actuator_servos)",
+        "thrust setpoint (vehicle_thrust_setpoint)",
     ):
         assert shown in text, shown
     assert "altitude above the origin (" not in text
@@ -196,6 +202,22 @@ def test_the_altitude_grows_upwards(mcap: Path) -> None:
 def test_topics_can_have_any_of_their_names(name: str, mcap: Path, tmp_path: Path, px4_types: Any) -> None:
     other = write_mcap(tmp_path / "other.mcap", px4_types, name.format)
     assert data_of(page_of(other)) == data_of(page_of(mcap))
+
+
+def test_recordings_of_rosbag2_give_the_same_report(mcap: Path, tmp_path: Path, px4_types: Any) -> None:
+    expected = data_of(page_of(mcap))
+    with recordings.open(str(mcap)) as log:
+        convert(log, str(tmp_path / "bag"), format="rosbag2")
+    assert data_of(page_of(tmp_path / "bag")) == expected
+    samples = sorted(messages_of(px4_types), key=lambda sample: sample[1])
+    names = list(dict.fromkeys(name for name, _, _ in samples))
+    infos = {name: type(message).__msg__ for name, _, message in samples}
+    stored = [
+        Stored(number, f"/fmu/out/{name}", infos[name].ros_type, infos[name].definition)
+        for number, name in enumerate(names)
+    ]
+    rows = [(names.index(name), START + round(time * 1e9), message.encode()) for name, time, message in samples]
+    assert data_of(page_of(write_database(tmp_path / "flight.db3", stored, rows))) == expected
 
 
 def test_of_several_vehicles_the_report_is_about_one(tmp_path: Path, px4_types: Any) -> None:
@@ -312,6 +334,11 @@ class _Fixed(Recorded):
     [
         ("battery_status", "BatteryStatus", {"connected": True, "remaining": 0.1}, "the battery fell to 10 %"),
         ("battery_status", "BatteryStatus", {"connected": True, "remaining": -1.0}, None),
+        ("battery_status", "BatteryStatus", {"connected": False, "remaining": 0.1}, None),
+        ("failure_detector_status", "FailureDetectorStatus", {"fd_roll": True}, "the failure detector reports fd_roll"),
+        ("failure_detector_status", "FailureDetectorStatus", {}, None),
+        ("vehicle_land_detected", "VehicleLandDetected", {"landed": False}, "the recording ends in the air"),
+        ("vehicle_land_detected", "VehicleLandDetected", {"landed": True}, None),
         ("cpuload", "Cpuload", {"load": 0.95}, "the load of the CPU reached 95 %"),
         ("cpuload", "Cpuload", {"load": 0.85}, None),
         ("vehicle_imu_status", "VehicleImuStatus", {"accel_vibration_metric": 12.0}, "severe vibration of IMU 0"),
@@ -499,12 +526,13 @@ def test_random_damage_gives_a_page_or_an_error(ulog: str, tmp_path: Path) -> No
             check_markup(page_of(path))
 
 
-@pytest.mark.parametrize("attack", ATTACKS)
+@pytest.mark.parametrize("attack", [*ATTACKS, "</script x", "<!--<script "])
 def test_texts_of_a_recording_are_no_markup(attack: str, tmp_path: Path, px4_types: Any) -> None:
     texts = {"text": attack, "parameter": attack, "ver_hw": attack}
     page = page_of(write_ulog(tmp_path / "hostile.ulg", px4_types, texts))
     check_markup(page)
     assert data_of(page)["marks"][0][2] == attack
+    assert not set("<>&") & set(page.rpartition('id="report-data">')[2].partition("</script>")[0])
     local = px4_types.VehicleLocalPosition(xy_valid=True)
     path = write_recording(
         tmp_path / f"{ATTACKS[2].replace('/', '')}.mcap",

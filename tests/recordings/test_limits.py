@@ -24,7 +24,7 @@ from msggen.recordings.decode.schemas import SchemaError, read_schema
 from msggen.recordings.files import compression, frames, mcap
 from msggen.recordings.files.compression import CompressionError
 from msggen.recordings.files.mcap_records import Chunk
-from msggen.recordings.log.opening import open_log
+from msggen.recordings.log import opening
 from msggen.recordings.source.source import Channel, RecordingError
 from support.commands import run
 from support.databases import Stored, write_database
@@ -80,7 +80,7 @@ def test_a_definition_has_the_limits_of_those_of_a_firmware(text: str, error: st
     path = write_mcap(tmp_path / "a.mcap", [text], b"\0\1\0\0\0", "T")
     with limited():
         assert run(["log", "info", str(path)]).code == 0
-        with open_log(path) as log:
+        with opening.open(path) as log:
             assert log.load() == {}
             assert [problem.text.startswith(f"/t0 is not decoded: {error}") for problem in log.problems] == [True]
 
@@ -98,12 +98,12 @@ def test_a_long_array_takes_no_memory_before_there_are_samples(tmp_path: Path) -
     text = f"uint8 first\nfloat32[{size // 4}] x\n"
     many = [text.replace("x", f"x{number}") for number in range(100)]
     path = write_mcap(tmp_path / "a.mcap", many, b"\0\7\0\0\0")
-    with limited(), open_log(path) as log:
+    with limited(), opening.open(path) as log:
         assert not any(map(len, log.load().values()))
     values = np.arange(size // 4, dtype=np.float32)
     for order, code in ((b"\0\1", "<f4"), (b"\0\0", ">f4")):
         payload = order + b"\0\0\5\0\0\0" + values.astype(code).tobytes()
-        with open_log(write_mcap(tmp_path / "b.mcap", [text], payload)) as log:
+        with opening.open(write_mcap(tmp_path / "b.mcap", [text], payload)) as log:
             np.testing.assert_array_equal(log["/t0"]["x"][0], values)
             with pytest.raises(RecordingError, match="2097153 columns, up to 131070 can be made"):
                 log.columns("/t0")
@@ -112,7 +112,7 @@ def test_a_long_array_takes_no_memory_before_there_are_samples(tmp_path: Path) -
 def test_a_topic_with_too_many_columns_is_left_out_of_tables(tmp_path: Path) -> None:
     wide = f"uint8[{MAX_TOTAL}] x\n"
     path = write_mcap(tmp_path / "a.mcap", [wide, "uint8 x\n"], b"\0\1\0\0" + bytes(MAX_TOTAL))
-    with open_log(write_mcap(path, ["uint8 x\n", wide], b"\0\1\0\0\5")) as log:
+    with opening.open(write_mcap(path, ["uint8 x\n", wide], b"\0\1\0\0\5")) as log:
         made = tables.write_tables(log, str(tmp_path / "made"), tables.Format("parquet"), ALL, lambda _: None)
     assert (len(made.files), made.rows) == (1, 1)
     (problem,) = made.problems
@@ -123,7 +123,7 @@ def test_a_topic_with_too_many_columns_is_left_out_of_tables(tmp_path: Path) -> 
 def test_all_definitions_of_a_recording_have_a_limit_together(tmp_path: Path) -> None:
     many = [nested(3, "[240]").replace(" x", f" x{number}") for number in range(100)]
     path = write_mcap(tmp_path / "a.mcap", many)
-    with limited(), open_log(path) as log:
+    with limited(), opening.open(path) as log:
         assert len(log.chosen(None)) == MAX_TOTAL // 240**2 == 2
         left_out = [problem for problem in log.problems if "left out" in problem.text]
         assert len(left_out) == 98
@@ -141,7 +141,7 @@ def test_channels_share_the_text_of_their_definition(tmp_path: Path) -> None:
         for number in range(100):
             writer.register_channel(f"/t{number}", "cdr", schema)
         writer.finish()
-    with open_log(path) as log:
+    with opening.open(path) as log:
         assert len({id(topic.definition) for topic in log.topics}) == 1
 
 
@@ -149,7 +149,9 @@ def test_bools_are_found_in_linear_time() -> None:
     with limited():
         decoder = Decoder(Channel(0, "/a", "mine/msg/T0", f"bool[{MAX_VALUES}] x\n"))
     assert decoder.layout is not None
-    places = [place for bools in decoder.layout.bools for place in bools.places]
+    places = [
+        bools.offset + place for bools in decoder.layout.bools for place in np.flatnonzero(bools.largest == 1).tolist()
+    ]
     assert places == list(range(4, 4 + MAX_VALUES))
 
 
@@ -159,7 +161,7 @@ def test_the_formats_of_a_ulog_have_a_limit_together(tmp_path: Path) -> None:
         writer.format(f"topic_{number}", "uint64_t timestamp;bool[60000] x")
     for number in range(60):
         writer.subscribe(number, f"topic_{number}")
-    with limited(), open_log(writer.write(tmp_path / "a.ulg")) as log:
+    with limited(), opening.open(writer.write(tmp_path / "a.ulg")) as log:
         assert len(log.topics) == (2 << 20) // 60050
 
 
@@ -195,13 +197,13 @@ def test_a_file_has_a_limit_without_its_compression(
     data = pack(bytes(20 << 20))
     path = chunks_of(tmp_path / "a.mcap", data, declared, kind, count)
     limit = max(8 << 20, 100 * path.stat().st_size)
-    with limited(), open_log(path) as log:
+    with limited(), opening.open(path) as log:
         assert log["/t"]["x"].tolist() == [7]
         texts = [problem.text for problem in log.problems]
     text = f"the file has more than {limit} bytes without its compression; MSGGEN_MAX_CONTENT sets another limit"
     assert any(each.startswith(text) for each in texts)
     monkeypatch.setenv("MSGGEN_MAX_CONTENT", str(1 << 60))
-    with open_log(chunks_of(path, pack(bytes(9 << 20)), 9 << 20, kind, 2)) as log:
+    with opening.open(chunks_of(path, pack(bytes(9 << 20)), 9 << 20, kind, 2)) as log:
         assert not any("without its compression" in problem.text for problem in log.problems)
 
 
@@ -221,7 +223,7 @@ def test_a_damaged_size_of_a_chunk_takes_no_room_of_the_others(tmp_path: Path) -
     place = data.index(struct.pack("<I", 4) + b"zstd") - 12
     data[place + 6] = 1  # the size is 2 ** 48 now
     path.write_bytes(data)
-    with limited(), open_log(path) as log:
+    with limited(), opening.open(path) as log:
         assert [bytes(row) for row in log["/t"]["x"]] == samples
 
 
@@ -231,7 +233,7 @@ def test_samples_with_compression_have_a_limit_together(tmp_path: Path, monkeypa
     topics = [Stored(1, "/t", "mine/msg/M", "uint8[400000] x\n")]
     path = write_database(tmp_path / "a.db3", topics, [(1, START + number, payload) for number in range(50)])
     limit = max(1 << 20, 100 * path.stat().st_size)
-    with open_log(path) as log:
+    with opening.open(path) as log:
         assert len(log["/t"]) == limit // 400_004
         (problem,) = log.problems
         assert (problem.topic, problem.samples) == ("/t", 50 - limit // 400_004)
@@ -262,7 +264,7 @@ def test_samples_with_wrong_checksums_take_their_room(
     monkeypatch.setattr(frames, "decompress_frame", counting)
     for _ in range(2):  # nor does reading them again, topic by topic
         made = 0
-        with open_log(path) as log:
+        with opening.open(path) as log:
             for topic in topics:
                 assert len(log[topic.name]) == 0
             assert sum(problem.samples for problem in log.problems) == 30
@@ -297,7 +299,7 @@ def test_a_folder_has_a_limit_without_its_compression(tmp_path: Path, monkeypatc
     monkeypatch.setattr(compression, "_LEAST_LIMIT", 3 << 20)
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     folder = packed_files(tmp_path / "bag", 30, 1 << 20)
-    with open_log(folder) as log:
+    with opening.open(folder) as log:
         written = sum(path.stat().st_size for path in tmp_path.glob("msggen-*/*"))
         assert len(log["/t"]) == 2
         assert written <= 3 << 20
@@ -305,7 +307,7 @@ def test_a_folder_has_a_limit_without_its_compression(tmp_path: Path, monkeypatc
         assert len(texts) == 28
         assert "the files have more than 3145728 bytes without their compression; MSGGEN_MAX_CONTENT sets" in texts[-1]
     monkeypatch.setenv("MSGGEN_MAX_CONTENT", str(31 << 20))
-    with open_log(folder) as log:
+    with opening.open(folder) as log:
         assert len(log["/t"]) == 30
         assert not any("left out" in problem.text for problem in log.problems)
 
@@ -314,7 +316,7 @@ def test_chunks_of_a_compressed_file_share_its_room(tmp_path: Path, monkeypatch:
     monkeypatch.setattr(compression, "_LEAST_LIMIT", 3 << 20)
     data = zstandard.compress(bytes(2 << 20))
     path = zstd_of(chunks_of(tmp_path / "a.mcap", data + bytes(1 << 20), 2 << 20, "zstd", 1))
-    with open_log(path) as log:
+    with opening.open(path) as log:
         assert any("the file has more than 3145728 bytes without its" in problem.text for problem in log.problems)
 
 
@@ -343,7 +345,7 @@ def test_messages_that_overlap_are_not_read_by_their_index(tmp_path: Path) -> No
     place = chunk.indexes[1] + 15
     data[place : place + len(entries)] = entries
     path.write_bytes(data)
-    with limited(), open_log(path) as log:
+    with limited(), opening.open(path) as log:
         assert len(log["/t"]) <= 2
         assert log.problems
 
@@ -358,7 +360,7 @@ def test_aliases_of_yaml_are_not_expanded(key: str, tmp_path: Path) -> None:
         f"{front}rosbag2_bagfile_information:\n  relative_file_paths: [a.mcap]\n  {key}: *a11\n", encoding="utf-8"
     )
     write_mcap(tmp_path / "a.mcap", ["uint8 x\n"], b"\0\1\0\0\7")
-    with limited(), open_log(tmp_path) as log:
+    with limited(), opening.open(tmp_path) as log:
         assert log["/t0"]["x"].tolist() == [7]
         assert "metadata.yaml" in log.problems[0].text
 
@@ -369,7 +371,7 @@ def test_an_array_of_a_nested_format_is_not_made_before_its_size_is_checked(tmp_
     writer.format("outer", "uint64_t timestamp;inner[65535] x")
     writer.subscribe(0, "outer")
     writer.sample(0, bytes(8))
-    with limited(), open_log(writer.write(tmp_path / "a.ulg")) as log:
+    with limited(), opening.open(writer.write(tmp_path / "a.ulg")) as log:
         assert [problem.text for problem in log.problems] == [
             "outer is not read: format 'outer' is larger than a message"
         ]

@@ -122,7 +122,7 @@ def test_type_hashes_decide(tmp_path: Path) -> None:
 
 
 def test_other_types_stay_without_definitions(tmp_path: Path) -> None:
-    further = [Stored(90, "/chatter", "std_msgs/msg/String"), Stored(91, "/json", "x/msg/Y", encoding="json")]
+    further = [Stored(90, "/chatter", "my_msgs/msg/Chatter"), Stored(91, "/json", "x/msg/Y", encoding="json")]
     package = package_of("v1.17")
     log = recordings.open(write_release(tmp_path / "x.db3", package, further=further))
     assert {topic.name for topic in log.topics if not topic.definition} == {"/chatter", "/json"}

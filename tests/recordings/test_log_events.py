@@ -12,17 +12,21 @@ from typing import Any
 
 import numpy as np
 import pytest
+from mcap_ros2.reader import read_ros2_messages
 from pyarrow.parquet import read_table
 from pyulog import ULog
 from pyulog.px4_events import PX4Events
+from rosbags.highlevel import AnyReader
 
 from msggen import recordings
-from msggen.recordings.convert import convert
+from msggen.recordings.convert import convert, join
 from msggen.recordings.decode import event_metadata
 from msggen.recordings.decode.event_text import LONGEST, fill, parse_template
 from msggen.recordings.log import events as log_events
+from msggen.recordings.log.decoded_events import decoded_events
 from msggen.recordings.log.plot import draw
 from support.events import METADATA, START, EventLog, packed, write_events
+from support.repository import shared
 
 TEXTS = [
     (0, "info", "Armed by stick gesture"),
@@ -128,6 +132,76 @@ def test_an_mcap_file_made_of_a_ulog_has_the_same_events(tmp_path: Path) -> None
             convert(copy, str(tmp_path / "part.mcap"), format="mcap", topics=["/rosout"])
     lines = [(3, "info", "Armed by stick gesture"), TEXTS[1]]
     assert texts_of(tmp_path / "part.mcap") == lines
+
+
+def test_other_readers_find_decoded_events(tmp_path: Path) -> None:
+    with recordings.open(write_events(tmp_path / "a.ulg")) as log:
+        events = log.events
+        convert(log, str(tmp_path / "a.mcap"), format="mcap")
+    found = [each.ros_msg for each in read_ros2_messages(tmp_path / "a.mcap", topics=["/events"])]
+    names = ("sequence", "level", "external_level", "text", "name", "group", "description")
+    assert [tuple(getattr(each, name) for name in ("id", *names)) for each in found] == [
+        tuple(getattr(each, name) for name in ("number", *names)) for each in events
+    ]
+    assert [json.loads(each.arguments or "{}") for each in found] == [each.arguments for each in events]
+    assert [(each.stamp.sec, each.stamp.nanosec) for each in found] == [divmod(each.time, 10**9) for each in events]
+    with AnyReader([tmp_path / "a.mcap"]) as bag:
+        (connection,) = (each for each in bag.connections if each.topic == "/events")
+        payloads = [data for _, _, data in bag.messages([connection])]
+        read: list[Any] = [bag.deserialize(data, connection.msgtype) for data in payloads]
+    assert [each.text for each in read] == [each.text for each in events]
+
+
+def test_a_recording_with_decoded_events_alone_has_them(tmp_path: Path) -> None:
+    """And a table of them, unless the samples of PX4 are there too."""
+    with recordings.open(write_events(tmp_path / "a.ulg")) as log:
+        convert(log, str(tmp_path / "a.mcap"), format="mcap")
+        events = log.events
+    with recordings.open(tmp_path / "a.mcap") as log:
+        convert(log, str(tmp_path / "part.mcap"), format="mcap", topics=["/events"])
+        tables = convert(log, str(tmp_path / "tables"), format="parquet").files
+        chosen = convert(log, str(tmp_path / "chosen"), format="parquet", topics=["/events"]).files
+    assert [Path(path).name for path in tables if "events" in path] == ["ulog_events.parquet"]
+    assert [Path(path).name for path in chosen] == ["events.parquet"]
+    with recordings.open(tmp_path / "part.mcap") as log:
+        assert (log.events, log.event_notes) == (events, [])
+        assert [text.text for text in log.texts] == [text for _, _, text in TEXTS]
+        tables = convert(log, str(tmp_path / "part"), format="parquet").files
+    assert {"events.parquet", "ulog_events.parquet"} <= {Path(path).name for path in tables}
+
+
+def test_events_of_several_vehicles_are_those_that_were_decoded(tmp_path: Path) -> None:
+    """A file of several vehicles has no metadata of events."""
+    paths = [write_events(tmp_path / name) for name in ("a.ulg", "b.ulg")]
+    with recordings.open(paths[0]) as first, recordings.open(paths[1]) as second:
+        for log in (first, second):
+            vars(log)["utc_offset"] = 10**18
+        join([first, second], str(tmp_path / "both.mcap"))
+        expected = [each._replace(time=each.time + 10**18) for each in first.events for _ in range(2)]
+    with recordings.open(tmp_path / "both.mcap") as log:
+        assert not log.has_facts
+        assert log.events == expected
+        tables = convert(log, str(tmp_path / "tables"), format="parquet").files
+    assert {"event.parquet", "events.parquet"} <= {Path(path).name for path in tables}
+
+
+def test_the_texts_of_a_flight_are_those_of_pyulog(tmp_path: Path) -> None:
+    """As its program `ulog_messages` prints them, except for the order of those of one time."""
+    path = tmp_path / "flight.ulg"
+    path.write_bytes(lzma.decompress(shared("oracles/flight/flight.ulg.xz").read_bytes()))
+    log = ULog(str(path), ["event"])
+    events = PX4Events().get_logged_events(log)
+    lines = [(each.timestamp, each.log_level_str(), each.message) for each in log.logged_messages]
+    expected = sorted([*events, *(each for each in lines if not each[2].endswith("\t"))])
+    with recordings.open(path) as opened:
+        texts = [(text.time // 1000, text.level.upper(), text.text) for text in opened.texts]
+        assert sorted(texts) == expected
+        assert [time for time, _, _ in texts] == [time for time, _, _ in expected]
+        convert(opened, str(tmp_path / "a.mcap"), format="mcap")
+        shift = opened.utc_offset or 0
+        with recordings.open(tmp_path / "a.mcap") as copy:
+            assert copy.events == [each._replace(time=each.time + shift) for each in opened.events]
+            assert list(decoded_events(copy.samples("/events"))) == copy.events
 
 
 def test_the_commands_show_events(tmp_path: Path) -> None:

@@ -22,8 +22,8 @@ from rosbags.highlevel import AnyReader
 
 from msggen.recordings.columns.samples import Samples
 from msggen.recordings.files import mcap
+from msggen.recordings.log import opening
 from msggen.recordings.log.log import Log
-from msggen.recordings.log.opening import open_log
 from msggen.recordings.source.source import Contents, Problem, RecordingError
 from support.examples import examples
 from support.log_files import Written, write_log
@@ -56,7 +56,7 @@ def test_all_messages_are_those_of_the_reference(px4_types: Any, count: int, see
     with scratch_folder() as folder:
         path = folder / "flight.mcap"
         path.write_bytes(data)
-        with open_log(path) as log:
+        with opening.open(path) as log:
             assert problems_of(log) == []
             assert found_in(log) == expected_of(whole)
             loaded = log.load()
@@ -96,7 +96,7 @@ def test_columns_are_those_of_other_libraries(way: str, px4_types: Any, tmp_path
             for connection, _, data in bag.messages(chosen):
                 theirs["rosbags"][connection.topic].append(flat(bag.deserialize(data, connection.msgtype)))
     compared = 0
-    with open_log(path) as log:
+    with opening.open(path) as log:
         for by_topic in theirs.values():
             for topic, rows in by_topic.items():
                 columns = log.columns(topic)
@@ -122,7 +122,7 @@ def test_readers_of_one_file_do_not_disturb_each_other(
             found[samples.topic.name] += rows_of(samples)
         return {name: sorted(rows) for name, rows in found.items()}
 
-    with open_log(path) as log:
+    with opening.open(path) as log:
         whole = {name: rows_of(samples) for name, samples in log.load().items() if len(samples)}
         first, second = in_turns(log.batches(), log.batches())
         assert of_batches(first) == of_batches(second) == whole
@@ -175,7 +175,7 @@ def test_damaged_files_are_read_or_refused_and_nothing_is_silent(way: str, px4_t
     for seed in range(150):
         path.write_bytes(mutated(data, Random(seed)))  # noqa: S311 - no secret
         try:
-            with open_log(path) as log:
+            with opening.open(path) as log:
                 count = sum(len(samples) for samples in log.load().values())
                 assert count == len(whole) or problems_of(log)
                 found_in(log)
@@ -201,7 +201,7 @@ def test_a_message_that_an_index_has_twice_is_read_once(tmp_path: Path) -> None:
     first = next(start for opcode, start in records_of(data) if opcode == 7)
     data[first + 15 + 16 : first + 15 + 32] = data[first + 15 : first + 15 + 16]
     path.write_bytes(data)
-    with open_log(path) as log:
+    with opening.open(path) as log:
         assert {name: samples.array["timestamp"].tolist() for name, samples in log.load().items()} == {
             "/a": [1, 2, 3],
             "/b": [1, 2, 3],
@@ -215,14 +215,14 @@ def test_a_whole_summary_is_all_that_is_read_to_open_a_file(way: str, px4_types:
     data = bytearray(recording(px4_types, 120, 3, 1200, **WAYS[way]))
     path = tmp_path / "flight.mcap"
     path.write_bytes(data)
-    with open_log(path) as log:
+    with opening.open(path) as log:
         expected = [(topic.name, topic.count) for topic in log.topics]
         whole = found_in(log)
     begins = [start for opcode, start in records_of(data) if opcode == 6]
     assert len(begins) > 8
     data[begins[1] : begins[-1]] = bytes(begins[-1] - begins[1])
     path.write_bytes(data)
-    with open_log(path) as log:
+    with opening.open(path) as log:
         assert log.problems == []
         assert [(topic.name, topic.count) for topic in log.topics] == expected
         assert log.contents == Contents(len(begins), (way,), 0, 0)
@@ -244,7 +244,7 @@ def test_a_damaged_front_of_a_chunk_costs_nothing(way: str, px4_types: Any, tmp_
         damaged = bytearray(data)
         damaged[place] ^= 0x41
         path.write_bytes(damaged)
-        with open_log(path) as log:
+        with opening.open(path) as log:
             found, problems = found_in(log), [each.text for each in problems_of(log)]
             log.verify()
         is_crc = begin + 9 + 24 <= place < begin + 9 + 28
@@ -285,7 +285,7 @@ def test_a_damaged_message_index_in_a_file_with_a_damaged_summary(
     data[footer + 9 : footer + 17] = (1 << 60).to_bytes(8, "little")  # where the summary is
     path = tmp_path / "flight.mcap"
     path.write_bytes(data)
-    with open_log(path) as log:
+    with opening.open(path) as log:
         assert found_in(log) == whole or problems_of(log)
         if change != "removed":
             assert set(whole) <= set(found_in(log))
@@ -299,7 +299,7 @@ def test_a_cut_file_has_every_whole_message(px4_types: Any, tmp_path: Path) -> N
             path = tmp_path / "cut.mcap"
             path.write_bytes(data[:size])
             expected = expected_of(messages(data[:size])) if way != "zstd" else []
-            with open_log(path) as log:
+            with opening.open(path) as log:
                 found = found_in(log)
                 assert found[: len(expected)] == expected or set(expected) <= set(found)
                 assert set(found) <= set(expected_of(whole))
@@ -314,7 +314,7 @@ def test_a_damage_between_messages_costs_only_those(px4_types: Any, tmp_path: Pa
     data[place + 1 : place + 9] = b"\xff" * 8  # the length of its record
     path = tmp_path / "flight.mcap"
     path.write_bytes(data)
-    with open_log(path) as log:
+    with opening.open(path) as log:
         assert found_in(log) == whole[:20] + whole[21:]
         assert any(problem.offset == place and problem.size == 31 + len(payload) for problem in log.problems)
 
@@ -334,7 +334,7 @@ def test_a_damaged_upper_byte_of_a_length_costs_nothing(px4_types: Any, tmp_path
     data[data.find(whole[20][2]) - 31 + 8] = 0xB8
     path = tmp_path / "flight.mcap"
     path.write_bytes(data)
-    with open_log(path) as log:
+    with opening.open(path) as log:
         assert found_in(log) == whole
         for _, part in log.undecoded():
             assert (part.sizes >= 0).all()
@@ -346,7 +346,7 @@ def test_missing_checksums_are_counted(options: dict[str, Any], missing: int, px
     """rosbag2 writes none by default. They are no damage."""
     path = tmp_path / "flight.mcap"
     path.write_bytes(recording(px4_types, 60, 5, **options))
-    with open_log(path) as log:
+    with opening.open(path) as log:
         assert log.missing_checksums == missing
         assert log.verify() == (0, missing)
         assert problems_of(log) == []
@@ -362,7 +362,7 @@ def test_sizes_that_a_file_declares_are_not_believed(px4_types: Any, tmp_path: P
         changed = bytearray(data)
         changed[place : place + 8] = value.to_bytes(8, "little")
         path.write_bytes(changed)
-        with open_log(path) as log:
+        with opening.open(path) as log:
             assert sum(map(len, log.load().values())) == len(expected_of(messages(bytes(data))))
             assert problems_of(log) or place != chunk + 25
 
@@ -371,9 +371,9 @@ def test_empty_files(px4_types: Any, tmp_path: Path) -> None:
     path = tmp_path / "flight.mcap"
     path.write_bytes(b"")
     with pytest.raises(RecordingError, match="is empty"):
-        open_log(path)
+        opening.open(path)
     path.write_bytes(recording(px4_types, 0))
-    with open_log(path) as log:
+    with opening.open(path) as log:
         assert (log.start, log.end, log.duration, log.problems) == (0, 0, 0.0, [])
         assert sum(len(samples) for samples in log.load().values()) == 0
     with pytest.raises(RecordingError, match="is closed"):
@@ -388,7 +388,7 @@ def test_times_that_no_clock_has_are_the_same_everywhere(way: str, tmp_path: Pat
     topic = Written("/a", "demo/msg/A", "int8 x\n", [(stamp, stamp, b"\0\1\0\0\1") for stamp in stamps])
     path = write_log(tmp_path / "late.mcap", [topic], **WAYS[way])
     expected = [5, largest - 1] + [largest] * 5
-    with open_log(path) as log:
+    with opening.open(path) as log:
         assert (log.start, log.end) == (5, largest)
         samples = log.samples("/a")
         assert samples.log_times.tolist() == expected

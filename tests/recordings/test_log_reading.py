@@ -117,8 +117,11 @@ def test_messages_of_a_ulog_are_those_of_its_array(ulog: Log, tmp_path: Path) ->
         found = list(ulog.messages(package.SensorGps, instance=instance, times=True))
         assert [time for time, _ in found] == samples.log_times.tolist()
         assert [each.latitude_deg for _, each in found] == samples.array["latitude_deg"].tolist()
-    with pytest.raises(RecordingError, match="has samples in 'ulog', expected cdr"):
-        ulog.payloads()
+        payloads = list(ulog.payloads([ulog.topic("sensor_gps", instance)]))
+        assert [(each.topic, each.time) for each in payloads] == [
+            (f"sensor_gps[{instance}]" if instance else "sensor_gps", time) for time in samples.log_times.tolist()
+        ]
+        assert [package.SensorGps.decode(each.payload) for each in payloads] == [message for _, message in found]
 
 
 # closed files
@@ -139,7 +142,7 @@ def test_reading_a_closed_log_is_an_error(kind: str, tmp_path: Path) -> None:
         lambda: list(log.undecoded()),
         log.verify,
         lambda: log.topics[-1].times,
-        *([lambda: list(log.payloads())] if kind != "ulog" else []),
+        lambda: list(log.payloads()),
     ]
     for read in readers:
         with pytest.raises(RecordingError, match=f"{path.name} is closed"):

@@ -14,8 +14,8 @@ from msggen.live.link import Connected, Disconnected, Opened, Route, Sample
 from msggen.live.vehicle.firmware import REQUEST, RESPONSE, releases
 from msggen.live.xrce.agent import Agent
 from msggen.recordings.live.player import Endpoints, Player, endpoints_of, is_played
+from msggen.recordings.log import opening
 from msggen.recordings.log.log import Log
-from msggen.recordings.log.opening import open_log
 from msggen.recordings.source.source import Channel as SourceChannel
 from msggen.recordings.topics.choice import Choice
 from msggen.recordings.topics.topic import Topic
@@ -93,7 +93,7 @@ def path(tmp_path: Path) -> Path:
 
 
 def play(path: Path, choice: Choice = Choice(), **options: Any) -> tuple[Stage, Endpoints]:  # noqa: B008
-    recording = open_log(path)
+    recording = opening.open(path)
     endpoints = endpoints_of(recording, choice)
     return Stage(Player(recording, endpoints, **options)), endpoints
 
@@ -254,7 +254,7 @@ def test_no_more_topics_are_played_than_an_agent_takes(path: Path, px4_types: An
         *sorted((*TOPICS[1:], "vehicle_status_v4")),
         "mine_0",
     ]
-    assert sorted([*endpoints.writers, *endpoints.left_out]) == sorted(each.name for each in open_log(path).topics)
+    assert sorted([*endpoints.writers, *endpoints.left_out]) == sorted(each.name for each in opening.open(path).topics)
     assert {name for _, name, _ in stage.arrived} == {*endpoints.writers}
     assert len(endpoints.writers) > 300
     assert play(path, Choice(["mine_1100"]))[1].left_out == []

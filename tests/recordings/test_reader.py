@@ -15,7 +15,7 @@ from rosbags.rosbag2 import Writer as RosbagsWriter
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from msggen.recordings.live.player import endpoints_of
-from msggen.recordings.log.opening import open_log
+from msggen.recordings.log import opening
 from msggen.recordings.source.source import RecordingError
 from msggen.recordings.topics.choice import Choice
 from msggen.recordings.writer import COMPRESSIONS, Writer
@@ -65,7 +65,7 @@ def test_all_files_of_mcap_are_read(options: dict[str, Any], px4_types: Any, tmp
             writer.add_message(channels[found.topic], found.time, found.payload, found.time)
             writer.add_message(strange, found.time, b"{}", found.time)
         writer.finish()
-    log = open_log(path)
+    log = opening.open(path)
     assert [topic.name for topic in log.topics] == ["/fmu/out/strange", STATUS, ODOMETRY]
     assert log.topic(STATUS).definition == px4_types.VehicleStatus.__msg__.definition
     assert [log.start, log.end] == [
@@ -102,7 +102,7 @@ def test_damaged_files_are_read_in_part_or_refused(compression: str, px4_types: 
             data[at] = chance.choice((0, 255, chance.randrange(256)))
         path.write_bytes(data)
         try:
-            endpoints_of(open_log(path), Choice())
+            endpoints_of(opening.open(path), Choice())
             read_ours(path)
         except RecordingError as error:
             refused.append(str(error))
@@ -121,5 +121,5 @@ def test_a_bag_of_ros_is_read(px4_types: Any, tmp_path: Path) -> None:
             writer.write(connection, found.time, found.payload)
     path = tmp_path / "bag" / "bag.mcap"
     assert read_ours(path) == expected
-    endpoints = endpoints_of(open_log(path), Choice())
+    endpoints = endpoints_of(opening.open(path), Choice())
     assert endpoints.hashes["vehicle_status"] == info.message_hash

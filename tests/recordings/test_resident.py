@@ -83,6 +83,7 @@ def test_a_recording_is_not_kept_in_memory(
     name: str, px4_types: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("msggen.recordings.source.gather.WINDOW", 1 << 20)
+    monkeypatch.setattr("msggen.recordings.files.ulog_messages.WINDOW", 1 << 20)
     monkeypatch.setattr("msggen.recordings.files.mcap._GROUP", 1 << 20)
     path = tmp_path / name
     info = px4_types.VehicleStatus.__msg__

@@ -19,7 +19,7 @@ from rosbags.highlevel import AnyReader
 from msggen.recordings.convert.mcap import McapWriter
 from msggen.recordings.convert.payloads import Block
 from msggen.recordings.files.mcap_writer import FASTEST, Target
-from msggen.recordings.log.opening import open_log
+from msggen.recordings.log import opening
 from msggen.recordings.source.source import RecordingError
 from msggen.recordings.writer import COMPRESSIONS, Channel, Writer
 from support.examples import examples
@@ -69,7 +69,7 @@ def test_other_readers_find_what_was_written(px4_types: Any, counts: list[int], 
             writer.flush()
             assert read_mcap(path) == expected[:end]
         getattr(writer, ending)()
-        assert open_log(path).problems == []
+        assert opening.open(path).problems == []
         if expected:
             check_read(path, expected)
 
@@ -236,7 +236,7 @@ def test_other_files_are_refused_or_empty(text: bytes, tmp_path: Path) -> None:
     path = tmp_path / "flight.mcap"
     path.write_bytes(text)
     if len(text) == 8:
-        assert open_log(path).topics == ()
+        assert opening.open(path).topics == ()
     else:
         with pytest.raises(RecordingError, match="is not a recording" if text else "is empty"):
-            open_log(path)
+            opening.open(path)

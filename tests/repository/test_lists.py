@@ -15,8 +15,8 @@ from support.repository import ROOT
 TABLES = ("base/recording_formats.py", "live/links/link_types.py")
 
 SUFFIXES = [each.removeprefix(".") for each in (*PACKED, *(row.suffix for row in FORMATS.values()))]
-NAMED = re.compile(rf"[.|]({'|'.join(SUFFIXES)})\b", re.IGNORECASE)
-"""A suffix, also one of several in a regular expression: `.(?:mcap|db3)`."""
+NAMED = re.compile(rf"(?<!\.tar)[.|]({'|'.join(SUFFIXES)})\b", re.IGNORECASE)
+"""A suffix, also one of several in a regular expression: `.(?:mcap|db3)`. Archives `.tar.gz` have no recordings."""
 
 STARTS = {"startswith", "endswith", "removeprefix"}
 

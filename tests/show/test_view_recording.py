@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from mcap.writer import CompressionType, Writer
 
-from msggen.recordings.log.opening import open_log
+from msggen.recordings.log import opening
 from msggen.show.view.recording import (
     Controls,
     RecordingView,
@@ -51,7 +51,7 @@ def test_a_recording_is_played_and_its_controls_work(tmp_path: Path, px4_types: 
     path = tmp_path / "flight.mcap"
     samples = write(path, px4_types, is_finished=is_finished)
     controls = Controls()
-    recording = open_log(path)
+    recording = opening.open(path)
     assert package_for(recording, [px4_types]) is px4_types
     with (
         Server("test", "127.0.0.1", 0, (recording.start, recording.end), controls) as server,
@@ -81,7 +81,7 @@ def test_a_recording_without_samples_is_refused(tmp_path: Path, px4_types: Any) 
     path = tmp_path / "flight.mcap"
     write(path, px4_types, 0)
     with pytest.raises(UnviewableRecordingError, match="has no samples"):
-        channels_of(open_log(path))
+        channels_of(opening.open(path))
 
 
 def test_types_are_chosen_by_the_definition(tmp_path: Path, px4_types: Any) -> None:
@@ -92,6 +92,6 @@ def test_types_are_chosen_by_the_definition(tmp_path: Path, px4_types: Any) -> N
 
     path = tmp_path / "flight.mcap"
     write(path, px4_types)
-    recording = open_log(path)
+    recording = opening.open(path)
     assert package_for(recording, [Other, px4_types]) is px4_types  # type: ignore[list-item]
     assert package_for(recording, [Other]) is None  # type: ignore[list-item]

@@ -45,11 +45,16 @@ def rows_in(fleet: Path) -> int:
 
 
 def rows_of(fleet: Path) -> dict[str, list[dict[str, Any]]]:
-    """Return all rows of each topic of a fleet, in an order of their own: the same for all files that have them."""
+    """Return all rows of each topic of a fleet, the same for all files that can have them.
+
+    Columns that a file lacks are None, and rows and columns have an order of their own.
+    """
     found: dict[str, list[dict[str, Any]]] = {}
     for name in parquet_in(fleet):
         found.setdefault(name.partition("/")[0], []).extend(pq.ParquetFile(fleet / name).read().to_pylist())
-    return {topic: sorted(rows, key=repr) for topic, rows in found.items()}
+    names = {topic: sorted({name for row in rows for name in row}) for topic, rows in found.items()}
+    whole = {topic: [{name: row.get(name) for name in names[topic]} for row in rows] for topic, rows in found.items()}
+    return {topic: sorted(rows, key=repr) for topic, rows in whole.items()}
 
 
 def logs_in(fleet: Path) -> set[str]:

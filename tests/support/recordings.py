@@ -12,7 +12,7 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
 from msggen.live.link import Route
-from msggen.recordings.log.opening import open_log
+from msggen.recordings.log import opening
 from msggen.recordings.writer import Channel
 
 START = 1_790_000_000_000_000_000
@@ -54,7 +54,7 @@ def read_rosbags(path: str | Path) -> list[Found]:
 
 def read_ours(path: str | Path) -> list[Found]:
     """Read a file as `msggen play` does."""
-    with open_log(path) as log:
+    with opening.open(path) as log:
         return [Found(*sample) for sample in log.payloads()]
 
 

@@ -18,7 +18,18 @@ STANDARD = sorted(sys.stdlib_module_names - set(sys.builtin_module_names))
 FURTHER = (
     *("argcomplete", "cyclonedds", "distributed", "em", "foxglove", "genmsg", "google", "jinja2", "lz4", "markupsafe"),
     *("matplotlib", "mcap", "msggen", "numpy", "pandas", "polars", "px4_msgs", "px4_types", "pyarrow", "pygments"),
-    *("rclpy", "rich", "serial", "sitecustomize", "tomli", "typing_extensions", "usercustomize", "yaml", "zstandard"),
+    *(
+        "rclpy",
+        "rich",
+        "rosbags",
+        "serial",
+        "sitecustomize",
+        "tomli",
+        "typing_extensions",
+        "usercustomize",
+        "yaml",
+        "zstandard",
+    ),
 )
 """Modules that msggen or Python would import, of packages that are installed or not."""
 

@@ -9,7 +9,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from msggen.base.recording_formats import FORMATS
-from msggen.cli.log.targets import SUFFIXES
+from msggen.cli.log.targets import STDIN, SUFFIXES
 from msggen.cli.options import FAILED_CODES, add_shared
 from msggen.cli.values import new_recording, non_empty, recording, seconds
 
@@ -24,9 +24,8 @@ KINDS = f"{', '.join(_FILES)}, or a folder or {_DATABASE.removeprefix('a ')}"
 
 def add_file(parser: argparse.ArgumentParser) -> None:
     """Add the recording to read."""
-    parser.add_argument(
-        "file", metavar="FILE", type=recording, help=f"recording: {KINDS}, or an address: s3://BUCKET/KEY, https://…"
-    )
+    text = f"recording: {KINDS}; {STDIN} for stdin; or an address: s3://BUCKET/KEY, https://…"
+    parser.add_argument("file", metavar="FILE", type=recording, help=text)
 
 
 def add_topics(parser: argparse.ArgumentParser) -> None:

@@ -14,9 +14,8 @@ from msggen.cli.log.arguments import (
     chosen_topics,
 )
 from msggen.cli.log.opening import code_of, opened, written
-from msggen.cli.log.targets import check_mcap
+from msggen.cli.log.targets import check_mcap, named_stem
 from msggen.cli.options import Commands, add_command
-from msggen.recordings.files.paths import stem_of
 
 
 def add_to(actions: Commands) -> None:
@@ -40,7 +39,7 @@ def _cut(options: argparse.Namespace) -> int:
     if options.start is None and options.stop is None and not options.topics:
         options.parser.error("nothing to cut: give --start, --stop or topics")
     check_mcap(options)
-    target = options.output or f"{stem_of(options.file)}.cut{MCAP}"
+    target = options.output or f"{named_stem(options)}.cut{MCAP}"
     with opened(options, options.file) as log:
         from msggen.recordings.convert import join
         from msggen.recordings.convert.selection import Selection

@@ -40,6 +40,8 @@ _SINGLE: Mapping[str, str] = {
     "format": "--format",
     "field": "--field",
     "quote_formulas": "--quote-formulas",
+    "sql_names": "--sql-names",
+    "storage": "--storage",
 }
 """The options for single recordings only."""
 

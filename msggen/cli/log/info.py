@@ -72,11 +72,11 @@ def _info(options: argparse.Namespace) -> int:
         if options.topic:
             _print_topic(options, log, *rows)
         elif options.json:
-            made = _object(options.file, log, rows)
+            made = _object(log.path, log, rows)
             print(dump(made if checksums is None else {**made, "checksums": checksums._asdict()}))
         else:
             print_problems(options, log.problems)
-            for name, text in (*_rows(options.file, log), *_rows_on_contents(log, checksums)):
+            for name, text in (*_rows(log.path, log), *_rows_on_contents(log, checksums)):
                 print(f"{name:<11} {printable(text)}")
             if not has_gaps:
                 where = "a store" if is_address(log.path) else "this many chunks"
@@ -120,7 +120,7 @@ def _rows_on_contents(log: Log, checksums: Checksums | None) -> Iterator[tuple[s
 
 def _rows(path: str, log: Log) -> Iterator[tuple[str, str]]:
     format_ = FORMATS[log.kind].name if log.kind in FORMATS else log.kind
-    yield "file", f"{path}, {format_}, {number_of_bytes(_size(path))}"
+    yield "file", f"{path}, {format_}, {number_of_bytes(_size(log.place))}"
     start = _start(log)
     yield "start", f"{start:%Y-%m-%d %H:%M:%S} UTC" if start else "unknown: the recording has no time of day"
     end = _time_of_day(log, log.end)
@@ -317,7 +317,7 @@ def _object(path: str, log: Log, rows: Sequence[_Row]) -> dict[str, Any]:
     made: dict[str, Any] = {
         "file": path,
         "format": log.kind,
-        "bytes": _size(path),
+        "bytes": _size(log.place),
         "start": f"{start:%Y-%m-%dT%H:%M:%SZ}" if start else None,
         "end": f"{end:%Y-%m-%dT%H:%M:%SZ}" if end else None,
         "start_ns": log.start,

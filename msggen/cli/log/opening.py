@@ -8,7 +8,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, BinaryIO
 
 from msggen.base.diagnostics import InputError, counted, input_error, printable
 from msggen.base.disk.names import path_hint
@@ -16,6 +16,7 @@ from msggen.base.disk.urls import is_address, shown_address
 from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.cli.log.arguments import asked_time, refuse_files, swapped_hint
 from msggen.cli.log.progress import busy_bar, progress_bar
+from msggen.cli.log.targets import STDIN
 from msggen.cli.options import check_parent
 from msggen.cli.packages import missing_extra
 from msggen.cli.printing import number_of_bytes
@@ -32,7 +33,10 @@ if TYPE_CHECKING:
 
 @contextmanager
 def opened(options: argparse.Namespace, path: str) -> Iterator[Log]:
-    """Open a recording. Raises InputError if it cannot be read, also later. A name that it does not have is usage."""
+    """Open a recording, `-` from stdin. Raises InputError if it cannot be read, also later.
+
+    A name that it does not have is an error of usage.
+    """
     shown = shown_address(path)
     try:
         from msggen import recordings
@@ -46,9 +50,9 @@ def opened(options: argparse.Namespace, path: str) -> Iterator[Log]:
     try:
         with busy_bar(options, f"opening {shown}"):
             keeps = getattr(options, "keep_damaged", False)
-            log = recordings.open(path, _nearby(options), keep_damaged=keeps)
+            log = recordings.open(_source(options, path), _nearby(options), keep_damaged=keeps)
     except RecordingError as error:
-        raise input_error(shown, "R102", _without_path(str(error), shown), 0) from None
+        raise input_error(shown, "R102", _without_path(str(error), shown_address(_shown(path))), 0) from None
     except StoreError as error:
         raise store_failed(error, "R102") from None
     except ModuleNotFoundError as error:
@@ -69,6 +73,22 @@ def opened(options: argparse.Namespace, path: str) -> Iterator[Log]:
         except RecordingError as error:
             refuse_files(options, log)
             options.parser.error(str(error))
+
+
+def _source(options: argparse.Namespace, path: str) -> str | BinaryIO:
+    """Return a path, or stdin for `-`. A terminal ends the process."""
+    if path != STDIN:
+        return path
+    if sys.stdin.isatty():
+        options.parser.error(f"argument FILE: {STDIN} reads a recording from stdin, which is the terminal: use a pipe")
+    return sys.stdin.buffer
+
+
+def _shown(path: str) -> str:
+    """Return what errors of `recordings.open` call a path."""
+    from msggen.recordings.files.spooled import name_of
+
+    return name_of(sys.stdin.buffer) if path == STDIN else path
 
 
 def _nearby(options: argparse.Namespace) -> Nearby | None:
@@ -145,7 +165,9 @@ def summarise(options: argparse.Namespace, path: str, converted: Converted, seco
     if not options.quiet:
         print_notes(options, converted.notes)
     if not options.quiet and converted.rows:
-        files = f" in {counted(len(converted.files), 'file')}" if len(converted.files) > 1 else ""
+        kinds = {os.path.splitext(each)[1] for each in converted.files}
+        kind = f" ({', '.join(kinds)})" if len(kinds) == 1 else ""  # what a folder's name does not tell
+        files = f" in {counted(len(converted.files), 'file')}{kind}" if os.path.isdir(path) else ""
         print(f"{path}: {counted_samples(converted.rows)}{files}, {number_of_bytes(size)}")
 
 

@@ -8,9 +8,8 @@ from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.base.recording_formats import MCAP
 from msggen.cli.log.arguments import add_file, add_output
 from msggen.cli.log.opening import opened, written
-from msggen.cli.log.targets import check_mcap
+from msggen.cli.log.targets import check_mcap, named_stem
 from msggen.cli.options import FAILED_CODES, Commands, add_command
-from msggen.recordings.files.paths import stem_of
 
 
 def add_to(actions: Commands) -> None:
@@ -35,7 +34,7 @@ def add_to(actions: Commands) -> None:
 
 def _repair(options: argparse.Namespace) -> int:
     check_mcap(options)
-    target = options.output or f"{stem_of(options.file)}.repaired{MCAP}"
+    target = options.output or f"{named_stem(options)}.repaired{MCAP}"
     with opened(options, options.file) as log:
         from msggen.recordings.convert import join
 

@@ -62,7 +62,7 @@ def add_to(actions: Commands) -> None:
     add_times(parser)
     parser.add_argument("-n", "--count", metavar="N", type=COUNT, help="end after so many samples, or lines")
     add_fields(parser, "field to print")
-    add_shared(parser, "--json")
+    add_shared(parser, "--json", "--csv", "--quote-formulas", "--sql-names")
 
 
 def _show(options: argparse.Namespace) -> int:
@@ -110,6 +110,7 @@ def _check(options: argparse.Namespace) -> None:
         refuse(
             options, f"expected one of TOPIC, --params and --texts: `msggen log info {options.file}` lists the topics"
         )
+    _check_csv(options)
     if options.topic:
         return
     given = "--params" if options.params else "--texts"
@@ -117,6 +118,15 @@ def _check(options: argparse.Namespace) -> None:
     for name in without:
         if getattr(options, name) is not None:
             refuse(options, f"argument --{name}: not with {given}")
+
+
+def _check_csv(options: argparse.Namespace) -> None:
+    """End the process if options of CSV do not fit the others."""
+    if options.csv and (options.json or not options.topic):
+        refuse(options, "argument --csv: not with --json" if options.json else "argument --csv: only for a topic")
+    for name in ("quote_formulas", "sql_names"):
+        if getattr(options, name) and not options.csv:
+            refuse(options, f"argument --{name.replace('_', '-')}: only with --csv")
 
 
 def _topic(options: argparse.Namespace, log: Log) -> Topic:
@@ -152,14 +162,18 @@ def _nothing(options: argparse.Namespace, log: Log) -> str:
 
 
 def _samples(options: argparse.Namespace, log: Log, topic: Topic) -> Iterator[str]:
+    from msggen.recordings.columns.csv_rows import CsvRows
     from msggen.recordings.columns.text import Printer
 
     printer = Printer(topic)
+    rows = CsvRows(printer, sql_names=options.sql_names, quotes_formulas=options.quote_formulas)
     left = options.count or sys.maxsize
     for piece in _pieces(log, topic, options.start, options.stop, min(left, _PIECE)):
         samples = _first(piece, left).choose(options.field)
         seconds = ((samples.log_times - log.start) / 1e9).tolist()
-        if options.json:
+        if options.csv:
+            yield from rows.lines(seconds, samples)
+        elif options.json:
             name = "time_" if "time" in (samples.array.dtype.names or ()) else "time"
             for time, values in zip(seconds, printer.objects(samples), strict=True):
                 yield safe_json(json.dumps({name: time, **values}, allow_nan=False))

@@ -68,8 +68,7 @@ def add_to(actions: Commands) -> None:
     parser.add_argument("--every", metavar="SECONDS", type=positive, help="print at most one message in this time")
     add_limits(parser)
     group = parser.add_mutually_exclusive_group()
-    add_shared(group, "--json")
-    group.add_argument("--csv", action="store_true", help="print rows under a line with the names: timestamp,q[0],q[1]")
+    add_shared(group, "--json", "--csv")
     add_shared(parser, "--quote-formulas")
     add_link(parser)
 

@@ -16,11 +16,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.definitions.enumeration import Enumeration, enum_by_name, enumerations
 from msggen.definitions.model import DEFAULT_PACKAGE, Comment, Field, InferredTag, Message
-from msggen.definitions.parse.definition import parse_message
 from msggen.definitions.tags import ENUM, INHERITED, UNIT
 from msggen.recordings.decode.schemas import Schema, SchemaError, read_schema
-from msggen.sources.embedded import all_releases, nearest_first
 from msggen.sources.inferred import unit_in_sentences
+from msggen.sources.released import nearest
 
 if TYPE_CHECKING:
     from msggen.recordings.topics.topic import Topic
@@ -69,22 +68,22 @@ def annotations_of(ros_type: str, definition: str, firmware: str = "") -> Mappin
 
 def _annotations(schema: Schema, recorded: Message, front: str, firmware: str) -> Iterator[tuple[str, Annotation]]:
     message = _completed(recorded, firmware)
-    enums = {name: each for each in enumerations(message) for name in each.fields}
+    enums: dict[str, tuple[Mapping[int, str], bool]] = {}
+    for each in enumerations(message):
+        enums |= dict.fromkeys(each.fields, _members(each))
     for field in message.fields:
         if not field.type.is_primitive:
             nested = schema.catalog.nested(recorded, field.type)
             yield from _annotations(schema, nested, f"{front}{field.name}.", firmware)
             continue
-        members, is_flags = _members(enums.get(field.name))
+        members, is_flags = enums.get(field.name, ({}, False))
         yield (
             front + field.name,
             Annotation(field.comment.tag(UNIT.name), field.comment.tag("frame"), members, is_flags),
         )
 
 
-def _members(enum: Enumeration | None) -> tuple[Mapping[int, str], bool]:
-    if enum is None:
-        return {}, False
+def _members(enum: Enumeration) -> tuple[Mapping[int, str], bool]:
     return {member.value: member.name for member in reversed(enum.members)}, enum.is_flags
 
 
@@ -111,15 +110,9 @@ def _embedded(message: Message, firmware: str) -> list[Message]:
     """Return the messages of the same name in embedded releases: those with the same fields, then the nearest ones."""
     if message.package != DEFAULT_PACKAGE:
         return []
-    found = [_released(release, message.name) for release in nearest_first(firmware)]
     own = _fields_of(message)
-    return sorted((each for each in found if each is not None), key=lambda each: _fields_of(each) != own)  # stable
-
-
-@lru_cache(1024)
-def _released(release: str, name: str) -> Message | None:
-    text = all_releases().file(release, f"{name}.msg")[1]
-    return parse_message(text, name, name, DEFAULT_PACKAGE)[0] if text else None
+    found = (each.message for _, each in nearest(message.name, firmware))
+    return sorted(found, key=lambda each: _fields_of(each) != own)  # stable
 
 
 def _fields_of(message: Message) -> frozenset[tuple[str, str]]:

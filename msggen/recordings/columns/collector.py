@@ -53,10 +53,11 @@ class Collector:
         if not self._room:
             self._grow(0, has_published=True)
         end, times, published = self._count, self._log_times, self._publish_times
-        rows = self._rows[: end * self._size].view(f"V{self._size}") if self._size else self._rows[:end]
+        rows = self._rows[: end * (self._size or 1)]
         times, published = times[:end], None if published is None else published[:end]
-        if (times[1:] < times[:-1]).any():
+        if np.logical_or.reduce(times[1:] < times[:-1]):
             order = np.argsort(times, kind="stable")
+            rows = rows.view(f"V{self._size}") if self._size else rows  # copies the padding, too
             rows, times = rows[order], times[order]
             published = None if published is None else published[order]
         return Samples(self._topic.without_log, rows.view(self._dtype), times, published)

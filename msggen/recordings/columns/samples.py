@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 
 from msggen.base.diagnostics import counted
 from msggen.recordings.columns.arrays import check_fields, columns_of
+from msggen.recordings.columns.sql_names import columns_for_sql, renamed_for_sql
 from msggen.recordings.topics.choice import listed
 
 if TYPE_CHECKING:
@@ -47,13 +48,15 @@ class Samples:
         fields = counted(len(self.array.dtype.names or ()), "field")
         return f"<Samples of {self.topic.label!r}: {counted(len(self), 'sample')}, {fields}>"
 
-    def columns(self, *, times: bool = False) -> dict[str, NDArray[Any]]:
+    def columns(self, *, times: bool = False, sql_names: bool = False) -> dict[str, NDArray[Any]]:
         """Return copies of the chosen columns by name, such as `gyro_rad[0]` and `esc[7].esc_rpm`.
 
         With `times`, the first ones are `log_time`, and `publish_time` if the format has it, in ns. They have `_`
-        behind that if a field has this name.
+        behind that if a field has this name. With `sql_names`, SQL takes the names without quotes: `gyro_rad_0`,
+        `esc_7_esc_rpm`, and with `_` behind them if another column has this name or SQL has it for itself.
         """
-        return {**self._clocks(times=times), **columns_of(self.array, self.fields)}
+        found = {**self._clocks(times=times), **columns_of(self.array, self.fields)}
+        return columns_for_sql(found) if sql_names else found
 
     def _clocks(self, *, times: bool) -> dict[str, NDArray[np.int64]]:
         """Return copies of the columns with times, none without `times`."""
@@ -69,10 +72,10 @@ class Samples:
         check_fields(self.array.dtype, chosen)
         return replace(self, fields=tuple(chosen))
 
-    def table(self, *, times: bool = False) -> pa.Table:
+    def table(self, *, times: bool = False, sql_names: bool = False) -> pa.Table:
         """Return a table of Arrow (pyarrow.Table), with units and frames in the metadata of its fields.
 
-        `times` is as in `columns`.
+        `times` and `sql_names` are as in `columns`.
         """
         import pyarrow as pa
 
@@ -81,18 +84,20 @@ class Samples:
         table, clocks = table_of(self.topic, self.columns()), self._clocks(times=times)
         fields = [*(pa.field(name, pa.int64()) for name in clocks), *table.schema]
         arrays = [*map(pa.array, clocks.values()), *table.columns]
-        return pa.Table.from_arrays(arrays, schema=pa.schema(fields, table.schema.metadata))
+        made = pa.Table.from_arrays(arrays, schema=pa.schema(fields, table.schema.metadata))
+        return renamed_for_sql(made) if sql_names else made
 
     @overload
-    def frame(self, library: Literal["pandas"] = ...) -> pd.DataFrame: ...
+    def frame(self, library: Literal["pandas"] = ..., *, sql_names: bool = ...) -> pd.DataFrame: ...
 
     @overload
-    def frame(self, library: Literal["polars"]) -> pl.DataFrame: ...
+    def frame(self, library: Literal["polars"], *, sql_names: bool = ...) -> pl.DataFrame: ...
 
-    def frame(self, library: str = "pandas") -> Any:
+    def frame(self, library: str = "pandas", *, sql_names: bool = False) -> Any:
         """Return a data frame of `pandas` or `polars`. Raises ValueError for another library.
 
         Log times are the index of pandas, and a column in polars: in UTC, or in a ULog since the start of the vehicle.
+        `sql_names` is as in `columns`.
         """
         is_ulog = self.topic.channels[0][1].encoding == "ulog"
         if library == "pandas":
@@ -102,8 +107,8 @@ class Samples:
             index = (
                 pd.TimedeltaIndex(times.view("m8[ns]")) if is_ulog else pd.DatetimeIndex(times.view("M8[ns]"), tz="UTC")
             )
-            return pd.DataFrame(self.columns(), index.rename(_LOG_TIME))
-        frame = frame_of(library, self.columns, self.table)
+            return pd.DataFrame(self.columns(sql_names=sql_names), index.rename(_LOG_TIME))
+        frame = frame_of(library, self.columns, lambda: self.table(sql_names=sql_names))
         import polars as pl
 
         kind = pl.Duration("ns") if is_ulog else pl.Datetime("ns", "UTC")

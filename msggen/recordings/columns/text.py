@@ -35,7 +35,7 @@ class Printer:
             for row in samples.array:
                 yield "\n".join(self._lines(row, "", ""))
             return
-        columns = self._columns(samples)
+        columns = self.columns(samples)
         kinds = {name: annotation_of(self._topic, name) for name in columns}
         for index in range(len(samples)):
             yield "\n".join(
@@ -47,12 +47,12 @@ class Printer:
         if samples.fields is None:
             yield from (self._object(row, "") for row in samples.array)
             return
-        columns = self._columns(samples)
+        columns = self.columns(samples)
         for index in range(len(samples)):
             yield {name: json_value(values[index]) for name, values in columns.items()}
 
-    def _columns(self, samples: Samples) -> dict[str, Any]:
-        """Return the chosen columns. All elements of a `char[N]` are one column of texts."""
+    def columns(self, samples: Samples) -> dict[str, Any]:
+        """Return the chosen columns by name. All elements of a `char[N]` are one column of texts."""
         columns = samples.columns()
         fronts = {name: name.rpartition("[")[0] for name in columns}
         counts = Counter(fronts.values())

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import errno
 import os
+from functools import partial
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from msggen.base.disk.staging import check_writable, clear, locked, stage_beside, staging_folder
 from msggen.base.disk.urls import is_in_store
+from msggen.base.recording_formats import STORAGES
 from msggen.recordings.convert.selection import EVERYTHING, Converted, Selection
 from msggen.recordings.source.source import RecordingError
 from msggen.recordings.topics.choice import check_times, listed
@@ -19,12 +22,14 @@ if TYPE_CHECKING:
     from msggen.recordings.log.log import Key, Log
     from msggen.recordings.topics.topic import Topic
 
-__all__ = ["EVERYTHING", "FORMATS", "TABLES", "Converted", "Selection", "convert", "join"]
+__all__ = ["EVERYTHING", "FORMATS", "TABLES", "TABLE_SUFFIXES", "Converted", "Selection", "convert", "join"]
 
 FORMATS = ("parquet", "arrow", "csv", "mcap", "rosbag2")
-"""The formats that are written. An MCAP file is a file, all others are a folder."""
+"""The formats that are written. `mcap` is a file, and the others are folders, also of tables of several topics."""
 TABLES = ("parquet", "arrow", "csv")
 """The formats with a file for each topic."""
+TABLE_SUFFIXES = MappingProxyType({".parquet": "parquet", ".arrow": "arrow", ".feather": "arrow", ".csv": "csv"})
+"""The formats of tables by the suffixes of files."""
 
 
 def convert(  # noqa: PLR0913 - named options
@@ -37,15 +42,20 @@ def convert(  # noqa: PLR0913 - named options
     stop: float | None = None,
     fields: Collection[str] | None = None,
     quotes_formulas: bool = False,
+    sql_names: bool = False,
+    storage: str = STORAGES[0],
     progress: Callable[[float], None] = lambda _: None,
 ) -> Converted:
     """Write a recording in another format, one of FORMATS, to `target`: a file for `mcap`, otherwise a folder.
+
+    A table of a single topic is a file if `target` ends as such files do: `wind.csv`, `wind.feather` for `arrow`.
 
     `topics`, `start` and `stop` choose as for `Log.load`, and `fields` the columns of tables: of each topic those that
     it has. `progress` is called with the share that is done, from 0 to 1. The recording is read piece by piece.
 
     Characters of text that are not printable are escapes in `csv`. With `quotes_formulas`, `'` precedes text there that
-    a spreadsheet would evaluate.
+    a spreadsheet would evaluate. With `sql_names`, the columns of tables have names as in `Samples.columns`.
+    `storage` is as for `join`.
 
     `target` can be an address in a store, such as "s3://bucket/flight.mcap": files are written to a temporary folder,
     and put there whole.
@@ -60,22 +70,26 @@ def convert(  # noqa: PLR0913 - named options
     chosen = None if topics is None else listed(topics)
     selection = Selection(chosen, start, stop, None if fields is None else listed(fields))
     if format not in TABLES:
-        return join([log], target, selection, format, progress)
+        return join([log], target, selection, format, progress, storage=storage)
     from msggen.recordings.convert.tables import Format, write_tables
 
-    kind = Format(format, quotes_formulas=quotes_formulas)
+    is_file = TABLE_SUFFIXES.get(os.path.splitext(target)[1].lower()) == format
+    kind = Format(format, quotes_formulas=quotes_formulas, is_file=is_file, sql_names=sql_names)
     return _whole(target, lambda made: write_tables(log, made, kind, selection, progress))
 
 
-def join(
+def join(  # noqa: PLR0913 - named options
     logs: Sequence[Log],
     target: str,
     selection: Selection = EVERYTHING,
     format: str = "mcap",  # noqa: A002 - as above
     progress: Callable[[float], None] = lambda _: None,
+    *,
+    storage: str = STORAGES[0],
 ) -> Converted:
     """Write several recordings as one, in the order of their log times: `mcap` or `rosbag2`.
 
+    `storage` is that of rosbag2: `mcap`, or `sqlite3` for a database, which has no place for attachments and metadata.
     Times of `selection` are in s after the start of the first of them. See `convert`, also for the errors.
     """
     from msggen.recordings.convert.recording import write_mcap
@@ -83,7 +97,9 @@ def join(
 
     if selection.fields is not None:
         raise RecordingError(f"fields can be chosen for {', '.join(TABLES)}, in {format} samples are whole")
-    write = write_mcap if format == "mcap" else write_rosbag2
+    if storage not in STORAGES:
+        raise ValueError(f"expected one of {', '.join(STORAGES)}, got {storage!r}")
+    write = write_mcap if format == "mcap" else partial(write_rosbag2, storage=storage)
     return _whole(target, lambda made: write(logs, made, selection, progress))
 
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
-from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 from msggen.recordings.convert.facts import between
 from msggen.recordings.convert.names import DROPOUTS, EVENTS, PARAMETERS, TEXTS
+from msggen.recordings.log.decoded_events import arguments_json
 from msggen.recordings.source.source import FOREVER
 
 if TYPE_CHECKING:
@@ -87,13 +86,8 @@ def _events(log: Log, events: Sequence[Event]) -> Any:
         name=told("name"),
         group=told("group"),
         description=told("description"),
-        arguments=pa.array([_json(event.arguments) if event.group else None for event in events], pa.string()),
+        arguments=pa.array([arguments_json(event.arguments) if event.group else None for event in events], pa.string()),
     )
-
-
-def _json(arguments: Mapping[str, int | float]) -> str:
-    """Return arguments as JSON. Numbers that are not finite are null, as everywhere."""
-    return json.dumps({name: value if isfinite(value) else None for name, value in arguments.items()})
 
 
 def _dropouts(log: Log, facts: Facts) -> Any:

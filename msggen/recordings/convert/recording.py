@@ -10,6 +10,7 @@ from itertools import chain
 from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.base.diagnostics import counted, few
+from msggen.recordings.convert.db3 import Db3Writer
 from msggen.recordings.convert.facts import between, joined, shifted
 from msggen.recordings.convert.mcap import McapWriter
 from msggen.recordings.convert.payloads import blocks_of_parts, blocks_of_ulog, merged, ordered
@@ -21,8 +22,8 @@ from msggen.recordings.files.mcap_writer import Target
 from msggen.recordings.files.metadata import LENT, NAMES, records_of
 from msggen.recordings.source.facts import NO_FACTS
 from msggen.recordings.source.source import SEPARATOR, Problem, RecordingError
-from msggen.sources.embedded import all_releases, nearest_first
-from msggen.sources.released import Released, released_as
+from msggen.sources.embedded import all_releases
+from msggen.sources.released import nearest
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from msggen.recordings.log.log import Key, Log
     from msggen.recordings.source.facts import Facts
     from msggen.recordings.topics.topic import Topic
+    from msggen.sources.released import Released
 
 _OURS = ("rosbag2", *NAMES)
 """The names of metadata records that are not copied, but written anew."""
@@ -39,10 +41,13 @@ _SEVERAL = (
 )
 
 
+Writer = McapWriter | Db3Writer
+
+
 class Contents(NamedTuple):
     """A file that was written."""
 
-    writer: McapWriter
+    writer: Writer
     problems: list[Problem]
     notes: list[str]
 
@@ -58,8 +63,14 @@ def write_mcap(logs: Sequence[Log], path: str, selection: Selection, progress: C
     return Converted([path], contents.rows, contents.problems, contents.notes)
 
 
-def write_contents(logs: Sequence[Log], path: str, selection: Selection, progress: Callable[[float], None]) -> Contents:
-    """Write recordings to an MCAP file, and return what is in it."""
+def write_contents(
+    logs: Sequence[Log],
+    path: str,
+    selection: Selection,
+    progress: Callable[[float], None],
+    make: type[Writer] = McapWriter,
+) -> Contents:
+    """Write recordings to a file, which `make` makes, and return what is in it."""
     inputs = [_Input(log, _chosen(log, selection.topics), log.utc_offset) for log in logs]
     _check_wanted(inputs, selection.topics)
     _check_times(inputs)
@@ -68,7 +79,7 @@ def write_contents(logs: Sequence[Log], path: str, selection: Selection, progres
     # what begins behind the end is left out: it could have samples that are older than its start
     inputs = [each for each in inputs if each.start == first or each.start < stop]
     share = Share(first, max(each.end for each in inputs), selection, progress)
-    writer = McapWriter(path)
+    writer = make(path)
     try:
         channels = _Channels(writer)
         streams = [
@@ -141,7 +152,7 @@ class _Input(NamedTuple):
 class _Channels:
     """The channels of a file, by what a recording has. They are added with their first samples."""
 
-    def __init__(self, writer: McapWriter) -> None:
+    def __init__(self, writer: Writer) -> None:
         self._writer = writer
         self._numbers: dict[Target, int] = {}
         self.types = TypeNames()
@@ -202,7 +213,7 @@ class _Channels:
         return self._numbers[key]
 
 
-def _write_attached(writer: McapWriter, logs: Sequence[Log]) -> None:
+def _write_attached(writer: Writer, logs: Sequence[Log]) -> None:
     """Write the attachments and the metadata records of recordings. Of equal ones, one is written."""
     written = set()
     for attached in chain.from_iterable(log.attached() for log in logs):
@@ -234,7 +245,7 @@ def _misread(labels: list[str]) -> list[str]:
     return [f"programs with px4_msgs misread {text}: {few(labels)}"]
 
 
-def _write_facts(writer: McapWriter, inputs: Sequence[_Input], selection: Selection) -> list[str]:
+def _write_facts(writer: Writer, inputs: Sequence[_Input], selection: Selection) -> list[str]:
     """Write the facts of recordings that have some, as metadata. Return a note if they cannot be written as one."""
     parts = [(each.start, each.facts) for each in inputs if each.log.has_facts]
     if not parts:
@@ -249,7 +260,7 @@ def _write_facts(writer: McapWriter, inputs: Sequence[_Input], selection: Select
     return []
 
 
-def _write_lent(writer: McapWriter, each: _Input) -> None:
+def _write_lent(writer: Writer, each: _Input) -> None:
     """Write which definitions are not in the recording, as metadata: in the file, they look like those that are."""
     if each.lent:
         values = {"topics": "\n".join(each.lent), "notes": "\n".join(each.log.notes)}
@@ -309,9 +320,8 @@ def restored(ros_type: str, definition: str, firmware: str) -> str:
     """
     schema = read_schema(ros_type, definition)
     content = content_of(schema.catalog, schema.message)
-    for release in nearest_first(firmware):
-        found = _in_release(release, schema.message.package, schema.message.name)
-        if found is not None and content_of(*found) == content:
+    for release, found in nearest(schema.message.name, firmware, schema.message.package):
+        if content_of(*found) == content:
             return _text(release, found)
     return ""
 
@@ -321,8 +331,3 @@ def _text(release: str, found: Released) -> str:
     texts = {each.key: all_releases().file(release, f"{each.name}.msg")[1] for each in found.catalog.messages.values()}
     own = texts.pop(found.message.key)
     return own + "".join(f"{SEPARATOR}\nMSG: {key}\n{text}" for key, text in texts.items())
-
-
-@lru_cache(1024)
-def _in_release(release: str, package: str, name: str) -> Released | None:
-    return released_as(all_releases(), release, name, package)

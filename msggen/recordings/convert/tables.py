@@ -9,17 +9,20 @@ from contextlib import ExitStack
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from msggen.base.diagnostics import suggestion
+from msggen.base.diagnostics import few, suggestion
 from msggen.base.foreign import csv_text, safe_json
 from msggen.definitions.nesting import MAX_TOTAL
 from msggen.recordings.columns.arrays import count_of, has_field, names_of
 from msggen.recordings.columns.arrow import table_of
 from msggen.recordings.columns.collector import Collector
+from msggen.recordings.columns.sql_names import renamed_for_sql
 from msggen.recordings.columns.text import json_value
 from msggen.recordings.convert.fact_tables import fact_tables
 from msggen.recordings.convert.names import file_names
 from msggen.recordings.convert.selection import Converted, Selection, Share
-from msggen.recordings.source.source import Problem, UnknownFieldError
+from msggen.recordings.log.decoded_events import is_decoded
+from msggen.recordings.log.events import has_events
+from msggen.recordings.source.source import Problem, RecordingError, UnknownFieldError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
@@ -45,20 +48,33 @@ class Format(NamedTuple):
     """Whether `'` precedes text in CSV that a spreadsheet would evaluate."""
     packing: str = "zstd"
     """The compression of Arrow."""
+    is_file: bool = False
+    """Whether a file with one topic is written, and no folder."""
+
+    sql_names: bool = False
+    """Whether SQL takes the names of columns without quotes."""
 
     def table(self, table: Any) -> Any:
         """Return a table as the format has it."""
-        return _flat(table, quotes_formulas=self.quotes_formulas) if self.name == "csv" else table
+        made = _flat(table, quotes_formulas=self.quotes_formulas) if self.name == "csv" else table
+        return renamed_for_sql(made) if self.sql_names else made
 
 
 def write_tables(
-    log: Log, folder: str, format_: Format, selection: Selection, progress: Callable[[float], None]
+    log: Log, target: str, format_: Format, selection: Selection, progress: Callable[[float], None]
 ) -> Converted:
-    """Write a new folder with a file for each topic that has samples. See `convert`."""
-    os.mkdir(folder)
-    chosen, wide = _within_limits(log, log.chosen(selection.topics))
+    """Write a new folder with a file for each topic that has samples, or a file of a topic. See `convert`."""
+    topics = _chosen(log, selection)
+    if format_.is_file:
+        topics = [_only(log, topics, target, format_)]
+    else:
+        os.mkdir(target)
+    chosen, wide = _within_limits(log, topics)
     columns = _columns(log, chosen, selection.fields)
-    paths = {key: os.path.join(folder, f"{name}.{format_.name}") for key, name in file_names(chosen).items()}
+    paths = {
+        key: target if format_.is_file else os.path.join(target, f"{name}.{format_.name}")
+        for key, name in file_names(chosen).items()
+    }
     # in a ULog without a time of day, log times are no times in UTC
     utc_offset = log.utc_offset if log.has_facts else 0
     tables = _Tables(paths, format_, columns, utc_offset)
@@ -71,11 +87,39 @@ def write_tables(
         tables.flush()
     finally:
         tables.close()
-    facts = list(_written_facts(log, folder, format_, selection)) if tables.rows else []
+    has_facts = bool(tables.rows) and not format_.is_file
+    facts = list(_written_facts(log, target, format_, selection)) if has_facts else []
     files = sorted([*tables.files, *facts])
     share.end()
     notes = [*(log.notes if any(topic.is_lent for topic in wanted) else ()), *(log.event_notes if facts else ())]
     return Converted(files, tables.rows, [*log.problems, *wide], notes)
+
+
+def _chosen(log: Log, selection: Selection) -> list[Topic]:
+    """Return the topics to write, without decoded events if they are also samples that become a table of events."""
+    chosen = log.chosen(selection.topics)
+    if not (log.has_facts and _has_facts(selection) and log.events):
+        return chosen
+    has_samples = any(has_events(topic) and topic.count for topic in chosen)
+    return [topic for topic in chosen if not (has_samples and is_decoded(topic))]
+
+
+def _has_facts(selection: Selection) -> bool:
+    """Whether there are tables of what a ULog has beside its topics: unless topics or fields were chosen."""
+    return selection.topics is None and selection.fields is None
+
+
+def _only(log: Log, topics: Sequence[Topic], target: str, format_: Format) -> Topic:
+    """Return the topic that is written to a file. Raises RecordingError if there are several with samples, or none."""
+    found = [topic for topic in topics if topic.count] or list(topics)
+    if len(found) == 1:
+        return found[0]
+    name, folder = os.path.basename(target), os.path.splitext(os.path.basename(target))[0]
+    if not found:
+        raise RecordingError(f"{log.path} has no topic that can be decoded, and so no table for {name}")
+    names = few([topic.label for topic in found])
+    text = f"name one of {names}, or write a folder '{folder}' in the format {format_.name}"
+    raise RecordingError(f"{name} is a file for one topic, and there are {len(found)}: {text}")
 
 
 def _within_limits(log: Log, topics: Sequence[Topic]) -> tuple[list[Topic], list[Problem]]:
@@ -95,8 +139,8 @@ def _within_limits(log: Log, topics: Sequence[Topic]) -> tuple[list[Topic], list
 
 
 def _written_facts(log: Log, folder: str, format_: Format, selection: Selection) -> Iterator[str]:
-    """Write what a ULog has beside its topics, unless topics or fields were chosen. Yield the paths."""
-    if selection.topics is not None or selection.fields is not None:
+    """Write what a ULog has beside its topics, and yield the paths."""
+    if not _has_facts(selection):
         return
     for name, table in fact_tables(log, *selection.limits(log.start)):
         path, shown = os.path.join(folder, f"{name}.{format_.name}"), format_.table(table)

@@ -166,9 +166,8 @@ class Decoder:
         for bools in layout.bools:
             numbers: NDArray[Any] = np.ndarray(len(rows), f"<u{bools.size}", rows, bools.offset, self._row.itemsize)
             if int(np.bitwise_or.reduce(numbers)) & bools.mask:
-                octets = _octets(rows)
-                for place in bools.places:
-                    octets[:, place] = octets[:, place] != 0
+                octets = _octets(rows)[:, bools.offset : bools.offset + bools.size]
+                np.minimum(octets, bools.largest, out=octets)
 
     # samples of variable size
 
@@ -207,13 +206,18 @@ _USUAL_NUMBER = int.from_bytes(USUAL, "little")
 def _fitting(part: Part, size: int, surplus: int, missing: Missing | None) -> NDArray[np.intp] | None:
     """Return the indices of samples of the right size, None for all."""
     sizes = part.sizes
-    if not len(sizes) or (int(sizes.min()) >= size and int(sizes.max()) <= size + surplus):
+    is_same = not sizes.strides[0]  # it has one element, for all samples
+    if not len(sizes) or (size <= sizes[0] <= size + surplus if is_same else _are_within(sizes, size, size + surplus)):
         return None
     fits = (sizes >= size) & (sizes <= size + surplus)
     for other in np.unique(sizes[~fits]).tolist():
         text = f"{other} bytes, expected {size}: not samples of this definition"
         leave_out(missing, text, part.log_times[sizes == other])
     return np.flatnonzero(fits)
+
+
+def _are_within(sizes: NDArray[np.int64], least: int, most: int) -> bool:
+    return int(sizes.min()) >= least and int(sizes.max()) <= most
 
 
 def _octets(rows: Rows) -> Octets:

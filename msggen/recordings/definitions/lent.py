@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import re
 from collections import defaultdict
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from itertools import islice
 from types import ModuleType
@@ -20,6 +20,7 @@ from msggen.live.messages.names import version_of
 from msggen.live.messages.packages import classes_of, packages_of
 from msggen.recordings.decode.decoder import Decoder
 from msggen.recordings.decode.schemas import SchemaError, definition_of, read_schema, type_hash_of
+from msggen.recordings.definitions.ros_types import standard_types, types_in
 from msggen.recordings.source.source import Channel, Part, Source
 
 if TYPE_CHECKING:
@@ -36,6 +37,7 @@ _TRIED = 16
 """How many definitions of a topic in other files of a recording are tried."""
 _BRIDGE = re.compile("/fmu/(?:in|out)/.*")
 """The name of a topic of PX4 without the namespace of the vehicle."""
+_PX4 = "px4_msgs/"
 _IS_HASH = re.compile("RIHS01_[0-9a-f]{64}")
 
 
@@ -81,7 +83,9 @@ def lender_of(definitions: Definitions | Nearby) -> Lender | Nearby:
         return definitions
     if isinstance(definitions, ModuleType):
         return _of_package(*packages_of(definitions))
-    return _of_catalog(os.fspath(definitions))
+    path = os.fspath(definitions)
+    find = types_in(path)
+    return _of_catalog(path) if find is None else Lender(path, find)
 
 
 def lend(sources: Sequence[Source], lender: Lender | Nearby | None, check_open: Callable[[], None]) -> Lent:
@@ -106,7 +110,49 @@ def lend(sources: Sequence[Source], lender: Lender | Nearby | None, check_open: 
 
 
 def _from_elsewhere(wanted: Sequence[_Wanted], lender: Lender | Nearby | None) -> Lent:
-    """Find definitions that are not in the recording."""
+    """Find definitions that are not in the recording. Standard types are not PX4's, and have a source of their own."""
+    others = [each for each in wanted if not _is_in(each, lender)]
+    standard = _of_standard_types(others)
+    rest = [each for each in wanted if each.key not in standard.definitions]
+    found = _from_lender(rest, lender)
+    hint = _hint(others) if len(standard.definitions) < len(others) else ()
+    return Lent({**standard.definitions, **found.definitions}, (*found.notes, *standard.notes, *hint))
+
+
+def _is_in(each: _Wanted, lender: Lender | Nearby | None) -> bool:
+    """Whether a definition is expected of `lender`, or without one, of a release."""
+    channel = each.channel
+    if isinstance(lender, Lender) and lender.definitions_of(channel.topic, channel.ros_type):
+        return True
+    return channel.ros_type.startswith(_PX4)
+
+
+def _of_standard_types(wanted: Sequence[_Wanted]) -> Lent:
+    """Find definitions of the standard types of ROS."""
+    found: dict[tuple[int, int], str] = {}
+    notes: list[str] = []
+    rest = list(wanted)
+    for name, find in standard_types() if wanted else ():
+        fitting = _fitting(rest, Lender(name, find))
+        if fitting:
+            own = [each for each in rest if each.key in fitting]
+            notes += _notes(own, fitting, Lender(name, find), "which has them")
+            rest = [each for each in rest if each.key not in fitting]
+            found.update(fitting)
+        if not rest:
+            break
+    return Lent(found, notes)
+
+
+def _hint(wanted: Sequence[_Wanted]) -> Iterator[str]:
+    """Yield where the standard types could come from, if nothing has them here."""
+    if next(standard_types(), None) is None:
+        names = few(sorted({each.channel.ros_type.partition("/")[0] for each in wanted}))
+        yield f"for the types of {names}, source the setup of an installed ROS 2, or pip install rosbags"
+
+
+def _from_lender(wanted: Sequence[_Wanted], lender: Lender | Nearby | None) -> Lent:
+    """Find definitions in `lender`, or without one, in what is near and in the releases."""
     if not wanted:
         return Lent({}, ())
     if isinstance(lender, Lender):
@@ -279,5 +325,5 @@ def _releases(wanted: Sequence[_Wanted]) -> list[Lender]:
     """Return the embedded releases, the newest first, or none if they cannot have any of the types."""
     from msggen.sources.embedded import EMBEDDED
 
-    has_any = any(each.channel.ros_type.startswith("px4_msgs/") for each in wanted)
+    has_any = any(each.channel.ros_type.startswith(_PX4) for each in wanted)
     return [_of_catalog(release) for release in EMBEDDED] if has_any else []

@@ -10,7 +10,7 @@ from msggen.definitions.identity import type_hash
 from msggen.definitions.model import DEFAULT_PACKAGE
 from msggen.recordings.decode.schemas import SchemaError, content_of, read_schema
 from msggen.sources.embedded import EMBEDDED, all_releases
-from msggen.sources.released import released_as
+from msggen.sources.released import embedded
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -94,7 +94,7 @@ class _Definitions:
 
     def has(self, recorded: _Recorded) -> bool:
         """Whether a recorded definition has the fields of this release, in any order: a ULog has another one."""
-        found = released_as(all_releases(), self.release, recorded.message, recorded.package)
+        found = embedded(self.release, recorded.message, recorded.package)
         if found is None:
             return False
         if recorded.type_hash and recorded.type_hash == type_hash(*found):

@@ -1,11 +1,13 @@
-"""zstd and lz4, as recordings use them."""
+"""Compression, as recordings use it: chunks of zstd and lz4, and files of zstd, gzip, xz and bzip2."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
-from typing import Any
+from typing import Any, BinaryIO, Protocol
+
+from msggen.base.recording_formats import packing_of
 
 ZSTD = b"\x28\xb5\x2f\xfd"
 """The first bytes of a frame of zstd."""
@@ -18,6 +20,8 @@ _MOST = 100
 _LEAST_LIMIT = 1 << 27
 """The bytes that every file may have. Black pictures of a simulator are compressed thousands of times."""
 _STEP = 1 << 16
+_FILE_STEP = 1 << 20
+"""The bytes of a file that are read, or written, at a time."""
 
 
 class CompressionError(ValueError):
@@ -34,8 +38,14 @@ Data = Any
 
 def limit_of(size: int) -> int:
     """Return how many bytes a file of a size may have without its compression."""
+    told = told_limit()
+    return max(_MOST * size, _LEAST_LIMIT) if told is None else told
+
+
+def told_limit() -> int | None:
+    """Return the limit in bytes that the user has set, None if there is none."""
     told = os.environ.get(MAX_CONTENT, "")
-    return int(told) if told.isdecimal() else max(_MOST * size, _LEAST_LIMIT)
+    return int(told) if told.isdecimal() else None
 
 
 class Room:
@@ -151,33 +161,30 @@ def _lz4(data: Data, size: int) -> memoryview:
         raise CompressionError(str(error)) from None
 
 
-# files and samples of rosbag2
+# files
 
 
 _FRAME_HEADER = 18
+_LARGEST_DICTIONARY = 1 << 28
+"""The most memory in bytes that a file of xz may ask for: `xz -9` takes a quarter of that."""
 
 
 def decompress_file(path: str, target: str, room: Room) -> str:
-    """Decompress a file of zstd to another file, as much of it as can be. Return what is wrong with the rest, or "".
+    """Decompress a file to another one, as much of it as can be. Return what is wrong with the rest, or "".
 
-    What is written takes from `room`. Raises CompressionError if nothing can be decompressed or there is too little
-    room for the content, and OSError.
+    Its first bytes tell how it is compressed (`PACKED`). What is written takes from `room`. Raises CompressionError if
+    nothing can be decompressed or there is too little room for the content, and OSError.
     """
-    import zstandard
-
     written = 0
+    problem = ""
     with open(path, "rb") as source, open(target, "wb") as file:
-        try:
-            promised = zstandard.frame_content_size(source.read(_FRAME_HEADER))
-        except zstandard.ZstdError as error:
-            raise CompressionError(str(error)) from None
-        source.seek(0)
-        reader = zstandard.ZstdDecompressor().stream_reader(source, read_across_frames=True)
-        problem = ""
+        pieces = _pieces(source)
         while not problem:
             try:
-                data = reader.read(1 << 20)
-            except (zstandard.ZstdError, MemoryError) as error:
+                data = next(pieces, b"")
+            except _errors_of_files() as error:
+                if isinstance(error, OSError) and error.errno is not None:  # of the disk
+                    raise
                 problem = str(error)
                 continue
             if not data:
@@ -187,11 +194,112 @@ def decompress_file(path: str, target: str, room: Room) -> str:
                 raise CompressionError(room.excess())
             room.take(len(data))
             file.write(data)
-    if not problem and written < promised:  # the reader ends without an error
-        problem = f"expected {promised} bytes, got {written}"
     if problem and not written:
         raise CompressionError(problem)
     return problem
+
+
+def _errors_of_files() -> tuple[type[Exception], ...]:
+    """Return the errors of damaged files. That of bzip2 is an OSError without a number."""
+    import lzma
+    import zlib
+
+    return *_errors(), lzma.LZMAError, zlib.error, OSError
+
+
+def _pieces(source: BinaryIO) -> Iterator[bytes]:
+    """Yield the content of a compressed file. Raises one of `_errors_of_files`."""
+    front = source.read(_FRAME_HEADER)
+    source.seek(0)
+    packing = packing_of(front)
+    if packing is None:
+        raise ValueError("unknown compression")
+    make = _MEMBERS.get(packing.name)
+    return _pieces_of_zstd(source, front) if make is None else _pieces_of_members(source, make)
+
+
+def _pieces_of_zstd(source: BinaryIO, front: bytes) -> Iterator[bytes]:
+    import zstandard
+
+    promised = zstandard.frame_content_size(front)
+    reader = zstandard.ZstdDecompressor().stream_reader(source, read_across_frames=True)
+    written = 0
+    while data := reader.read(_FILE_STEP):
+        written += len(data)
+        yield data
+    if written < promised:  # the reader ends without an error
+        raise EOFError(f"expected {promised} bytes, got {written}")
+
+
+def _pieces_of_members(source: BinaryIO, make: Callable[[], _Member]) -> Iterator[bytes]:
+    """Yield the content of members behind each other, with zeros between them, as tools that work in parallel write."""
+    member, data = make(), b""
+    while True:
+        found = member.decompress(data, _FILE_STEP)
+        data = b""
+        if found:
+            yield found
+        if member.eof:
+            data = member.unused_data.lstrip(b"\0")
+            while not data:
+                step = source.read(_FILE_STEP)
+                if not step:
+                    return
+                data = step.lstrip(b"\0")
+            member = make()
+        elif not found:
+            data = source.read(_FILE_STEP)
+            if not data:
+                raise EOFError("the compressed content has no end")
+
+
+class _Member(Protocol):
+    """What decompresses a member piece by piece, as `lzma.LZMADecompressor` does."""
+
+    @property
+    def eof(self) -> bool: ...
+    @property
+    def unused_data(self) -> bytes: ...
+    def decompress(self, data: bytes, max_length: int, /) -> bytes: ...
+
+
+class _Gzip:
+    """A member of gzip."""
+
+    def __init__(self) -> None:
+        import zlib
+
+        self._inner = zlib.decompressobj(wbits=31)
+
+    @property
+    def eof(self) -> bool:
+        return self._inner.eof
+
+    @property
+    def unused_data(self) -> bytes:
+        return self._inner.unused_data
+
+    def decompress(self, data: bytes, max_length: int, /) -> bytes:
+        return self._inner.decompress(self._inner.unconsumed_tail + data, max_length)
+
+
+def _bzip2() -> _Member:
+    import bz2
+
+    return bz2.BZ2Decompressor()
+
+
+def _xz() -> _Member:
+    import lzma
+
+    return lzma.LZMADecompressor(lzma.FORMAT_XZ, _LARGEST_DICTIONARY)
+
+
+_MEMBERS: Mapping[str, Callable[[], _Member]] = {"gzip": _Gzip, "xz": _xz, "bzip2": _bzip2}
+"""What decompresses files other than those of zstd, by the name of their packing."""
+
+
+# samples of rosbag2
 
 
 def decompress_frame(data: bytes, limit: int) -> bytes:

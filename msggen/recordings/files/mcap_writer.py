@@ -30,7 +30,7 @@ from mcap.records import Channel as ChannelRecord
 from msggen.base.recording_formats import FORMATS
 from msggen.base.version import __version__
 from msggen.recordings.files.metadata import IS_LENT
-from msggen.recordings.files.qos import QOS, QOS_VERSION, numbered
+from msggen.recordings.files.qos import QOS_VERSION, offered
 from msggen.recordings.source.source import RawSchema, RecordingError
 
 if TYPE_CHECKING:
@@ -134,7 +134,7 @@ class ChunkWriter:
             raise RecordingError(f"an MCAP file has at most {_MOST_CHANNELS} channels, and these topics need more")
         metadata = dict(target.metadata)
         if target.encoding == "cdr" or target.qos:
-            metadata["offered_qos_profiles"] = numbered(target.qos) or (QOS if "/fmu/out/" in target.topic else "")
+            metadata["offered_qos_profiles"] = offered(target.qos, target.topic)
         if target.type_hash:
             metadata["topic_type_hash"] = target.type_hash
         if target.is_lent:

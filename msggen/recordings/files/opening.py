@@ -10,14 +10,12 @@ from typing import TYPE_CHECKING
 
 from msggen.base.diagnostics import either
 from msggen.base.disk.urls import is_address
-from msggen.base.recording_formats import FORMATS, unpacked
-from msggen.recordings.files.compression import ZSTD, CompressionError, Room, decompress_file
+from msggen.base.recording_formats import FORMATS, foreign, packing_of, unpacked
+from msggen.recordings.files.compression import CompressionError, Room, decompress_file
 from msggen.recordings.source.source import VERIFIED, Problem, RecordingError, Source, Verification
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-
-_PARQUET = b"PAR1"
 
 
 def open_sources(path: str, verification: Verification = VERIFIED) -> list[Source]:
@@ -35,7 +33,8 @@ def open_sources(path: str, verification: Verification = VERIFIED) -> list[Sourc
     if os.path.isdir(path):
         return open_folder(path, open_file)
     if os.path.exists(path) and not os.path.isfile(path):
-        raise RecordingError(f"{path} is not a recording: this is a pipe or a device")
+        cure = "open it, and pass the file object; `msggen log` reads - from stdin"
+        raise RecordingError(f"{path} is not a recording: this is a pipe or a device: {cure}")
     return [open_file(path)]
 
 
@@ -49,7 +48,7 @@ def _open_file(
     room = Room(os.path.getsize(path), folder_room)
     open_plain = partial(_open_plain, room=room, verification=verification, is_by_sample=is_by_sample)
     with open(path, "rb") as file:
-        is_compressed = file.read(len(ZSTD)) == ZSTD
+        is_compressed = packing_of(file.read(16)) is not None
     return _open_compressed(path, room, open_plain) if is_compressed else open_plain(path)
 
 
@@ -79,15 +78,27 @@ def _open_compressed(path: str, room: Room, open_plain: Callable[[str], Source])
 def _open_plain(path: str, *, room: Room, verification: Verification, is_by_sample: bool) -> Source:
     """Return a file that is not compressed, with the room for its content. Raises RecordingError, and OSError."""
     with open(path, "rb") as file:
-        front = file.read(16)
+        name = _format_of(path, file.read(16))
+    module = import_module(f"msggen.recordings.files.{name}")
+    reader: Callable[..., Source] = getattr(module, FORMATS[name].reader)
+    return reader(path, room, verification, is_by_sample=is_by_sample)
+
+
+def check_front(path: str, front: bytes) -> None:
+    """Raise RecordingError if a file does not begin as a recording does, compressed or not."""
+    if packing_of(front) is None:
+        _format_of(path, front)
+
+
+def _format_of(path: str, front: bytes) -> str:
+    """Return the key of the format of a file by its first bytes. Raises RecordingError."""
     for name, each in FORMATS.items():
         if front.startswith(each.front):
-            module = import_module(f"msggen.recordings.files.{name}")
-            reader: Callable[..., Source] = getattr(module, each.reader)
-            return reader(path, room, verification, is_by_sample=is_by_sample)
+            return name
     if not front:
         raise RecordingError(f"{path} is empty")
-    if front.startswith(_PARQUET):
-        raise RecordingError(f"{path} is a table in Parquet, not a recording: pyarrow, DuckDB and Polars read it")
+    other = foreign(path, front)
+    if other:
+        raise RecordingError(f"{path} is {other}")
     expected = either([each.noun for each in FORMATS.values()])
     raise RecordingError(f"{path} is not a recording: expected {expected}")

@@ -35,3 +35,8 @@ _POLICY = re.compile(rf"(?m)^([ -]*({'|'.join(_NAMES)}): *)['\"]?([a-z_]+)['\"]?
 def numbered(profiles: str) -> str:
     """Return the same qualities of service with numbers, as version 8 of rosbag2's metadata has them."""
     return _POLICY.sub(lambda found: f"{found[1]}{_NAMES[found[2]].get(found[3], 0)}", profiles)
+
+
+def offered(profiles: str, topic: str) -> str:
+    """Return the recorded qualities of service of a topic with numbers, or else those of PX4's writers, or ""."""
+    return numbered(profiles) or (QOS if "/fmu/out/" in topic else "")

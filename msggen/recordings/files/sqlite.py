@@ -67,7 +67,7 @@ class Statements:
 
     def __init__(self, path: str) -> None:
         self._size = os.path.getsize(path)
-        self._address = f"file:{quote(os.path.abspath(path))}?immutable=1&mode=ro"
+        self._address = f"file:{quote(os.fsencode(os.path.abspath(path)))}?immutable=1&mode=ro"
 
     @contextmanager
     def _opened(self) -> Iterator[sqlite3.Connection]:

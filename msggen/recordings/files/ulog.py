@@ -7,21 +7,21 @@ from __future__ import annotations
 
 import mmap
 import struct
-from collections import Counter, defaultdict
 from collections.abc import Collection, Iterator, Mapping
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from msggen.base.recording_formats import FORMATS
 from msggen.recordings.files.mapped import MappedFile
-from msggen.recordings.files.ulog_formats import FRONT, NUMBERS, PAYLOAD, is_format, parse_fields
-from msggen.recordings.files.ulog_messages import DATA, HEAD, SMALLEST, Messages, kinds_of, sizes_of
-from msggen.recordings.files.ulog_notes import LARGEST_TIME, Notes
-from msggen.recordings.files.ulog_topics import Subscribed, Topics
+from msggen.recordings.files.ulog_formats import FRONT, LONGEST_RUN, NUMBERS, is_format, parse_fields
+from msggen.recordings.files.ulog_heads import DATA, HEAD
+from msggen.recordings.files.ulog_messages import SMALLEST, Messages
+from msggen.recordings.files.ulog_notes import Notes, usual_parameters
+from msggen.recordings.files.ulog_samples import Samples
+from msggen.recordings.files.ulog_topics import Topics
 from msggen.recordings.source.facts import Facts
-from msggen.recordings.source.gather import at, groups
-from msggen.recordings.source.memory import Octets, Places, drop_pages
+from msggen.recordings.source.memory import Octets, drop_pages
 from msggen.recordings.source.source import (
     FOREVER,
     Channel,
@@ -34,54 +34,22 @@ from msggen.recordings.source.source import (
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from msggen.recordings.files.ulog_heads import Heads
 
 MAGIC = FORMATS["ulog"].front
 _HEADER = 16
 _FLAGS = struct.Struct("<8s8s3Q")
 _SUBSCRIPTION = struct.Struct("<BH")
-_FORMAT, _ADD, _REMOVE, _SYNC, _PARAMETER = b"FARSP"
+_FORMAT, _ADD, _REMOVE, _SYNC = b"FARS"
 _FIRST = frozenset(b"BFIMPQALC")
 """The kinds of messages before the first sample."""
 _TEXTS = frozenset(b"LC")
-_LONGEST = 1000 << 32
-"""The ns whose us fit in 32 bits."""
-_TIME = 8
-"""The size of a time."""
-_DAY = 86400 * 10**9
-_FAR = 30 * _DAY
-"""How far in ns the time of a sample can be from those of most others."""
+_FEW = 8
 _SHOWN = 5
 _LONGEST_NAME = 80
 """How much of a name is reported."""
 _MOST_UNKNOWN = 1000
 """How many messages of unknown kinds are reported one by one."""
-
-
-Timed = tuple[Places, "NDArray[np.int64]"]
-"""The offsets of samples and their log times in ns."""
-
-
-class _Window(NamedTuple):
-    """The samples in a stretch of the file."""
-
-    first: int
-    last: int
-    """The smallest and the largest log time in ns."""
-    time_at_end: int
-    """The log time of the last sample in the file."""
-    base: int
-    """The offset of the first sample."""
-    places: Mapping[int, NDArray[np.uint32]]
-    """The offsets of the samples of each channel, after `base`. A log of some GB has so many that their size counts."""
-    times: Mapping[int, NDArray[np.uint32 | np.int64]]
-    """The log times of the samples of each channel after `first`, in us."""
-
-    def times_of(self, channel: int) -> NDArray[np.int64]:
-        """Return the log times of the samples of a channel in ns."""
-        times = self.times[channel].astype(np.int64)
-        times *= 1000
-        times += self.first
-        return times
 
 
 class UlogFile(Source):
@@ -94,18 +62,12 @@ class UlogFile(Source):
         self._topics = Topics()
         self._notes = Notes()
         self._channels: dict[int, Channel] = {}
-        self._windows: list[_Window] = []
-        self._counts: Counter[int] = Counter()
-        self._sizes: dict[int, int] = {}
-        """The size of all messages with samples of a channel without their fronts, 0 if not all have the same."""
-        self._left_out: dict[tuple[str, int, str], Problem] = {}
-        """What was left out of each topic, by its name and instance, and why."""
         self._unknown = 0
         """How many messages are of kinds that the format does not have."""
+        self._has_usual_parameters = True
+        """Whether the parameters so far are as PX4 writes them."""
         self._data_start: int | None = None
         """Where the definitions end."""
-        self._last_time = 0
-        """The latest time in ns of all samples so far."""
         self._mapped = MappedFile(path)
         self.close_with(self._mapped.close)
         header = self._map[:_HEADER]
@@ -113,7 +75,9 @@ class UlogFile(Source):
             raise RecordingError(f"{path} is not a ULog")
         if len(header) < _HEADER:
             raise RecordingError(f"{path} is cut off within its header")
-        self._start = int.from_bytes(header[8:_HEADER], "little") * 1000
+        self._start = int.from_bytes(header[8:_HEADER], "little")
+        """The time in us at which the log starts."""
+        self._samples = Samples(self._topics, self._start)
         if header[7] > 1:
             self._report(f"version {header[7]} of the format is not known, read as version 1", 7)
         self._read()
@@ -132,62 +96,39 @@ class UlogFile(Source):
         return self._channels
 
     @property
+    def information(self) -> Mapping[str, object]:
+        """See Source.information."""
+        return self._notes.information
+
+    @property
     def facts(self) -> Facts:
         """Parameters, information, texts and dropouts."""
-        return self._notes.facts._replace(start=self._start)
+        return self._notes.facts._replace(start=self._start * 1000)
 
     @property
     def span(self) -> tuple[int, int] | None:
         """The first and the last log time in ns, or None without samples."""
-        if not self._windows:
+        windows = self._samples.windows
+        if not windows:
             return None
-        return min(each.first for each in self._windows), max(each.last for each in self._windows)
+        return min(each.first for each in windows) * 1000, max(each.last for each in windows) * 1000
 
     # samples
 
     def parts(self, channels: Collection[int], start: int = 0, stop: int = FOREVER) -> Iterator[Part]:
         """See Source.parts."""
         self._mapped.check()
-        file = self._file
-        for window in self._windows:
-            if window.last < start or window.first >= stop:
-                continue
-            for number in window.places.keys() & set(channels):
-                starts, times = window.places[number] + np.int64(window.base), window.times_of(number)
-                if window.first < start or window.last >= stop:
-                    chosen = (times >= start) & (times < stop)
-                    starts, times = starts[chosen], times[chosen]
-                if len(starts):
-                    yield Part(number, file, starts + PAYLOAD, self._sizes_at(starts, number), times)
-            drop_pages(file)
+        for window in self._samples.windows:
+            yield from self._samples.parts(self._file, window, channels, start, stop)
+            drop_pages(self._file)
 
     def times(self, channels: Collection[int]) -> Mapping[int, NDArray[np.int64]]:
         """See Source.times."""
         found: dict[int, list[NDArray[np.int64]]] = {number: [] for number in channels}
-        for window in self._windows:
-            for number in window.places.keys() & found.keys():
-                found[number].append(window.times_of(number))
+        for window in self._samples.windows:
+            for number, low, high in window.chosen(found):
+                found[number].append(window.times_of(low, high))
         return {number: np.concatenate([np.zeros(0, np.int64), *each]) for number, each in found.items()}
-
-    def _sizes_at(self, starts: Places, number: int) -> Places:
-        """Return the sizes of the samples of a channel, whose messages begin at `starts`."""
-        if self._sizes[number]:
-            return np.full(len(starts), self._sizes[number] - (PAYLOAD - FRONT), np.int64)
-        sizes: Places = at(self._file, "<u2")[starts].astype(np.int64) - (PAYLOAD - FRONT)
-        return sizes
-
-    def _usual_times(self, samples: Places) -> NDArray[np.int64]:
-        """Return what the times of samples are if they begin with them, all together: memory is read in order.
-
-        The last sample of a file may be too short to have one.
-        """
-        last = self._file.size - PAYLOAD - _TIME
-        return self._times_at(np.minimum(samples, last), PAYLOAD) if last >= 0 else np.zeros(len(samples), np.int64)
-
-    def _times_at(self, starts: Places, offset: int) -> NDArray[np.int64]:
-        """Return the log times of samples whose messages have their time at an offset."""
-        times: Places = np.minimum(at(self._file, "<u8", offset)[starts], np.uint64(LARGEST_TIME)).astype(np.int64)
-        return np.multiply(times, 1000, out=times)
 
     # the file
 
@@ -197,12 +138,11 @@ class UlogFile(Source):
         start = _HEADER
         for stop in [*self._appended(), self._file.size]:
             start = self._read_front(messages, start, stop)
-            for starts, heads in messages.stretches(start, stop):
-                self._take(starts, heads)
+            for heads in messages.stretches(start, stop):
+                self._take(heads)
             start = stop
-        counts = self._counts
-        self._channels = {n: each._replace(sample_count=counts[n]) for n, each in self._topics.channels.items()}
-        self.problems += self._left_out.values()
+        self._channels = self._topics.channels(self._samples.counts)
+        self.problems += self._samples.problems
         unknown = self._topics.unknown
         if unknown:
             numbers = ", ".join(map(str, sorted(unknown)[:_SHOWN])) + ", ..." * (len(unknown) > _SHOWN)
@@ -232,7 +172,7 @@ class UlogFile(Source):
         """Take the messages before the first sample one by one, and return where that is. Damage is skipped."""
         last = start
         while start < stop:
-            start, last = self._take_parameters(start, last, stop)
+            start, last = self._take_usual(start, last, stop)
             size = messages.size_at(start, stop)
             if size and self._takes_front(messages, start, size):
                 start, last = start + size, start
@@ -248,22 +188,67 @@ class UlogFile(Source):
             start = last = following
         return start
 
-    def _take_parameters(self, start: int, last: int, stop: int) -> tuple[int, int]:
-        """Take the parameters from an offset on, as most messages before the first sample are some.
+    def _take_usual(self, start: int, last: int, stop: int) -> tuple[int, int]:
+        """Take the messages before the first sample from an offset on, many at a time, as far as they are as usual.
 
-        Return the offsets behind them, and of the last one, or `last` if there is none that can be read.
+        Return the offsets behind them, and of the last one, or `last` if there is none.
         """
-        while self._data_start is None and start + FRONT < stop:
-            size, kind = HEAD.unpack_from(self._map, start)
-            end = start + FRONT + size
-            if kind != _PARAMETER or size < SMALLEST["P"] or end > stop:
+        data = self._map
+        while start + FRONT < stop:
+            size, code = HEAD.unpack_from(data, start)
+            kind, end = chr(code), start + FRONT + size
+            if end > stop or size < SMALLEST.get(kind, NUMBERS):
                 break
-            try:
-                self._notes.take("P", self._map[start + FRONT : end], None)
-            except (ValueError, struct.error):
+            if kind == "A":
+                starts = self._take_topic(start, end)
+            elif self._data_start is not None:
                 break
-            start, last = end, start
+            elif kind == "F":
+                starts = self._take_formats(start, stop)
+            elif kind in "IMPQ":
+                starts = self._take_notes(kind, start, end, stop)
+            else:
+                break
+            if len(starts) < 2:  # noqa: PLR2004 - nothing was taken
+                break
+            *_, last, start = starts
         return start, last
+
+    def _take_topic(self, start: int, end: int) -> list[int]:
+        """Take a subscription. Return what `_take_formats` does."""
+        try:
+            self._take_definition("A", self._map[start + FRONT : end], start)
+        except ValueError:
+            return [start]
+        if self._data_start is None:
+            self._data_start = start
+        return [start, end]
+
+    def _take_formats(self, start: int, stop: int) -> list[int]:
+        """Take the first formats. Return where they begin and the last one ends, only `start` if none was taken."""
+        data, starts = self._map, [start]
+        longest = LONGEST_RUN if self._topics.formats.is_empty else 0
+        while starts[-1] + FRONT < min(start + longest, stop):
+            size, kind = HEAD.unpack_from(data, starts[-1])
+            end = starts[-1] + FRONT + size
+            if kind != _FORMAT or size < SMALLEST["F"] or end > stop:
+                break
+            starts.append(end)
+        return starts if self._topics.formats.begin(data[start : starts[-1]]) else [start]
+
+    def _take_notes(self, kind: str, start: int, end: int, stop: int) -> list[int]:
+        """Take a message that is no definition, or many parameters. Return what `_take_formats` does."""
+        if kind == "P" and self._has_usual_parameters:
+            starts = usual_parameters(self._file, start, stop)
+            self._has_usual_parameters = len(starts) > _FEW  # looking for them takes as long for one as for hundreds
+            if len(starts) > 1:
+                self._notes.keep(self._map[start : starts[-1]], [each - start for each in starts[:-1]])
+                return starts
+        try:
+            self._notes.take(kind, self._map[start + FRONT : end], None)
+        except (ValueError, struct.error):
+            return [start]
+        return [start, end]
 
     def _takes_front(self, messages: Messages, start: int, size: int) -> bool:
         """Take a message if it is one before the first sample that can be read, or that a message follows."""
@@ -285,27 +270,26 @@ class UlogFile(Source):
 
     # messages
 
-    def _take(self, starts: Places, heads: NDArray[np.uint64]) -> None:
+    def _take(self, heads: Heads) -> None:
         """Take messages in the order of the file."""
-        if not len(starts):
+        if not len(heads.starts):
             return
-        kinds = kinds_of(heads)
-        is_sample = kinds == DATA
-        samples, others, kinds = starts[is_sample], starts[~is_sample], kinds[~is_sample]
-        if self._data_start is None and len(samples):
-            self._data_start = int(samples[0])
-        for place in [*others[kinds == _FORMAT], *others[(kinds == _ADD) | (kinds == _REMOVE)]]:
-            self._take_message(int(place))
-        timed, in_order = self._samples(samples, heads[is_sample])
-        is_sync = (kinds == _SYNC) & (sizes_of(heads[~is_sample]) == SMALLEST["S"])
-        others = others[(kinds != _FORMAT) & (kinds != _ADD) & (kinds != _REMOVE) & ~is_sync]
-        if len(others):
-            latest = np.maximum.accumulate(np.append(self._last_time, in_order))
-            for place, time in zip(others.tolist(), latest[np.searchsorted(samples, others)].tolist(), strict=True):
-                self._take_message(place, time)
-        if timed:
-            self._windows.append(self._window(timed))
-            self._last_time = max(self._last_time, self._windows[-1].last)
+        is_sample = heads.kinds == DATA
+        samples, others = heads.take(is_sample), heads.take(~is_sample)
+        if self._data_start is None and len(samples.starts):
+            self._data_start = int(samples.starts[0])
+        kinds = others.kinds
+        is_topic = (kinds == _ADD) | (kinds == _REMOVE)
+        for place in [*others.starts[kinds == _FORMAT].tolist(), *others.starts[is_topic].tolist()]:
+            self._take_message(place)
+        before = self._samples.last
+        times = self._samples.take(samples, self._file)
+        is_sync = (kinds == _SYNC) & (others.sizes == SMALLEST["S"])
+        rest = others.starts[(kinds != _FORMAT) & ~is_topic & ~is_sync]
+        if len(rest):
+            latest = np.maximum.accumulate(np.append(before, times))[np.searchsorted(samples.starts, rest)]
+            for place, time in zip(rest.tolist(), latest.tolist(), strict=True):
+                self._take_message(place, time * 1000)
 
     def _take_message(self, place: int, time: int = 0) -> None:
         """Take a message that is no sample. `time` is that of the samples before it in ns."""
@@ -359,112 +343,5 @@ class UlogFile(Source):
         if self._unknown <= _MOST_UNKNOWN:
             self._report(f"a message of the unknown kind {kind!r}", place, size)
 
-    def _samples(self, samples: Places, heads: NDArray[np.uint64]) -> tuple[dict[int, Timed], NDArray[np.int64]]:
-        """Return samples, which are in the order of the file, by channel. Those of a wrong size are left out.
-
-        Return also the time of each sample in that order, 0 for those that are left out or have none.
-        """
-        sizes = sizes_of(heads)
-        found: dict[int, list[Places]] = defaultdict(list)
-        for number, of_number in groups((heads >> np.uint64(24)).astype(np.uint16)):
-            for topic, of_topic in self._topics.of(number, samples, of_number):
-                chosen = self._fitting(topic, of_topic, samples, sizes)
-                if len(chosen):
-                    found[topic.number].append(chosen)
-        timed: dict[int, Timed] = {}
-        without: dict[int, Places] = {}
-        usual = self._usual_times(samples)
-        in_order = np.zeros(len(samples), np.int64)
-        for channel, each in found.items():
-            indices = each[0] if len(each) == 1 else np.sort(np.concatenate(each))
-            starts = samples[indices]
-            if self._topics.clocks.get(channel) == PAYLOAD:
-                timed[channel] = starts, usual[indices]
-            elif channel in self._topics.clocks:
-                timed[channel] = starts, self._times_at(starts, self._topics.clocks[channel])
-            else:
-                without[channel] = starts
-            if channel in timed:
-                in_order[indices] = timed[channel][1]
-        timed = self._in_time(timed)
-        in_order[in_order > max((int(times.max()) for _, times in timed.values()), default=0)] = 0
-        if without:
-            places, times = _merged(timed.values())
-            times = np.append(self._windows[-1].time_at_end if self._windows else 0, times)
-            timed |= {channel: (starts, times[np.searchsorted(places, starts)]) for channel, starts in without.items()}
-        for channel, (starts, _) in timed.items():
-            self._counts[channel] += len(starts)
-        return timed, in_order
-
-    def _in_time(self, timed: dict[int, Timed]) -> dict[int, Timed]:
-        """Return samples without those whose times are damaged: far later than most of them, and than all before."""
-        known = max(self._start, self._last_time) + _FAR
-        if all(int(times.max()) <= known for _, times in timed.values()):
-            return timed
-        latest = max(known, int(np.median(np.concatenate([times for _, times in timed.values()]))) + _FAR)
-        found: dict[int, Timed] = {}
-        for channel, (starts, times) in timed.items():
-            kept = times <= latest
-            if not kept.all():
-                topic = self._topics.channels[channel]
-                text = f"times more than {_FAR // _DAY} days after the other samples"
-                count = int(np.count_nonzero(~kept))
-                self._leave_out(Problem(text, int(starts[~kept][0]), 0, count, topic.topic, topic.instance))
-            if kept.any():
-                found[channel] = starts[kept], times[kept]
-        return found
-
-    @staticmethod
-    def _window(timed: Mapping[int, Timed]) -> _Window:
-        base = min(int(starts[0]) for starts, _ in timed.values())
-        _, time_at_end = max((int(starts[-1]), int(times[-1])) for starts, times in timed.values())
-        first = min(int(times.min()) for _, times in timed.values())
-        last = max(int(times.max()) for _, times in timed.values())
-        kind = np.uint32 if last - first < _LONGEST else np.int64
-        return _Window(
-            first=first,
-            last=last,
-            time_at_end=time_at_end,
-            base=base,
-            places={channel: (starts - base).astype(np.uint32) for channel, (starts, _) in timed.items()},
-            times={channel: ((times - first) // 1000).astype(kind) for channel, (_, times) in timed.items()},
-        )
-
-    def _fitting(self, topic: Subscribed, indices: Places, samples: Places, sizes: Places) -> Places:
-        """Return the indices of the samples that have the size of their topic, and count the others."""
-        given = sizes[indices]
-        least, most = int(given.min()), int(given.max())
-        if not self._sizes.setdefault(topic.number, least) == least == most:
-            self._sizes[topic.number] = 0
-        if least >= topic.smallest and most <= topic.largest:
-            return indices
-        fits = (given >= topic.smallest) & (given <= topic.largest)
-        if topic.wrong:
-            text = f"{topic.name} is not read: {topic.wrong}"
-            self._leave_out(Problem(text, samples=len(indices), topic=topic.name, instance=topic.instance))
-        else:
-            expected = topic.smallest - PAYLOAD + FRONT
-            others = given[~fits] - PAYLOAD + FRONT
-            places = samples[indices[~fits]]
-            for size, first, count in zip(*np.unique(others, return_index=True, return_counts=True), strict=True):
-                text = f"{size} bytes, expected {expected}: not samples of this definition"
-                self._leave_out(Problem(text, int(places[first]), 0, int(count), topic.name, topic.instance))
-        return indices[fits]
-
-    def _leave_out(self, problem: Problem) -> None:
-        """Count samples that are left out. The offset is that of the first one."""
-        key = problem.topic, problem.instance, problem.text
-        known = self._left_out.get(key)
-        self._left_out[key] = known._replace(samples=known.samples + problem.samples) if known else problem
-
     def _report(self, text: str, offset: int, size: int = 0) -> None:
         self.problems.append(Problem(text, offset, size))
-
-
-def _merged(samples: Collection[Timed]) -> Timed:
-    """Return the samples of several channels in the order of the file: their offsets and times."""
-    none = np.zeros(0, np.int64)
-    places = np.concatenate([none, *(places for places, _ in samples)])
-    times = np.concatenate([none, *(times for _, times in samples)])
-    order = np.argsort(places)
-    return places[order], times[order]

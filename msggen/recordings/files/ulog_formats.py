@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from msggen.recordings.files.ulog_names import MESSAGES
 from msggen.recordings.source.rows import Layout, bools_at
 from msggen.recordings.source.source import SEPARATOR, RecordingError
 
@@ -51,54 +52,10 @@ _LONGEST_KEPT = 4096
 """The longest formats that are kept for other logs, with what they nest. Those of PX4 are shorter."""
 _MOST_KEPT = 512
 """How many are kept. PX4 has some 250 topics."""
-
-# Topics that are not named after their message, by message: the `# TOPICS` lines of PX4's definitions
-_OTHER_TOPICS = {
-    "ActuatorControlsStatus": "actuator_controls_status_0 actuator_controls_status_1",
-    "ActuatorOutputs": "actuator_outputs_sim actuator_outputs_debug",
-    "ButtonEvent": "safety_button",
-    "ConfigOverrides": "config_overrides_request config_overrides_confirm",
-    "EstimatorAidSource1d": "estimator_aid_src_baro_hgt estimator_aid_src_ev_hgt estimator_aid_src_gnss_hgt "
-    "estimator_aid_src_rng_hgt estimator_aid_src_ranging_beacon estimator_aid_src_airspeed estimator_aid_src_sideslip "
-    "estimator_aid_src_fake_hgt estimator_aid_src_gnss_yaw estimator_aid_src_ev_yaw",
-    "EstimatorAidSource2d": "estimator_aid_src_ev_pos estimator_aid_src_fake_pos estimator_aid_src_gnss_pos "
-    "estimator_aid_src_aux_global_position estimator_aid_src_aux_vel estimator_aid_src_optical_flow "
-    "estimator_aid_src_drag",
-    "EstimatorAidSource3d": "estimator_aid_src_ev_vel estimator_aid_src_gnss_vel estimator_aid_src_gravity "
-    "estimator_aid_src_mag",
-    "EstimatorBias": "estimator_baro_bias estimator_gnss_hgt_bias",
-    "EstimatorBias3d": "estimator_ev_pos_bias",
-    "EstimatorInnovations": "estimator_innovation_variances estimator_innovation_test_ratios",
-    "ManualControlSetpoint": "manual_control_input",
-    "MavlinkTunnel": "esc_serial_passthru io_serial_passthru",
-    "NormalizedUnsignedSetpoint": "flaps_setpoint spoilers_setpoint",
-    "ObstacleDistance": "obstacle_distance_fused",
-    "OrbTest": "orb_multitest",
-    "OrbTestMedium": "orb_test_medium_multi orb_test_medium_wrap_around orb_test_medium_queue "
-    "orb_test_medium_queue_poll",
-    "ParameterSetValueRequest": "parameter_remote_set_value_request parameter_primary_set_value_request",
-    "ParameterSetValueResponse": "parameter_remote_set_value_response parameter_primary_set_value_response",
-    "RtcmData": "rtcm_corrections rtcm_moving_baseline",
-    "SensorGps": "vehicle_gps_position",
-    "SensorsStatus": "sensors_status_baro sensors_status_mag",
-    "VehicleAngularVelocity": "vehicle_angular_velocity_groundtruth",
-    "VehicleAttitude": "vehicle_attitude_groundtruth external_ins_attitude estimator_attitude",
-    "VehicleAttitudeSetpoint": "mc_virtual_attitude_setpoint fw_virtual_attitude_setpoint",
-    "VehicleCommand": "gimbal_v1_command vehicle_command_mode_executor",
-    "VehicleGlobalPosition": "vehicle_global_position_groundtruth external_ins_global_position "
-    "estimator_global_position",
-    "VehicleLocalPosition": "vehicle_local_position_groundtruth external_ins_local_position estimator_local_position",
-    "VehicleOdometry": "vehicle_mocap_odometry vehicle_visual_odometry estimator_odometry",
-    "VehicleOpticalFlowVel": "estimator_optical_flow_vel",
-    "VehicleThrustSetpoint": "vehicle_thrust_setpoint_virtual_fw vehicle_thrust_setpoint_virtual_mc",
-    "VehicleTorqueSetpoint": "vehicle_torque_setpoint_virtual_fw vehicle_torque_setpoint_virtual_mc",
-    "VteAidSource1d": "vte_aid_ev_yaw",
-    "VteAidSource3d": "vte_aid_gps_pos_target vte_aid_gps_pos_mission vte_aid_gps_vel_target vte_aid_gps_vel_uav "
-    "vte_aid_fiducial_marker",
-    "Wind": "estimator_wind",
-}
-MESSAGES = {topic: message for message, topics in _OTHER_TOPICS.items() for topic in topics.split()}
-"""The messages of topics that are not named after theirs."""
+LONGEST_RUN = 1 << 17
+"""The most bytes of all formats of a log that are kept. Those of PX4 have some 20 kB."""
+_MOST_RUNS = 16
+"""Of how many logs all formats are kept: those of one firmware have the same ones."""
 
 
 class FormatError(RecordingError):
@@ -133,8 +90,12 @@ class _Block(NamedTuple):
 class Described(NamedTuple):
     """What the format of a topic says, with those that it nests."""
 
+    ros_type: str
+    """The type in ROS 2."""
     definition: str
     layout: Layout
+    clock: int | None
+    """The offset of the time in samples, None if they have none."""
 
 
 class _Named(NamedTuple):
@@ -153,6 +114,10 @@ class Formats:
         self._texts: dict[str, str] = {}
         self._twins: dict[str, dict[int, set[str]]] = {}
         """The names of formats by their fields, then by their length."""
+        self._known: dict[str, Described] = {}
+        """What was asked for so far."""
+        self._is_shared = False
+        """Whether other logs have the same texts, names and answers."""
         self._fields: dict[str, list[_Field]] = {}
         self._blocks: dict[str, _Block] = {}
         self._sum = 0
@@ -162,11 +127,34 @@ class Formats:
         """Whether there is a format."""
         return name in self._texts
 
+    @property
+    def shared(self) -> Mapping[str, Any]:
+        """What other logs that begin with the same formats can have, too."""
+        return {"_texts": self._texts, "_twins": self._twins, "_known": self._known, "_is_shared": True}
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether there are no formats yet."""
+        return not self._texts
+
+    def begin(self, run: bytes) -> bool:
+        """Take the messages with the first formats of a log. Return False if that has to be done one by one."""
+        found = None if self._texts or not 0 < len(run) <= LONGEST_RUN else _formats_in(run)
+        if found is None:
+            return False
+        self.__dict__.update(found.shared)
+        return True
+
     def add(self, text: str) -> None:
         """Take the text of a format, such as `esc_status:uint64_t timestamp;esc_report[8] esc;`.
 
         A text that cannot be read matters only to the topics that need it.
         """
+        if self._is_shared:
+            self._texts = dict(self._texts)
+            self._twins = {fields: {n: set(names) for n, names in own.items()} for fields, own in self._twins.items()}
+            self._is_shared = False
+        self._known = {}
         name, _, fields = text.partition(":")
         if name in self._texts:
             self._twins[self._texts[name]][len(name)].discard(name)
@@ -174,16 +162,16 @@ class Formats:
         self._twins.setdefault(text, {}).setdefault(len(name), set()).add(name)
 
     def described(self, name: str) -> Described:
-        """Return the definition and the layout of a topic. Raises FormatError."""
-        nested = self._nested(name)
-        if not nested:
-            return Described(self.definition(name), self.layout(name))
-        found = _described(nested)
-        layout = found.layout
-        self._count(len(found.definition))
-        self._count(layout.size + layout.surplus)
-        # programs can change the names in a dtype; this copies it, which np.dtype(..., copy=True) does not
-        return found._replace(layout=layout._replace(dtype=layout.dtype.newbyteorder("|")))
+        """Return what the format of a topic says. Other logs can have the same dtype. Raises FormatError."""
+        found = self._known.get(name)
+        if found is None:
+            nested = self._nested(name)
+            if not nested:
+                layout = self.layout(name)
+                return Described(self.ros_type(name), self.definition(name), layout, timestamp_of(layout))
+            found = self._known[name] = _described(nested)
+        self._count(len(found.definition) + found.layout.size + found.layout.surplus)
+        return found
 
     def _nested(self, name: str) -> tuple[_Named, ...]:
         """Return a format and those that it nests, none if they are long, not there, or cannot be read."""
@@ -322,14 +310,34 @@ class Formats:
         return code, mark * code.itemsize
 
 
+@lru_cache(_MOST_RUNS)
+def _formats_in(run: bytes) -> Formats | None:
+    """Return the formats in messages that follow one another, None if one of them is damaged."""
+    found = Formats()
+    start = 0
+    while start < len(run):
+        stop = start + FRONT + int.from_bytes(run[start : start + 2], "little")
+        content = run[start + FRONT : stop]
+        try:
+            text = content.decode()
+        except UnicodeDecodeError:
+            return None
+        if not is_format(content):
+            return None
+        found.add(text)
+        start = stop
+    return found
+
+
 @lru_cache(_MOST_KEPT)
 def _described(nested: tuple[_Named, ...]) -> Described:
-    """Return the definition and the layout of the first of some formats. Raises FormatError."""
+    """Return what the first of some formats says. Raises FormatError."""
     formats = Formats({each.name: each.message for each in nested})
     for each in nested:
         formats.add(f"{each.name}:{each.text}")
     name = nested[0].name
-    return Described(formats.definition(name), formats.layout(name))
+    definition, layout = formats.definition(name), formats.layout(name)
+    return Described(formats.ros_type(name), definition, layout, timestamp_of(layout))
 
 
 @lru_cache(_MOST_KEPT)

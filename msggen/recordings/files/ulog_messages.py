@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from msggen.recordings.files.ulog_formats import FRONT, NUMBERS, PAYLOAD, parse_fields
+from msggen.recordings.files.ulog_heads import DATA, HEAD, SIZE, Heads, chained, heads_at, heads_of
 from msggen.recordings.files.ulog_notes import Notes
-from msggen.recordings.source.gather import WINDOW, at, walk
-from msggen.recordings.source.memory import Octets, Places
+from msggen.recordings.source.gather import at, walk
+from msggen.recordings.source.memory import Octets, Places, drop_pages
 from msggen.recordings.source.source import Problem
 
 if TYPE_CHECKING:
@@ -25,12 +26,10 @@ if TYPE_CHECKING:
 
     from msggen.recordings.files.ulog_topics import Topics
 
+WINDOW = 1 << 24
+"""The bytes of a file that are read at a time: all of most logs, as each topic takes time in each window."""
 SYNC = b"\x08\0S\x2f\x73\x13\x20\x25\x0c\xbb\x12"
 """A message that PX4 writes from time to time, so that readers find into a damaged file."""
-DATA = ord("D")
-"""The kind of a sample."""
-HEAD = struct.Struct("<HB")
-"""The size and the kind of a message."""
 _SUBSCRIPTION = 3
 """The offset of the name of a topic in its subscription."""
 SMALLEST = {"B": 40, "F": 4, "I": 3, "M": 4, "P": 3, "Q": 4, "A": 4, "R": 2, "D": 3, "L": 9, "C": 11, "S": 8, "O": 2}
@@ -61,8 +60,6 @@ _TEXTUAL = 300
 _REACH = 1 << 11
 """The bytes that are walked at first after a damage."""
 _TRIES = 64
-_WALKED = 8
-"""The size of the smallest stretch that `walk` walks."""
 
 
 class Messages:
@@ -74,8 +71,8 @@ class Messages:
         self._file: Octets = np.frombuffer(data, np.uint8)
         self._topics = topics
         self._problems = problems
-        self._mark = b""
-        """The first bytes of a sample of the most frequent topic, as far as it is known."""
+        self._latest: Heads | None = None
+        """The messages before those that are looked for."""
 
     def size_at(self, place: int, stop: int) -> int:
         """Return the size of the message at an offset, 0 if there is none before `stop`."""
@@ -84,8 +81,8 @@ class Messages:
         size, kind = HEAD.unpack_from(self._map, place)
         return size + FRONT if _LOWEST[kind] <= size <= _HIGHEST[kind] and place + FRONT + size <= stop else 0
 
-    def stretches(self, start: int, stop: int) -> Iterator[tuple[Places, NDArray[np.uint64]]]:
-        """Yield the messages between two offsets in order: where they begin, and the first eight bytes of each.
+    def stretches(self, start: int, stop: int) -> Iterator[Heads]:
+        """Yield the messages between two offsets in order.
 
         At `stop` a message ends, unless the file is damaged. The topics that a stretch names have to be known before
         the next is asked for.
@@ -99,26 +96,23 @@ class Messages:
                 text = f"the file is {'cut off or ' * is_cut}damaged"
                 self._problems.append(Problem(text, end, following - end))
                 start, reach = following, _REACH
-            elif size and stop - end < _WALKED:
-                head = int.from_bytes(self._map[end:stop], "little")
-                yield np.array([end]), np.array([head], np.uint64)
+            elif size and stop - end < SIZE:
+                yield self._heads_near_end([end])
                 start = end + size
             else:
                 start, reach = end, min(reach * 2, WINDOW)
 
-    def _read(
-        self, start: int, limit: int, stop: int
-    ) -> Generator[tuple[Places, NDArray[np.uint64]], None, tuple[int, int]]:
+    def _read(self, start: int, limit: int, stop: int) -> Generator[Heads, None, tuple[int, int]]:
         """Yield the messages up to `limit`, or to a damage before it.
 
         Return where they end, and where the next message is: behind the damage if there is one.
         """
         end = start
-        for stretch in walk(self._file, start, limit, _length_of, self._find):
-            starts, heads, end = stretch.starts, stretch.heads, stretch.end
-            wrong = self._first_wrong(heads)
+        for heads, after_all in self._following(start, limit):
+            starts, end = heads.starts, after_all
+            wrong = _first_wrong(heads)
             if wrong is not None:
-                starts, heads, end = starts[:wrong], heads[:wrong], int(starts[wrong])
+                starts, end = starts[:wrong], int(starts[wrong])
             count = len(starts) if end == stop else self._trusted(starts, stop)
             size = self.size_at(end, stop)
             is_whole, is_at_limit = count == len(starts), end == stop or end + size > limit
@@ -129,23 +123,26 @@ class Messages:
                 taken, begin, after = self._around_damage(starts, count, end, stop)
                 if not size or taken < len(starts):  # otherwise `walk` took a wrong place for a message, and goes on
                     is_whole, count, end, following = False, taken, begin, after
-            self._mark = _mark_of(heads[:count])
-            yield self._with_hidden(starts[:count], heads[:count])
+            self._latest = heads.take(slice(count))
+            yield self._with_hidden(self._latest)
             if not is_whole:
                 return end, following
         return end, end if end == stop or self.size_at(end, stop) else self.resume(end + 1, stop)
 
-    def _first_wrong(self, heads: NDArray[np.uint64]) -> int | None:
-        """Return the index of the first head that no message has."""
-        kinds = kinds_of(heads)
-        others = np.flatnonzero(kinds != DATA)
-        kinds, sizes = kinds[others], sizes_of(heads[others])
-        wrong = np.flatnonzero((sizes < _LOWEST[kinds]) | (sizes > _HIGHEST[kinds]))
-        return int(others[wrong[0]]) if wrong.size else None
+    def _following(self, start: int, limit: int) -> Iterator[tuple[Heads, int]]:
+        """Yield the messages that follow one another from `start` up to `limit`, and where they end."""
+        found = chained(self._map, self._file, self._topics, start, limit)
+        if found is None:
+            for stretch in walk(self._file, start, limit, _length_of, self._find):
+                yield heads_of(stretch.starts, stretch.heads), stretch.end
+        elif len(found[0].starts):
+            yield found
+            drop_pages(self._file)
 
     def _find(self, low: int, high: int) -> int:
         """Return an offset at which a sample of a known topic seems to begin, or a sync message, or -1."""
-        place = self._map.find(self._mark, low, high + PAYLOAD - 1) if self._mark else -1
+        mark = self._mark
+        place = self._map.find(mark, low, high + PAYLOAD - 1) if mark else -1
         if place >= 0:
             return place
         place = low + 2
@@ -158,6 +155,11 @@ class Messages:
                 return place - 2
             place += 1
         return self._map.find(SYNC, low, high)
+
+    @property
+    def _mark(self) -> bytes:
+        """The first bytes of the last sample of the most frequent topic, as far as it is known."""
+        return b"" if self._latest is None else _mark_of(self._latest)
 
     # damage
 
@@ -184,27 +186,35 @@ class Messages:
         following = self.resume(last + 1, stop)
         return (count - 1, last, following) if count and following < end else (count, end, following)
 
-    def _with_hidden(self, starts: Places, heads: NDArray[np.uint64]) -> tuple[Places, NDArray[np.uint64]]:
+    def _with_hidden(self, heads: Heads) -> Heads:
         """Replace the messages that are damage by those that they hide."""
-        is_kept = np.ones(len(starts), np.bool_)
         found: list[int] = []
-        sizes, kinds = heads.astype(np.uint16), kinds_of(heads)
-        longer = np.flatnonzero(sizes > self._topics.limits[(heads >> np.uint64(24)).astype(np.uint16)])
-        longer = longer[kinds[longer] == DATA]
+        damaged: list[int] = []
+        largest = self._topics.largest[heads.numbers]
+        longer = np.flatnonzero((heads.sizes > largest) & (largest > 0) & (heads.kinds == DATA))
         longer = longer[:0] if len(longer) > _TRIES else longer  # so many samples have another format
-        for index in np.union1d(np.flatnonzero(sizes > _PLAIN[kinds]), longer).tolist():
-            place = int(starts[index])
+        others = np.flatnonzero(heads.kinds != DATA)
+        others = others[heads.sizes[others] > _PLAIN[heads.kinds[others]]]
+        for index in np.union1d(others, longer).tolist():
+            place = int(heads.starts[index])
             hidden = self.hidden(place, place + self.size_at(place, self._file.size))
             if hidden:
-                is_kept[index] = False
+                damaged.append(index)
                 found += hidden
                 self._problems.append(Problem("the file is damaged", place, hidden[0] - place))
         if not found:
-            return starts, heads
-        hidden_heads = [int.from_bytes(self._map[place : place + _WALKED], "little") for place in found]
-        starts = np.append(starts[is_kept], found)
-        order = np.argsort(starts)
-        return starts[order], np.append(heads[is_kept], np.array(hidden_heads, np.uint64))[order]
+            return heads
+        is_kept = np.ones(len(heads.starts), np.bool_)
+        is_kept[damaged] = False
+        return heads.take(is_kept).joined(self._heads_near_end(found))
+
+    def _heads_near_end(self, places: list[int]) -> Heads:
+        """Return the heads of messages, of which the last can have less than eight bytes."""
+        places = sorted(places)
+        begin, rest = places[-1], self._map[places[-1] : places[-1] + SIZE]
+        last = heads_at(np.frombuffer(rest.ljust(SIZE, b"\0"), np.uint8), np.zeros(1, np.int64))
+        last = last._replace(starts=np.array([begin], np.int64))
+        return heads_at(self._file, np.array(places[:-1], np.int64)).joined(last)
 
     def hidden(self, place: int, stop: int) -> list[int]:
         """Return the offsets of the messages in what seems to be one message.
@@ -275,7 +285,7 @@ class Messages:
         """Yield the offsets from `low` up to `high` at which samples of known topics seem to begin."""
         high = min(high, stop - PAYLOAD)
         places = low + np.flatnonzero(self._file[low + 2 : max(high, low) + 2] == DATA)
-        numbers, sizes = at(self._file, "<u2", FRONT)[places], at(self._file, "<u2")[places].astype(np.int64)
+        numbers, sizes = at(self._file, "<u2", FRONT)[places], at(self._file, "<u2")[places]
         places = places[(sizes >= self._topics.smallest[numbers]) & (sizes <= self._topics.largest[numbers])]
         yield from (place for place in places.tolist() if self._is_followed(place, stop))
 
@@ -285,27 +295,25 @@ class Messages:
         return end > place and (stop - end < FRONT or self.size_at(end, self._file.size + NUMBERS) > 0)
 
 
-def _mark_of(heads: NDArray[np.uint64]) -> bytes:
+def _first_wrong(heads: Heads) -> int | None:
+    """Return the index of the first head that no message has."""
+    others = np.flatnonzero(heads.kinds != DATA)
+    kinds, sizes = heads.kinds[others], heads.sizes[others]
+    wrong = np.flatnonzero((sizes < _LOWEST[kinds]) | (sizes > _HIGHEST[kinds]))
+    return int(others[wrong[0]]) if wrong.size else None
+
+
+def _mark_of(heads: Heads) -> bytes:
     """Return what the last sample of the most frequent topic begins with: its size, its kind and its number."""
-    samples = heads[kinds_of(heads) == DATA]
+    samples = np.flatnonzero(heads.kinds == DATA)
     if not samples.size:
         return b""
-    numbers = (samples >> np.uint64(24)).astype(np.uint16)
+    numbers = heads.numbers[samples]
     last = samples[numbers == np.bincount(numbers).argmax()][-1]
-    return int(last).to_bytes(8, "little")[:PAYLOAD]
+    return struct.pack("<HBH", heads.sizes[last], DATA, heads.numbers[last])
 
 
 def _length_of(heads: NDArray[np.uint64]) -> Places:
     """Return the lengths of messages from their first eight bytes. Bytes of 0 are no messages."""
     lengths: Places = _LENGTHS.take(heads.astype(np.uint16))
     return lengths
-
-
-def sizes_of(heads: NDArray[np.uint64]) -> Places:
-    """Return the sizes of messages without their fronts."""
-    return heads.astype(np.uint16).astype(np.int64)
-
-
-def kinds_of(heads: NDArray[np.uint64]) -> NDArray[np.uint8]:
-    """Return the kinds of messages."""
-    return (heads >> np.uint64(16)).astype(np.uint8)

@@ -4,11 +4,18 @@ from __future__ import annotations
 
 import struct
 from functools import lru_cache
-from typing import NamedTuple, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
 
+from msggen.recordings.files.ulog_formats import FRONT
 from msggen.recordings.source.facts import LEVELS, Dropout, Facts, Text
+from msggen.recordings.source.gather import at
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from msggen.recordings.source.memory import Octets
 
 _Kind = TypeVar("_Kind")
 LARGEST_TIME = ((1 << 62) - 1) // 1000
@@ -29,6 +36,16 @@ _CODES = {
 _NEAR = 60 * 10**9
 """How far in ns the time of a text is from that of the samples before it."""
 _CONTROLS = frozenset("\t\n\r\x1b")
+_MOST_UNREAD = 1 << 20
+"""The most bytes of parameters that are read later. Those of PX4 have some 40 kB."""
+_REACH = 1 << 16
+"""The bytes in which usual parameters are looked for at a time."""
+_PARAMETER = ord("P")
+_INTEGER, _FLOAT = int.from_bytes(b"int32_t ", "little"), int.from_bytes(b"float ", "little")
+_SIX_BYTES = (1 << 48) - 1
+_ASCII = 0x80
+_VALUE = 4
+"""The size of the value of a usual parameter."""
 _MOST = 1 << 20
 """The number of texts, and of everything else, that is kept."""
 
@@ -41,6 +58,9 @@ class Notes:
 
     def __init__(self) -> None:
         self._parameters: dict[str, int | float] = {}
+        self._unread: list[tuple[bytes, list[int]]] = []
+        """Messages with parameters that nobody asked for so far, and the offset of each."""
+        self._unread_size = 0
         self._changed: list[tuple[int, str, int | float]] = []
         self._system: dict[str, int | float] = {}
         self._setup: dict[str, int | float] = {}
@@ -51,8 +71,14 @@ class Notes:
         """How many messages were left out because there are too many."""
 
     @property
+    def information(self) -> Mapping[str, object]:
+        """The information about the vehicle."""
+        return self._information
+
+    @property
     def facts(self) -> Facts:
         """All that was read."""
+        self._read_parameters()
         return Facts(
             parameters=self._parameters,
             changed_parameters=self._changed,
@@ -88,9 +114,25 @@ class Notes:
             (duration,) = struct.unpack_from("<H", data)
             self._add(self._dropouts, Dropout(time or 0, duration * 1_000_000))
 
+    def keep(self, run: bytes, starts: list[int]) -> None:
+        """Take messages with usual parameters before the first sample, and read them when they are asked for."""
+        self._unread.append((run, starts))
+        self._unread_size += len(run)
+        if self._unread_size > _MOST_UNREAD:
+            self._read_parameters()
+
+    def _read_parameters(self) -> None:
+        for run, starts in self._unread:
+            for start, stop in zip(starts, [*starts[1:], len(run)], strict=True):
+                key, number = _parameter(run[start + FRONT : stop])
+                self._parameters[key] = number
+        self._unread.clear()
+        self._unread_size = 0
+
     def _take_parameter(self, data: bytes, time: int | None) -> None:
         key, number = _parameter(data)
         if time is None:
+            self._read_parameters()
             self._parameters[key] = number
         else:
             self._add(self._changed, (time, key, number))
@@ -177,3 +219,27 @@ def _parameter(data: bytes) -> tuple[str, int | float]:
     if not isinstance(value, (int, float)):
         raise ValueError(key)  # noqa: TRY004 - the file is wrong, not the program
     return key, value
+
+
+def usual_parameters(file: Octets, start: int, stop: int) -> list[int]:
+    """Return where the parameters begin that follow one another from an offset on, and the last one ends.
+
+    They are parameters as PX4 writes them: numbers of four bytes, with names in ASCII. There may be further ones.
+    """
+    front = file[start : min(start + _REACH, stop)]
+    kinds = np.flatnonzero(front[2 : max(front.size - 9, 2)] == _PARAMETER) + 2
+    types = at(front, "<u8", 2)[kinds]
+    sizes, name_sizes = at(front, "<u2")[kinds - 2], front[kinds + 1].astype(np.uint16)
+    is_integer, is_float = types == _INTEGER, types & np.uint64(_SIX_BYTES) == _FLOAT
+    is_usual = (is_integer & (name_sizes > len("int32_t "))) | (is_float & (name_sizes > len("float ")))
+    is_usual &= sizes == name_sizes + 1 + _VALUE
+    starts = kinds[is_usual] - 2
+    ends = starts + sizes[is_usual] + FRONT
+    follows = np.append(starts[:1] == 0, starts[1:] == ends[:-1]) & (ends <= front.size)
+    wrong = np.flatnonzero(~follows)
+    count = int(wrong[0]) if len(wrong) else len(starts)
+    letters = np.flatnonzero(front[: ends[count - 1]] >= _ASCII) if count else starts[:0]
+    owners = np.searchsorted(ends[:count], letters, "right")
+    in_names = owners[letters < ends[owners] - _VALUE]
+    count = int(in_names[0]) if len(in_names) else count
+    return [start, *(start + ends[:count]).tolist()]

@@ -7,13 +7,17 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from msggen.recordings.files.ulog_formats import FRONT, NUMBERS, PAYLOAD, FormatError, Formats, timestamp_of
+from msggen.recordings.files.ulog_formats import FRONT, NUMBERS, PAYLOAD, Described, FormatError, Formats
+from msggen.recordings.source.rows import Layout
 from msggen.recordings.source.source import FOREVER, Channel
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Mapping, Sequence
 
     from msggen.recordings.source.memory import Places
+
+_LARGEST = NUMBERS - 1
+"""The largest size of a message."""
 
 
 class Subscribed(NamedTuple):
@@ -35,54 +39,81 @@ class Topics:
 
     def __init__(self) -> None:
         self.formats = Formats()
-        self.channels: dict[int, Channel] = {}
-        self.clocks: dict[int, int] = {}
+        self.clocks: list[int | None] = []
         """The offset of the time in the messages of each channel that has it."""
-        self.smallest = np.full(NUMBERS, NUMBERS, np.int64)
-        self.largest = np.zeros(NUMBERS, np.int64)
-        """The sizes of the messages of each number, without their fronts."""
-        self.limits = np.full(NUMBERS, NUMBERS - 1, np.uint16)
-        """The same as `largest`, and the largest size of all for a number that stands for no topic."""
+        self.smallest = np.full(NUMBERS, _LARGEST, np.uint16)
+        self.largest = np.zeros(NUMBERS, np.uint16)
+        """The sizes of the messages of each number, without their fronts: from 65,535 to 0 for no topic."""
+        self.end = 0
+        """The number behind the largest one that stood for a topic."""
         self.unknown: Counter[int] = Counter()
         """How many samples have a number that stands for no topic."""
-        self._models: dict[str, Channel | FormatError] = {}
-        """The channels of topics by name, for their instances."""
+        self._described: dict[str, Described | FormatError] = {}
+        """What formats say of topics, by name."""
+        self._channels: list[tuple[str, int, Described]] = []
+        """The topic and the instance of each channel."""
         self._topics: dict[tuple[str, int], Subscribed] = {}
         self._subscribed: dict[int, list[tuple[int, Subscribed | None]]] = defaultdict(list)
         """The topic that each number stands for, from an offset on; None for no topic any more."""
 
+    def channels(self, counts: Mapping[int, int]) -> dict[int, Channel]:
+        """Return the channels by their numbers, with the numbers of their samples."""
+        layouts: dict[str, Layout] = {}
+        found = {}
+        for number, (name, instance, described) in enumerate(self._channels):
+            layout = layouts.get(name)
+            if layout is None:
+                layout = described.layout
+                # programs can change the names in a dtype; this copies it, which np.dtype(..., copy=True) does not
+                layouts[name] = layout = Layout(layout.dtype.newbyteorder("|"), *layout[1:])
+            found[number] = Channel(
+                number,
+                name,
+                described.ros_type,
+                described.definition,
+                encoding="ulog",
+                instance=instance,
+                sample_count=counts.get(number, 0),
+                layout=layout,
+            )
+        return found
+
+    def name_of(self, channel: int) -> tuple[str, int]:
+        """Return the name and the instance of the topic of a channel."""
+        return self._channels[channel][:2]
+
     def subscribe(self, place: int, number: int, name: str, instance: int) -> None:
         """Let a number stand for an instance of a topic from an offset on."""
-        topic = self._topic(name, instance)
+        topic = self._topics.get((name, instance)) or self._topic(name, instance)
         self._set(place, number, topic)
-        self.smallest[number], self.largest[number] = topic.smallest, topic.largest
-        self.limits[number] = topic.largest or NUMBERS - 1
+        self.end = max(self.end, number + 1)
+        self.smallest[number], self.largest[number] = min(topic.smallest, _LARGEST), topic.largest
 
     def remove(self, place: int, number: int) -> None:
         """Let a number stand for no topic from an offset on."""
         self._set(place, number, None)
-        self.smallest[number], self.largest[number] = NUMBERS, 0
-        self.limits[number] = NUMBERS - 1
+        self.smallest[number], self.largest[number] = _LARGEST, 0
 
-    def of(self, number: int, samples: Places, indices: Places) -> Iterator[tuple[Subscribed, Places]]:
-        """Yield the topics that samples with a number are of, each with the indices of its samples.
+    def of(self, number: int, samples: Places, indices: Places) -> Sequence[tuple[Subscribed, Places]]:
+        """Return the topics that samples with a number are of, each with the indices of its samples.
 
         Count those that are of none.
         """
         subscribed = self._subscribed.get(number, [])
         if len(subscribed) == 1 and subscribed[0][0] < samples[indices[0]] and subscribed[0][1] is not None:
-            yield subscribed[0][1], indices
-            return
+            return [(subscribed[0][1], indices)]
         ends = [*(place for place, _ in subscribed), FOREVER]
         bounds = np.searchsorted(samples[indices], ends).tolist()
         if bounds[0]:
             self.unknown[number] += bounds[0]
+        found: list[tuple[Subscribed, Places]] = []
         for (_, topic), low, high in zip(subscribed, bounds, bounds[1:], strict=False):
             if high > low and topic is None:
                 self.unknown[number] += high - low
             elif high > low and topic is not None:
-                yield topic, indices[low:high]
+                found.append((topic, indices[low:high]))
         del subscribed[:-1]
+        return found
 
     def _set(self, place: int, number: int, topic: Subscribed | None) -> None:
         subscribed = self._subscribed[number]
@@ -90,36 +121,23 @@ class Topics:
             subscribed.append((place, topic))
 
     def _topic(self, name: str, instance: int) -> Subscribed:
-        """Return an instance of a topic."""
-        if (name, instance) not in self._topics:
-            if name not in self._models:
-                self._models[name] = self._model(name)
-            model = self._models[name]
-            if isinstance(model, FormatError):
-                self._topics[name, instance] = Subscribed(-1, name, NUMBERS, 0, str(model), instance)
-            else:
-                number, layout = len(self.channels), model.layout
-                assert layout is not None  # noqa: S101 - every channel of a ULog has one
-                self.channels[number] = model._replace(number=number, instance=instance)
-                clock = timestamp_of(layout)
-                if clock is not None:
-                    self.clocks[number] = clock + PAYLOAD
-                size = layout.size + PAYLOAD - FRONT
-                self._topics[name, instance] = Subscribed(number, name, size, size + layout.surplus, "", instance)
-        return self._topics[name, instance]
+        """Return an instance of a topic that has none of its samples so far."""
+        if name not in self._described:
+            self._described[name] = self._describe(name)
+        described = self._described[name]
+        if isinstance(described, FormatError):
+            found = Subscribed(-1, name, NUMBERS, 0, str(described), instance)
+        else:
+            size, clock = described.layout.size + PAYLOAD - FRONT, described.clock
+            found = Subscribed(len(self._channels), name, size, size + described.layout.surplus, "", instance)
+            self._channels.append((name, instance, described))
+            self.clocks.append(None if clock is None else clock + PAYLOAD)
+        self._topics[name, instance] = found
+        return found
 
-    def _model(self, name: str) -> Channel | FormatError:
-        """Return the channel of a topic, without its number and instance."""
+    def _describe(self, name: str) -> Described | FormatError:
+        """Return what formats say of a topic."""
         try:
-            ros_type = self.formats.ros_type(name)
-            described = self.formats.described(name)
-            return Channel(
-                number=-1,
-                topic=name,
-                ros_type=ros_type,
-                definition=described.definition,
-                encoding="ulog",
-                layout=described.layout,
-            )
+            return self.formats.described(name)
         except FormatError as error:
             return error

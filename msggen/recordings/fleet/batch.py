@@ -99,32 +99,34 @@ def convert_batch(task: Task) -> Batch:
 
 def _converted(task: Task, path: str, aside: str) -> tuple[Outcome, list[tuple[str, Run]]]:
     """Convert a recording to files in the new folder `aside`. Return what became of it, and its runs by topic."""
+    import pyarrow  # noqa: ICN001
+
     try:
         record, runs = _tables(task, path, aside, state_of(path))
     except Exception as error:  # noqa: BLE001 - as above
         shutil.rmtree(aside, ignore_errors=True)
         return Outcome(path, error=_text_of(error, path)), []
+    pyarrow.default_memory_pool().release_unused()
     return Outcome(path, record), runs
 
 
 def _tables(task: Task, path: str, aside: str, state: State) -> tuple[Record, list[tuple[str, Run]]]:
     """Write a table for each topic of a recording. Return its record, and what the tables are in the fleet."""
-    from msggen.base.disk.output import check_links
     from msggen.recordings.convert.selection import EVERYTHING
     from msggen.recordings.convert.tables import Format, write_tables
     from msggen.recordings.fleet.layout import date_of, is_utc, name_of, vehicle_of
     from msggen.recordings.fleet.runs import run_of_arrow
-    from msggen.recordings.log.opening import open_log
+    from msggen.recordings.log import opening
 
     digest = digest_of(path)
     name = dict(task.names).get(path) or name_of(path, digest)
-    with open_log(path) as log:
+    with opening.open(path) as log:
         converted = write_tables(log, aside, Format("arrow", packing="lz4"), EVERYTHING, lambda _: None)
         dated = date_of(log, path)
         values = {"vehicle": vehicle_of(log), "date": dated.day}
         places = _keys_by_stem(log, values, name)
         found = [(file, *places[os.path.splitext(os.path.basename(file))[0]]) for file in converted.files]
-        check_links(task.fleet, sorted({topic for _, topic, _ in found}))
+        Folder(task.fleet).check(topic for _, topic, _ in found)
         offset = log.utc_offset
         start = None if offset is None else log.start + offset
         record = Record(

@@ -12,7 +12,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.recordings.fleet.batch import Batch, Outcome, Written
-from msggen.recordings.fleet.folder import Added
+from msggen.recordings.fleet.folder import STAGE, Added
 from msggen.recordings.fleet.ledger import Change, Ledger
 from msggen.recordings.fleet.planning import Plan, stale_paths
 from msggen.recordings.fleet.ranges import count_of, ranges_of, within
@@ -61,6 +61,7 @@ def change_of(batch: Batch, ledger: Ledger, held: Held) -> Whole:
     }
     if len({record.digest for record in records} - known) != len(records):  # it was another one when it was looked at
         text = "changed while it was read: run the same command again"
+        ledger.folder.clear(f"{batch.task.token}{STAGE}")
         return Whole(Change(), [each if each.error else Outcome(each.path, error=text) for each in batch.outcomes])
     numbered = {record.log: record._replace(number=first + index) for index, record in enumerate(records)}
     outcomes = [
@@ -141,15 +142,16 @@ def _without(gone: Collection[int], ledger: Ledger) -> tuple[dict[Added, File], 
     }
     whole = [place for place in places if place in ledger.found and count_of(rest[place])]
     numbers = {record.log: number for number, record in ledger.records.items() if number not in gone}
-    token = ledger.token()
-    with opened(ledger.folder.open) as files, ledger.folder.stage(token) as stage:
-        written: list[Written] = []
-        for index, place in enumerate(whole):
-            runs = [run for run in files.runs(place) if run.keys.log not in names]
-            path = os.path.join(stage, f"{index}.parquet")
-            written += written_of(ledger, token, place.partition("/")[0], runs, path)
-        flush_written(ledger, written)
-    added |= added_of(written, token, numbers)
+    if whole:
+        token = ledger.token()
+        with opened(ledger.folder.open) as files, ledger.folder.stage(token) as stage:
+            written: list[Written] = []
+            for index, place in enumerate(whole):
+                runs = [run for run in files.runs(place) if run.keys.log not in names]
+                path = os.path.join(stage, f"{index}.parquet")
+                written += written_of(ledger, token, place.partition("/")[0], runs, path)
+            flush_written(ledger, written)
+        added |= added_of(written, token, numbers)
     kept = {each.place for each in added}
     return added, [place for place in places if place not in kept]
 

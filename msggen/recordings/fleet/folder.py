@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import stat
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from typing import IO, NamedTuple
 
@@ -118,6 +118,15 @@ class Folder:
     def open(self, place: str) -> IO[bytes]:
         """Open a file of a topic. Raises OSError."""
         return open(os.path.join(self.path, place), "rb")
+
+    def check(self, topics: Iterable[str]) -> None:
+        """Raise InputError if the folder of a topic is a link or a file, PermissionError if it cannot be changed."""
+        names = sorted({*topics})
+        check_links(self.path, names)
+        for name in names:
+            path = os.path.join(self.path, name)
+            if os.path.lexists(path):
+                make_folder(path)
 
     @contextmanager
     def stage(self, token: str) -> Iterator[str]:

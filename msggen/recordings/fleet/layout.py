@@ -33,6 +33,12 @@ _PLACE = re.compile(rf"[A-Za-z0-9-][\w.-]*/{_TOKEN.pattern}(?:-\d{{1,6}})?\.parq
 _DATE = re.compile(r"(?<!\d)(20\d\d)([-_.]?)(\d\d)\2(\d\d)(?!\d)")
 _LOGGER = "[logger] "
 """The front of PX4's line that names its log: `[logger] /fs/microsd/log/2026-01-12/10_23_26.ulg`."""
+PLACE_OF_VERSION_3 = re.compile(
+    r"[A-Za-z0-9-][\w.-]*(?:/(?:vehicle|date)=[\w.-]+){1,2}/log=([\w.-]+)/namespace=([\w.-]+)/instance=(\d{1,9})"
+    r"/[A-Za-z0-9-][\w.-]*\.parquet",
+    re.ASCII,
+)
+"""A file of an earlier version of the layout. No part of it leads out of the fleet, on any system."""
 _LONGEST = 80
 _YEAR_2001, _YEAR_2100 = 978_307_200 * 10**9, 4_102_444_800 * 10**9
 

@@ -19,7 +19,17 @@ from typing import Any, NamedTuple
 
 from msggen.base.disk.staging import locked
 from msggen.recordings.fleet.folder import STAGE, STATE, Added, Folder
-from msggen.recordings.fleet.layout import KEYS, UNKNOWN, VERSION, Keys, is_fact, is_place, is_token, token_of
+from msggen.recordings.fleet.layout import (
+    KEYS,
+    PLACE_OF_VERSION_3,
+    UNKNOWN,
+    VERSION,
+    Keys,
+    is_fact,
+    is_place,
+    is_token,
+    token_of,
+)
 from msggen.recordings.fleet.ranges import count_of, has, ranges_of, within
 from msggen.recordings.fleet.records import (
     File,
@@ -124,6 +134,7 @@ class Ledger:
                 self._read()
                 yield
             finally:
+                self._clear_stages()
                 self.folder.delete(_RUN)
 
     def token(self) -> str:
@@ -134,6 +145,8 @@ class Ledger:
 
     def commit(self, change: Change) -> None:
         """Make a change: afterwards it is part of the fleet, whatever happens. Raises OSError."""
+        if change.is_empty:
+            return
         name = f"{_CHANGES}/{self.token()}.json"
         added = {each.place: {"staged": each.staged, **document_of_file(file)} for each, file in change.added.items()}
         document = {
@@ -151,6 +164,9 @@ class Ledger:
         self.folder.write(_LEDGER, "".join(f"{line}\n" for line in self._lines()).encode())
         for name in self._pending():  # in this order: the later ones may remove what the first ones add
             self.folder.delete(f"{_CHANGES}/{name}")
+        for name in self.folder.names(_CHANGES):  # what a run that was killed did not complete
+            if is_token(name.partition(".")[0]):
+                self.folder.delete(f"{_CHANGES}/{name}")
 
     def next_number(self) -> int:
         """Return a number that no recording has."""
@@ -183,14 +199,27 @@ class Ledger:
                 self.files[found["place"]] = file
             elif (record := record_of(found)) is not None:
                 self.records[record.number] = record
+        for change in self._waiting():
+            self._apply(change)
+        self._clear_stages()
+        self.found = self.folder.places()
+        self._take_in()
+
+    def _waiting(self) -> Iterator[Change]:
+        """Yield the changes whose files are there, in their order."""
         for name in self._pending():
             change = _change_of(read_json(self.folder.read(f"{_CHANGES}/{name}")))
             if change is not None:
-                self._apply(change)
-        for stage in self.folder.stages():
-            self.folder.clear(stage)
-        self.found = self.folder.places()
-        self._take_in()
+                yield change
+
+    def _clear_stages(self) -> None:
+        """Remove the stages that no change needs."""
+        stages = self.folder.stages()
+        if stages:
+            needed = {each.staged.partition("/")[0] for change in self._waiting() for each in change.added}
+            for stage in stages:
+                if stage not in needed:
+                    self.folder.clear(stage)
 
     def _pending(self) -> list[str]:
         """Return the names of the files of changes, in their order."""
@@ -283,7 +312,7 @@ def _change_of(found: Any) -> Change | None:
         return None
     records = [record_of(each) for each in found["records"]]
     files = {Added(place, each["staged"]): file_of(each) for place, each in added.items()}
-    if None in records or not all(is_place(place) or _is_of_version_3(place) for place in removed):
+    if None in records or not all(is_place(place) or PLACE_OF_VERSION_3.fullmatch(place) for place in removed):
         return None
     return Change(
         {place: file for place, file in files.items() if file is not None},
@@ -296,9 +325,3 @@ def _change_of(found: Any) -> Change | None:
 def _is_staged(value: object) -> bool:
     found = _STAGED.fullmatch(value) if isinstance(value, str) else None
     return value == "" or (found is not None and is_token(found[1]))
-
-
-def _is_of_version_3(place: str) -> bool:
-    from msggen.recordings.fleet.version3 import is_place as is_of_version_3
-
-    return is_of_version_3(place)

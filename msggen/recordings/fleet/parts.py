@@ -25,7 +25,7 @@ FULL = 160 << 20
 """The bytes after which a file ends."""
 _GROUP = 1 << 20
 """The bytes of values in memory after which a row group ends with its run."""
-_MOST = 16 << 20
+_MOST = 8 << 20
 """The bytes of values in memory after which a row group ends within a run."""
 _ROWS = 1 << 20
 """The rows after which it does."""

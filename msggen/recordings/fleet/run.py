@@ -177,8 +177,7 @@ def _updated(found: Sequence[Found], ledger: Ledger, pool: Pool, progress: Calla
             outcomes.append(outcome)
             progress(Progress(len(outcomes), total, outcome))
     end = end_of(plan, ledger, held, outcomes)
-    if not end.change.is_empty:
-        ledger.commit(end.change)
+    ledger.commit(end.change)
     return Summary(
         found=len(found),
         unchanged=plan.unchanged,

@@ -16,7 +16,7 @@ from msggen.recordings.fleet.records import FleetError
 if TYPE_CHECKING:
     import pyarrow as pa
 
-_KEPT = 64 << 20
+_KEPT = 32 << 20
 """The bytes of row groups that are kept, because another run of them may be next."""
 _OPEN = 32
 """The files that are open at the same time."""

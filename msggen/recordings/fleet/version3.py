@@ -9,13 +9,12 @@ If that is interrupted, the next run goes on.
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from msggen.recordings.fleet.changes import added_of, flush_written, written_of
-from msggen.recordings.fleet.layout import Keys
+from msggen.recordings.fleet.layout import PLACE_OF_VERSION_3, Keys
 from msggen.recordings.fleet.ledger import Change
 from msggen.recordings.fleet.records import Record, read_json, record_of
 from msggen.recordings.fleet.runs import opened
@@ -26,12 +25,6 @@ if TYPE_CHECKING:
 _LOGS = "logs"
 _FURTHER = {"files", "size"}
 """What records had more."""
-_PLACE = re.compile(
-    r"[A-Za-z0-9-][\w.-]*(?:/(?:vehicle|date)=[\w.-]+){1,2}/log=([\w.-]+)/namespace=([\w.-]+)/instance=(\d{1,9})"
-    r"/[A-Za-z0-9-][\w.-]*\.parquet",
-    re.ASCII,
-)
-"""No part of it leads out of the fleet, on any system."""
 
 
 class _Old(NamedTuple):
@@ -39,11 +32,6 @@ class _Old(NamedTuple):
 
     record: Record
     places: list[str]
-
-
-def is_place(place: str) -> bool:
-    """Whether this is the path of a file of version 3."""
-    return _PLACE.fullmatch(place) is not None
 
 
 def upgrade(ledger: Ledger) -> None:
@@ -97,7 +85,7 @@ def _record(found: dict[str, Any]) -> Record | None:
     files = found.get("files")
     if record is None or not isinstance(files, list):
         return None
-    matches = [_PLACE.fullmatch(place) if isinstance(place, str) else None for place in files]
+    matches = [PLACE_OF_VERSION_3.fullmatch(place) if isinstance(place, str) else None for place in files]
     return record if all(match is not None and match[1] == record.log for match in matches) else None
 
 
@@ -116,6 +104,6 @@ def _new_records(ledger: Ledger, every: list[_Old]) -> Iterator[Record]:
 
 
 def _keys(record: Record, place: str) -> Keys:
-    found = _PLACE.fullmatch(place)
+    found = PLACE_OF_VERSION_3.fullmatch(place)
     assert found is not None  # noqa: S101 - `_record` has looked at it
     return Keys(record.values["vehicle"], record.values["date"], record.log, found[2], int(found[3]))

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 
 from msggen.base.diagnostics import counted, suggestion
 from msggen.recordings.columns.samples import Samples, frame_of
+from msggen.recordings.columns.sql_names import columns_for_sql, renamed_for_sql
 from msggen.recordings.source.source import RecordingError
 from msggen.recordings.topics.choice import listed
 from msggen.recordings.topics.find import by_name, find
@@ -103,15 +105,21 @@ class Aligned:
         names = {samples.topic: name for name, samples in self.samples.items()}
         return names[find(by_name(list(names)), topic)], field
 
-    def columns(self) -> dict[str, NDArray[Any]]:
-        """Return the columns by name: `time`, and those of the topics, such as `vehicle_attitude.q[0]`."""
+    def columns(self, *, sql_names: bool = False) -> dict[str, NDArray[Any]]:
+        """Return the columns by name: `time`, and those of the topics, such as `vehicle_attitude.q[0]`.
+
+        `sql_names` is as in `Samples.columns`: `vehicle_attitude_q_0`.
+        """
         found: dict[str, NDArray[Any]] = {TIME: self.times.copy()}
         for name, samples in self.samples.items():
             found.update((f"{name}.{column}", values) for column, values in samples.columns().items())
-        return found
+        return columns_for_sql(found) if sql_names else found
 
-    def table(self) -> pa.Table:
-        """Return a table of Arrow (pyarrow.Table), with units and frames in the metadata of its fields."""
+    def table(self, *, sql_names: bool = False) -> pa.Table:
+        """Return a table of Arrow (pyarrow.Table), with units and frames in the metadata of its fields.
+
+        `sql_names` is as in `columns`.
+        """
         import pyarrow as pa
 
         fields, columns = [pa.field(TIME, pa.int64())], [pa.array(self.times)]
@@ -119,17 +127,19 @@ class Aligned:
             table = samples.table()
             fields += [field.with_name(f"{name}.{field.name}") for field in table.schema]
             columns += table.columns
-        return pa.table(columns, schema=pa.schema(fields))
+        made = pa.table(columns, schema=pa.schema(fields))
+        return renamed_for_sql(made) if sql_names else made
 
     @overload
-    def frame(self, library: Literal["pandas"] = ...) -> pd.DataFrame: ...
+    def frame(self, library: Literal["pandas"] = ..., *, sql_names: bool = ...) -> pd.DataFrame: ...
 
     @overload
-    def frame(self, library: Literal["polars"]) -> pl.DataFrame: ...
+    def frame(self, library: Literal["polars"], *, sql_names: bool = ...) -> pl.DataFrame: ...
 
-    def frame(self, library: str = "pandas") -> Any:
-        """Return a data frame of `pandas` or `polars`. Raises ValueError for another library."""
-        return frame_of(library, self.columns, self.table)
+    def frame(self, library: str = "pandas", *, sql_names: bool = False) -> Any:
+        """Return a data frame of `pandas` or `polars`, with names as in `columns`. Raises ValueError for others."""
+        columns, table = (partial(each, sql_names=sql_names) for each in (self.columns, self.table))
+        return frame_of(library, columns, table)
 
 
 def align(samples: Sequence[Samples], tolerance: float, by: str | None, direction: Direction) -> Aligned:

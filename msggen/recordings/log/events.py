@@ -13,7 +13,8 @@ import numpy as np
 
 from msggen.base.diagnostics import counted, few
 from msggen.recordings.decode.event_metadata import EventMetadataError, read_definitions
-from msggen.recordings.source.facts import LEVELS, Event, Text
+from msggen.recordings.log.decoded_events import ALL_LEVELS, decoded_events
+from msggen.recordings.source.facts import Event, Text
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from msggen.recordings.topics.topic import Topic
 
 _METADATA = "metadata_events"
-_ALL_LEVELS = (*LEVELS, "protocol", "disabled")
 _MOST = 100_000
 """The number of events that are read: a flight has some hundreds."""
 _SHOWN = 3
@@ -52,16 +52,24 @@ def has_events(topic: Topic) -> bool:
     return topic.uorb.partition("#")[0] == "event" and topic.ros_type.endswith("/Event")
 
 
-def read_events(topics: Iterable[Topic], read: Callable[[Topic], Samples], information: Mapping[str, object]) -> Events:
-    """Return the events in some topics, by log time, with the metadata that a ULog has among its information."""
+def read_events(
+    topics: Iterable[Topic],
+    decoded: Iterable[Topic],
+    read: Callable[[Topic], Samples],
+    information: Mapping[str, object],
+) -> Events:
+    """Return the events in some topics, by log time, with the metadata that a ULog has among its information.
+
+    Without samples or metadata, they are those in topics of `decoded` events, if there are any.
+    """
     # those of one time stay in the order of the file
     samples = sorted((each for topic in topics for each in _samples(read(topic))), key=lambda each: each.time)
-    if not samples:
-        return Events((), ())
-    notes = []
-    if len(samples) > _MOST:
-        notes.append(f"{counted(len(samples) - _MOST, 'event')} left out: a recording has up to {_MOST}")
-        del samples[_MOST:]
+    if not samples or _METADATA not in information:
+        known = sorted((each for topic in decoded for each in decoded_events(read(topic))), key=lambda each: each.time)
+        if known or not samples:
+            return Events(known[:_MOST], list(_too_many(known)))
+    notes = list(_too_many(samples))
+    del samples[_MOST:]
     numbers = {each.number for each in samples}
     try:
         definitions = read_definitions(_metadata_in(information), numbers)
@@ -70,6 +78,12 @@ def read_events(topics: Iterable[Topic], read: Callable[[Topic], Samples], infor
         return Events([_event(each, None) for each in samples], notes)
     events = [_event(each, definitions.get(each.number)) for each in samples]
     return Events(events, [*notes, *_left(events, definitions)])
+
+
+def _too_many(events: Sequence[object]) -> Iterator[str]:
+    """Yield a note if there are more events than are read."""
+    if len(events) > _MOST:
+        yield f"{counted(len(events) - _MOST, 'event')} left out: a recording has up to {_MOST}"
 
 
 def with_events(lines: Sequence[Text], events: Sequence[Event]) -> Sequence[Text]:
@@ -142,7 +156,7 @@ def _event(sample: _Sample, definition: Definition | None) -> Event:
 
 
 def _level(number: int) -> str:
-    return _ALL_LEVELS[number] if number < len(_ALL_LEVELS) else "unknown"
+    return ALL_LEVELS[number] if number < len(ALL_LEVELS) else "unknown"
 
 
 def _left(events: Iterable[Event], definitions: Collection[int]) -> Iterator[str]:

@@ -15,6 +15,7 @@ from msggen.recordings.columns.samples import Samples
 from msggen.recordings.decode.decoder import Rows
 from msggen.recordings.definitions.lent import Lender, Nearby
 from msggen.recordings.log.ahead import Ahead, passes_over
+from msggen.recordings.log.decoded_events import is_decoded
 from msggen.recordings.log.events import Events, has_events, read_events, with_events
 from msggen.recordings.log.origin import Firmware, firmware_of, gps_offset_of, utc_offset_of, vehicle_of
 from msggen.recordings.log.payloads import Sample
@@ -47,6 +48,7 @@ if TYPE_CHECKING:
 
     from msggen.recordings.definitions.comparison import Compared
     from msggen.recordings.definitions.release import Release
+    from msggen.recordings.files.spooled import Spooled
     from msggen.recordings.log.align import Aligned, Direction
 
     MessageT = TypeVar("MessageT")
@@ -69,8 +71,15 @@ class Log:
     all their names: `/fmu/out/vehicle_status_v4`, `vehicle_status`, `VehicleStatus`.
     """
 
-    def __init__(self, sources: Sequence[Source], lender: Lender | Nearby | None = None, path: str = "") -> None:
+    def __init__(
+        self,
+        sources: Sequence[Source],
+        lender: Lender | Nearby | None = None,
+        path: str = "",
+        spooled: Spooled | None = None,
+    ) -> None:
         self._reader = Reader(sources, lender, path or sources[0].path)
+        self._spooled = spooled
 
     def __enter__(self) -> Self:
         """Return the log."""
@@ -85,13 +94,20 @@ class Log:
         self._reader.close()
         if "_ahead" in self.__dict__:
             self._ahead.clear()
+        if self._spooled is not None:
+            self._spooled.folder.cleanup()
 
     # what there is
 
     @property
     def path(self) -> str:
-        """The path of the recording."""
+        """The path of the recording, or the name of the file object."""
         return self._reader.path
+
+    @property
+    def place(self) -> str:
+        """The path of what is read: `path`, or the temporary copy of a file object."""
+        return self.path if self._spooled is None else self._spooled.path
 
     @property
     def kind(self) -> str:
@@ -140,7 +156,7 @@ class Log:
     @property
     def information(self) -> Mapping[str, object]:
         """Information about the vehicle in a ULog, such as `sys_name` and `ver_sw`."""
-        return self.facts.information
+        return self._reader.information
 
     @cached_property
     def texts(self) -> Sequence[Text]:
@@ -152,7 +168,7 @@ class Log:
 
     @property
     def events(self) -> Sequence[Event]:
-        """The events of the vehicle by log time, decoded with the metadata in a ULog."""
+        """The events of the vehicle by log time, decoded with the metadata in a ULog, or as `/events` has them."""
         return self._decoded_events.events
 
     @property
@@ -162,8 +178,8 @@ class Log:
 
     @cached_property
     def _decoded_events(self) -> Events:
-        topics = [topic for topic in self.topics if has_events(topic) and self._reader.can_decode(topic)]
-        return read_events(topics, self.samples, self.information)
+        topics = [topic for topic in self.topics if self._reader.can_decode(topic)]
+        return read_events(filter(has_events, topics), filter(is_decoded, topics), self.samples, self.information)
 
     @property
     def dropouts(self) -> Sequence[Dropout]:
@@ -271,9 +287,11 @@ class Log:
         stop: float | None = None,
         fields: Collection[str] | None = None,
         times: bool = False,
+        sql_names: bool = False,
     ) -> dict[str, NDArray[Any]]:
         """Return the columns of a topic by name, as `samples` and `Samples.columns` do."""
-        return self.samples(key, instance=instance, start=start, stop=stop, fields=fields).columns(times=times)
+        found = self.samples(key, instance=instance, start=start, stop=stop, fields=fields)
+        return found.columns(times=times, sql_names=sql_names)
 
     def table(  # noqa: PLR0913
         self,
@@ -284,9 +302,11 @@ class Log:
         stop: float | None = None,
         fields: Collection[str] | None = None,
         times: bool = False,
+        sql_names: bool = False,
     ) -> pa.Table:
         """Return a topic as a table of Arrow, as `samples` and `Samples.table` do."""
-        return self.samples(key, instance=instance, start=start, stop=stop, fields=fields).table(times=times)
+        found = self.samples(key, instance=instance, start=start, stop=stop, fields=fields)
+        return found.table(times=times, sql_names=sql_names)
 
     @overload
     def frame(
@@ -298,6 +318,7 @@ class Log:
         start: float | None = ...,
         stop: float | None = ...,
         fields: Collection[str] | None = ...,
+        sql_names: bool = ...,
     ) -> pd.DataFrame: ...
 
     @overload
@@ -310,6 +331,7 @@ class Log:
         start: float | None = ...,
         stop: float | None = ...,
         fields: Collection[str] | None = ...,
+        sql_names: bool = ...,
     ) -> pl.DataFrame: ...
 
     def frame(  # noqa: PLR0913
@@ -321,9 +343,11 @@ class Log:
         start: float | None = None,
         stop: float | None = None,
         fields: Collection[str] | None = None,
+        sql_names: bool = False,
     ) -> Any:
         """Return a topic as a data frame of `pandas` or `polars` with log times, as `Samples.frame` does."""
-        return self.samples(key, instance=instance, start=start, stop=stop, fields=fields).frame(library)
+        found = self.samples(key, instance=instance, start=start, stop=stop, fields=fields)
+        return found.frame(library, sql_names=sql_names)
 
     def load(
         self,
@@ -340,7 +364,8 @@ class Log:
         chosen = self.chosen(topics)
         limited = start is not None or stop is not None
         collected = {
-            topic.key: Collector(topic, self.dtype(topic), 0 if limited else topic.known_count or 0) for topic in chosen
+            topic.key: Collector(topic, self._reader.decoder(topic).dtype, 0 if limited else topic.known_count or 0)
+            for topic in chosen
         }
         for topic, rows, times, published in self._reader.rows(chosen, *self._limits(start, stop)):
             collected[topic.key].add(rows, times, published)
@@ -365,6 +390,7 @@ class Log:
         start: float | None = None,
         stop: float | None = None,
         times: bool = False,
+        sql_names: bool = False,
     ) -> Iterator[tuple[Key, pa.Table]]:
         """Yield the keys of several topics with their tables, as `table` returns them. Default: all topics.
 
@@ -372,7 +398,7 @@ class Log:
         their table is made.
         """
         for key, samples in self._in_passes(topics, start, stop):
-            yield key, samples.table(times=times)
+            yield key, samples.table(times=times, sql_names=sql_names)
 
     def frames(
         self,
@@ -381,10 +407,11 @@ class Log:
         *,
         start: float | None = None,
         stop: float | None = None,
+        sql_names: bool = False,
     ) -> Iterator[tuple[Key, Any]]:
         """Yield the keys of several topics with their data frames, as `frame` returns them, read as `tables` does."""
         for key, samples in self._in_passes(topics, start, stop):
-            yield key, samples.frame(library)
+            yield key, samples.frame(library, sql_names=sql_names)
 
     def payloads(
         self,
@@ -395,11 +422,12 @@ class Log:
     ) -> Iterator[Sample]:
         """Yield the samples of several topics as CDR, by log time. Default: all topics in CDR.
 
-        Topics without a definition are among them. Files of some size are not held in memory, and a file is begun when
-        its first sample is reached. Raises RecordingError for topics in another encoding, and for a recording without
-        CDR, such as a ULog.
+        Topics without a definition are among them. Those of a ULog are encoded in little-endian XCDR1 by their own
+        definition, `Topic.definition`, whose fields are in the order of uORB's struct. Files of some size are not held
+        in memory, and a file is begun when its first sample is reached. Raises RecordingError for topics in another
+        encoding, for those of a ULog with names that ROS 2 does not allow, and for a recording that has only such.
         """
-        chosen = [topic for topic in self.topics if topic.is_cdr] if topics is None else self._named(topics)
+        chosen = [topic for topic in self.topics if topic.has_cdr] if topics is None else self._named(topics)
         return self._reader.payloads(chosen or self.topics, *self._limits(start, stop))
 
     def verify(self) -> Checksums:

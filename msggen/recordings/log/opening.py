@@ -1,17 +1,18 @@
-"""Recordings, opened by their path."""
+"""Recordings, opened by their path or from a file object."""
 
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, cast
 
 if TYPE_CHECKING:
     from msggen.recordings.definitions.lent import Definitions, Nearby
+    from msggen.recordings.files.spooled import Readable
     from msggen.recordings.log.log import Log
 
 
-def open_log(
-    path: str | os.PathLike[str],
+def open(  # noqa: A001 - users write recordings.open
+    path: str | os.PathLike[str] | Readable,
     definitions: Definitions | Nearby | None = None,
     *,
     verify: bool = True,
@@ -22,13 +23,16 @@ def open_log(
     `path` can be the address of a recording in a store, such as "s3://bucket/flight.mcap", or on a server of HTTP, with
     the extra `msggen[stores]`.
 
+    `path` can also be a file object in binary mode, such as `io.BytesIO` or a pipe: what is left of it is copied to a
+    temporary file, which `Log.close` removes. A file that was just opened is read by its name, and not copied.
+
     `definitions` are for topics that have none in the recording: a generated package, an embedded release such as
     "v1.17", or what else `msggen.read` takes. Without them, those of the embedded release that fits best are used.
     `Log.notes` tells which.
 
     Chunks and attachments of MCAP are compared with their checksums when they are read. Those that differ are reported
     in `Log.problems` and left out; with `keep_damaged`, they are read all the same. `verify=False` does not compare
-    them. Raises RecordingError, InputError for `definitions`, and OSError.
+    them. Raises RecordingError, InputError for `definitions`, TypeError for a file in text mode, and OSError.
     """
     try:
         import numpy  # noqa: F401, ICN001
@@ -43,8 +47,21 @@ def open_log(
     from msggen.recordings.source.source import Verification
 
     lender = None if definitions is None else lender_of(definitions)
-    place = os.fsdecode(path)
-    return Log(open_sources(place, Verification(verify, keep_damaged)), lender, shown_address(place))
+    verification = Verification(verify, keep_damaged)
+    place = _place_of(path)
+    if place is not None:
+        return Log(open_sources(place, verification), lender, shown_address(place))
+    from msggen.recordings.files.spooled import name_of, open_stream
+
+    file = cast("Readable", path)
+    sources, spooled = open_stream(file, name_of(file), verification)
+    return Log(sources, lender, name_of(file), spooled)
 
 
-open = open_log  # noqa: A001 - users write recordings.open
+def _place_of(path: Any) -> str | None:
+    """Return the path of a recording, None for a file object that has to be copied."""
+    if isinstance(path, (str, os.PathLike)) or not hasattr(path, "read"):
+        return os.fsdecode(path)
+    from msggen.recordings.files.spooled import path_of
+
+    return path_of(path)

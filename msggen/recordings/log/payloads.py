@@ -12,10 +12,12 @@ import numpy as np
 from msggen.recordings.source.source import FOREVER
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Callable, Iterable, Iterator, Mapping
 
     from numpy.typing import NDArray
 
+    from msggen.recordings.decode.decoder import Decoded
+    from msggen.recordings.source.memory import Octets
     from msggen.recordings.source.source import Part
 
 
@@ -23,8 +25,9 @@ class Sample(NamedTuple):
     """A sample of a recording."""
 
     topic: str
+    """The name, of another instance than the first one in a ULog with its number: `sensor_gps[1]`."""
     time: int
-    """The time at which it was recorded, in ns since 1970."""
+    """The time at which it was recorded, in ns since 1970; in a ULog, since the start of the vehicle."""
     payload: bytes
     """CDR with its header."""
 
@@ -55,6 +58,33 @@ def merged(streams: Iterable[tuple[int, Iterator[Sample]]]) -> Iterator[Sample]:
             heappop(found)
         else:
             heapreplace(found, (sample.time, number, sample, stream))
+
+
+class Encoder(NamedTuple):
+    """What makes CDR of the samples of a channel."""
+
+    rows: Callable[[Part], Decoded]
+    encode: Callable[[NDArray[np.void]], Octets]
+    """Returns an array of bytes with a row for each sample."""
+
+
+def as_cdr(parts: Iterable[Part], encoders: Mapping[int, Encoder]) -> Iterator[Part]:
+    """Yield samples as CDR: those of channels that have an encoder are encoded, the others are CDR."""
+    for part in parts:
+        encoder = encoders.get(part.channel)
+        if encoder is None:
+            yield part
+            continue
+        rows, kept = encoder.rows(part)
+        if not len(rows):
+            continue
+        payloads = encoder.encode(rows)
+        count, size = payloads.shape
+        times = part.log_times if kept is None else part.log_times[kept]
+        starts = np.arange(count, dtype=np.int64) * size
+        yield part._replace(
+            buffer=payloads.ravel(), starts=starts, sizes=np.full(count, size), log_times=times, publish_times=None
+        )
 
 
 def in_order(

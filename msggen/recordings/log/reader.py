@@ -11,11 +11,12 @@ import numpy as np
 
 from msggen.definitions.nesting import MAX_TOTAL
 from msggen.recordings.decode.decoder import Decoder
+from msggen.recordings.decode.encoder import encoded
 from msggen.recordings.decode.left_out import LeftOut
-from msggen.recordings.decode.schemas import SchemaError, nested_values
+from msggen.recordings.decode.schemas import SchemaError, nested_values, read_schema
 from msggen.recordings.definitions.lent import Lender, Lent, Nearby, lend
 from msggen.recordings.log.origin import firmware_of
-from msggen.recordings.log.payloads import in_order, merged
+from msggen.recordings.log.payloads import Encoder, as_cdr, in_order, merged
 from msggen.recordings.source.facts import NO_FACTS, Facts
 from msggen.recordings.source.source import (
     Attached,
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from msggen.recordings.decode.decoder import Rows
+    from msggen.recordings.decode.decoder import Decoded, Rows
     from msggen.recordings.log.payloads import Sample
     from msggen.recordings.topics.find import Topics
     from msggen.recordings.topics.topic import Topic
@@ -44,33 +45,66 @@ if TYPE_CHECKING:
     """The numbers of a file and of a channel in it."""
 
 
+class _Files:
+    """The files, and whether they are closed.
+
+    Topics refer to this and not to the reader, which has them: only the collector would free a log otherwise.
+    """
+
+    def __init__(self, sources: Sequence[Source], path: str) -> None:
+        self._sources, self._path = sources, path
+        self.is_closed = False
+
+    def close(self) -> None:
+        """Close the files. Can be repeated."""
+        self.is_closed = True
+        for source in self._sources:
+            source.close()
+
+    def check_open(self) -> None:
+        """Raise RecordingError if the files are closed."""
+        if self.is_closed:
+            raise RecordingError(f"{self._path} is closed")
+
+    def times(self, channels: Sequence[tuple[int, Channel]]) -> Times:
+        """Return the log times of channels, in the order of the files."""
+        self.check_open()
+        return np.concatenate(
+            [self._sources[number].times([channel.number])[channel.number] for number, channel in channels]
+        )
+
+    def ends(self, channels: Sequence[tuple[int, Channel]]) -> tuple[int, int] | None:
+        """Return the first and the last log time of channels, None without samples."""
+        self.check_open()
+        found = [self._sources[number].ends(channel.number) for number, channel in channels]
+        known = [each for each in found if each is not None]
+        return (min(first for first, _ in known), max(last for _, last in known)) if known else None
+
+
 class Reader:
     """The files of a recording, whose path is `path`."""
 
     def __init__(self, sources: Sequence[Source], lender: Lender | Nearby | None, path: str) -> None:
         self.sources = sources
         self.path = path
+        self._files = _Files(sources, path)
         self.left_out = LeftOut()
         self._lender = lender
         self._decoders: dict[Numbers, Decoder | SchemaError] = {}
         self._left_out_definitions: list[Problem] = []
-        self._is_closed = False
 
     def close(self) -> None:
         """Close the files. Can be repeated."""
-        self._is_closed = True
-        for source in self.sources:
-            source.close()
+        self._files.close()
 
     @property
     def is_closed(self) -> bool:
         """Whether the files are closed."""
-        return self._is_closed
+        return self._files.is_closed
 
     def check_open(self) -> None:
         """Raise RecordingError if the files are closed."""
-        if self._is_closed:
-            raise RecordingError(f"{self.path} is closed")
+        self._files.check_open()
 
     @cached_property
     def topics(self) -> tuple[Topic, ...]:
@@ -80,8 +114,8 @@ class Reader:
             for number, source in enumerate(self.sources)
             for channel in source.channels.values()
         ]
-        release = firmware_of(self.facts.information).release
-        return topics_of(self._within_limits(channels), self._times, self._ends, release)
+        release = firmware_of(self.information).release
+        return topics_of(self._within_limits(channels), self._files.times, self._files.ends, release)
 
     @cached_property
     def by_name(self) -> Topics:
@@ -92,6 +126,11 @@ class Reader:
     def facts(self) -> Facts:
         """What only a ULog has, and an MCAP file made of one."""
         return next((source.facts for source in self.sources if source.facts is not NO_FACTS), NO_FACTS)
+
+    @cached_property
+    def information(self) -> Mapping[str, object]:
+        """The information among the facts. The facts themselves may not have been read yet."""
+        return self.sources[0].information if len(self.sources) == 1 else self.facts.information
 
     @cached_property
     def lent(self) -> Lent:
@@ -143,19 +182,37 @@ class Reader:
     # samples
 
     def payloads(self, topics: Iterable[Topic], low: int, high: int) -> Iterator[Sample]:
-        """Return the samples of topics in CDR, by log time. Raises RecordingError for topics without CDR."""
+        """Return the samples of topics as CDR, by log time. Raises RecordingError for topics that have none."""
         names: dict[int, dict[int, str]] = defaultdict(dict)
+        encoders: dict[int, dict[int, Encoder]] = defaultdict(dict)
         for topic in topics:
-            if not topic.is_cdr:
-                raise RecordingError(f"{topic.name} has samples in '{topic.channels[0][1].encoding}', expected cdr")
+            if not topic.has_cdr:
+                encoding = topic.channels[0][1].encoding
+                why = "and names that ROS 2 does not allow" if encoding == "ulog" else "expected cdr"
+                raise RecordingError(f"{topic.name} has samples in '{encoding}', {why}")
+            name = f"{topic.name}[{topic.instance}]" if topic.instance else topic.name
             for number, channel in topic.channels:
-                names[number][channel.number] = topic.name
+                names[number][channel.number] = name
+                if not topic.is_cdr:
+                    encoders[number][channel.number] = self._encoder(topic, channel)
         self.check_open()
         streams = []
         for number, own in sorted(names.items()):
             span = self.sources[number].span
-            streams.append((span[0] if span else low, self._in_order(number, own, low, high)))
+            streams.append((span[0] if span else low, self._in_order(number, own, encoders[number], low, high)))
         return merged(streams)
+
+    def _encoder(self, topic: Topic, channel: Channel) -> Encoder:
+        """Return what makes CDR of the samples of a ULog, by their own definition."""
+        decoder, schema = self.decoder(topic), read_schema(topic.ros_type, channel.definition)
+        layout = channel.layout
+        assert layout is not None  # noqa: S101 - a ULog has layouts
+
+        def rows(part: Part) -> Decoded:
+            with self.left_out.reading() as missing:
+                return decoder.rows(part, missing[topic.name, topic.instance])
+
+        return Encoder(rows, lambda found: encoded(found, layout, schema, schema))
 
     def undecoded(self, topics: Iterable[Topic], low: int, high: int) -> Iterator[tuple[Topic, Part]]:
         """Yield the samples of topics as they are in the files, in the order of the files."""
@@ -168,7 +225,8 @@ class Reader:
         Channels of the same name that cannot be decoded are reported.
         """
         wanted: dict[Numbers, tuple[Topic, Decoder]] = {}
-        for topic in topics:
+        chosen = dict.fromkeys(topics)
+        for topic in chosen:
             self.decoder(topic)
             for number, channel in topic.channels:
                 decoder = self._tried(number, channel)
@@ -176,7 +234,7 @@ class Reader:
                     wanted[number, channel.number] = topic, decoder
         names = {(topic.recorded_name, topic.instance) for topic, _ in wanted.values()}
         for topic in self.topics:
-            if (topic.recorded_name, topic.instance) in names:
+            if topic not in chosen and (topic.recorded_name, topic.instance) in names:
                 self.can_decode(topic)
         with self.left_out.reading() as missing:
             for number, part in self._parts(wanted, low, high):
@@ -228,31 +286,20 @@ class Reader:
             yield part
             self.check_open()
 
-    def _in_order(self, number: int, names: Mapping[int, str], low: int, high: int) -> Iterator[Sample]:
-        """Yield the samples of channels of a file, whose topics are `names`, by log time."""
+    def _in_order(
+        self, number: int, names: Mapping[int, str], encoders: Mapping[int, Encoder], low: int, high: int
+    ) -> Iterator[Sample]:
+        """Yield the samples of channels of a file as CDR, whose topics are `names`, by log time."""
         self.check_open()
         times = self.sources[number].times(names.keys())
-        yield from in_order(self._parts_of(number, names.keys(), low, high), times, names, low, high)
-
-    def _times(self, channels: Sequence[tuple[int, Channel]]) -> Times:
-        """Return the log times of channels, in the order of the files."""
-        self.check_open()
-        return np.concatenate(
-            [self.sources[number].times([channel.number])[channel.number] for number, channel in channels]
-        )
-
-    def _ends(self, channels: Sequence[tuple[int, Channel]]) -> tuple[int, int] | None:
-        """Return the first and the last log time of channels, None without samples."""
-        self.check_open()
-        found = [self.sources[number].ends(channel.number) for number, channel in channels]
-        known = [each for each in found if each is not None]
-        return (min(first for first, _ in known), max(last for _, last in known)) if known else None
+        parts = as_cdr(self._parts_of(number, names.keys(), low, high), encoders)
+        yield from in_order(parts, times, names, low, high)
 
     def _count(self, number: int, channel: Channel) -> int:
         """Return the number of samples of a channel, 0 if it is not known and the files are closed."""
-        if channel.sample_count is not None or self._is_closed:
+        if channel.sample_count is not None or self.is_closed:
             return channel.sample_count or 0
-        return len(self._times([(number, channel)]))
+        return len(self._files.times([(number, channel)]))
 
     # definitions and problems
 

@@ -96,17 +96,17 @@ class Charts(NamedTuple):
 def charts_of(recorded: Recorded) -> Charts:
     """Return the charts of a recording."""
     sections: list[Section] = []
-    missing: list[str] = []
+    missing: dict[str, list[str]] = {}
     for group in GROUPS:
         charts = _charts(recorded, group, missing)
         flags = [found for lanes in LANES if lanes.group == group.title and (found := _flags(recorded, lanes))]
         if charts or flags:
             sections.append(Section(group.title, charts, flags))
-    return Charts(sections, missing)
+    return Charts(sections, [f"{', '.join(titles)} ({topics})" for topics, titles in missing.items()])
 
 
-def _charts(recorded: Recorded, group: Group, missing: list[str]) -> list[Chart]:
-    """Return the charts of a group, and add those that the recording lacks to `missing`."""
+def _charts(recorded: Recorded, group: Group, missing: dict[str, list[str]]) -> list[Chart]:
+    """Return the charts of a group, and add the titles of those that the recording lacks to `missing`, by topics."""
     found: list[Chart] = []
     for plan in group.plans:
         if any(chart.title in plan.instead_of for chart in found):
@@ -115,15 +115,14 @@ def _charts(recorded: Recorded, group: Group, missing: list[str]) -> list[Chart]
         if lines:
             found.append(Chart(plan.title, plan.unit, lines))
         elif not plan.instead_of:
-            missing.append(_lacking(plan))
+            missing.setdefault(_topics(plan), []).append(plan.title.lower())
     return found
 
 
-def _lacking(plan: Plan) -> str:
-    """Return what is missing for a chart: its name and its topics."""
+def _topics(plan: Plan) -> str:
+    """Return the topics that a chart needs one of: the first two."""
     paths = [path for field in plan.fields if not field.is_setpoint for path in field.paths]
-    names = dict.fromkeys(path.partition(".")[0] for path in paths)
-    return f"{plan.title.lower()} ({' or '.join(list(names)[:2])})"
+    return " or ".join(list(dict.fromkeys(path.partition(".")[0] for path in paths))[:2])
 
 
 def _lines(recorded: Recorded, plan: Plan) -> list[Line]:

@@ -68,6 +68,25 @@ def _of_failsafes(_: Recorded, timeline: Timeline) -> Iterator[Finding]:
         yield Finding("warning", text, rest[0][0])
 
 
+def _of_failures(recorded: Recorded, _: Timeline) -> Iterator[Finding]:
+    found = {}
+    for flag in recorded.flags("failure_detector_status"):
+        column = recorded.column("failure_detector_status", flag)
+        seconds, begin = _beyond(recorded, column, 0.0)
+        if seconds > 0 and begin is not None:
+            found[flag] = begin
+    if found:
+        yield Finding("error", f"the failure detector reports {few(list(found))}", min(found.values()))
+
+
+def _of_end(recorded: Recorded, _: Timeline) -> Iterator[Finding]:
+    landed = recorded.column("vehicle_land_detected", "landed")
+    is_armed = bool(recorded.armed) and recorded.armed[-1][1] >= recorded.duration
+    if landed and is_armed and not landed.values[-1]:
+        level = "warning" if recorded.log.kind == "ulog" else "info"  # other recorders are ended at any time
+        yield Finding(level, "the recording ends in the air", recorded.duration)
+
+
 def _of_texts(_: Recorded, timeline: Timeline) -> Iterator[Finding]:
     for level, levels in (("error", _SEVERE), ("warning", ("warning",))):
         found = [mark for mark in timeline.marks if mark.level in levels]
@@ -93,7 +112,10 @@ def _of_vibration(recorded: Recorded, _: Timeline) -> Iterator[Finding]:
 
 def _of_battery(recorded: Recorded, _: Timeline) -> Iterator[Finding]:
     for instance in recorded.instances("battery_status"):
+        connected = recorded.column("battery_status", "connected", instance)
         share = recorded.column("battery_status", "remaining", instance)
+        if connected and not connected.values.any():
+            continue
         known = share._replace(values=np.where(share.values >= 0, share.values, np.nan)) if share else None
         if known and len(known.finite) and known.finite.min() < LOW_BATTERY:
             text = f"the battery fell to {known.finite.min() * 100:.0f} %"
@@ -165,7 +187,9 @@ def _of_system(recorded: Recorded, _: Timeline) -> Iterator[Finding]:
 
 _RULES: Sequence[Callable[[Recorded, Timeline], Iterator[Finding]]] = (
     _of_file,
+    _of_end,
     _of_failsafes,
+    _of_failures,
     _of_texts,
     _of_vibration,
     _of_battery,

@@ -96,7 +96,7 @@ def _globe(recorded: Recorded, topic: str, latitude: str, longitude: str, scale:
 
 def figures_of(recorded: Recorded, track: Track | None) -> list[Figure]:
     """Return the numbers about a flight that the recording tells, of the time in which the vehicle was armed."""
-    found = [Figure("Duration of the log", duration_text(recorded.duration))]
+    found = [Figure("Duration", duration_text(recorded.duration))]
     is_told = "vehicle_status" in recorded or "actuator_armed" in recorded
     if is_told:
         armed = sum(end - begin for begin, end in recorded.armed)
@@ -108,11 +108,11 @@ def _of_motion(recorded: Recorded, track: Track | None) -> Iterator[Figure]:
     if track is not None:
         distance, farthest = _distances(recorded, track)
         yield Figure("Distance", _length(distance), "over ground")
-        yield Figure("Farthest", _length(farthest), "from where it armed")
+        yield Figure("Farthest", _length(farthest), "from the start")
     down = _armed(recorded, ("vehicle_local_position.z", "vehicle_odometry.position[2]"), "z_valid")
     if down is not None:
         first = float(down.finite[0])
-        yield Figure("Highest", f"{first - float(down.finite.min()):.1f} m", "above where it armed")
+        yield Figure("Highest", f"{first - float(down.finite.min()):.1f} m", "above the start")
     north = _armed(recorded, ("vehicle_local_position.vx", "vehicle_odometry.velocity[0]"), "v_xy_valid")
     east = _armed(recorded, ("vehicle_local_position.vy", "vehicle_odometry.velocity[1]"), "v_xy_valid")
     if north is not None and east is not None and len(north.values) == len(east.values):

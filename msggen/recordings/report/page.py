@@ -223,8 +223,8 @@ class Page:
 
     @property
     def missing(self) -> str:
-        """The charts that the recording has no samples for."""
-        return ", ".join(self.found.missing)
+        """The charts that the recording has no values for."""
+        return "; ".join(self.found.missing)
 
     @property
     def notes(self) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -112,12 +113,21 @@ def _walk_window(
     return Stretch(starts, heads, int(following[-1]))
 
 
+def grouped(numbers: NDArray[Any]) -> tuple[Places, list[int], list[int]]:
+    """Return the indices of `numbers`, which are small and not negative, those of each number together and in order.
+
+    Return also which numbers there are, and from where to where the indices of each are.
+    """
+    if not numbers.size:
+        return np.zeros(0, np.int64), [], [0]
+    counts = np.bincount(numbers)
+    present = np.flatnonzero(counts)
+    bounds = np.append(0, np.cumsum(counts[present]))
+    return np.argsort(numbers, kind="stable"), present.tolist(), bounds.tolist()
+
+
 def groups(numbers: NDArray[Any]) -> Iterator[tuple[int, Places]]:
     """Yield each of `numbers`, which are small and not negative, with the indices where it stands, in order."""
-    if not numbers.size:
-        return
-    order = np.argsort(numbers, kind="stable")
-    counts = np.bincount(numbers)
-    stops = np.cumsum(counts)
-    for number in np.flatnonzero(counts).tolist():
-        yield number, order[stops[number] - counts[number] : stops[number]]
+    order, present, bounds = grouped(numbers)
+    for number, (low, high) in zip(present, pairwise(bounds), strict=True):
+        yield number, order[low:high]

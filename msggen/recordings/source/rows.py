@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -24,9 +25,14 @@ class Bools(NamedTuple):
     """The bits that are 0 in bools, which are 0 or 1."""
 
     @property
-    def places(self) -> list[int]:
-        """The offsets of the bools in the row."""
-        return [self.offset + number for number in range(self.size) if self.mask >> 8 * number & 0xFF]
+    def largest(self) -> NDArray[np.uint8]:
+        """The largest value of each byte: 1 for bools."""
+        return _largest(self.mask, self.size)
+
+
+@lru_cache(1024)
+def _largest(mask: int, size: int) -> NDArray[np.uint8]:
+    return ~np.frombuffer(mask.to_bytes(size, "little"), np.uint8)
 
 
 class Layout(NamedTuple):

@@ -215,8 +215,13 @@ class Source(ABC):
 
     @property
     def facts(self) -> Facts:
-        """What the file tells beside its topics."""
+        """What the file tells beside its topics. Reading it can take time."""
         return NO_FACTS
+
+    @property
+    def information(self) -> Mapping[str, object]:
+        """The information among the facts."""
+        return self.facts.information
 
     @property
     def message_count(self) -> int | None:

@@ -77,7 +77,7 @@ def _labelled(name: str, channels: Channels) -> Iterator[tuple[str, Channels]]:
 
     Comments, constants and spaces make no difference.
     """
-    if len({channel.content for _, channel in channels}) == 1:
+    if len(channels) == 1 or len({channel.content for _, channel in channels}) == 1:
         yield name, channels
         return
     decoded: dict[object, list[tuple[int, Channel]]] = {}

@@ -1,0 +1,108 @@
+"""Recordings that are not files: what a program holds, a pipe, a download. A temporary file holds a copy."""
+
+from __future__ import annotations
+
+import errno
+import io
+import os
+import stat
+import tempfile
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+
+from msggen.recordings.files.compression import MAX_CONTENT, told_limit
+from msggen.recordings.files.opening import check_front, open_sources
+from msggen.recordings.source.source import VERIFIED, RecordingError, Source, Verification
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+_STEP = 1 << 20
+_LONGEST_FRONT = 64
+"""At least the bytes that tell the format of a recording."""
+_UNNAMED = "<stream>"
+
+
+class Readable(Protocol):
+    """A file object in binary mode: of `open`, `io.BytesIO`, a pipe, a download, a member of an archive."""
+
+    def read(self, size: int, /) -> bytes | None:
+        """Return up to `size` bytes, none at the end."""
+
+
+class Spooled(NamedTuple):
+    """A copy of a recording in a folder of its own."""
+
+    path: str
+    folder: tempfile.TemporaryDirectory[str]
+
+
+def name_of(file: Readable) -> str:
+    """Return the name of a file object for people: its own, or `<stream>`."""
+    name = getattr(file, "name", None)
+    return name if isinstance(name, str) and name else _UNNAMED
+
+
+def path_of(file: Readable) -> str | None:
+    """Return the path of a file on the disk that was opened and not read yet, None for other objects."""
+    if not isinstance(file, (io.BufferedReader, io.FileIO)):
+        return None
+    raw: Any = file.raw if isinstance(file, io.BufferedReader) else file
+    name: Any = getattr(file, "name", None)
+    if not isinstance(raw, io.FileIO) or not isinstance(name, str):
+        return None
+    try:
+        own, there = os.fstat(file.fileno()), os.stat(name)
+        is_same = stat.S_ISREG(own.st_mode) and os.path.samestat(own, there) and file.tell() == 0
+    except (OSError, ValueError):
+        return None
+    return name if is_same else None
+
+
+def open_stream(file: Readable, name: str, verification: Verification = VERIFIED) -> tuple[list[Source], Spooled]:
+    """Copy the rest of a file object to a temporary file, and open that. The file object stays open.
+
+    Raises RecordingError, TypeError for a file in text mode, and OSError.
+    """
+    folder = tempfile.TemporaryDirectory(prefix="msggen-", ignore_cleanup_errors=True)
+    spooled = Spooled(os.path.join(folder.name, "recording"), folder)
+    try:
+        with open(spooled.path, "xb") as target:
+            target.writelines(_pieces(file, name))
+        return open_sources(spooled.path, verification), spooled
+    except RecordingError as error:
+        folder.cleanup()
+        raise RecordingError(str(error).replace(spooled.path, name)) from None
+    except BaseException:
+        folder.cleanup()
+        raise
+
+
+def _pieces(file: Readable, name: str) -> Iterator[bytes]:
+    """Yield what is left of a file object, if it begins as a recording does and is not too large."""
+    limit, size = told_limit(), 0
+    front = b""
+    while data := _read(file, name):
+        size += len(data)
+        if limit is not None and size > limit:
+            raise RecordingError(f"{name} has more than {limit} bytes; {MAX_CONTENT} sets another limit")
+        if size <= _LONGEST_FRONT:  # a pipe can give few bytes at a time
+            front += data
+            continue
+        if size - len(data) <= _LONGEST_FRONT:
+            data = front + data
+            check_front(name, data)
+        yield data
+    if size <= _LONGEST_FRONT:
+        check_front(name, front)
+        yield front
+
+
+def _read(file: Readable, name: str) -> bytes:
+    found: Any = file.read(_STEP)
+    if found is None:
+        raise BlockingIOError(errno.EAGAIN, "it has no data yet, and does not wait for it", name)
+    if not isinstance(found, (bytes, bytearray, memoryview)):
+        raise TypeError(
+            f"{name}: expected a file in binary mode, whose read() returns bytes, got {type(found).__name__}"
+        )
+    return bytes(found)
