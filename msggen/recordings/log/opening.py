@@ -20,6 +20,9 @@ def open(  # noqa: A001 - users write recordings.open
 ) -> Log:
     """Return the recording at `path`: an MCAP file, a ULog, a db3 file or a folder of rosbag2.
 
+    `path` can be the address of a recording in a store, such as "s3://bucket/flight.mcap", or on a server of HTTP, with
+    the extra `msggen[stores]`.
+
     `path` can also be a file object in binary mode, such as `io.BytesIO` or a pipe: what is left of it is copied to a
     temporary file, which `Log.close` removes. A file that was just opened is read by its name, and not copied.
 
@@ -37,6 +40,7 @@ def open(  # noqa: A001 - users write recordings.open
     except ModuleNotFoundError as error:
         text = f"the package {error.name} is not installed: pip install 'msggen[recordings]'"
         raise ModuleNotFoundError(text, name=error.name) from None
+    from msggen.base.disk.urls import shown_address
     from msggen.recordings.definitions.lent import lender_of
     from msggen.recordings.files.opening import open_sources
     from msggen.recordings.log.log import Log
@@ -46,7 +50,7 @@ def open(  # noqa: A001 - users write recordings.open
     verification = Verification(verify, keep_damaged)
     place = _place_of(path)
     if place is not None:
-        return Log(open_sources(place, verification), lender, place)
+        return Log(open_sources(place, verification), lender, shown_address(place))
     from msggen.recordings.files.spooled import name_of, open_stream
 
     file = cast("Readable", path)
