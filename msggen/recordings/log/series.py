@@ -184,7 +184,9 @@ def read_modes(log: Log, *, start: float | None = None, stop: float | None = Non
 def _near(log: Log, name: str) -> str:
     """Return a suggestion for a name that is no topic: the topic, or the path that `topic/field` may mean."""
     topic, _, field = name.rpartition("/")
-    return f", did you mean '{topic}.{field}'?" if topic in log else suggestion(name, [each.uorb for each in log.topics])
+    if topic in log:
+        return f", did you mean '{topic}.{field}'?"
+    return suggestion(name, [each.uorb for each in log.topics])
 
 
 def parse_path(log: Log, path: str) -> tuple[Topic, str]:
