@@ -148,7 +148,8 @@ def _hint(wanted: Sequence[_Wanted]) -> Iterator[str]:
     """Yield where the standard types could come from, if nothing has them here."""
     packages = {each.channel.ros_type.partition("/")[0] for each in wanted} - {""}
     if packages and next(standard_types(), None) is None:
-        yield f"for the types of {few(sorted(packages))}, source the setup of an installed ROS 2, or pip install rosbags"
+        names = few(sorted(packages))
+        yield f"for the types of {names}, source the setup of an installed ROS 2, or pip install rosbags"
 
 
 def _from_lender(wanted: Sequence[_Wanted], lender: Lender | Nearby | None) -> Lent:
