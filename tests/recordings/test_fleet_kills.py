@@ -19,7 +19,7 @@ import pytest
 from msggen.base.diagnostics import InputError
 from msggen.recordings.fleet import compact, update
 from support.disk_calls import hooked
-from support.disk_tasks import in_child
+from support.disk_tasks import KILLED, killed_before
 from support.fleet_logs import VEHICLES, flight
 from support.fleet_recordings import parquet_in, rows_of, state_names
 from support.fleet_version3 import write_version3
@@ -30,7 +30,6 @@ pytestmark = [
     pytest.mark.skipif(sys.platform == "win32", reason="there is no fork"),
 ]
 
-KILLED = 9
 SOME = 12
 """How many moments each run tries at least."""
 KEPT = ["changes", "layout.json", "ledger.jsonl", "report.json"]
@@ -157,21 +156,7 @@ def moments(task: str, folder: Path, *, all_of_them: bool) -> list[int]:
 def kill(task: str, folder: Path, number: int) -> None:
     """Run a task, and kill it before a call."""
     copy_of(task, folder)
-
-    def work() -> int:
-        remaining = number
-
-        def count(_: str) -> None:
-            nonlocal remaining
-            if remaining == 0:
-                os._exit(KILLED)
-            remaining -= 1
-
-        with hooked(count):
-            TASKS[task].run(folder)
-        return 0
-
-    assert in_child(work) in (0, KILLED)
+    assert killed_before(lambda: TASKS[task].run(folder), number) in (0, KILLED)
 
 
 EVERY = pytest.mark.parametrize("extent", ["some", pytest.param("all", marks=pytest.mark.night)])

@@ -12,14 +12,13 @@ import pytest
 from fuzz.conversions import samples_in
 from support.commands import run
 from support.disk_calls import hooked
-from support.disk_tasks import in_child
+from support.disk_tasks import KILLED, killed_before
 from support.flights import write_flight
 from support.scratch import inside
 from support.ulog import write_ulog
 
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(sys.platform == "win32", reason="there is no fork")]
 
-KILLED = 9
 MOMENTS = 15
 ACTIONS = (
     "convert flight.mcap -o made",
@@ -72,7 +71,7 @@ def test_a_kill_leaves_a_whole_target_or_none(action: str, folder: Path) -> None
             if target.suffix == ".html":  # a report replaces the one before it
                 target.write_bytes(OLD)
                 before = OLD
-            assert in_child(lambda number=number: _killed(words, number)) == KILLED  # type: ignore[misc]
+            assert killed_before(lambda: run(words), number) == KILLED
             after = content(target)
             assert after in (before, whole), f"call {number}, {names[number]}"
             found.add(after == whole)
@@ -82,21 +81,6 @@ def test_a_kill_leaves_a_whole_target_or_none(action: str, folder: Path) -> None
             assert content(target) == whole
             assert sorted(os.listdir(folder)) == given, f"call {number}, {names[number]}"
         assert False in found
-
-
-def _killed(words: list[str], number: int) -> int:
-    """Run a command that is killed before a call. Return 0 if it has fewer calls."""
-    remaining = number
-
-    def count(_: str) -> None:
-        nonlocal remaining
-        if remaining == 0:
-            os._exit(KILLED)
-        remaining -= 1
-
-    with hooked(count):
-        run(words)
-    return 0
 
 
 def _remove(target: Path) -> None:

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 from support.catalogs import write_definitions
 from support.commands import run
+from support.disk_calls import hooked
 from support.packages import committed, content, definition
 from support.scratch import inside
 
@@ -55,6 +56,9 @@ TEMPORARY = (".msggen-stage", ".msggen-new", ".tmp", ".new", ".old", ".msggen_ca
 """Parts of the names of temporary files, and of the cache, which a run may leave out."""
 
 State = dict[str, "bytes | str | None"]
+
+KILLED = 9
+"""The exit code of a process that is killed."""
 
 
 class Ends(NamedTuple):
@@ -133,3 +137,25 @@ def in_child(work: Callable[[], int]) -> int:
     except BaseException:
         os.kill(child, 9)
         raise
+
+
+def killed_before(work: Callable[[], object], number: int) -> int:
+    """Run `work` in a process of its own, which ends before this call that changes the disk. Return its exit code.
+
+    That is `KILLED`, or 0 if there are not so many calls.
+    """
+
+    def counted() -> int:
+        remaining = number
+
+        def count(_: str) -> None:
+            nonlocal remaining
+            if remaining == 0:
+                os._exit(KILLED)
+            remaining -= 1
+
+        with hooked(count):
+            work()
+        return 0
+
+    return in_child(counted)
