@@ -6,7 +6,6 @@ The output is as before the command or as after it, as a whole, and the next run
 from __future__ import annotations
 
 import multiprocessing
-import os
 import sys
 import time
 from functools import cache
@@ -15,13 +14,11 @@ from typing import NamedTuple
 
 from fuzz.faults import calls_of
 from support.commands import run
-from support.disk_calls import hooked
-from support.disk_tasks import TASKS, State, copy_start, ends, in_child, leftovers, output
+from support.disk_tasks import KILLED, TASKS, State, copy_start, ends, in_child, killed_before, leftovers, output
 from support.scratch import inside, scratch_folder
 
 COUNT = 50
 
-KILLED = 9
 WHOLE = ("build", "build anew", "sync", "sync anew")
 """Tasks whose output is never a mixture. `render` and `bump` change one file after the other."""
 
@@ -75,20 +72,7 @@ def _difference(found: State, before: State, after: State) -> str:
 
 
 def _kill_at_call(task: str, number: int) -> None:
-    def work() -> int:
-        remaining = number
-
-        def count(_: str) -> None:
-            nonlocal remaining
-            if remaining == 0:
-                os._exit(KILLED)
-            remaining -= 1
-
-        with hooked(count):
-            run(TASKS[task])
-        return 0
-
-    assert in_child(work) in (0, KILLED)
+    assert killed_before(lambda: run(TASKS[task]), number) in (0, KILLED)
 
 
 @cache
