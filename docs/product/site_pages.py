@@ -24,6 +24,7 @@ GROUPS = {
         "docs/recordings",
         "docs/report",
         "docs/reading",
+        "docs/stores",
         "docs/fleet",
         "docs/recording_formats",
     ),

@@ -35,7 +35,8 @@ ROOMS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "live.ros": ("base", "live.link", "live.messages", "live.vehicle"),
         "live": ("base",),
         "recordings.source": (),
-        "recordings.files": ("base", "definitions", "recordings.source"),
+        "recordings.stores": ("base",),
+        "recordings.files": ("base", "definitions", "recordings.source", "recordings.stores"),
         "recordings.decode": ("base", "definitions", "recordings.source"),
         "recordings.topics": ("base", "live.messages", "recordings.source", "recordings.decode"),
         "recordings.columns": (
@@ -84,6 +85,7 @@ ROOMS: Mapping[str, tuple[str, ...]] = MappingProxyType(
             "sources",
             "live.messages",
             "recordings.source",
+            "recordings.stores",
             "recordings.files",
             "recordings.decode",
             "recordings.topics",

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Callable
 from typing import Any, Final
 
-from msggen.base.disk.urls import refuse_url
+from msggen.base.disk.urls import is_address, is_in_store, refuse_url
 from msggen.base.location import Location
 
 _LARGEST = 1e6
@@ -27,6 +27,16 @@ def local_path(text: str) -> str:
     """Return `text`. Raise ArgumentTypeError as `non_empty` does, and InputError for a URL: it would name a folder."""
     refuse_url(non_empty(text), Location(text, 0))
     return text
+
+
+def recording(text: str) -> str:
+    """Return the path or the address of a recording to read. Raise as `local_path` does for any other URL."""
+    return text if is_address(non_empty(text)) else local_path(text)
+
+
+def new_recording(text: str) -> str:
+    """Return the path or the address of a recording to write. Raise as `local_path` does for any other URL."""
+    return text if is_in_store(non_empty(text)) else local_path(text)
 
 
 class Deferred:

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from msggen.cli import FAILED, main, parser_for
-from msggen.cli.values import local_path
+from msggen.cli.values import local_path, new_recording, recording
 from msggen.live import LinkError
 from support.catalogs import write_definitions
 from support.commands import COMMANDS, run
@@ -222,6 +222,12 @@ def test_the_help_lists_the_exit_codes(name: str, capsys: pytest.CaptureFixture[
     assert fails == (name in {"check", "breaking"})
 
 
+ADDRESSES = {
+    **{(f"log {name}", "file"): recording for name in ("info", "show", "plot", "report", "convert", "cut", "repair")},
+    **{(f"log {name}", "output"): new_recording for name in ("convert", "cut", "merge", "repair")},
+    ("log merge", "files"): recording,
+}
+"""The types of arguments that can be addresses in stores."""
 PATH = re.compile("DIR|FILE|PATH|PKG|^B$")
 """The metavars of paths."""
 
@@ -231,7 +237,7 @@ def test_every_argument_that_is_a_path_refuses_urls(name: str) -> None:
     for action in COMMANDS[name]._actions:
         is_ignored = "ignored" in str(action.help) or action.dest == "field"
         if PATH.search(str(action.metavar or "")) and not is_ignored:
-            assert action.type is local_path, f"{name} {action.dest}"
+            assert action.type is ADDRESSES.get((name, action.dest), local_path), f"{name} {action.dest}"
 
 
 @pytest.mark.parametrize(
@@ -246,7 +252,7 @@ def test_every_argument_that_is_a_path_refuses_urls(name: str) -> None:
 def test_a_url_is_an_error_and_nothing_is_written(text: str, hint: str, tmp_path: Path) -> None:
     words = (["log", "convert", ".", "-o", text], ["build", "-o", text], ["build", "--msg-dir", text, "-o", "x"])
     with inside(tmp_path):
-        for each in (*words, ["log", "info", text], ["docs", "-o", text], ["sync", text], ["record", "-o", text]):
+        for each in (*words, ["view", text], ["docs", "-o", text], ["sync", text], ["record", "-o", text]):
             outcome = run(each)
             assert outcome.code == FAILED
             assert outcome.stderr.startswith(f"{text}: S131 a URL, expected a path: {hint}\n")

@@ -35,6 +35,7 @@ COMMANDS = {
     "record": ("record", "--for", "1", "-o", "made.mcap", "-q"),
     "play": ("play", "flight.mcap", "--for", "0.1"),
     "topic plot": ("topic", "plot", "a.b", "--for", "1"),
+    "store": ("log", "info", "http://127.0.0.1:9/flight.mcap"),
     "view": ("view", "flight.mcap"),
 }
 TABLES = ("parquet", "arrow", "comma", "fleet", "compact")
@@ -48,6 +49,8 @@ MISSING = [
     *((name, "mcap", RECORDINGS) for name in MCAP),
     *((name, "matplotlib", "'msggen[plot]'") for name in ("plot",)),
     ("topic plot", "plotille", "'msggen[plot]'"),
+    ("store", "obstore", "'msggen[stores]'"),
+    ("store", "botocore", "'msggen[stores]'"),
     ("dask", "distributed", "'msggen[dask]'"),
     ("view", "foxglove", "'msggen[view]'"),
 ]
@@ -104,6 +107,7 @@ CALLS = [
     (f"{CONVERTED}'mcap')", "mcap", RECORDINGS),
     (f"{CONVERTED}'rosbag2')", "mcap", RECORDINGS),
     ("recordings.plot.draw(log, ['sensor_combined.gyro_rad'])", "matplotlib", "'msggen[plot]'"),
+    ("recordings.open('http://127.0.0.1:9/flight.mcap')", "obstore", "'msggen[stores]'"),
     (FLEET.format("update"), "pyarrow", RECORDINGS),
     ("from msggen.recordings.fleet import pools\nnext(pools.on_client([], None))", "distributed", "'msggen[dask]'"),
 ]

@@ -280,7 +280,7 @@ def _record(chance: Random, work: Path, outside: Path) -> None:
     state = work / "fleet" / "_msggen"
     names = ("ledger.jsonl", "ledger.jsonl", "layout.json")
     path = chance.choice([state / name for name in names if (state / name).is_file()])
-    lines = [json.loads(line) for line in path.read_text().splitlines()]
+    lines = [found for line in path.read_text().splitlines() if isinstance(found := json.loads(line), dict)]
     number = chance.randrange(len(lines))
     if chance.random() < 0.6:
         (work / "fleet" / "link").symlink_to(outside / "away")

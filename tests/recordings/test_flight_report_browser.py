@@ -145,11 +145,10 @@ def test_a_report_loads_nothing_and_reports_no_error(browser: Chrome, page: Path
 def test_charts_follow_light_and_dark(browser: Chrome, page: Path) -> None:
     prefer(browser, "light")
     opened(browser, page)
-    script = "return [...flightReport.plots.values()][0].series[1].stroke()"
-    light = browser.execute_script(script)
+    colour = "[...flightReport.plots.values()][0].series[1].stroke()"
+    light = browser.execute_script(f"return {colour}")
     prefer(browser, "dark")
-    wait_for(browser, "flightReport.plots.size > 1")
-    assert browser.execute_script(script) != light
+    wait_for(browser, f"flightReport.plots.size > 1 && {colour} !== '{light}'")
     prefer(browser, "light")
 
 

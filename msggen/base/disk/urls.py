@@ -9,6 +9,34 @@ from msggen.base.location import Location
 
 _URL = re.compile(r"(?:\w+=)?([A-Za-z][A-Za-z0-9+.-]+)://")
 """The scheme at the beginning of a URL, also behind `PKG=`. A single letter is a drive of Windows."""
+STORES = ("s3", "gs", "az")
+"""The schemes of stores, which recordings are read from and written to."""
+_SERVERS = ("https", "http")
+"""The schemes of servers, which recordings are only read from."""
+_CREDENTIALS = re.compile(r"(?<=://)[^/@]*@|\?.*", re.DOTALL)
+"""What can be secret in the URL of a server: a user, and a query, which can have a signature."""
+
+
+def scheme_of(text: str) -> str:
+    """Return the scheme of the address of a recording, "" for a path."""
+    found = _URL.match(text)
+    scheme = found[1].lower() if found and "=" not in found[0] else ""
+    return scheme if scheme in (*STORES, *_SERVERS) else ""
+
+
+def is_address(text: str) -> bool:
+    """Whether a text is the address of a recording in a store or on a server."""
+    return bool(scheme_of(text))
+
+
+def is_in_store(text: str) -> bool:
+    """Whether a text is an address in a store, where recordings can be written."""
+    return scheme_of(text) in STORES
+
+
+def shown_address(text: str) -> str:
+    """Return a path or an address as it is shown: without a user and a query, which can be secrets."""
+    return _CREDENTIALS.sub("", text) if scheme_of(text) in _SERVERS else text
 
 
 def refuse_url(text: str, place: Location, title: str = "") -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from msggen.base.recording_formats import FORMATS
 from msggen.cli.log.targets import STDIN, SUFFIXES
 from msggen.cli.options import FAILED_CODES, add_shared
-from msggen.cli.values import local_path, non_empty, seconds
+from msggen.cli.values import new_recording, non_empty, recording, seconds
 
 if TYPE_CHECKING:
     from msggen.recordings import Log, Topic
@@ -24,7 +24,8 @@ KINDS = f"{', '.join(_FILES)}, or a folder or {_DATABASE.removeprefix('a ')}"
 
 def add_file(parser: argparse.ArgumentParser) -> None:
     """Add the recording to read."""
-    parser.add_argument("file", metavar="FILE", type=local_path, help=f"recording: {KINDS}; {STDIN} for stdin")
+    text = f"recording: {KINDS}; {STDIN} for stdin; or an address: s3://BUCKET/KEY, https://…"
+    parser.add_argument("file", metavar="FILE", type=recording, help=text)
 
 
 def add_topics(parser: argparse.ArgumentParser) -> None:
@@ -66,7 +67,7 @@ def add_fields(parser: argparse.ArgumentParser, text: str) -> None:
 
 def add_output(parser: argparse.ArgumentParser, text: str, metavar: str = "FILE") -> None:
     """Add the options of an action that writes."""
-    parser.add_argument("-o", "--output", metavar=metavar, type=local_path, help=text)
+    parser.add_argument("-o", "--output", metavar=metavar, type=new_recording, help=text)
     add_shared(parser, "--json", "-q, --quiet")
 
 

@@ -11,7 +11,9 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from msggen.base.diagnostics import counted, few, input_error, printable
+from msggen.base.disk.urls import refuse_url
 from msggen.base.exit_codes import DONE, FINDINGS
+from msggen.base.location import Location
 from msggen.cli.log.opening import counted_samples
 from msggen.cli.log.progress import Show, progress_bar
 from msggen.cli.log.targets import check_folder
@@ -85,6 +87,7 @@ def convert_fleet(options: argparse.Namespace) -> int:
             refuse(options, f"argument {spelling}: a folder of recordings becomes Parquet as a whole: leave it out")
     check_folder(options)
     fleet = options.output or _FLEET
+    refuse_url(fleet, Location(fleet, 0))
     began = time.monotonic()
     summary = _updated(options, fleet)
     if options.json:

@@ -9,6 +9,7 @@ from datetime import datetime, timezone
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from msggen.base.diagnostics import counted, printable
+from msggen.base.disk.urls import is_address
 from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.base.recording_formats import FORMATS
 from msggen.cli.log.arguments import CODES, add_file
@@ -78,14 +79,20 @@ def _info(options: argparse.Namespace) -> int:
             for name, text in (*_rows(log.path, log), *_rows_on_contents(log, checksums)):
                 print(f"{name:<11} {printable(text)}")
             if not has_gaps:
-                print(f"{'gaps':<11} not searched for in this many chunks: --gaps does")
+                where = "a store" if is_address(log.path) else "this many chunks"
+                print(f"{'gaps':<11} not searched for in {where}: --gaps does")
             print()
             print_table(_COLUMNS, [row for row in rows if row.topic.count])
         return FINDINGS if log.problems else DONE
 
 
 def _has_few_chunks(log: Log) -> bool:
-    """Whether the times of all samples are read at once. A ULog is read when it is opened, and a database always."""
+    """Whether the times of all samples are read at once. A ULog is read when it is opened, and a database always.
+
+    Of MCAP in a store, the message indexes of all chunks would be fetched.
+    """
+    if log.contents is not None and is_address(log.path):
+        return False
     return log.contents is None or log.contents.chunks <= _FEW_CHUNKS
 
 
@@ -189,6 +196,10 @@ def _dropouts(durations: Sequence[float]) -> str:
 
 def _size(path: str) -> int:
     """Return the bytes of a file, or of the files in a folder."""
+    if is_address(path):
+        from msggen.recordings.files.stored import size_of
+
+        return size_of(path)
     if not os.path.isdir(path):
         return os.path.getsize(path)
     return sum(entry.stat().st_size for entry in os.scandir(path) if entry.is_file())

@@ -9,12 +9,13 @@ from collections.abc import Iterable
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
+from msggen.base.disk.urls import is_address
 from msggen.base.recording_formats import MCAP
 from msggen.cli.log.arguments import CODES, KINDS, add_output
 from msggen.cli.log.opening import code_of, opened, written
 from msggen.cli.log.targets import check_mcap
 from msggen.cli.options import Commands, add_command
-from msggen.cli.values import local_path
+from msggen.cli.values import recording
 
 if TYPE_CHECKING:
     from msggen.recordings import Log
@@ -32,7 +33,7 @@ def add_to(actions: Commands) -> None:
         "in UTC if the ULog has the time of a GPS receiver.",
         epilog=CODES,
     )
-    parser.add_argument("files", metavar="FILE", nargs="+", type=local_path, help=f"recordings, each {KINDS}")
+    parser.add_argument("files", metavar="FILE", nargs="+", type=recording, help=f"recordings, each {KINDS}")
     add_output(parser, "file to write, an MCAP file (default: merged.mcap)")
 
 
@@ -41,17 +42,23 @@ def _merge(options: argparse.Namespace) -> int:
     target = options.output or f"merged{MCAP}"
     if len(options.files) == 1:
         options.parser.error("expected several recordings, found one")
-    twice = [path for path, count in Counter(map(os.path.realpath, options.files)).items() if count > 1]
+    twice = [path for path, count in Counter(map(_place, options.files)).items() if count > 1]
     if twice:
-        options.parser.error(f"{os.path.relpath(twice[0])} is named twice: its samples would be written twice")
+        name = twice[0] if is_address(twice[0]) else os.path.relpath(twice[0])
+        options.parser.error(f"{name} is named twice: its samples would be written twice")
     with ExitStack() as stack:
         logs = [stack.enter_context(opened(options, path)) for path in options.files]
         from msggen.recordings.convert import join
 
-        inputs = list(zip(options.files, logs, strict=True))
+        inputs = [(log.path, log) for log in logs]
         return code_of(
             written(options, target, lambda progress: _named(join(logs, target, progress=progress), inputs, target))
         )
+
+
+def _place(path: str) -> str:
+    """Return the path of a file without links, or an address."""
+    return path if is_address(path) else os.path.realpath(path)
 
 
 def _named(converted: Converted, inputs: Iterable[tuple[str, Log]], target: str) -> Converted:

@@ -10,8 +10,9 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, BinaryIO
 
-from msggen.base.diagnostics import counted, input_error, printable
+from msggen.base.diagnostics import InputError, counted, input_error, printable
 from msggen.base.disk.names import path_hint
+from msggen.base.disk.urls import is_address, shown_address
 from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.cli.log.arguments import asked_time, refuse_files, swapped_hint
 from msggen.cli.log.progress import busy_bar, progress_bar
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from msggen.recordings import Log, Problem
     from msggen.recordings.convert import Converted
     from msggen.recordings.definitions.lent import Nearby
+    from msggen.recordings.stores.errors import StoreError
 
 
 @contextmanager
@@ -36,28 +38,38 @@ def opened(options: argparse.Namespace, path: str) -> Iterator[Log]:
     A name that it does not have is an error of usage.
     """
     check_reading("R102")
+    shown = shown_address(path)
     try:
         from msggen import recordings
         from msggen.recordings import RecordingError
         from msggen.recordings.source.source import UnknownFieldError
+        from msggen.recordings.stores.errors import StoreError
 
     except ImportError as error:
         raise missing_extra(error, "recordings", "R102") from None
     try:
-        with busy_bar(options, f"opening {path}"):
+        with busy_bar(options, f"opening {shown}"):
             keeps = getattr(options, "keep_damaged", False)
             log = recordings.open(_source(options, path), _nearby(options), keep_damaged=keeps)
     except RecordingError as error:
-        raise input_error(path, "R102", _without_path(str(error), _shown(path)), 0) from None
+        raise input_error(shown, "R102", _without_path(str(error), shown_address(_shown(path))), 0) from None
+    except StoreError as error:
+        raise store_failed(error, "R102") from None
+    except ModuleNotFoundError as error:
+        raise missing_extra(error, "stores", "R102") from None
     except OSError as error:
         is_missing = isinstance(error, FileNotFoundError)
         near = swapped_hint(options, path) or path_hint(path, is_meant=os.path.exists) if is_missing else ""
         raise input_error(path, "R102", f"cannot be read: {error.strerror}{near}", 0) from None
+    if is_address(path) and path == getattr(options, "file", None):
+        options.file = log.path
     with log:
         try:
             yield log
         except UnknownFieldError as error:
-            options.parser.error(f"{error} `msggen log info {path} TOPIC` lists the fields of a topic")
+            options.parser.error(f"{error} `msggen log info {shown} TOPIC` lists the fields of a topic")
+        except StoreError as error:
+            raise store_failed(error, "R102") from None
         except RecordingError as error:
             refuse_files(options, log)
             options.parser.error(str(error))
@@ -87,6 +99,11 @@ def _nearby(options: argparse.Namespace) -> Nearby | None:
     return None if find is None else Nearby(lambda: find(options))
 
 
+def store_failed(error: StoreError, code: str) -> InputError:
+    """Return the error about an object in a store."""
+    return input_error(str(error.filename), code, str(error.strerror), 0)
+
+
 def _without_path(text: str, path: str) -> str:
     """Return an error without the path that is printed before it."""
     return text.removeprefix(f"{path} ")
@@ -94,6 +111,8 @@ def _without_path(text: str, path: str) -> str:
 
 def written(options: argparse.Namespace, path: str, write: Callable[[Callable[[float], None]], Converted]) -> Converted:
     """Call a function that writes `path`, show its progress, and print what it did."""
+    from msggen.recordings.stores.errors import StoreError
+
     begin = time.monotonic()
     try:
         with progress_bar(options) as progress:
@@ -101,11 +120,13 @@ def written(options: argparse.Namespace, path: str, write: Callable[[Callable[[f
     except FileExistsError:
         text = "there is such a file or folder already: choose another name with -o, or remove it"
         raise input_error(path, "R101", text, 0) from None
+    except StoreError as error:
+        raise store_failed(error, "R101" if str(error.filename).startswith(path) else "R102") from None
     except FileNotFoundError:
         check_parent(path)
         raise
     except ImportError as error:
-        raise missing_extra(error, "recordings", "R101") from None
+        raise missing_extra(error, "stores" if is_address(path) else "recordings", "R101") from None
     except OSError as error:
         raise input_error(path, "R101", f"cannot be written: {error.strerror}", 0) from None
     seconds = time.monotonic() - begin
@@ -122,7 +143,7 @@ def code_of(converted: Converted) -> int:
 
 def summarise(options: argparse.Namespace, path: str, converted: Converted, seconds: float) -> None:
     """Print what was written, and what was not."""
-    size = sum(os.path.getsize(each) for each in converted.files)
+    size = converted.size
     if options.json:
         made = {
             "output": path,

@@ -9,6 +9,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from msggen.base.disk.staging import check_writable, clear, locked, stage_beside, staging_folder
+from msggen.base.disk.urls import is_in_store
 from msggen.base.missing import RECORDINGS, installed_by
 from msggen.base.recording_formats import STORAGES
 from msggen.recordings.convert.selection import EVERYTHING, Converted, Selection
@@ -57,6 +58,9 @@ def convert(  # noqa: PLR0913 - named options
     a spreadsheet would evaluate. With `sql_names`, the columns of tables have names as in `Samples.columns`.
     `storage` is as for `join`.
 
+    `target` can be an address in a store, such as "s3://bucket/flight.mcap": files are written to a temporary folder,
+    and put there whole.
+
     The target is written under another name beside it, which is removed at the end or by the next run, and then
     renamed: there is never a part of it, and without samples nothing. Raises RecordingError, FileExistsError if there
     is such a target, FileNotFoundError if there is no folder for it, and OSError, also if another process writes it.
@@ -104,6 +108,10 @@ def join(  # noqa: PLR0913 - named options
 
 def _whole(target: str, write: Callable[[str], Converted]) -> Converted:
     """Call `write` with a path for a file or folder, and move what it made to `target` if that has samples."""
+    if is_in_store(target):
+        from msggen.recordings.convert.stored import write_stored
+
+        return write_stored(target, write)
     target = os.path.abspath(target)
     if os.path.lexists(target):
         raise FileExistsError(errno.EEXIST, "there is such a file or folder already", target)
@@ -120,9 +128,10 @@ def _whole(target: str, write: Callable[[str], Converted]) -> Converted:
         written = write(made)
         if not written.rows:
             return written._replace(files=[])
+        size = sum(map(os.path.getsize, written.files))
         os.rename(made, target)
     files = [target if path == made else os.path.join(target, os.path.relpath(path, made)) for path in written.files]
-    return written._replace(files=files)
+    return written._replace(files=files, size=size)
 
 
 def _alone(stage: str) -> AbstractContextManager[None]:

@@ -56,6 +56,8 @@ class Converted(NamedTuple):
     """What the recording has and what is not in the files."""
     notes: Sequence[str] = ()
     """Where definitions are from that are not in the recording, and why events are not decoded."""
+    size: int = 0
+    """The bytes of the files."""
 
 
 class Share:

@@ -17,6 +17,7 @@ from msggen.recordings.files.frames import Frames
 from msggen.recordings.files.mapped import MappedFile
 from msggen.recordings.files.mcap_channels import Described
 from msggen.recordings.files.mcap_chunks import Loaded, Loader, ahead, limited, records_of
+from msggen.recordings.files.mcap_fetched import fetch_heads, fetch_indexes, in_steps
 from msggen.recordings.files.mcap_messages import Index, between, indexed, searched
 from msggen.recordings.files.mcap_records import (
     ATTACHMENT,
@@ -33,7 +34,7 @@ from msggen.recordings.files.mcap_records import (
     times_of,
 )
 from msggen.recordings.files.mcap_scan import scan
-from msggen.recordings.files.mcap_summary import differing_sections, read_summary
+from msggen.recordings.files.mcap_summary import Summary, differing_sections, read_summary
 from msggen.recordings.files.metadata import facts_of, notes_of
 from msggen.recordings.source.facts import Facts
 from msggen.recordings.source.memory import drop_pages
@@ -81,13 +82,14 @@ class McapFile(Source):
         self._span: tuple[int, int] | None = None
         self._times: Mapping[int, Sequence[NDArray[np.int64]]] = {}
         """The times of the messages that no message index has."""
-        self._mapped = MappedFile(path)
+        self._mapped = MappedFile(path, in_ranges=True)
+        self._mapped.need([(0, len(MAGIC))])
         self.close_with(self._mapped.close)
         if bytes(self._file[: len(MAGIC)]) != MAGIC:
             raise RecordingError(f"{path} is not an MCAP file")
         room = room or Room(self._file.size)
         self._frames = Frames(room, self.problems, is_by_sample=is_by_sample)
-        summary = read_summary(self._file.data, self._described)
+        summary = self._summary()
         self._stated = summary.counts
         if summary.chunks is None:
             self._scan(room, is_damaged=summary.is_damaged)
@@ -130,8 +132,10 @@ class McapFile(Source):
         chunks = self._chunks
         loose = len(self._regions) - len(chunks)
         data = self._file.data
+        fetch_heads(self._mapped, (*chunks[:1], *chunks[-1:]))
         has_crc = {bool(crc_of(data, chunk)) for chunk in (*chunks[:1], *chunks[-1:])}
         if len(has_crc) > 1:
+            fetch_heads(self._mapped, chunks)
             return loose + sum(not crc_of(data, chunk) for chunk in chunks)
         return loose + len(chunks) * (False in has_crc)
 
@@ -145,6 +149,7 @@ class McapFile(Source):
     def verify(self) -> Checksums:
         """Compare chunks, attachments, data section and summary with their CRCs, and report those that differ."""
         self._mapped.check()
+        self._mapped.need_all()
         known = [(chunk, crc) for chunk in self._chunks if (crc := crc_of(self._file.data, chunk))]
         for chunk, crc in known:
             if not self._checks.is_compared(chunk):
@@ -161,6 +166,7 @@ class McapFile(Source):
         """See Source.attached."""
         self._mapped.check()
         for opcode, start, length in self._described.attached:
+            self._mapped.need([(start, start + length)])
             content = self._file.data[start : start + length]
             try:
                 found = attached_of(content, opcode)
@@ -197,7 +203,11 @@ class McapFile(Source):
         self._mapped.check()
         found: dict[int, list[NDArray[np.int64]]] = {number: list(self._times.get(number, ())) for number in channels}
         file = self._file
-        for chunk in self._chunks_with(channels):
+        chunks = self._chunks_with(channels)
+        if self._mapped.is_partial:  # all at once, for several requests at a time
+            of_chunks = [(chunk, number) for chunk in chunks for number in found.keys() & chunk.indexes.keys()]
+            fetch_indexes(self._mapped, [chunk.indexes[number] for chunk, number in of_chunks])
+        for chunk in chunks:
             for number in found.keys() & chunk.indexes.keys():
                 found[number] += self._times_in(chunk, number)
             drop_pages(file)
@@ -212,16 +222,28 @@ class McapFile(Source):
         for chunk in self._chunks_by_first:
             if firsts and chunk.first >= min(firsts):
                 break
+            self._fetch_all_indexes(chunk, channel)
             firsts += [int(each.min()) for each in self._times_in(chunk, channel)]
         for chunk in self._chunks_by_last:
             if lasts and chunk.last <= max(lasts):
                 break
+            self._fetch_all_indexes(chunk, channel)
             lasts += [int(each.max()) for each in self._times_in(chunk, channel)]
         return (min(firsts), max(lasts)) if firsts and lasts else None
 
+    def _fetch_all_indexes(self, chunk: Chunk, channel: int) -> None:
+        """Fetch the message indexes of a chunk that has a channel: those of other channels are often asked for next."""
+        if channel in chunk.indexes:
+            end = chunk.start + chunk.length
+            self._mapped.need([(end, end + chunk.index_size)])
+
     def _times_in(self, chunk: Chunk, channel: int) -> Iterator[NDArray[np.int64]]:
         """Yield the log times of a channel in a chunk, if there are any."""
-        entries = entries_of(self._file, channel, chunk.indexes[channel]) if channel in chunk.indexes else None
+        if channel not in chunk.indexes:
+            return
+        if self._mapped.is_partial:
+            fetch_indexes(self._mapped, [chunk.indexes[channel]])
+        entries = entries_of(self._file, channel, chunk.indexes[channel])
         if entries is not None and entries.size:
             yield times_of(entries.view("<u8")[::2])
 
@@ -252,6 +274,17 @@ class McapFile(Source):
                 found[number].append(chunk)
         return found
 
+    def _summary(self) -> Summary:
+        """Read the summary. A file in a store that has none that can be relied on is fetched whole."""
+        is_partial = self._mapped.is_partial
+        summary = read_summary(self._mapped, self._described)
+        if summary.chunks is not None or not is_partial:
+            return summary
+        self._mapped.need_all()
+        self.problems.clear()
+        self._described = Described(self.problems, self._checks)
+        return read_summary(self._mapped, self._described)
+
     def _scan(self, room: Room, *, is_damaged: bool) -> None:
         """Search the file, which has no index of all its messages. If `is_damaged`, so may be the message indexes."""
         summarized = self._described.channels
@@ -274,12 +307,13 @@ class McapFile(Source):
                 return None
             return loader.load(self._file, group)
 
-        with closing(ahead(load, list(self._groups(wanted, start, stop)))) as groups:
-            for group, loaded in groups:
-                for part in self._of_group(group, loaded, wanted):
-                    chosen = between(part, start, stop)
-                    if chosen is not None:
-                        yield chosen
+        for groups in in_steps(self._mapped, list(self._groups(wanted, start, stop))):
+            with closing(ahead(load, groups)) as loading:
+                for group, loaded in loading:
+                    for part in self._of_group(group, loaded, wanted):
+                        chosen = between(part, start, stop)
+                        if chosen is not None:
+                            yield chosen
 
     def _of_group(self, group: Sequence[Chunk] | Loose, loaded: Loaded | None, wanted: set[int]) -> Iterable[Part]:
         """Return the messages of one group of `_groups`. What has no correct message index is searched."""

@@ -15,7 +15,7 @@ from msggen.recordings.source.memory import Octets, Places
 from msggen.recordings.source.source import Attached
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator, Mapping, Sequence
+    from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -55,7 +55,7 @@ _CHUNK_CRC = struct.Struct("<I")
 _CHUNK_INDEX = struct.Struct("<QQQQI")
 """The front of a chunk index."""
 _CHUNK_BEGINS = re.compile(rb"\x06.{36}(?:\x00{4}|\x03\x00{3}lz4|\x04\x00{3}zstd)", re.DOTALL)
-_CHUNK_FRONT = 45
+CHUNK_FRONT = 45
 """The most bytes that this takes."""
 _STEP = 1 << 9
 """The bytes that are searched first for a chunk or a message."""
@@ -164,6 +164,15 @@ def _is_sound(chunk: Chunk) -> bool:
     """Whether the sizes of a chunk do not contradict each other, and its compression is known."""
     is_right = chunk.records + chunk.stored == chunk.start + chunk.length and (chunk.kind or chunk.size == chunk.stored)
     return bool(is_right) and chunk.kind in ("", "lz4", "zstd")
+
+
+def index_ranges(data: memoryview, offsets: Iterable[int]) -> Iterator[tuple[int, int]]:
+    """Yield where the message indexes at offsets are, by their heads."""
+    for offset in offsets:
+        if offset + INDEX_FRONT <= len(data):
+            opcode, _, _, size = _INDEX_HEAD.unpack_from(data, offset)
+            if opcode == MESSAGE_INDEX:
+                yield offset, offset + INDEX_FRONT + size
 
 
 def entries_of(file: Octets, number: int, offset: int) -> Octets | None:
@@ -322,7 +331,7 @@ def chunk_or_message_from(data: memoryview, low: int, channels: Collection[int])
         end = min(begin + step, size)
         message = message_from(data, begin, end, size, channels)
         limit = end if message < 0 else message
-        for found in _CHUNK_BEGINS.finditer(data, begin, min(limit + _CHUNK_FRONT, size)):
+        for found in _CHUNK_BEGINS.finditer(data, begin, min(limit + CHUNK_FRONT, size)):
             if found.start() >= limit:
                 break
             _, length = RECORD.unpack_from(data, found.start())

@@ -6,6 +6,7 @@ import struct
 from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.recordings.files.checksums import crc32
+from msggen.recordings.files.mcap_fetched import fetch_heads
 from msggen.recordings.files.mcap_records import (
     ATTACHMENT,
     CHUNK,
@@ -32,8 +33,11 @@ from msggen.recordings.source.memory import Octets, drop_pages
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
+    from msggen.recordings.files.mapped import MappedFile
     from msggen.recordings.files.mcap_channels import Described
 
+_TAIL = 1 << 16
+"""The bytes at the end of a file in a store that are fetched first: small summaries fit."""
 _FOOTER = struct.Struct("<BQQQI")
 _DATA_END = struct.Struct("<BQI")
 _END = _FOOTER.size + len(MAGIC)
@@ -51,14 +55,18 @@ class Summary(NamedTuple):
     """Whether a file that is not cut off has no whole summary where it should be: bytes were changed or lost."""
 
 
-def read_summary(data: memoryview, described: Described) -> Summary:
-    """Read the summary of a file."""
+def read_summary(mapped: MappedFile, described: Described) -> Summary:
+    """Read the summary of a file. Of one in a store, only what it needs is fetched, and anything odd is no summary."""
+    data = mapped.octets.data
     size = len(data)
+    is_partial = mapped.is_partial
+    mapped.need([(size - _TAIL, size)])
     if size < len(MAGIC) + _END or data[-len(MAGIC) :] != MAGIC:
         return Summary(None, {})
     opcode, _, start_of_summary, _, crc = _FOOTER.unpack_from(data, size - _END)
     if opcode != FOOTER or not len(MAGIC) <= start_of_summary < size - _END:
         return Summary(None, {}, is_damaged=opcode != FOOTER or start_of_summary != 0)
+    mapped.need([(start_of_summary, size)])
     chunks: list[Chunk] = []
     counts: dict[int, int] = {}
     chunk_count = message_count = -1
@@ -74,7 +82,10 @@ def read_summary(data: memoryview, described: Described) -> Summary:
             break
     index_count = sum(len(chunk.indexes) for chunk in chunks)
     if sum(chunk.index_size for chunk in chunks) != index_count * INDEX_FRONT + message_count * ENTRY:
+        if is_partial:
+            return Summary(None, counts)
         chunks = [chunk._replace(index_size=0) for chunk in chunks]  # they are stepped over one by one
+    fetch_heads(mapped, (*chunks[:1], *chunks[-1:]))
     is_right = described.checks.accepts(data[start_of_summary : size - len(MAGIC) - CRC], crc)
     is_whole = (
         is_right
@@ -83,7 +94,7 @@ def read_summary(data: memoryview, described: Described) -> Summary:
         and counts.keys() <= described.channels.keys()
         and not described.lacks_schemas
         and all(fits(data, chunk) for chunk in (*chunks[:1], *chunks[-1:]))
-        and _has_only(data, chunks, start_of_summary, described)
+        and _has_only(mapped, chunks, start_of_summary, described)
     )
     if is_whole:
         return Summary(chunks, counts)
@@ -142,18 +153,22 @@ def _indexed_chunk(data: memoryview, start: int, length: int) -> Chunk:
     return chunk
 
 
-def _has_only(data: memoryview, chunks: Sequence[Chunk], stop: int, described: Described) -> bool:
+def _has_only(mapped: MappedFile, chunks: Sequence[Chunk], stop: int, described: Described) -> bool:
     """Whether there is no other chunk, and no message outside of them. `described` takes what is attached.
 
     The message indexes behind the chunks are skipped.
     """
+    data = mapped.octets.data
     place = len(MAGIC)
     spans = [(chunk.start - FRONT, chunk.start + chunk.length + chunk.index_size) for chunk in chunks]
     for begin, end in (*spans, (stop, stop)):
+        mapped.need([(place, min(place + FRONT, begin))])
         for opcode, start, length in steps(data, place, begin):
             if opcode in (MESSAGE, CHUNK):
                 return False
+            mapped.need([(start + length, min(start + length + FRONT, begin))])  # `steps` reads the next head later
             if opcode in (ATTACHMENT, METADATA):
+                mapped.need([(start, start + length if opcode == METADATA else start)])
                 described.take_attached(data, opcode, start, length)
             place = start + length
         if place != begin:

@@ -9,6 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from msggen.base.diagnostics import either
+from msggen.base.disk.urls import is_address
 from msggen.base.recording_formats import FORMATS, foreign, packing_of, unpacked
 from msggen.recordings.files.compression import CompressionError, Room, decompress_file
 from msggen.recordings.source.source import VERIFIED, Problem, RecordingError, Source, Verification
@@ -18,7 +19,14 @@ if TYPE_CHECKING:
 
 
 def open_sources(path: str, verification: Verification = VERIFIED) -> list[Source]:
-    """Return the files of a recording, by their contents. Raises RecordingError, and OSError."""
+    """Return the files of a recording, by their contents. Raises RecordingError, and OSError.
+
+    `path` can be the address of an object in a store, which raises ModuleNotFoundError without the extra.
+    """
+    if is_address(path):
+        from msggen.recordings.files.stored import open_stored
+
+        return open_stored(path, lambda local: open_sources(local, verification))
     from msggen.recordings.files.bag import open_folder
 
     open_file = partial(_open_file, verification=verification)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 
+from msggen.base.disk.urls import is_address, shown_address
 from msggen.base.recording_formats import format_named, unpacked
 
 METADATA = "metadata.yaml"
@@ -47,6 +48,9 @@ def stem_of(path: str) -> str:
 
     The name of a folder is whole: `2026.11.22` has no suffix.
     """
+    if is_address(path):
+        name = shown_address(path).rstrip("/").rpartition("/")[2]
+        return os.path.splitext(unpacked(name))[0] if format_named(name) else name
     name = os.path.basename(os.path.abspath(path))
     return name if os.path.isdir(path) else os.path.splitext(unpacked(name))[0]
 

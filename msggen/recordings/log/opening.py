@@ -22,6 +22,9 @@ def open(  # noqa: A001 - users write recordings.open
 ) -> Log:
     """Return the recording at `path`: an MCAP file, a ULog, a db3 file or a folder of rosbag2.
 
+    `path` can be the address of a recording in a store, such as "s3://bucket/flight.mcap", or on a server of HTTP, with
+    the extra `msggen[stores]`.
+
     `path` can also be a file object in binary mode, such as `io.BytesIO` or a pipe: what is left of it is copied to a
     temporary file, which `Log.close` removes. A file that was just opened is read by its name, and not copied.
 
@@ -36,6 +39,7 @@ def open(  # noqa: A001 - users write recordings.open
     with installed_by(RECORDINGS):
         import numpy  # noqa: F401, ICN001
         import zstandard  # noqa: F401
+    from msggen.base.disk.urls import shown_address
     from msggen.recordings.definitions.lent import lender_of
     from msggen.recordings.files.opening import open_sources
     from msggen.recordings.log.log import Log
@@ -45,7 +49,7 @@ def open(  # noqa: A001 - users write recordings.open
     verification = Verification(verify, keep_damaged)
     place = _place_of(path)
     if place is not None:
-        return Log(open_sources(place, verification), lender, place)
+        return Log(open_sources(place, verification), lender, shown_address(place))
     from msggen.recordings.files.spooled import name_of, open_stream
 
     file = cast("Readable", path)

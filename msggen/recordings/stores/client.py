@@ -1,0 +1,120 @@
+"""Clients of obstore, with the credentials that the tools of each store use."""
+
+from __future__ import annotations
+
+import os
+from datetime import datetime, timedelta, timezone
+from typing import TYPE_CHECKING, Any
+from urllib.parse import unquote, urlsplit
+
+from msggen.base.disk.urls import scheme_of
+from msggen.base.missing import installed_by
+from msggen.recordings.stores.errors import store_error
+
+if TYPE_CHECKING:
+    from obstore.store import ClientConfig, ObjectStore, RetryConfig, S3Credential
+
+CLIENT: ClientConfig = {"connect_timeout": "10s", "read_timeout": "15s", "timeout": "300s"}
+"""`read_timeout` is the time without a byte, `timeout` that of a request of a few MB."""
+RETRIES: RetryConfig = {"max_retries": 2, "retry_timeout": timedelta(seconds=45)}
+_LIFE = timedelta(minutes=10)
+"""How long credentials are used before botocore is asked again, which renews them in time."""
+_NO_CREDENTIALS = (
+    "there are no credentials: set AWS_PROFILE, or AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY; "
+    "AWS_SKIP_SIGNATURE=true reads public buckets"
+)
+
+
+def split(address: str) -> tuple[str, str]:
+    """Return what a client is made for, and the name of an object there.
+
+    Those of `s3://bucket/logs/a.mcap` are `s3://bucket` and `logs/a.mcap`. Raises StoreError.
+    """
+    scheme = scheme_of(address)
+    if scheme in ("http", "https"):
+        try:
+            parts = urlsplit(address)
+            host = parts.hostname
+        except ValueError as error:
+            raise store_error(address, f"this is no URL: {error}") from None
+        if not host:
+            raise store_error(address, f"expected {scheme}://SERVER/FILE")
+        query = f"/?{parts.query}" if parts.query else ""
+        return f"{scheme}://{parts.netloc}{query}", unquote(parts.path).lstrip("/")
+    bucket, _, key = address[len(scheme) + len("://") :].partition("/")
+    if not bucket:
+        raise store_error(address, f"expected {scheme}://BUCKET/KEY")
+    return f"{scheme}://{bucket}", key
+
+
+def client_for(place: str, address: str) -> ObjectStore:
+    """Return a client for what `split` returns of an address.
+
+    Raises StoreError, and ModuleNotFoundError without the extra.
+    """
+    with installed_by("'msggen[stores]'"):
+        import botocore.session  # noqa: F401
+        from obstore.exceptions import BaseError
+        from obstore.store import HTTPStore, from_url
+    scheme = scheme_of(place)
+    try:
+        if scheme in ("http", "https"):
+            return HTTPStore(place, client_options={**CLIENT, "allow_http": scheme == "http"}, retry_config=RETRIES)
+        if scheme == "s3":
+            return _s3(place, address)
+        return from_url(place, client_options=CLIENT, retry_config=RETRIES)
+    except (BaseError, ValueError) as error:
+        raise store_error(address, str(error).partition("\n")[0]) from None
+
+
+def _s3(place: str, address: str) -> ObjectStore:
+    """Return a client for a bucket, as the configuration and the environment of AWS's own tools say."""
+    from botocore.exceptions import BotoCoreError
+    from botocore.session import Session
+    from obstore.store import S3Store
+
+    try:
+        session = Session()
+        found: dict[str, Any] = {"region": session.get_config_variable("region") or "us-east-1"}
+        endpoint = _endpoint(session)
+        if os.environ.get("AWS_SKIP_SIGNATURE", "").lower() in ("1", "true"):
+            found["skip_signature"] = True
+        else:
+            found["credential_provider"] = _Credentials(session.get_credentials(), address)
+    except BotoCoreError as error:
+        raise store_error(address, str(error).rstrip(".")) from None
+    if endpoint:
+        found["endpoint"] = endpoint
+    is_plain = endpoint.startswith("http://")
+    options: ClientConfig = {**CLIENT, "allow_http": is_plain}
+    return S3Store(place.partition("://")[2], client_options=options, retry_config=RETRIES, **found)
+
+
+def _endpoint(session: Any) -> str:
+    """Return the URL of a service that is compatible with S3, "" for AWS: AWS_ENDPOINT_URL_S3, or of a profile."""
+    from botocore.configprovider import ConfiguredEndpointProvider
+
+    provider = ConfiguredEndpointProvider(
+        full_config=session.full_config, scoped_config=session.get_scoped_config(), client_name="s3"
+    )
+    return str(provider.provide() or "")
+
+
+class _Credentials:
+    """Credentials of botocore: of the environment, a profile, SSO, a role, or the machine."""
+
+    def __init__(self, credentials: Any, address: str) -> None:
+        if credentials is None:
+            raise store_error(address, _NO_CREDENTIALS)
+        self._credentials = credentials
+        self()  # errors have their own texts here
+
+    def __call__(self) -> S3Credential:
+        """Return the credentials of the next minutes."""
+        found = self._credentials.get_frozen_credentials()
+        return {
+            "access_key_id": found.access_key,
+            "secret_access_key": found.secret_key,
+            "token": found.token,
+            "expires_at": datetime.now(timezone.utc) + _LIFE,
+        }

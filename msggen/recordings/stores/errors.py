@@ -1,0 +1,104 @@
+"""Errors of stores, in words for people."""
+
+from __future__ import annotations
+
+import errno
+import re
+
+from msggen.base.disk.urls import shown_address
+
+
+class StoreError(OSError):
+    """A store or a server that does not do what it was asked for.
+
+    `filename` is the address without secrets, and `strerror` the reason.
+    """
+
+    def __str__(self) -> str:
+        """Return the address and the reason."""
+        return f"{self.filename}: {self.strerror}"
+
+
+class MissingError(StoreError, FileNotFoundError):
+    """A store that does not have an object or a bucket."""
+
+
+class RangeError(StoreError):
+    """A range behind the end of an object, as each range of an empty one is."""
+
+
+def store_error(address: str, reason: str) -> StoreError:
+    """Return an error about an address."""
+    return StoreError(errno.EIO, reason, shown_address(address))
+
+
+def translated(error: Exception, address: str) -> StoreError:
+    """Return the error for what obstore raised."""
+    text = str(error)
+    shown = shown_address(address)
+    if isinstance(error, FileNotFoundError) or _status(text) == _NOT_FOUND:
+        return MissingError(errno.ENOENT, _missing(text), shown)
+    if _status(text) == _UNSATISFIABLE:
+        return RangeError(errno.EINVAL, "the range is behind the end of the object", shown)
+    number = errno.EACCES if _status(text) in _REFUSED else errno.EIO
+    return StoreError(number, _reason(text), shown)
+
+
+NO_OBJECT = "there is no such object"
+_NOT_FOUND = 404
+_UNSATISFIABLE = 416
+_REFUSED = {401: "unauthorized", 403: "forbidden"}
+_STATUS = re.compile(r"status code: (\d{3})")
+_CODE = re.compile(r"<Code>(\w{1,60})</Code>")
+"""The code of an error in the answer of a store."""
+_REGION = re.compile(r"<Region>([a-z0-9-]{1,40})</Region>")
+_SYSTEM = re.compile(r'message: "([^"]{1,200})"')
+"""What the system says of a connection."""
+_RETRIES = re.compile(r"after (\d+) retries")
+
+
+def _status(text: str) -> int:
+    """Return the status of HTTP that a server answered with, 0 if it did not answer."""
+    found = _STATUS.search(text)
+    return int(found[1]) if found else 0
+
+
+def _code(text: str) -> str:
+    found = _CODE.search(text)
+    return found[1] if found else ""
+
+
+def _missing(text: str) -> str:
+    return "there is no such bucket" if _code(text) == "NoSuchBucket" else NO_OBJECT
+
+
+def _reason(text: str) -> str:
+    """Return what is wrong in a line."""
+    if "Range request not supported" in text or "non-partial response" in text:
+        return "the server does not send parts of files (HTTP Range): copy the file to this computer first"
+    status = 301 if "redirect without LOCATION" in text else _status(text)
+    if status:
+        return _answered(status, text)
+    if "kind: Timeout" in text:
+        return "the server does not answer in time"
+    if "kind: Connect" in text:
+        found = _SYSTEM.search(text) or re.search(r'error: "([^"]{1,200})"', text)
+        return "no connection to the server" + (f": {found[1].rstrip('.')}" if found else "")
+    if "kind: Interrupted" in text or "kind: Decode" in text:
+        return "the connection broke off before the end of the answer"
+    return re.sub(r"^Generic \w+ error: ", "", text.partition("\n")[0]).rstrip(".: ") or "the store failed"
+
+
+def _answered(status: int, text: str) -> str:
+    code = _code(text)
+    told = f"{status} {code}" if code else str(status)
+    region = _REGION.search(text)
+    if region or status in (301, 307):
+        return f"the bucket is in another region ({told}): set AWS_REGION{f'={region[1]}' if region else ''}"
+    if status == 412:  # noqa: PLR2004 - of HTTP
+        return "the object changed while it was open: open it again"
+    if status in _REFUSED:
+        return f"access is {_REFUSED[status]} ({told}): these credentials may not do this"
+    retries = _RETRIES.search(text)
+    count = int(retries[1]) if retries else 0
+    return f"the server answers with an error ({told})" + (f", {count + 1} times" if count else "")

@@ -1,0 +1,196 @@
+"""Objects of a store by their addresses: read in ranges, written whole, listed and deleted."""
+
+from __future__ import annotations
+
+import errno
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from datetime import datetime
+from typing import TYPE_CHECKING, NamedTuple
+
+from msggen.base.disk.urls import scheme_of, shown_address
+from msggen.recordings.stores.client import client_for, split
+from msggen.recordings.stores.errors import NO_OBJECT, RangeError, StoreError, store_error, translated
+from msggen.recordings.stores.threads import result_of, results_of
+
+if TYPE_CHECKING:
+    from obstore import GetOptions, ObjectMeta
+
+_REQUESTS = 8
+"""The requests at a time."""
+_PIECE = 4 << 20
+"""The most bytes of a request."""
+_ATOMIC = 64 << 20
+"""The most bytes that are put in one request, which the store refuses if there is such an object."""
+_PARTS = 4
+"""The parts of a larger object that are sent at a time."""
+
+
+class Stored(NamedTuple):
+    """An object of a store, as it was when it was looked at."""
+
+    address: str
+    size: int
+    tag: str | None = None
+    """Its version (ETag), None if the server does not tell one."""
+    modified: datetime | None = None
+
+    def is_same(self, other: Stored) -> bool:
+        """Whether an object that was looked at again has not changed, as far as the server tells."""
+        own, found = (self.tag, other.tag) if self.tag and other.tag else (self.modified, other.modified)
+        return self.size == other.size and own == found
+
+
+class Store:
+    """A bucket, or a server of HTTP. Methods raise StoreError, MissingError for an object that there is not.
+
+    The constructor raises StoreError too, and ModuleNotFoundError without the extra. An instance can be used by several
+    threads.
+    """
+
+    def __init__(self, address: str) -> None:
+        self._place, _ = split(address)
+        self._client = client_for(self._place, address)
+
+    def look(self, address: str, size: int = 1) -> tuple[Stored, bytes]:
+        """Return an object, and its first bytes, as many as it has up to `size`. That is one request."""
+        import obstore
+
+        key = self._key(address)
+
+        def look() -> tuple[Stored, bytes]:
+            found = obstore.get(self._client, key, options={"range": (0, size)})
+            return _stored(address, found.meta), bytes(found.bytes())
+
+        try:
+            with _translating(address):
+                return result_of(look)
+        except RangeError:  # an empty object has no range
+            with _translating(address):
+                return _stored(address, result_of(lambda: obstore.head(self._client, key))), b""
+
+    def read(self, stored: Stored, start: int, stop: int) -> bytes:
+        """Return a range of an object. Raises StoreError if it is another object by now."""
+        import obstore
+
+        options: GetOptions = {"range": (start, stop), "if_match": stored.tag}
+        if stored.tag is None or stored.tag.startswith("W/"):  # which never match
+            options = {"range": (start, stop)}
+        with _translating(stored.address):
+            found = obstore.get(self._client, self._key(stored.address), options=options)
+            if not stored.is_same(_stored(stored.address, found.meta)):
+                raise store_error(stored.address, "the object changed while it was open: open it again")
+            data = bytes(found.bytes())
+        if len(data) != stop - start:
+            raise store_error(stored.address, f"the server sent {len(data)} of {stop - start} bytes")
+        return data
+
+    def read_all(self, stored: Stored, ranges: Iterable[tuple[int, int]]) -> Iterator[tuple[int, bytes]]:
+        """Yield the pieces of ranges, each with the offset at which it begins, in the order in which they arrive."""
+        pieces = [(begin, min(begin + _PIECE, stop)) for start, stop in ranges for begin in range(start, stop, _PIECE)]
+        yield from results_of(lambda piece: (piece[0], self.read(stored, *piece)), pieces, _REQUESTS)
+
+    def put(self, path: str, address: str) -> None:
+        """Write a file to a new object, of which others never see a part.
+
+        Raises FileExistsError if there is such an object: for up to 64 MiB the store itself refuses it, otherwise it is
+        looked for before. Raises StoreError for a server that is only read.
+        """
+        import obstore
+        from obstore.exceptions import AlreadyExistsError
+
+        key = self._key(address)
+        if not key or key.endswith("/"):
+            raise store_error(address, "expected the name of an object, found that of a folder")
+        exists = FileExistsError(errno.EEXIST, "there is such an object already", shown_address(address))
+        with _translating(address), open(path, "rb") as file:
+            if os.path.getsize(path) > _ATOMIC:
+                if self.has(address):
+                    raise exists
+                result_of(lambda: obstore.put(self._client, key, file, max_concurrency=_PARTS))
+                return
+            try:
+                result_of(lambda: obstore.put(self._client, key, file.read(), mode="create", use_multipart=False))
+            except AlreadyExistsError:
+                raise exists from None
+
+    def has(self, address: str) -> bool:
+        """Whether there is an object, as far as the credentials allow to look. Raises MissingError without bucket."""
+        try:
+            self.look(address)
+        except StoreError as error:
+            # S3 forbids to read a missing object to those who may not list
+            if error.errno == errno.EACCES or error.strerror == NO_OBJECT:
+                return False
+            raise
+        return True
+
+    def has_below(self, address: str) -> bool:
+        """Whether there is an object in a folder, as far as the credentials allow to look."""
+        try:
+            return next(self.below(address), None) is not None
+        except StoreError as error:
+            if error.errno == errno.EACCES:  # who may only write
+                return False
+            raise
+
+    def folder(self, address: str) -> list[Stored]:
+        """Return the objects directly in a folder: those whose names begin with its own and a slash."""
+        import obstore
+
+        prefix = self._prefix(address)
+        with _translating(address):
+            found = result_of(lambda: obstore.list_with_delimiter(self._client, prefix.rstrip("/") or None))
+            return sorted(_stored(f"{self._place}/{each['path']}", each) for each in found["objects"])
+
+    def below(self, address: str) -> Iterator[Stored]:
+        """Yield the objects in a folder and its folders."""
+        import obstore
+
+        prefix = self._prefix(address)
+        with _translating(address):
+            pages = obstore.list(self._client, prefix.rstrip("/") or None)
+            while page := result_of(lambda: next(pages, None)):
+                for each in page:
+                    yield _stored(f"{self._place}/{each['path']}", each)
+
+    def delete(self, addresses: Sequence[str]) -> None:
+        """Delete objects. Those that there are not are passed over."""
+        for address in addresses:
+            self._delete(address)
+
+    def _delete(self, address: str) -> None:
+        import obstore
+
+        key = self._key(address)
+        with _translating(address), suppress(FileNotFoundError):
+            result_of(lambda: obstore.delete(self._client, key))
+
+    def _key(self, address: str) -> str:
+        place, key = split(address)
+        if place != self._place:
+            raise store_error(address, f"this is not in {shown_address(self._place)}")
+        return key
+
+    def _prefix(self, address: str) -> str:
+        if scheme_of(address) in ("http", "https"):
+            raise store_error(address, "a server of HTTP does not list files: name a file")
+        return self._key(address)
+
+
+def _stored(address: str, meta: ObjectMeta) -> Stored:
+    return Stored(address, meta["size"], meta["e_tag"], meta["last_modified"])
+
+
+@contextmanager
+def _translating(address: str) -> Iterator[None]:
+    """Raise StoreError for the errors of obstore."""
+    from obstore.exceptions import BaseError
+
+    try:
+        yield
+    except (StoreError, FileExistsError):
+        raise
+    except (BaseError, FileNotFoundError, ValueError) as error:
+        raise translated(error, address) from None

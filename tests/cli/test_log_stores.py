@@ -1,0 +1,145 @@
+"""Tests of `msggen log` with recordings in stores and on servers that fail: an error with the address, and no trace."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from time import monotonic, sleep
+from typing import Any
+
+import pytest
+
+from msggen.base.exit_codes import FAILED, FINDINGS
+from support.commands import Outcome, run
+from support.object_server import FAULTS, ObjectServer, hasten, object_server, set_credentials
+from support.random_mcap import WAYS, recording
+
+INFO = ["log", "info", "s3://bucket/a.mcap"]
+COMMANDS = {
+    "info": INFO,
+    "verify": [*INFO, "--verify"],
+    "topic": [*INFO, "/texts"],
+    "show": ["log", "show", "s3://bucket/a.mcap", "/texts"],
+    "plot": ["log", "plot", "s3://bucket/a.mcap", "/texts.last", "-o", "x.png"],
+    "convert": ["log", "convert", "s3://bucket/a.mcap", "-o", "out"],
+    "put": ["log", "convert", "s3://bucket/a.mcap", "-o", "s3://bucket/out.mcap"],
+    "cut": ["log", "cut", "s3://bucket/a.mcap", "--stop", "1", "-o", "out.mcap"],
+    "merge": ["log", "merge", "s3://bucket/a.mcap", "here.mcap", "-o", "out.mcap"],
+    "repair": ["log", "repair", "s3://bucket/a.mcap", "-o", "out.mcap"],
+}
+
+
+@pytest.fixture
+def server(px4_types: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[ObjectServer]:
+    hasten(monkeypatch)
+    monkeypatch.chdir(tmp_path)
+    data = recording(px4_types, 3000, 5, 20_000, **WAYS["none"])
+    (tmp_path / "here.mcap").write_bytes(data)
+    with object_server() as has:
+        set_credentials(monkeypatch, has.url)
+        has.files["/bucket/a.mcap"] = data
+        yield has
+
+
+def check_failed(outcome: Outcome, reason: str) -> None:
+    assert outcome.code == FAILED, outcome
+    assert re.fullmatch(rf"s3://bucket/\S+: R10[12] {re.escape(reason)}\n1 error\n", outcome.stderr), outcome.stderr
+    assert os.listdir() == ["here.mcap"]
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize(("fault", "reason"), [*FAULTS.items(), ("404", "there is no such object")])
+def test_a_store_that_fails_is_an_error_of_every_command(
+    server: ObjectServer, name: str, fault: str, reason: str
+) -> None:
+    server.fault = fault
+    check_failed(run(COMMANDS[name]), reason)
+    assert list(server.files) == ["/bucket/a.mcap"]
+
+
+@pytest.mark.parametrize("name", ["verify", "show", "convert", "put", "cut", "merge", "repair"])
+@pytest.mark.parametrize("fault", ["half", "500"])
+def test_a_store_that_fails_later_leaves_nothing(server: ObjectServer, name: str, fault: str) -> None:
+    run(INFO)
+    server.after, server.fault = 2 * len(server.requests), fault
+    outcome = run(COMMANDS[name])
+    assert outcome.code == FAILED, outcome
+    assert "Traceback" not in outcome.stderr
+    assert re.search(r"^s3://bucket/(a|out)\.mcap: R10[12] the (server|connection) ", outcome.stderr, re.MULTILINE)
+    assert os.listdir() == ["here.mcap"]
+    assert list(server.files) == ["/bucket/a.mcap"]
+
+
+def test_a_code_of_the_store_is_told(server: ObjectServer) -> None:
+    server.fault, server.code = "403", "InvalidAccessKeyId"
+    check_failed(run(INFO), "access is forbidden (403 InvalidAccessKeyId): these credentials may not do this")
+    server.fault, server.code = "404", "NoSuchBucket"
+    check_failed(run(INFO), "there is no such bucket")
+    server.fault, server.code = "301", "PermanentRedirect"
+    check_failed(run(INFO), "the bucket is in another region (301): set AWS_REGION")
+
+
+def test_a_file_that_is_no_recording_is_an_error(server: ObjectServer) -> None:
+    server.files["/bucket/a.mcap"] = b"<html>"
+    check_failed(run(INFO), "is not a recording: expected an MCAP file, a ULog or a database of rosbag2")
+
+
+def test_a_damaged_recording_in_a_store_is_a_finding(server: ObjectServer) -> None:
+    server.files["/bucket/a.mcap"] = server.files["/bucket/a.mcap"][:-300_000]
+    outcome = run(INFO)
+    assert outcome.code == FINDINGS
+    assert outcome.stderr.startswith("s3://bucket/a.mcap: ")
+
+
+def test_secrets_in_an_address_are_not_shown(server: ObjectServer) -> None:
+    server.files["/a.mcap"] = server.files["/bucket/a.mcap"]
+    address = server.url.replace("//", "//user:word@") + "/a.mcap?X-Signature=secret"
+    for words in (["info", address], ["show", address, "nothing"], ["cut", address, "--stop", "1"]):
+        outcome = run(["log", *words])
+        assert not re.search("secret|word", outcome.stdout + outcome.stderr), outcome
+    server.fault = "500"
+    for words in (["info", address], ["merge", address, "here.mcap"]):
+        outcome = run(["log", *words])
+        assert outcome.code == FAILED
+        assert not re.search("secret|word", outcome.stdout + outcome.stderr), outcome
+
+
+def test_a_server_of_http_is_not_written_to(server: ObjectServer) -> None:
+    target = f"{server.url}/out.mcap"
+    outcome = run(["log", "convert", "here.mcap", "-o", target])
+    assert (outcome.code, outcome.stderr.partition(": ")[2][:29]) == (FAILED, "S131 a URL, expected a path: ")
+    assert not server.requests
+
+
+def test_a_store_is_only_asked_if_the_command_line_names_it(server: ObjectServer) -> None:
+    Path("pyproject.toml").write_text('[tool.msggen]\noutput = "s3://bucket/out"\n')
+    outcome = run(["build"])
+    assert outcome.code == FAILED
+    assert " S131 " in outcome.stderr
+    Path("pyproject.toml").unlink()
+    Path("logs").mkdir()
+    Path("here.mcap").rename("logs/here.mcap")
+    outcome = run(["log", "convert", "logs", "-o", "s3://bucket/fleet"])
+    assert outcome.code == FAILED
+    assert " S131 " in outcome.stderr
+    assert (server.requests, os.listdir()) == ([], ["logs"])
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no SIGINT for one process")
+def test_ctrl_c_ends_a_command_whose_store_stalls(server: ObjectServer) -> None:
+    server.fault = "stall"
+    words = [sys.executable, "-m", "msggen", *INFO]
+    with subprocess.Popen(words, stderr=subprocess.PIPE, text=True) as process:
+        end = monotonic() + 30
+        while not server.requests and monotonic() < end:
+            sleep(0.02)
+        assert server.requests
+        process.send_signal(signal.SIGINT)
+        _, told = process.communicate(timeout=30)
+    assert "Traceback" not in told
+    assert process.returncode == 130
