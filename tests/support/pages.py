@@ -169,7 +169,9 @@ def reading(folder: Path, variables: Mapping[str, str], port: int = PORT) -> Ite
 def environment(programs: Path, folder: Path, **more: str) -> dict[str, str]:
     """Return the variables of a user who has the programs in a folder. Files of the user are below `folder`."""
     folder.mkdir(exist_ok=True)
-    kept = {name: os.environ[name] for name in ("LANG", "PATH", "PIP_INDEX_URL", "PIP_CONFIG_FILE") if name in os.environ}
+    kept = {
+        name: os.environ[name] for name in ("LANG", "PATH", "PIP_INDEX_URL", "PIP_CONFIG_FILE") if name in os.environ
+    }
     path = f"{programs}{os.pathsep}{os.environ['PATH']}"
     return {**kept, "HOME": str(folder), "PATH": path, "TMPDIR": str(folder), "MSGGEN_RUNTIME": str(folder), **more}
 
