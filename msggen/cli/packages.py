@@ -59,6 +59,16 @@ def topics_of(package: ModuleType) -> ModuleType:
         raise input_error(package.__name__, "L103", "not a package that msggen has generated", 0) from None
 
 
+def check_reading(code: str, extra: str = "recordings") -> None:
+    """Raise an InputError if a package is missing that reads recordings."""
+    try:
+        import numpy  # noqa: F401, ICN001
+        import zstandard  # noqa: F401
+    except ImportError as error:
+        raise missing_extra(error, extra, code) from None
+
+
 def missing_extra(error: ImportError, extra: str, code: str) -> InputError:
     """Return the error about a package that comes with an extra of msggen, and is not installed."""
-    return input_error(str(error.name), code, f"this package is not installed: pip install 'msggen[{extra}]'", 0)
+    name = str(error.name).partition(".")[0]
+    return input_error(name, code, f"this package is not installed: pip install 'msggen[{extra}]'", 0)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from msggen.base.diagnostics import counted, few, input_error, printable
 from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
+from msggen.cli.packages import check_reading
 from msggen.cli.record import add_topics, check_packages
 from msggen.cli.status import Status
 from msggen.cli.values import KEY, local_path, non_empty, positive, seconds
@@ -61,6 +62,7 @@ def add_to(commands: Commands) -> None:
 
 def _play(options: argparse.Namespace) -> int:
     check_packages("R102")
+    check_reading("R102")
     from msggen.recordings.live.player import Player, endpoints_of
     from msggen.recordings.source.source import RecordingError
 

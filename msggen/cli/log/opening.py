@@ -18,7 +18,7 @@ from msggen.cli.log.arguments import asked_time, refuse_files, swapped_hint
 from msggen.cli.log.progress import busy_bar, progress_bar
 from msggen.cli.log.targets import STDIN
 from msggen.cli.options import check_parent
-from msggen.cli.packages import missing_extra
+from msggen.cli.packages import check_reading, missing_extra
 from msggen.cli.printing import number_of_bytes
 from msggen.show.report.json import dump
 
@@ -37,6 +37,7 @@ def opened(options: argparse.Namespace, path: str) -> Iterator[Log]:
 
     A name that it does not have is an error of usage.
     """
+    check_reading("R102")
     shown = shown_address(path)
     try:
         from msggen import recordings
@@ -44,7 +45,6 @@ def opened(options: argparse.Namespace, path: str) -> Iterator[Log]:
         from msggen.recordings.source.source import UnknownFieldError
         from msggen.recordings.stores.errors import StoreError
 
-        import_needed()
     except ImportError as error:
         raise missing_extra(error, "recordings", "R102") from None
     try:
@@ -97,11 +97,6 @@ def _nearby(options: argparse.Namespace) -> Nearby | None:
 
     find: Callable[[argparse.Namespace], tuple[ModuleType, str] | None] | None = getattr(options, "nearby", None)
     return None if find is None else Nearby(lambda: find(options))
-
-
-def import_needed() -> None:
-    """Import packages of the extra. Raises ImportError."""
-    import numpy  # noqa: F401, ICN001
 
 
 def store_failed(error: StoreError, code: str) -> InputError:

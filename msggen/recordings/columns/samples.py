@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal, overload
 
 from msggen.base.diagnostics import counted
+from msggen.base.missing import RECORDINGS, installed_by
 from msggen.recordings.columns.arrays import check_fields, columns_of
 from msggen.recordings.columns.sql_names import columns_for_sql, renamed_for_sql
 from msggen.recordings.topics.choice import listed
@@ -77,7 +78,8 @@ class Samples:
 
         `times` and `sql_names` are as in `columns`.
         """
-        import pyarrow as pa
+        with installed_by(RECORDINGS):
+            import pyarrow as pa
 
         from msggen.recordings.columns.arrow import table_of
 
@@ -101,16 +103,14 @@ class Samples:
         """
         is_ulog = self.topic.channels[0][1].encoding == "ulog"
         if library == "pandas":
-            import pandas as pd
-
+            pd = _pandas()
             times = self.log_times
             index = (
                 pd.TimedeltaIndex(times.view("m8[ns]")) if is_ulog else pd.DatetimeIndex(times.view("M8[ns]"), tz="UTC")
             )
             return pd.DataFrame(self.columns(sql_names=sql_names), index.rename(_LOG_TIME))
         frame = frame_of(library, self.columns, lambda: self.table(sql_names=sql_names))
-        import polars as pl
-
+        pl = _polars()
         kind = pl.Duration("ns") if is_ulog else pl.Datetime("ns", "UTC")
         name = f"{_LOG_TIME}_" if _LOG_TIME in frame.columns else _LOG_TIME
         return frame.insert_column(0, pl.Series(name, self.log_times).cast(kind))
@@ -119,11 +119,19 @@ class Samples:
 def frame_of(library: str, columns: Callable[[], Mapping[str, Any]], table: Callable[[], Any]) -> Any:
     """Return a data frame: columns in `pandas`, or a table in `polars`. Raises ValueError for another library."""
     if library == "pandas":
-        import pandas as pd
-
-        return pd.DataFrame(columns())
+        return _pandas().DataFrame(columns())
     if library == "polars":
-        import polars as pl
-
-        return pl.from_arrow(table())
+        return _polars().from_arrow(table())
     raise ValueError(f"expected 'pandas' or 'polars', got {library!r}")
+
+
+def _pandas() -> Any:
+    with installed_by(f"{RECORDINGS} pandas"):
+        import pandas as pd
+    return pd
+
+
+def _polars() -> Any:
+    with installed_by(f"{RECORDINGS} polars"):
+        import polars as pl
+    return pl

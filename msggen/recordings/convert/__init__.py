@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from msggen.base.disk.staging import check_writable, clear, locked, stage_beside, staging_folder
 from msggen.base.disk.urls import is_in_store
+from msggen.base.missing import RECORDINGS, installed_by
 from msggen.base.recording_formats import STORAGES
 from msggen.recordings.convert.selection import EVERYTHING, Converted, Selection
 from msggen.recordings.source.source import RecordingError
@@ -71,6 +72,8 @@ def convert(  # noqa: PLR0913 - named options
     selection = Selection(chosen, start, stop, None if fields is None else listed(fields))
     if format not in TABLES:
         return join([log], target, selection, format, progress, storage=storage)
+    with installed_by(RECORDINGS):
+        import pyarrow  # noqa: F401, ICN001
     from msggen.recordings.convert.tables import Format, write_tables
 
     is_file = TABLE_SUFFIXES.get(os.path.splitext(target)[1].lower()) == format
@@ -92,9 +95,9 @@ def join(  # noqa: PLR0913 - named options
     `storage` is that of rosbag2: `mcap`, or `sqlite3` for a database, which has no place for attachments and metadata.
     Times of `selection` are in s after the start of the first of them. See `convert`, also for the errors.
     """
-    from msggen.recordings.convert.recording import write_mcap
-    from msggen.recordings.convert.rosbag2 import write_rosbag2
-
+    with installed_by(RECORDINGS):
+        from msggen.recordings.convert.recording import write_mcap
+        from msggen.recordings.convert.rosbag2 import write_rosbag2
     if selection.fields is not None:
         raise RecordingError(f"fields can be chosen for {', '.join(TABLES)}, in {format} samples are whole")
     if storage not in STORAGES:

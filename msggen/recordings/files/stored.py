@@ -106,15 +106,6 @@ _copies: WeakValueDictionary[str, Copy] = WeakValueDictionary()
 """The copies that are in use, by their paths."""
 
 
-_sizes: dict[str, int] = {}
-"""The bytes of the recordings that were opened, by their addresses as they are shown."""
-
-
-def size_of(address: str) -> int:
-    """Return the bytes of a recording that was opened, by its address as it is shown."""
-    return _sizes[address]
-
-
 def copy_at(path: str) -> Copy | None:
     """Return the copy at a path, None for any other file."""
     return _copies.get(os.path.realpath(path)) if _copies else None
@@ -135,7 +126,6 @@ def open_stored(address: str, open_local: Callable[[str], list[Source]]) -> list
         raise RecordingError(str(error).replace(path, shown)) from None
     for problems in {id(source.problems): source.problems for source in sources}.values():
         problems[:] = [each._replace(text=each.text.replace(path, shown)) for each in problems]
-    _sizes[shown] = sum(copy.size for copy in copies)
     del copies  # from here on, the files that are open keep them
     return sources
 

@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
+from msggen.base.missing import RECORDINGS, installed_by
 from msggen.recordings.fleet.batch import Written
 from msggen.recordings.fleet.changes import added_of, flush_written, written_of
 from msggen.recordings.fleet.ledger import Change, Ledger
@@ -41,6 +42,8 @@ def compact(
 
     Raises FleetError if there is no fleet in the folder or a file of it is damaged, and OSError.
     """
+    with installed_by(RECORDINGS):
+        import pyarrow  # noqa: F401, ICN001
     ledger = Ledger(os.path.abspath(fleet))
     ledger.open()
     with ledger.locked(waiting):

@@ -11,10 +11,12 @@ from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any
 
 from msggen.base.interpreter import command_of
+from msggen.base.missing import installed_by
 from msggen.recordings.fleet.batch import Batch, Outcome, Task, convert_batch
 
 _PATIENCE = 10
 """How long to wait for a scheduler, in s."""
+_DASK = "'msggen[dask]'"
 
 if TYPE_CHECKING:
     Pool = Callable[[Sequence[Task]], Iterator[Batch]]
@@ -44,7 +46,7 @@ def failed(task: Task, error: str) -> Batch:
 
 
 def _processes(tasks: Sequence[Task], jobs: int) -> Iterator[tuple[Task, Batch | None]]:
-    """Convert recordings in `jobs` processes. Yield None for one whose process was killed."""
+    """Convert recordings in `jobs` processes. Yield None for a task whose process was killed."""
     workers = [_Worker() for _ in tasks[:jobs]]
     idle: SimpleQueue[_Worker] = SimpleQueue()
     for worker in workers:
@@ -68,14 +70,14 @@ def _processes(tasks: Sequence[Task], jobs: int) -> Iterator[tuple[Task, Batch |
 
 
 class _Worker:
-    """A process that converts recordings. It is started for the first one, and again after it was killed."""
+    """A process that converts recordings. It is started for the first task, and again after it was killed."""
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
         self._is_ended = False
 
     def run(self, task: Task) -> Batch | None:
-        """Convert a recording. Return None if the process was killed."""
+        """Convert the recordings of a task. Return None if the process was killed."""
         process = self._process or self._start()
         assert process.stdin is not None and process.stdout is not None  # noqa: S101, PT018 - they are pipes
         try:
@@ -112,16 +114,16 @@ def on_dask(tasks: Sequence[Task], address: str) -> Iterator[Batch]:
 
     Raises OSError if the scheduler cannot be reached.
     """
-    from distributed import Client
-
+    with installed_by(_DASK):
+        from distributed import Client
     with Client(address, set_as_default=False, timeout=_PATIENCE) as client:
         yield from on_client(tasks, client)
 
 
 def on_client(tasks: Sequence[Task], client: Any) -> Iterator[Batch]:
     """Convert recordings with a `distributed.Client`."""
-    from distributed import as_completed
-
+    with installed_by(_DASK):
+        from distributed import as_completed
     futures = {client.submit(convert_batch, task, pure=False): task for task in tasks}
     for future in (waiting := as_completed(futures, loop=client.loop)):
         error, task = future.exception(), futures[future]  # as of a worker that was killed, again and again

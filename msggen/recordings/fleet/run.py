@@ -10,6 +10,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from msggen.base.diagnostics import either
+from msggen.base.missing import RECORDINGS, installed_by
 from msggen.base.recording_formats import FORMATS
 from msggen.recordings.fleet import pools
 from msggen.recordings.fleet.batch import Batch, Outcome, Task
@@ -44,7 +45,7 @@ class Summary(NamedTuple):
     copies: int
     """How many have the contents of another one."""
     removed: int
-    """How many recordings have changed, so that their earlier files were removed."""
+    """How many recordings have changed, so that their earlier rows were removed."""
     outcomes: Sequence[Outcome]
     """What became of the others, in the order of their paths."""
     known: Sequence[Outcome]
@@ -134,6 +135,8 @@ def update(  # noqa: PLR0913 - named options
 
     Raises RecordingError if `folder` has no recordings, FleetError if the fleet has other keys, and OSError.
     """
+    with installed_by(RECORDINGS):
+        import pyarrow  # noqa: F401, ICN001
     folder, fleet = os.path.abspath(folder), os.path.abspath(fleet)
     found = list(find_recordings(folder, without=fleet))
     if not found:

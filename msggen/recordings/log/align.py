@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 import numpy as np
 
 from msggen.base.diagnostics import counted, suggestion
+from msggen.base.missing import RECORDINGS, installed_by
 from msggen.recordings.columns.samples import Samples, frame_of
 from msggen.recordings.columns.sql_names import columns_for_sql, renamed_for_sql
 from msggen.recordings.source.source import RecordingError
@@ -120,8 +121,8 @@ class Aligned:
 
         `sql_names` is as in `columns`.
         """
-        import pyarrow as pa
-
+        with installed_by(RECORDINGS):
+            import pyarrow as pa
         fields, columns = [pa.field(TIME, pa.int64())], [pa.array(self.times)]
         for name, samples in self.samples.items():
             table = samples.table()

@@ -105,9 +105,9 @@ class Log:
         return self._reader.path
 
     @property
-    def place(self) -> str:
-        """The path of what is read: `path`, or the temporary copy of a file object."""
-        return self.path if self._spooled is None else self._spooled.path
+    def size(self) -> int:
+        """The bytes of the files with samples, compressed if they are."""
+        return sum(source.size for source in self._reader.sources)
 
     @property
     def kind(self) -> str:

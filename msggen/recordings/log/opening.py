@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING, Any, cast
 
+from msggen.base.missing import RECORDINGS, installed_by
+
 if TYPE_CHECKING:
     from msggen.recordings.definitions.lent import Definitions, Nearby
     from msggen.recordings.files.spooled import Readable
@@ -34,12 +36,9 @@ def open(  # noqa: A001 - users write recordings.open
     in `Log.problems` and left out; with `keep_damaged`, they are read all the same. `verify=False` does not compare
     them. Raises RecordingError, InputError for `definitions`, TypeError for a file in text mode, and OSError.
     """
-    try:
+    with installed_by(RECORDINGS):
         import numpy  # noqa: F401, ICN001
         import zstandard  # noqa: F401
-    except ModuleNotFoundError as error:
-        text = f"the package {error.name} is not installed: pip install 'msggen[recordings]'"
-        raise ModuleNotFoundError(text, name=error.name) from None
     from msggen.base.disk.urls import shown_address
     from msggen.recordings.definitions.lent import lender_of
     from msggen.recordings.files.opening import open_sources

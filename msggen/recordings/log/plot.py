@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from msggen.base.missing import installed_by
 from msggen.definitions.unit import normalized_unit
 from msggen.recordings.log.series import (
     LONGEST_VALUE,
@@ -133,9 +134,9 @@ def draw_panels(
     figure: Figure | None = None,
 ) -> Figure:
     """Draw fields over time from `start` on. See `draw`."""
-    import matplotlib as mpl
-    from matplotlib.figure import Figure as NewFigure
-
+    with installed_by("'msggen[plot]'"):
+        import matplotlib as mpl
+        from matplotlib.figure import Figure as NewFigure
     with mpl.rc_context(_LITERAL):  # each text takes it over when it is made
         low = start or _begin_of(series)
         return _drawn(series, title, low, background, figure or NewFigure())

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote, urlsplit
 
 from msggen.base.disk.urls import scheme_of
+from msggen.base.missing import installed_by
 from msggen.recordings.stores.errors import store_error
 
 if TYPE_CHECKING:
@@ -51,13 +52,10 @@ def client_for(place: str, address: str) -> ObjectStore:
 
     Raises StoreError, and ModuleNotFoundError without the extra.
     """
-    try:
+    with installed_by("'msggen[stores]'"):
         import botocore.session  # noqa: F401
         from obstore.exceptions import BaseError
         from obstore.store import HTTPStore, from_url
-    except ModuleNotFoundError as error:
-        text = f"the package {error.name} is not installed: pip install 'msggen[stores]'"
-        raise ModuleNotFoundError(text, name=error.name) from None
     scheme = scheme_of(place)
     try:
         if scheme in ("http", "https"):
