@@ -64,7 +64,7 @@ def test_a_reader_gets_what_the_page_shows(page: str, tmp_path: Path, home: Path
     variables = {**variables_of(Path(sys.executable).parent, home), "PYTHONPATH": str(ROOT)}
     with reading(tmp_path, variables, ports) as reader:
         try:
-            check_outputs(outputs_of(page, reader), is_live=page in LIVE)
+            check_outputs(outputs_of(steps_of(page), reader), is_live=page in LIVE)
         finally:
             reader.run(Step("console", "msggen link stop", ""))
 
@@ -181,7 +181,5 @@ def test_an_isolated_program_has_only_the_loopback_interface_and_leaves_no_proce
         "subprocess.Popen(['sleep', '1000'])\n"
     )
     command = isolated(sys.executable, "-c", program)
-    done = subprocess.run(
-        command, cwd=tmp_path, env=os.environ, capture_output=True, text=True, check=False, timeout=60
-    )
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=60)
     assert (done.stdout, done.stderr) == ("['lo']\n", "")
