@@ -41,7 +41,7 @@ QUERIES = {
     "mean, minimum and maximum of a column": "select avg({column}), min({column}), max({column}) from {topic}",
     "one recording": "select * from {topic} where log = '{log}'",
 }
-STEEPEST = 1.2
+STEEPEST = 1.3
 """The power of the number of recordings from which a cost counts as not linear."""
 
 

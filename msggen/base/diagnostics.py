@@ -147,6 +147,7 @@ CODES: Mapping[str, Level] = MappingProxyType(
         "R101": Level.ERROR,
         "R102": Level.ERROR,
         "R141": Level.WARNING,
+        "R142": Level.WARNING,
         "R150": Level.ERROR,
     }
 )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from msggen.base.diagnostics import Diagnostic, InputError, input_error
 from msggen.base.location import Location
@@ -16,6 +17,9 @@ from msggen.sources.settings import Settings, read_settings
 from msggen.sources.sources import Sources, find_sources, split_package, with_board
 from msggen.sources.tree import Folder
 from msggen.sources.tree_layout import find_manifest, is_firmware, tree_above, whole_tree
+
+if TYPE_CHECKING:
+    from msggen.recordings import Log
 
 
 def settings_of(options: argparse.Namespace) -> Settings:
@@ -73,7 +77,25 @@ def recorded(options: argparse.Namespace, path: str, other: Sources | None = Non
     with opened(options, path) as log:
         from msggen.recordings.definitions.sources import sources_of
 
-        return sources_of(log.topics, log.path, other)
+        damage = tuple(_damage(log))
+        try:
+            found = sources_of(log.topics, log.path, other)
+        except InputError as error:
+            raise InputError(error.diagnostics, (*error.notices, *damage)) from None
+        return found._replace(notices=(*damage, *found.notices))
+
+
+def _damage(log: Log) -> Iterator[Diagnostic]:
+    """Yield a warning if the recording is damaged, as far as that is known before its samples are read."""
+    from msggen.cli.log.opening import problem_text
+
+    damaged = [each for each in log.problems if not each.topic]
+    if damaged:
+        more = f", and {len(damaged) - 1} more, which `msggen log info` lists" if len(damaged) > 1 else ""
+        text = (
+            f"a part of the recording cannot be read, and may have other definitions: {problem_text(damaged[0])}{more}"
+        )
+        yield Diagnostic(Location(log.path, 0), "R142", text)
 
 
 def generated(options: argparse.Namespace, folder: str, recording: str) -> Sources:

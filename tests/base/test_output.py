@@ -413,7 +413,7 @@ def test_where_the_folder_cannot_be_swapped_its_files_are_replaced(call: str, mo
             context.setattr(swap, "_copy_access", lambda _, copy: refuse(copy))
         elif call in ("link", "symlink"):
             context.setattr(os, call, lambda _, path: refuse(path))
-            context.setattr(swap, "_link", lambda _, path: refuse(path))
+            context.setattr(swap, "link_or_copy", lambda _, path: refuse(path))
         else:
             context.setattr(os, call, refuse)
         assert build() == 0

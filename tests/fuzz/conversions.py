@@ -1,7 +1,7 @@
-"""Damaged recordings for the actions of `msggen log` that write: convert, cut, merge, repair, and a fleet.
+"""Damaged recordings for the actions of `msggen log`: convert, cut, merge, repair, report, info, show, and a fleet.
 
 The exit code is 0, 1 or 2 as documented, errors have a code or are of usage, and the target is whole or missing.
-Nothing else is in the folder, and no recording changes.
+Nothing else is in the folder, also no decompressed copy, and no recording changes.
 """
 
 from __future__ import annotations
@@ -9,13 +9,16 @@ from __future__ import annotations
 import bz2
 import gzip
 import importlib
+import io
 import json
 import lzma
 import os
 import re
 import sqlite3
+import sys
+import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import closing
+from contextlib import closing, contextmanager
 from functools import cache, partial
 from pathlib import Path
 from random import Random
@@ -24,6 +27,7 @@ from typing import Any, NamedTuple
 import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet as pq
+import zstandard
 
 from fuzz.payloads import targets
 from msggen.recordings.convert.names import FACT_TABLES
@@ -32,12 +36,16 @@ from support.commands import Outcome, check_outcome, run
 from support.databases import Stored, write_database
 from support.flights import TEXTS, write_flight
 from support.recordings import START, read_mcap
-from support.scratch import scratch_folder
+from support.scratch import remove, scratch_folder
 from support.ulog import write_ulog
 
 COUNT = 160
 
-KINDS = ("flight.mcap", "flight.ulg", "flight.db3", "old.db3", "bag", "flight.mcap.gz", "flight.ulg.xz", "old.db3.bz2")
+KINDS = (
+    *("flight.mcap", "flight.ulg", "flight.db3", "old.db3", "bag"),
+    *("flight.mcap.gz", "flight.ulg.xz", "old.db3.bz2", "flight.ulg.zst"),
+)
+STDIN = "-"
 ACTIONS = (
     "convert {} -o made",
     "convert {} --format arrow -o made",
@@ -53,13 +61,24 @@ ACTIONS = (
     "merge {} other.mcap -o made.mcap",
     "repair {} -o made.mcap",
     "convert . -o made --jobs 1",
+    f"convert {STDIN} -o made.mcap",
+    f"info {STDIN}",
+    "info {}",
+    "info {} --verify --gaps",
+    "show {} vehicle_status",
+    "show {} --texts",
+    "report {} -o made.html",
+    f"report {STDIN} -o made.html",
 )
+WITHOUT_JSON = ("report",)
+"""The actions that print no JSON."""
 NAMED = re.compile(r"([^\n]+: [A-Z]\d{3} |msggen log \w+: error: )[^\n]+\n")
 """How an error begins."""
 COMPRESS: Mapping[str, Callable[[bytes], bytes]] = {
     ".gz": partial(gzip.compress, mtime=0),
     ".xz": lzma.compress,
     ".bz2": bz2.compress,
+    ".zst": zstandard.ZstdCompressor(write_checksum=True).compress,
 }
 """What makes a compressed file, by its suffix."""
 _SAMPLES = 12
@@ -83,20 +102,65 @@ def case(chance: Random) -> Case:
 def check(case: Case) -> None:
     files = {**files_of(case.kind), "other.mcap": files_of("flight.mcap")["flight.mcap"]}
     files[case.file] = damaged(Random(case.seed), files[case.file])  # noqa: S311 - no secret
-    words = ["log", *case.action.replace("{}", case.kind).split(), "--json"]
-    with scratch_folder() as folder:
+    words = ["log", *case.action.replace("{}", case.kind).split()]
+    if words[1] not in WITHOUT_JSON:
+        words.append("--json")
+    with scratch_folder() as folder, _given(files[case.file]), _temporary(folder.with_name(f"{folder.name}-temporary")):
         for name, data in files.items():
             (folder / name).parent.mkdir(exist_ok=True)
             (folder / name).write_bytes(data)
         outcome = run(words)
         check_outcome(outcome)
-        target = folder / words[words.index("-o") + 1]
-        check_target(outcome, target, is_fleet=". -o" in case.action)
+        if "-o" in words:
+            target = folder / words[words.index("-o") + 1]
+            if target.suffix == ".html":
+                check_page(outcome, target)
+            else:
+                check_target(outcome, target, is_fleet=". -o" in case.action)
+        elif outcome.code == 2:
+            assert NAMED.match(outcome.stderr), outcome
         found = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
         assert {name for name in found if not name.startswith("made")} == files.keys()
         assert not [name for name in os.listdir(folder) if name.startswith(".")]
         for name, data in files.items():
             assert (folder / name).read_bytes() == data, f"{name} has changed"
+
+
+@contextmanager
+def _given(data: bytes) -> Iterator[None]:
+    """Let stdin have data."""
+    before = sys.stdin
+    sys.stdin = io.TextIOWrapper(io.BytesIO(data))
+    try:
+        yield
+    finally:
+        sys.stdin = before
+
+
+@contextmanager
+def _temporary(folder: Path) -> Iterator[None]:
+    """Let temporary files be made in a folder, in which none may be left."""
+    before = tempfile.tempdir
+    folder.mkdir()
+    tempfile.tempdir = str(folder)
+    try:
+        yield
+        assert not os.listdir(folder), "temporary files stay"
+    finally:
+        tempfile.tempdir = before
+        remove(folder)
+
+
+def check_page(outcome: Outcome, target: Path) -> None:
+    """Check a report by the exit code, which is 1 if something is missing."""
+    if outcome.code == 2:
+        assert NAMED.match(outcome.stderr), outcome
+        assert not os.path.lexists(target), outcome
+        return
+    page = target.read_text()
+    assert page.startswith("<!DOCTYPE html>")
+    assert page.rstrip().endswith("</html>")
+    assert bool(outcome.code) == ("<h3>Problems</h3>" in page), outcome
 
 
 def check_target(outcome: Outcome, target: Path, *, is_fleet: bool) -> None:

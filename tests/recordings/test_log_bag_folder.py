@@ -360,6 +360,17 @@ def test_problems_name_the_file(tmp_path: Path) -> None:
         assert any(problem.text.startswith("bag_1.db3: the file is cut off") for problem in log.problems)
 
 
+def test_samples_that_a_damaged_file_has_lost_are_counted(tmp_path: Path) -> None:
+    write_split(tmp_path / "bag", count=1)
+    path = tmp_path / "bag/bag_0.db3"
+    content = bytearray(path.read_bytes())
+    content[4096:] = bytes(len(content) - 4096)  # all pages behind the first one
+    path.write_bytes(content)
+    samples, problems = read(tmp_path / "bag")
+    assert not samples
+    assert "bag_0.db3 has 0 messages, metadata.yaml says 100" in problems
+
+
 def test_a_metadata_that_is_older_is_reported(tmp_path: Path) -> None:
     write_split(tmp_path / "bag")
     change_metadata(tmp_path / "bag", lambda each: each["files"][1].update(message_count=120))

@@ -136,6 +136,25 @@ def test_what_is_not_compared_is_named(capsys: pytest.CaptureFixture[str], px4_t
 
 
 @pytest.mark.usefixtures("working_folder")
+def test_damage_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    path = Path(ulog("flight.ulg", "v1.18"))
+    content = path.read_bytes()
+    path.write_bytes(content[:-5])
+    told = (
+        "flight.ulg: R142 warning: a part of the recording cannot be read, and may have other definitions: the file is"
+    )
+    package = str(ROOT / "generated" / "px4_types")
+    for sides in (("flight.ulg", "v1.18"), ("v1.18", "flight.ulg"), ("flight.ulg", package), (package, "flight.ulg")):
+        code, out, err = check(capsys, *sides)
+        assert (code, out.endswith(f"{len(NAMES) + 1} messages, 0 services\n")) == (0, True)
+        assert [line.startswith(told) for line in err.splitlines()] == [True]
+    assert check(capsys, "flight.ulg", "v1.18", "--strict")[0] == 2
+    path.write_bytes(content[:30])
+    code, _, err = check(capsys, "flight.ulg", "v1.18")
+    assert (code, err.startswith(told), "S102 the recording has no definitions" in err) == (2, True, True)
+
+
+@pytest.mark.usefixtures("working_folder")
 def test_files_that_cannot_be_compared_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
     Path("broken.mcap").write_bytes(b"nothing")
     assert check(capsys, "broken.mcap", "v1.18")[0] == 2

@@ -97,6 +97,7 @@ def test_values_are_easy_to_read() -> None:
         ("ulog.changed_parameters", "2026-11-22"),
         ("ulog.texts", '{"time": -1, "level": "info", "text": "x", "tag": null}'),
         ("ulog.texts", '{"time": 1, "level": "loud", "text": "x", "tag": null}'),
+        ("ulog.texts", '{"time": 1, "level": "info", "text": "x", "tap": 5}'),
         ("ulog.dropouts", "[5, 6]"),
         ("ulog.dropouts", '{"time": 1, "duration": 1e300}'),
         ("ulog.time", "12.5"),

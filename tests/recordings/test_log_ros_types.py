@@ -19,6 +19,7 @@ from msggen.recordings.definitions import lent, ros_types
 from msggen.recordings.definitions.ros_types import standard_types, types_in
 from support.catalogs import write_definitions
 from support.databases import Stored, write_database
+from support.log_files import Written, write_log
 from support.recordings import START
 from support.ros_packages import DEFINITIONS
 
@@ -148,6 +149,13 @@ def test_what_could_have_them_is_told(bag: Path, capsys: pytest.CaptureFixture[s
         ]
     assert main(["log", "info", str(bag)]) == 0
     assert "definitions for the types of geometry_msgs, std_msgs, source the setup" in capsys.readouterr().out
+
+
+@pytest.mark.usefixtures("no_rosbags")
+def test_a_topic_without_a_type_has_no_such_note(tmp_path: Path) -> None:
+    path = write_log(tmp_path / "a.mcap", [Written("/unknown", "", "", [(START, START, b"\0\1\0\0")])])
+    with recordings.open(path) as log:
+        assert log.notes == ["1 topic has no definition in the recording, and no embedded release fits"]
 
 
 def test_topics_of_px4_have_a_release_beside_them(tmp_path: Path) -> None:

@@ -95,6 +95,16 @@ def test_damage_is_told(kind: str, tmp_path: Path) -> None:
         assert problem or found == content or kind == "zst"
 
 
+@pytest.mark.parametrize("kind", ["gz", "xz", "zst"])
+def test_what_is_before_the_damage_is_there(kind: str, tmp_path: Path) -> None:
+    content = bytes(Random(4).choices(range(9), k=400_000))  # noqa: S311
+    data = bytearray(COMPRESS[kind](content))
+    data[len(data) * 9 // 10] ^= 1
+    found, problem = unpacked(tmp_path / "x", bytes(data))
+    assert problem or kind == "zst"
+    assert found[:250_000] == content[:250_000]
+
+
 @pytest.mark.parametrize("kind", PADDED)
 def test_bytes_behind_the_content_are_told(kind: str, tmp_path: Path) -> None:
     found, problem = unpacked(tmp_path / "x", COMPRESS[kind](b"content") + b"behind it")

@@ -277,6 +277,10 @@ def test_each_bit_that_occurs_has_a_band(kind: str, named: set[int], data: st.Da
         ("sensor_gps[7].eph", "'sensor_gps' has no instance 7, it has: 0"),
         ("vehicle_attitude", "'vehicle_attitude' is a topic: name one of its fields, such as timestamp, "),
         ("vehicle_atitude", "expected TOPIC.FIELD or TOPIC[INSTANCE].FIELD, found 'vehicle_atitude', did you mean 'v"),
+        (
+            "vehicle_attitude/q",
+            "expected TOPIC.FIELD or TOPIC[INSTANCE].FIELD, found 'vehicle_attitude/q', did you mean 'vehicle_att",
+        ),
         ("sensor_gps[x].eph", "expected TOPIC.FIELD or TOPIC[INSTANCE].FIELD, found 'sensor_gps[x].eph'"),
     ],
 )

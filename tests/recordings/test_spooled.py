@@ -149,6 +149,9 @@ def test_a_stream_without_end_has_a_limit(temporary: Path, monkeypatch: pytest.M
 def test_text_and_nothing_yet_are_errors(temporary: Path) -> None:
     with pytest.raises(TypeError, match="expected a file in binary mode, whose read"):
         recordings.open(io.StringIO("text"))  # type: ignore[arg-type]
+    path = write_ulog(temporary.parent / "flight.ulg")
+    with path.open(encoding="utf-8") as file, pytest.raises(TypeError, match=r"flight\.ulg: expected a file in binary"):
+        recordings.open(file)  # type: ignore[arg-type]
 
     class NoneYet(io.RawIOBase):
         def read(self, size: int = -1) -> None:
@@ -196,7 +199,7 @@ def test_commands_read_stdin(tmp_path: Path) -> None:
     }
     assert len(codes) == 1
     assert (tmp_path / "a.mcap").read_bytes() == (tmp_path / "b.mcap").read_bytes()
-    for words in (["convert", "-"], ["repair", "-"], ["cut", "-", "--stop", "1"]):
+    for words in (["convert", "-"], ["repair", "-"], ["report", "-"], ["cut", "-", "--stop", "1"]):
         done = piped(words, data, tmp_path)
         assert done.returncode == 2
         assert "argument -o/--output: needed, because a recording from stdin has no name" in done.stderr

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -20,6 +21,7 @@ from msggen.recordings.source.source import RecordingError
 from msggen.recordings.stores import store as stores
 from msggen.recordings.stores.errors import MissingError, StoreError
 from msggen.recordings.stores.store import Store
+from support.commands import run
 from support.moto import moto_server
 from support.object_server import hasten, object_server, set_credentials
 from support.random_mcap import WAYS, recording
@@ -65,6 +67,21 @@ def payloads(path: str | Path) -> list[tuple[str, int, bytes]]:
 def converted(source: Path, target: str, format_: str) -> Converted:
     with recordings.open(source) as log:
         return convert(log, target, format=format_)
+
+
+def test_a_bucket_is_a_folder(bucket: Any, source: Path) -> None:
+    for address in ("s3://bucket", "s3://bucket/"):
+        with pytest.raises(MissingError, match="there is no such folder"):
+            recordings.open(address)
+    bucket.put_object(Bucket="bucket", Key="flight.mcap", Body=source.read_bytes())
+    assert payloads("s3://bucket") == payloads("s3://bucket/") == payloads(source)
+
+
+@pytest.mark.usefixtures("bucket", "source")
+def test_the_files_of_a_folder_are_counted() -> None:
+    local = run(["log", "convert", "flight.mcap", "-o", "tables"]).stdout
+    assert re.match(r"tables: [\d,]+ samples in \d+ files \(\.parquet\), ", local)
+    assert run(["log", "convert", "flight.mcap", "-o", "s3://bucket/tables"]).stdout == f"s3://bucket/{local}"
 
 
 def test_a_file_is_put_and_read_again(bucket: Any, source: Path) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 from collections.abc import Iterator, Sequence
 from datetime import datetime, timezone
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -120,7 +119,7 @@ def _rows_on_contents(log: Log, checksums: Checksums | None) -> Iterator[tuple[s
 
 def _rows(path: str, log: Log) -> Iterator[tuple[str, str]]:
     format_ = FORMATS[log.kind].name if log.kind in FORMATS else log.kind
-    yield "file", f"{path}, {format_}, {number_of_bytes(_size(log.place))}"
+    yield "file", f"{path}, {format_}, {number_of_bytes(log.size)}"
     start = _start(log)
     yield "start", f"{start:%Y-%m-%d %H:%M:%S} UTC" if start else "unknown: the recording has no time of day"
     end = _time_of_day(log, log.end)
@@ -192,17 +191,6 @@ def _dropouts(durations: Sequence[float]) -> str:
         return "0"
     mean = sum(durations) / len(durations)
     return f"{len(durations)}, {sum(durations):.3f} s: mean {mean:.3f} s, longest {max(durations):.3f} s"
-
-
-def _size(path: str) -> int:
-    """Return the bytes of a file, or of the files in a folder."""
-    if is_address(path):
-        from msggen.recordings.files.stored import size_of
-
-        return size_of(path)
-    if not os.path.isdir(path):
-        return os.path.getsize(path)
-    return sum(entry.stat().st_size for entry in os.scandir(path) if entry.is_file())
 
 
 def _start(log: Log) -> datetime | None:
@@ -317,7 +305,7 @@ def _object(path: str, log: Log, rows: Sequence[_Row]) -> dict[str, Any]:
     made: dict[str, Any] = {
         "file": path,
         "format": log.kind,
-        "bytes": _size(log.place),
+        "bytes": log.size,
         "start": f"{start:%Y-%m-%dT%H:%M:%SZ}" if start else None,
         "end": f"{end:%Y-%m-%dT%H:%M:%SZ}" if end else None,
         "start_ns": log.start,

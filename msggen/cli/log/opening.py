@@ -162,7 +162,8 @@ def summarise(options: argparse.Namespace, path: str, converted: Converted, seco
     if not options.quiet and converted.rows:
         kinds = {os.path.splitext(each)[1] for each in converted.files}
         kind = f" ({', '.join(kinds)})" if len(kinds) == 1 else ""  # what a folder's name does not tell
-        files = f" in {counted(len(converted.files), 'file')}{kind}" if os.path.isdir(path) else ""
+        is_folder = len(converted.files) > 1 or os.path.isdir(path)  # one in a store is not on this computer
+        files = f" in {counted(len(converted.files), 'file')}{kind}" if is_folder else ""
         print(f"{path}: {counted_samples(converted.rows)}{files}, {number_of_bytes(size)}")
 
 

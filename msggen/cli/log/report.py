@@ -10,10 +10,10 @@ from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.cli.log.arguments import CODES, add_file
 from msggen.cli.log.opening import opened, print_notes, print_problems
 from msggen.cli.log.progress import busy_bar
+from msggen.cli.log.targets import named_stem
 from msggen.cli.options import Commands, add_command, add_shared, check_parent, refuse
 from msggen.cli.printing import number_of_bytes
 from msggen.cli.values import local_path
-from msggen.recordings.files.paths import stem_of
 
 _ENDING = ".html"
 
@@ -37,7 +37,7 @@ def add_to(actions: Commands) -> None:
 
 
 def _report(options: argparse.Namespace) -> int:
-    output = options.output or f"{stem_of(options.file)}.report{_ENDING}"
+    output = options.output or f"{named_stem(options)}.report{_ENDING}"
     if not output.lower().endswith(_ENDING):
         refuse(options, f"argument -o/--output: expected a name that ends in {_ENDING}, found '{output}'")
     check_parent(output)

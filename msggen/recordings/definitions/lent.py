@@ -146,8 +146,9 @@ def _of_standard_types(wanted: Sequence[_Wanted]) -> Lent:
 
 def _hint(wanted: Sequence[_Wanted]) -> Iterator[str]:
     """Yield where the standard types could come from, if nothing has them here."""
-    if next(standard_types(), None) is None:
-        names = few(sorted({each.channel.ros_type.partition("/")[0] for each in wanted}))
+    packages = {each.channel.ros_type.partition("/")[0] for each in wanted} - {""}
+    if packages and next(standard_types(), None) is None:
+        names = few(sorted(packages))
         yield f"for the types of {names}, source the setup of an installed ROS 2, or pip install rosbags"
 
 

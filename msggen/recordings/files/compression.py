@@ -20,8 +20,8 @@ _MOST = 100
 _LEAST_LIMIT = 1 << 27
 """The bytes that every file may have. Black pictures of a simulator are compressed thousands of times."""
 _STEP = 1 << 16
-_FILE_STEP = 1 << 20
-"""The bytes of a file that are read, or written, at a time."""
+_FILE_STEP = 1 << 14
+"""The bytes of a file that are read, or made, at a time: those of a step with an error are lost."""
 
 
 class CompressionError(ValueError):

@@ -131,11 +131,11 @@ class Db3File(Source):
 
     @property
     def message_count(self) -> int | None:
-        """The number of messages, None if the database is damaged."""
+        """The number of messages; if the database is damaged, of those that were found, None if that is not known."""
         try:
             return self._statements.count()
         except ERRORS:
-            return None
+            return super().message_count
 
     # samples
 

@@ -97,7 +97,8 @@ class _Record(NamedTuple):
             return self.check(value)
         if not isinstance(value, dict):
             raise TypeError(value)
-        return self.make([check(value.get(name)) for name, check in self.check.items()])
+        given = {_IS_EVENT: False, **value}
+        return self.make([check(given[name]) for name, check in self.check.items()])
 
     def written(self, facts: Facts) -> Mapping[str, object]:
         """Return the values of facts by key. Of rows, `is_event` is left out if it is not true."""

@@ -45,11 +45,14 @@ def _open_file(
 
     Samples are decompressed if `is_by_sample`, or if they are zstd frames. Raises RecordingError, and OSError.
     """
-    room = Room(os.path.getsize(path), folder_room)
+    size = os.path.getsize(path)
+    room = Room(size, folder_room)
     open_plain = partial(_open_plain, room=room, verification=verification, is_by_sample=is_by_sample)
     with open(path, "rb") as file:
         is_compressed = packing_of(file.read(16)) is not None
-    return _open_compressed(path, room, open_plain) if is_compressed else open_plain(path)
+    source = _open_compressed(path, room, open_plain) if is_compressed else open_plain(path)
+    source.size = size
+    return source
 
 
 def _open_compressed(path: str, room: Room, open_plain: Callable[[str], Source]) -> Source:

@@ -63,6 +63,8 @@ def open_stream(file: Readable, name: str, verification: Verification = VERIFIED
 
     Raises RecordingError, TypeError for a file in text mode, and OSError.
     """
+    if isinstance(file, io.TextIOBase):  # its read() fails on most recordings, as they are not UTF-8
+        raise _in_text_mode(name, "str")
     folder = tempfile.TemporaryDirectory(prefix="msggen-", ignore_cleanup_errors=True)
     spooled = Spooled(os.path.join(folder.name, "recording"), folder)
     try:
@@ -102,7 +104,9 @@ def _read(file: Readable, name: str) -> bytes:
     if found is None:
         raise BlockingIOError(errno.EAGAIN, "it has no data yet, and does not wait for it", name)
     if not isinstance(found, (bytes, bytearray, memoryview)):
-        raise TypeError(
-            f"{name}: expected a file in binary mode, whose read() returns bytes, got {type(found).__name__}"
-        )
+        raise _in_text_mode(name, type(found).__name__)
     return bytes(found)
+
+
+def _in_text_mode(name: str, got: str) -> TypeError:
+    return TypeError(f"{name}: expected a file in binary mode, whose read() returns bytes, got {got}")

@@ -15,10 +15,11 @@ from weakref import WeakValueDictionary, finalize
 import numpy as np
 
 from msggen.base.diagnostics import few
-from msggen.base.disk.urls import shown_address
+from msggen.base.disk.urls import is_in_store, shown_address
 from msggen.base.recording_formats import FORMATS, format_named, unpacked
 from msggen.recordings.files.paths import METADATA, is_bag
 from msggen.recordings.source.source import RecordingError
+from msggen.recordings.stores.client import split
 from msggen.recordings.stores.errors import NO_OBJECT, MissingError, StoreError, store_error
 from msggen.recordings.stores.store import Store, Stored
 
@@ -105,15 +106,6 @@ _copies: WeakValueDictionary[str, Copy] = WeakValueDictionary()
 """The copies that are in use, by their paths."""
 
 
-_sizes: dict[str, int] = {}
-"""The bytes of the recordings that were opened, by their addresses as they are shown."""
-
-
-def size_of(address: str) -> int:
-    """Return the bytes of a recording that was opened, by its address as it is shown."""
-    return _sizes[address]
-
-
 def copy_at(path: str) -> Copy | None:
     """Return the copy at a path, None for any other file."""
     return _copies.get(os.path.realpath(path)) if _copies else None
@@ -134,7 +126,6 @@ def open_stored(address: str, open_local: Callable[[str], list[Source]]) -> list
         raise RecordingError(str(error).replace(path, shown)) from None
     for problems in {id(source.problems): source.problems for source in sources}.values():
         problems[:] = [each._replace(text=each.text.replace(path, shown)) for each in problems]
-    _sizes[shown] = sum(copy.size for copy in copies)
     del copies  # from here on, the files that are open keep them
     return sources
 
@@ -143,7 +134,7 @@ def _copied(store: Store, address: str, folder: Folder) -> tuple[str, Sequence[C
     """Return the path of the copy of a recording, a file or a folder, and the copies of its files."""
     name = shown_address(address).rstrip("/").rpartition("/")[2]
     path = os.path.join(folder.path, _local(name))
-    if not address.endswith("/"):
+    if not _is_folder(address):
         try:
             stored, front = store.look(address, _FRONT)
         except MissingError as error:
@@ -173,6 +164,11 @@ def _copied(store: Store, address: str, folder: Folder) -> tuple[str, Sequence[C
         copy.fetch([(0, _FRONT)])
         _complete(copy)
     return path, copies
+
+
+def _is_folder(address: str) -> bool:
+    """Whether an address can only be that of a folder, as that of a bucket."""
+    return address.endswith("/") or (is_in_store(address) and not split(address)[1])
 
 
 def _listed(store: Store, address: str) -> Sequence[Stored]:

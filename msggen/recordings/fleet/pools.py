@@ -46,7 +46,7 @@ def failed(task: Task, error: str) -> Batch:
 
 
 def _processes(tasks: Sequence[Task], jobs: int) -> Iterator[tuple[Task, Batch | None]]:
-    """Convert recordings in `jobs` processes. Yield None for one whose process was killed."""
+    """Convert recordings in `jobs` processes. Yield None for a task whose process was killed."""
     workers = [_Worker() for _ in tasks[:jobs]]
     idle: SimpleQueue[_Worker] = SimpleQueue()
     for worker in workers:
@@ -70,14 +70,14 @@ def _processes(tasks: Sequence[Task], jobs: int) -> Iterator[tuple[Task, Batch |
 
 
 class _Worker:
-    """A process that converts recordings. It is started for the first one, and again after it was killed."""
+    """A process that converts recordings. It is started for the first task, and again after it was killed."""
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
         self._is_ended = False
 
     def run(self, task: Task) -> Batch | None:
-        """Convert a recording. Return None if the process was killed."""
+        """Convert the recordings of a task. Return None if the process was killed."""
         process = self._process or self._start()
         assert process.stdin is not None and process.stdout is not None  # noqa: S101, PT018 - they are pipes
         try:

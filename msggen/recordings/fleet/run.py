@@ -45,7 +45,7 @@ class Summary(NamedTuple):
     copies: int
     """How many have the contents of another one."""
     removed: int
-    """How many recordings have changed, so that their earlier files were removed."""
+    """How many recordings have changed, so that their earlier rows were removed."""
     outcomes: Sequence[Outcome]
     """What became of the others, in the order of their paths."""
     known: Sequence[Outcome]

@@ -17,13 +17,15 @@ _RUN = 3
 """How many topics in the order of `Log.keys` make a loop: the second one if it began with the first of all."""
 
 
-def passes_over(topics: Sequence[Topic], size_of: Callable[[Topic], int | None]) -> Iterator[list[Topic]]:
-    """Yield the topics of each pass: as many as have BOUND bytes together. One of an unknown size has its own."""
+def passes_over(topics: Sequence[Topic], size_of: Callable[[Topic], int]) -> Iterator[list[Topic]]:
+    """Yield the topics of each pass: as many as have BOUND bytes together."""
+    if len(topics) == 1:  # to learn the size can take as long as to read it
+        yield [*topics]
+        return
     group: list[Topic] = []
     total = 0
     for topic in topics:
         size = size_of(topic)
-        size = BOUND if size is None else size
         if group and total + size > BOUND:
             yield group
             group, total = [], 0
@@ -40,7 +42,7 @@ class Ahead:
         self,
         topics: Sequence[Topic],
         can_decode: Callable[[Topic], bool],
-        size_of: Callable[[Topic], int | None],
+        size_of: Callable[[Topic], int],
         load: Callable[[Sequence[Topic]], Mapping[Key, Samples]],
     ) -> None:
         self._topics, self._can_decode, self._size_of, self._load = topics, can_decode, size_of, load

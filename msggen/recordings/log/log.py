@@ -105,9 +105,9 @@ class Log:
         return self._reader.path
 
     @property
-    def place(self) -> str:
-        """The path of what is read: `path`, or the temporary copy of a file object."""
-        return self.path if self._spooled is None else self._spooled.path
+    def size(self) -> int:
+        """The bytes of the files with samples, compressed if they are."""
+        return sum(source.size for source in self._reader.sources)
 
     @property
     def kind(self) -> str:
@@ -575,11 +575,11 @@ class Log:
         topics = [topic for topic in self.topics if topic.known_count != 0]
         return Ahead(topics, self._reader.can_decode, self._size_of, self.load)
 
-    def _size_of(self, topic: Topic) -> int | None:
-        """Return about how many bytes the samples of a topic have as an array, None if their number is not known."""
+    def _size_of(self, topic: Topic) -> int:
+        """Return about how many bytes the samples of a topic have as an array. A database is searched once for this."""
         dtype = self.dtype(topic)
         size = dtype.itemsize * (_OBJECT if dtype.hasobject else 1) + _TIMES
-        return None if topic.known_count is None else topic.known_count * size
+        return topic.count * size
 
     def _in_passes(
         self, topics: Iterable[Key | Topic] | None, start: float | None, stop: float | None

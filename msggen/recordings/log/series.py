@@ -181,13 +181,21 @@ def read_modes(log: Log, *, start: float | None = None, stop: float | None = Non
     return replace(modes, annotation=about, end=max(modes.end, _end_of(modes, stop)))
 
 
+def _near(log: Log, name: str) -> str:
+    """Return a suggestion for a name that is no topic: the topic, or the path that `topic/field` may mean."""
+    topic, _, field = name.rpartition("/")
+    if topic in log:
+        return f", did you mean '{topic}.{field}'?"
+    return suggestion(name, [each.uorb for each in log.topics])
+
+
 def parse_path(log: Log, path: str) -> tuple[Topic, str]:
     """Return the topic and the field of a path. Raises RecordingError."""
     found = _PATH.fullmatch(path)
     if found is None:
         name = path.partition("[")[0]
         if "." in path or name not in log:
-            near = suggestion(name, [topic.uorb for topic in log.topics]) if "." not in path else ""
+            near = "" if "." in path else _near(log, name)
             raise RecordingError(f"expected TOPIC.FIELD or TOPIC[INSTANCE].FIELD, found '{path}'{near}")
         columns = names_of(log.dtype(name))
         raise RecordingError(f"'{path}' is a topic: name one of its fields, such as {few(columns)}")

@@ -180,6 +180,8 @@ class Source(ABC):
         """The path for people: a file that was compressed is read elsewhere."""
         self.problems: list[Problem] = []
         """The problems of the file, each once. Reading appends those that it finds."""
+        self.size = 0
+        """The bytes of the file as it is on the disk, compressed or not."""
         self._closing: list[Callable[[], None]] = []
 
     @property
