@@ -17,13 +17,11 @@ from pyarrow import parquet
 
 from msggen import recordings
 from msggen.cli import main, parser_for
-from msggen.live.sim import Options, Simulator
 from msggen.recordings.log import reader
 from msggen.recordings.log.reader import Reader
 from msggen.recordings.writer import Writer
 from support.flights import TOPICS, write_flight
 from support.log_files import Written, write_log
-from support.ports import free_port
 from support.recordings import START, read_mcap
 from support.repository import ROOT
 from support.ulog import UlogWriter, write_ulog
@@ -32,8 +30,6 @@ COUNT = 300
 WHOLE = (ROOT / "docs" / "recordings.md").read_text(encoding="utf-8")
 PAGE = "".join(each for each in re.split(r"(?m)^(?=## )", WHOLE) if not each.startswith("## Plot"))
 """The page without its section on plots, which has tests of its own."""
-READING = (ROOT / "docs" / "reading.md").read_text(encoding="utf-8").partition("\n## ")[0]
-"""The beginning of the page on Python."""
 
 
 @pytest.fixture(scope="module")
@@ -618,49 +614,6 @@ def test_a_bar_shows_that_a_recording_is_read(
 
 
 # --- the page
-
-
-def masked(text: str) -> list[str]:
-    """Return the lines of an output with N for numbers, without the widths of columns, units and gaps."""
-    lines = [" ".join(re.sub(r"[\d.:,-]*\d", "N", line).split()) for line in text.splitlines()]
-    return [re.sub(r"^(/.*?)( N| k?B| \(N\))+$", r"\1 N", line).removesuffix(" gaps") for line in lines if line]
-
-
-@pytest.fixture
-def recorded(here: Path, px4_types: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("XDG_CACHE_HOME", str(here / "cache"))
-    for path in here.glob("flight.*"):
-        path.unlink()
-    address = f"udp://127.0.0.1:{free_port()}"
-    topics = ["vehicle_status", "vehicle_odometry", "sensor_*", "battery_status"]
-    types = str(ROOT / "generated" / "px4_types")
-    with Simulator(px4_types, address, [Options(sync="short")]):
-        words = ["record", *topics, "--for", "2.5", "-o", "flight.mcap", "-q", "--link", address, "--types", types]
-        assert main(words) == 0
-
-
-@pytest.mark.slow  # records a simulated flight
-@pytest.mark.usefixtures("recorded")
-def test_the_page_is_real(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    sessions = "$ \n".join(re.findall(r"```console\n(.*?)```", PAGE, re.DOTALL))
-    seen = 0
-    for command, output in re.findall(r"^\$ (.+)\n((?:(?!\$ ).*\n)*)", sessions, re.MULTILINE):
-        if command.startswith("head -c"):
-            data = (here / "flight.mcap").read_bytes()
-            (here / "broken.mcap").write_bytes(data[: len(data) * 2 // 5])
-        elif command.startswith("msggen "):
-            main(shlex.split(command)[1:])
-            printed = capsys.readouterr()
-            shown = masked(output)[-1:] if "repair" in command else masked(output)  # it can be cut between chunks
-            assert masked(printed.out if "repair" in command else printed.err + printed.out) == shown, command
-            seen += 1
-    assert seen == 6
-    first, second = re.findall(r"```python\n(.*?)```", READING + PAGE, re.DOTALL)
-    exec(first, {})  # noqa: S102 - the code of the page
-    (text,) = re.findall(r"```text\n(.*?)```", READING, re.DOTALL)
-    assert masked(capsys.readouterr().out) == masked(text)
-    exec(second, {})  # noqa: S102 - the code of the page
-    assert "tables/vehicle_odometry.parquet" in capsys.readouterr().out
 
 
 def test_the_commands_of_the_page_are_accepted() -> None:

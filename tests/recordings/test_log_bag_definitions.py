@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import re
 from collections.abc import Sequence
 from pathlib import Path
 from random import Random
@@ -23,7 +21,6 @@ from msggen.sources.sources import find_sources
 from support.databases import Stored, write_database
 from support.firmware_trees import write_tree
 from support.recordings import START
-from support.repository import ROOT
 
 RELEASES = EMBEDDED[1:]
 NAMES = ("vehicle_status", "sensor_combined", "vehicle_odometry", "battery_status", "failsafe_flags")
@@ -160,20 +157,6 @@ def test_all_definitions_of_a_release_are_written_and_read_again(release: str) -
             (one.name, one.value) for one in message.constants
         ]
         assert type_hash_of(message.ros_type, text) == msggen.definitions.identity.type_hash(catalog, message)
-
-
-def test_the_example_of_the_page_runs(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    section = (ROOT / "docs/recording_formats.md").read_text(encoding="utf-8").partition("## rosbag2\n")[2]
-    code, output = re.findall(r"```(?:python|text)\n(.*?)```", section, re.DOTALL)[:2]
-    (tmp_path / "flight").mkdir()
-    write_release(tmp_path / "flight/flight_0.db3", package_of("v1.16"), namespace="")
-    metadata = {"version": 5, "storage_identifier": "sqlite3", "relative_file_paths": ["flight_0.db3"]}
-    (tmp_path / "flight/metadata.yaml").write_text(json.dumps({"rosbag2_bagfile_information": metadata}))
-    monkeypatch.chdir(tmp_path)
-    exec(compile(code, "recording_formats.md", "exec"), {})  # noqa: S102 - the page's own
-    assert capsys.readouterr().out == output
 
 
 def test_the_firmware_of_the_current_folder_lends_what_a_recording_lacks(

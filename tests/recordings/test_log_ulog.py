@@ -17,7 +17,7 @@ from msggen.recordings.files.ulog_formats import Formats
 from msggen.recordings.files.ulog_names import MESSAGES
 from msggen.recordings.log.origin import release_text
 from msggen.recordings.source.facts import Dropout, Text
-from support.repository import DEFINITIONS, ROOT, SOME
+from support.repository import DEFINITIONS, SOME
 from support.ulog import UlogWriter, columns_of_pyulog, content_of, differences, flight, formats_of, size_of, snake
 
 ATTITUDE = "uint64_t timestamp;float[4] q;bool is_valid;uint8_t[7] _padding0"
@@ -316,8 +316,8 @@ def gps(time: int, utc: int, fix: int = 3) -> bytes:
     return struct.pack("<QQ2dB", time, utc, 47.5, 8.5, fix)
 
 
-def flight_of_the_page() -> UlogWriter:
-    """Return the log of docs/recording_formats.md."""
+def flight_with_facts() -> UlogWriter:
+    """Return a log with two receivers, a parameter, a text, a dropout and a damaged end."""
     writer = UlogWriter()
     writer.format("sensor_gps", GPS)
     writer.information("char[3] sys_name", b"PX4")
@@ -334,17 +334,6 @@ def flight_of_the_page() -> UlogWriter:
     writer.dropout(25)
     writer.data += b"\x20\0D\0\0"
     return writer
-
-
-def test_the_page_shows_what_a_log_has(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    flight_of_the_page().write(tmp_path / "flight.ulg")
-    monkeypatch.chdir(tmp_path)
-    page = (ROOT / "docs/recording_formats.md").read_text(encoding="utf-8").partition("## ULog\n")[2]
-    code, output = re.findall(r"```(?:python|text)\n(.*?)```", page, re.DOTALL)[:2]
-    exec(code, {})  # noqa: S102 - our own page
-    assert capsys.readouterr().out == output
 
 
 @pytest.mark.parametrize(
@@ -387,7 +376,7 @@ def test_a_recording_starts_with_the_time_in_the_header(tmp_path: Path) -> None:
 
 
 def test_utc_comes_from_the_start_of_the_vehicle_first(tmp_path: Path) -> None:
-    writer = flight_of_the_page()
+    writer = flight_with_facts()
     del writer.data[-5:]
     writer.information("uint64_t boot_time_utc_us", struct.pack("<Q", 1_780_000_000_000_000))
     with recordings.open(writer.write(tmp_path / "a.ulg")) as log:

@@ -10,6 +10,7 @@ import json
 import re
 import runpy
 import shlex
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -32,6 +33,7 @@ from support.pages import (
     variables_of,
 )
 from support.ports import free_port
+from support.programs import required
 from support.repository import ROOT
 
 if sys.version_info >= (3, 11):
@@ -43,6 +45,8 @@ _SITE = runpy.run_path(str(ROOT / "docs" / "product" / "site_pages.py"))
 PAGES = [page.removeprefix("docs/") for page in _SITE["GROUPS"]["Recordings"]]
 LIVE = {"record"}
 """The pages of a running vehicle, whose numbers differ from run to run."""
+TOOLS = {"stores": ("curl",)}
+"""Programs that pages need and not every system has."""
 NOT_RUN = {"pyspark"}
 """Packages that need more than pip installs: Spark needs Java."""
 EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
@@ -58,13 +62,15 @@ def home() -> Iterator[Path]:
 @pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES)
 def test_a_reader_gets_what_the_page_shows(page: str, tmp_path: Path, home: Path) -> None:
+    for program in TOOLS.get(page, ()):
+        required(program, is_there=shutil.which(program) is not None)
     ports = free_port(), free_port()
     if page in LIVE:
         (tmp_path / "pyproject.toml").write_text(f'[tool.msggen]\nlink = "udp://127.0.0.1:{ports[0]}"\n')
     variables = {**variables_of(Path(sys.executable).parent, home), "PYTHONPATH": str(ROOT)}
     with reading(tmp_path, variables, ports) as reader:
         try:
-            check_outputs(outputs_of(page, reader), is_live=page in LIVE)
+            check_outputs(outputs_of(steps_of(page), reader), is_live=page in LIVE)
         finally:
             reader.run(Step("console", "msggen link stop", ""))
 
@@ -132,7 +138,7 @@ def test_a_page_needs_only_what_it_names(page: str, wheel: Path, tmp_path: Path,
     )
     assert done.returncode == 0, done.stderr
     rows = [json.loads(line) for line in done.stdout.splitlines()]
-    assert len(rows) > 2
+    assert len(rows) > 1
     check_outputs(((Step(*step), output) for *step, output in rows), is_live=page in LIVE)
 
 
@@ -181,7 +187,5 @@ def test_an_isolated_program_has_only_the_loopback_interface_and_leaves_no_proce
         "subprocess.Popen(['sleep', '1000'])\n"
     )
     command = isolated(sys.executable, "-c", program)
-    done = subprocess.run(
-        command, cwd=tmp_path, env=os.environ, capture_output=True, text=True, check=False, timeout=60
-    )
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=60)
     assert (done.stdout, done.stderr) == ("['lo']\n", "")

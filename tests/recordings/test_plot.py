@@ -23,7 +23,6 @@ from msggen import recordings
 from msggen.recordings.columns.annotations import Annotation
 from msggen.recordings.log import plot, series
 from support.examples import examples
-from support.repository import ROOT
 from support.ulog import UlogWriter
 from support.written import write_recording
 
@@ -338,24 +337,6 @@ def test_files(log: recordings.Log) -> None:
 def test_a_picture_is_drawn_without_a_window(log: recordings.Log) -> None:
     plot.render(plot.draw(log, ["vehicle_local_position.x"]), "png")
     assert "matplotlib.pyplot" not in sys.modules or not sys.modules["matplotlib.pyplot"].get_fignums()
-
-
-def test_the_code_of_the_page_runs(tmp_path: Path, px4_types: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    page = (ROOT / "docs" / "recordings.md").read_text(encoding="utf-8")
-    (code,) = re.findall(r"```python\n(.*?)```", page[page.index("## Plot") : page.index("## Formats")], re.DOTALL)
-    odometry = px4_types.VehicleOdometry(position=[1.0, 2.0, 3.0])
-    samples = [
-        ("/fmu/out/vehicle_odometry", 0.0, odometry),
-        ("/fmu/out/battery_status", 0.5, px4_types.BatteryStatus()),
-    ]
-    write_recording(tmp_path / "flight.mcap", samples)
-    monkeypatch.chdir(tmp_path)
-    names: dict[str, Any] = {}
-    exec(code, names)  # noqa: S102 - it is ours
-    assert (tmp_path / "odometry.png").read_bytes().startswith(b"\x89PNG")
-    first, second = names["figure"].axes
-    assert (first.get_ylabel(), second.get_ylabel()) == ("[m]", "[V]")
-    assert first.get_ylim() == (-5, 5)
 
 
 # Thinning

@@ -1,34 +1,11 @@
-"""Tests of docs/report.md: its commands are real, and its limits those of the code."""
+"""Tests of docs/report.md: its limits are those of the code."""
 
 from __future__ import annotations
 
-import re
-import shlex
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-from msggen.cli import main
 from msggen.recordings.report import findings, plans, thinning
-from support.report_flights import write_ulog
 from support.repository import ROOT
 
-if TYPE_CHECKING:
-    import pytest
-
-_NEAR = 0.1
-"""How much the size of a report may differ from that on the page."""
 PAGE = (ROOT / "docs" / "report.md").read_text(encoding="utf-8")
-
-
-def test_the_command_is_real(px4_types: Any, working_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    write_ulog(working_folder / "flight.ulg", px4_types)
-    (block,) = re.findall(r"```console\n(.*?)```", PAGE, re.DOTALL)
-    ((command, shown),) = re.findall(r"\$ msggen (.*)\n((?:[^$].*\n)*)", block)
-    assert main(shlex.split(command)) == 0
-    printed = capsys.readouterr()
-    (size,), (size_on_page,) = (re.findall(r"([\d.]+) kB", text) for text in (printed.out, shown))
-    assert (printed.out.replace(size, size_on_page), printed.err) == (shown, "")
-    assert abs(float(size) / float(size_on_page) - 1) < _NEAR
 
 
 def test_the_limits_are_those_of_the_code() -> None:

@@ -47,9 +47,12 @@ class Step(NamedTuple):
     """A package without which it is left out."""
 
 
-def steps_of(page: str) -> list[Step]:
-    """Return the commands and the code on a page of `docs`, in their order."""
-    return list(_steps((ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8")))
+def steps_of(page: str, section: str = "") -> list[Step]:
+    """Return the commands and the code on a page of `docs`, or in a section of it, in their order."""
+    text = (ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8")
+    if section:
+        text = text.partition(f"\n## {section}\n")[2].partition("\n## ")[0]
+    return list(_steps(text))
 
 
 def _steps(text: str) -> Iterator[Step]:
@@ -203,12 +206,12 @@ def variables_of(programs: Path, home: Path) -> dict[str, str]:
     return {"HOME": str(home), "LANG": "C.UTF-8", "MSGGEN_RUNTIME": str(home), "PATH": path}
 
 
-def outputs_of(page: str, reader: Reader, packages: Collection[str] = ()) -> Iterator[tuple[Step, str]]:
+def outputs_of(steps: Iterable[Step], reader: Reader, packages: Collection[str] = ()) -> Iterator[tuple[Step, str]]:
     """Run the steps of a page but those that install. Yield each with what it prints.
 
     `packages` are there, of those that steps need.
     """
-    for step in steps_of(page):
+    for step in steps:
         if (step.needs is None or step.needs in packages) and not step.code.startswith(INSTALL):
             yield step, reader.run(step)
 
@@ -222,7 +225,7 @@ def check_outputs(outputs: Iterable[tuple[Step, str]], *, is_live: bool = False)
 
 def _main(page: str, folder: str, *packages: str) -> None:
     with reading(Path(folder), dict(os.environ)) as reader:
-        for step, output in outputs_of(page, reader, packages):
+        for step, output in outputs_of(steps_of(page), reader, packages):
             print(json.dumps([*step, output]), flush=True)
 
 

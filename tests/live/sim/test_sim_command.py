@@ -325,8 +325,8 @@ def test_the_example_with_a_vehicle_works(px4_types: Any, capsys: pytest.Capture
 def test_the_commands_of_the_page_are_accepted() -> None:
     from msggen.cli import parser_for
 
-    commands = re.findall(r"^(?:\$ )?msggen (sim.*?)(?:  #.*)?$", PAGE, re.MULTILINE)
-    assert len(commands) == 9
+    commands = re.findall(r"^(?:\$ )?msggen (sim.*?)(?: &|  #.*)?$", PAGE, re.MULTILINE)
+    assert len(commands) == 10
     for command in commands:
         parser_for(command.split()).parse_args(command.split())
 
