@@ -14,7 +14,10 @@ if TYPE_CHECKING:
 BOUND = 256 << 20
 """The bytes of samples that are read in a pass before they are asked for. A single topic can have more."""
 _RUN = 3
-"""How many topics in the order of `Log.keys` make a loop: the second one if it began with the first of all."""
+"""How many topics in the order of `Log.keys` make a loop.
+
+Nothing can be asked for before the first topic, so it counts as two, and as a loop if the keys were listed before.
+"""
 
 
 def passes_over(topics: Sequence[Topic], size_of: Callable[[Topic], int]) -> Iterator[list[Topic]]:
@@ -50,14 +53,22 @@ class Ahead:
         self._last = -1
         self._run = 1
         self._kept: dict[Key, Samples] = {}
+        self._of_first = 2
+        """As how many topics the first one counts."""
+
+    def expect_loop(self) -> None:
+        """Tell that a program has listed the keys: if it asks for the first topic now, it goes on with the others."""
+        self._of_first = _RUN
 
     def take(self, topic: Topic) -> Samples | None:
         """Return all samples of a topic if they are or were read ahead, otherwise None, and forget them."""
         place = self._places.get(topic.key)
         if place is None:
             return None
-        # nothing can be asked for before the first topic, so it counts as two
-        self._run = self._run + 1 if place == self._last + 1 else 1 + (place == 0)
+        if place == 0:
+            self._run = self._of_first
+        else:
+            self._run = self._run + 1 if place == self._last + 1 else 1
         self._last = place
         kept = self._kept.pop(topic.key, None)
         if kept is not None or self._run < _RUN or not self._can_decode(topic):

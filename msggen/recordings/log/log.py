@@ -233,6 +233,7 @@ class Log:
 
     def keys(self) -> list[Key]:
         """Return the topics as keys: a name, or a name and the number of an instance that is not 0."""
+        self._ahead.expect_loop()
         return [topic.key for topic in self.topics]
 
     def __iter__(self) -> Iterator[Key]:
