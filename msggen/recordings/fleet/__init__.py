@@ -1,6 +1,6 @@
 """Many recordings as one data set: Parquet files by topic that engines read, made once each (docs/fleet.md).
 
-`update` converts all recordings below a folder; `convert_batch` is the work for a few of them, which any pool of
+A fleet is in a folder, or in an object store. `update` converts all recordings below a folder; `convert_batch` is the work for a few of them, which any pool of
 processes can do. It adds small files, and `compact` makes large ones of them:
 
     fleet/<topic>/000012-9f3a5c01.parquet
@@ -15,6 +15,7 @@ from msggen.recordings.fleet.batch import Batch, Outcome, Task, convert_batch
 from msggen.recordings.fleet.compaction import Compacted, compact
 from msggen.recordings.fleet.layout import KEYS, UNKNOWN, Keys
 from msggen.recordings.fleet.run import Progress, Summary, update
+from msggen.recordings.fleet.storage import files
 
 __all__ = [
     "KEYS",
@@ -28,5 +29,6 @@ __all__ = [
     "Task",
     "compact",
     "convert_batch",
+    "files",
     "update",
 ]
