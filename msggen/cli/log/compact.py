@@ -32,7 +32,9 @@ def add_to(actions: Commands) -> None:
         "(docs/fleet.md). The rows stay the same. The files of a topic are exchanged in one step, unless the fleet is in a store.",
         epilog=f"Exit codes: 0 done, {FAILED_CODES}",
     )
-    parser.add_argument("fleet", metavar="FLEET", type=new_recording, help="folder or address that `msggen log convert` has written")
+    parser.add_argument(
+        "fleet", metavar="FLEET", type=new_recording, help="folder or address that `msggen log convert` has written"
+    )
     add_shared(parser, "--json", "-q, --quiet")
 
 

@@ -47,17 +47,16 @@ class Lease:
     @contextmanager
     def held(self, waiting: Callable[[str], None]) -> Iterator[None]:
         """Hold the lock. If another run has it, call `waiting` with its first line, and wait."""
-        self._take(waiting)
         _held.add(self._owner)
-        thread = threading.Thread(target=self._renew_often, name="msggen lock", daemon=True)
-        thread.start()
         try:
+            self._take(waiting)
+            threading.Thread(target=self._renew_often, name="msggen lock", daemon=True).start()
             yield
         finally:
             self._ended.set()
-            _held.discard(self._owner)
             with suppress(StoreError):
                 self._release()
+            _held.discard(self._owner)
 
     def check(self) -> None:
         """Raise StoreError if another run may have taken the lock, as after a long sleep of this computer."""

@@ -11,10 +11,12 @@ import os
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import lru_cache
 
 from msggen.recordings.files.paths import METADATA, is_always_whole, is_bag_of, is_marked, is_named_as_recording
 from msggen.recordings.files.stored import local_name
 from msggen.recordings.source.source import RecordingError
+from msggen.recordings.stores.client import split
 from msggen.recordings.stores.errors import NO_OBJECT, MissingError
 from msggen.recordings.stores.store import Store, Stored
 
@@ -83,24 +85,35 @@ def is_listed(address: str) -> bool:
 @contextmanager
 def copied(address: str) -> Iterator[tuple[str, _Stated]]:
     """Yield the path of a copy of a recording, and its state. Errors have its address. Raises StoreError and OSError."""
-    store = Store(address)
+    store = _store(split(address)[0], _environment())
     with tempfile.TemporaryDirectory(prefix="msggen-", ignore_cleanup_errors=True) as folder:
         copy = os.path.join(folder, local_name(address.rpartition("/")[2]))
         try:
-            stored, _ = store.look(address)
-            parts = [stored]
-            store.fetch(stored, copy)
+            parts = [store.fetch(address, copy)]
         except MissingError as error:
-            parts = _parts({each.address.rpartition("/")[2]: each for each in store.folder(address)})
-            if error.strerror != NO_OBJECT or not parts:
+            listed = _parts({each.address.rpartition("/")[2]: each for each in store.folder(address)})
+            if error.strerror != NO_OBJECT or not listed:
                 raise
             os.mkdir(copy)
-            for each in parts:
-                store.fetch(each, os.path.join(copy, local_name(each.address.rpartition("/")[2])))
+            parts = [_fetched(store, each.address, copy) for each in listed]
         try:
             yield copy, _state(parts)
         except RecordingError as error:
             raise RecordingError(str(error).replace(copy, address)) from None
+
+
+@lru_cache
+def _store(address: str, _: object) -> Store:
+    return Store(address)
+
+
+def _environment() -> object:
+    """Return what credentials are taken from: a client is used for all recordings, as it takes long to make one."""
+    return tuple(sorted(each for each in os.environ.items() if each[0].startswith("AWS_")))
+
+
+def _fetched(store: Store, address: str, folder: str) -> Stored:
+    return store.fetch(address, os.path.join(folder, local_name(address.rpartition("/")[2])))
 
 
 def _is_bag(store: Store, folder: str, objects: Mapping[str, Stored]) -> bool:

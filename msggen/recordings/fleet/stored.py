@@ -18,7 +18,7 @@ from typing import IO, TYPE_CHECKING
 from msggen.recordings.fleet.folder import FILES, RUN, STAGE, STATE, Changed
 from msggen.recordings.fleet.layout import is_place
 from msggen.recordings.fleet.lease import Lease
-from msggen.recordings.stores.store import Store, Stored
+from msggen.recordings.stores.store import Store
 
 if TYPE_CHECKING:
     from obstore import UpdateVersion
@@ -104,14 +104,9 @@ class StoredFolder:
         copy = self._copy(place)
         if not os.path.exists(copy):
             os.makedirs(os.path.dirname(copy), exist_ok=True)
-            address = f"{self.path}/{place}"
-            stored, _ = self._store.look(address)
-            self._fetch(stored, copy)
+            self._store.fetch(f"{self.path}/{place}", f"{copy}.part")
+            os.replace(f"{copy}.part", copy)
         return open(copy, "rb")
-
-    def _fetch(self, stored: Stored, copy: str) -> None:
-        self._store.fetch(stored, f"{copy}.part")
-        os.replace(f"{copy}.part", copy)
 
     def _copy(self, place: str) -> str:
         return os.path.join(self._scratch.name, *place.split("/"))

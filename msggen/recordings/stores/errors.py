@@ -71,6 +71,7 @@ _CODE = re.compile(r"<Code>(\w{1,60})</Code>")
 _REGION = re.compile(r"<Region>([a-z0-9-]{1,40})</Region>")
 _SYSTEM = re.compile(r'message: "([^"]{1,200})"')
 """What the system says of a connection."""
+_BROKEN = ("kind: Interrupted", "kind: Decode", "error sending request")
 _RETRIES = re.compile(r"after (\d+) retries")
 
 
@@ -101,7 +102,7 @@ def _reason(text: str) -> str:
     if "kind: Connect" in text:
         found = _SYSTEM.search(text) or re.search(r'error: "([^"]{1,200})"', text)
         return "no connection to the server" + (f": {found[1].rstrip('.')}" if found else "")
-    if "kind: Interrupted" in text or "kind: Decode" in text:
+    if any(each in text for each in _BROKEN):
         return "the connection broke off before the end of the answer"
     return re.sub(r"^Generic \w+ error: ", "", text.partition("\n")[0]).rstrip(".: ") or "the store failed"
 

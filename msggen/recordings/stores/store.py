@@ -161,7 +161,9 @@ class Store:
         try:
             with _translating(address):
                 done = result_of(lambda: obstore.put(self._client, key, data, mode=mode, use_multipart=False))
-        except ChangedError:
+        except (ChangedError, MissingError) as error:
+            if isinstance(error, MissingError) and (over is None or error.strerror != NO_OBJECT):
+                raise
             return self._written(address, data)
         return Content(data, _version(done))
 
@@ -198,13 +200,15 @@ class Store:
                 )
             )
 
-    def fetch(self, stored: Stored, path: str) -> None:
-        """Write an object to a new file. Raises ChangedError if it is another object by now, and OSError."""
+    def fetch(self, address: str, path: str) -> Stored:
+        """Write an object to a new file. Return it. Raises ChangedError if it changes in the meantime, and OSError."""
+        stored, front = self.look(address, _PIECE)
         with open(path, "xb") as file:
-            file.truncate(stored.size)
-            for start, data in self.read_all(stored, [(0, stored.size)]):
+            file.write(front)
+            for start, data in self.read_all(stored, [(len(front), stored.size)]):
                 file.seek(start)
                 file.write(data)
+        return stored
 
     def copy(self, addresses: Sequence[tuple[str, str]]) -> None:
         """Copy objects within the store, from addresses to others. Those that there are not are passed over."""
