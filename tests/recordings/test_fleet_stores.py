@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -15,9 +14,9 @@ from msggen.recordings.fleet import compact, files, lease, pools, run, update
 from msggen.recordings.fleet.records import FleetError
 from msggen.recordings.source.source import RecordingError
 from msggen.recordings.stores.errors import StoreError
-from support.fleet_logs import VEHICLES, flight, write_logs
+from support.fleet_logs import write_logs
 from support.fleet_recordings import rows_of
-from support.fleet_stores import FLEET, Bucket
+from support.fleet_stores import FLEET, Bucket, change
 from support.fleet_stores import bucket as new_bucket
 
 pytestmark = pytest.mark.timeout(600)
@@ -42,13 +41,6 @@ def bucket(server: Bucket, monkeypatch: pytest.MonkeyPatch) -> Bucket:
 @pytest.fixture
 def logs(tmp_path: Path) -> Path:
     return write_logs(tmp_path / "logs")
-
-
-def change(logs: Path) -> None:
-    """Let one recording be new, one be changed, and one be a copy."""
-    flight(7, VEHICLES[1], 0, is_new=True).write(logs / "later.ulg")
-    flight(8, VEHICLES[0], 0, is_new=False).write(logs / "2026-11-20" / "10_31_40.ulg")
-    shutil.copy(logs / "hangar" / "sess001.ulg", logs / "copy.ulg")
 
 
 def without_paths(document: dict[str, Any]) -> dict[str, Any]:
@@ -122,7 +114,7 @@ def test_a_folder_that_is_no_fleet_is_an_error(bucket: Bucket, logs: Path) -> No
         update(str(logs), FLEET)
     with pytest.raises(RecordingError, match="no recording in this folder"):
         update("s3://bucket/nothing", "s3://bucket/new")
-    with pytest.raises(StoreError, match="^s3://nobucket[^:]*: there is no such bucket$"):
+    with pytest.raises(StoreError, match=r"^s3://nobucket[^:]*: there is no such bucket$"):
         update(str(logs), "s3://nobucket/fleet")
     assert not [key for key in bucket.names() if "_msggen" in key]
 

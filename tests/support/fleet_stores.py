@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -9,7 +10,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from botocore.session import Session
 
-from msggen.recordings.fleet import files
+from msggen.recordings.fleet import compact, files, update
+from support.fleet_logs import VEHICLES, flight
 from support.fleet_recordings import rows_of
 from support.moto import moto_server
 from support.object_server import hasten, set_credentials
@@ -31,10 +33,10 @@ class Bucket(NamedTuple):
 
     def clear(self) -> None:
         """Remove everything."""
-        for key in self.keys():
+        for key in self.names():
             self.client.delete_object(Bucket="bucket", Key=key)
 
-    def keys(self, front: str = "") -> list[str]:
+    def names(self, front: str = "") -> list[str]:
         """Return the names of objects."""
         pages = self.client.get_paginator("list_objects_v2").paginate(Bucket="bucket", Prefix=front)
         return [each["Key"] for page in pages for each in page.get("Contents", ())]
@@ -48,11 +50,22 @@ class Bucket(NamedTuple):
 
     def get(self, front: str, folder: Path) -> Path:
         """Copy objects to a folder."""
-        for key in self.keys(f"{front}/"):
+        for key in self.names(f"{front}/"):
             path = folder / key[len(front) + 1 :]
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(self.client.get_object(Bucket="bucket", Key=key)["Body"].read())
         return folder
+
+    def save(self) -> dict[str, bytes]:
+        """Return everything."""
+        return {key: self.client.get_object(Bucket="bucket", Key=key)["Body"].read() for key in self.names()}
+
+    def load(self, saved: dict[str, bytes]) -> None:
+        """Put everything as it was."""
+        self.proxy.begin()
+        self.clear()
+        for key, data in saved.items():
+            self.client.put_object(Bucket="bucket", Key=key, Body=data)
 
     def rows(self, folder: Path, fleet: str = FLEET) -> dict[str, list[dict[str, Any]]]:
         """Return all rows of a fleet, as an engine sees them that lists the files."""
@@ -61,12 +74,25 @@ class Bucket(NamedTuple):
     def check_whole(self, fleet: str = FLEET) -> None:
         """Check that a fleet has nothing but its files, and that they are listed."""
         front = fleet.removeprefix("s3://bucket/")
-        names = [key[len(front) + 1 :] for key in self.keys(f"{front}/")]
+        names = [key[len(front) + 1 :] for key in self.names(f"{front}/")]
         assert [name.removeprefix("_msggen/") for name in names if name.startswith("_msggen/")] == KEPT
         places = [name for name in names if not name.startswith("_")]
         topics = {name.partition("/")[0] for name in places}
         listed = [address for topic in sorted(topics) for address in files(fleet, topic)]
         assert listed == [f"{fleet}/{place}" for place in places]
+
+
+def change(logs: Path) -> None:
+    """Let one of the recordings of `write_logs` be new, one be changed, and one be a copy."""
+    flight(7, VEHICLES[1], 0, is_new=True).write(logs / "later.ulg")
+    flight(8, VEHICLES[0], 0, is_new=False).write(logs / "2026-11-20" / "10_31_40.ulg")
+    shutil.copy(logs / "hangar" / "sess001.ulg", logs / "copy.ulg")
+
+
+def both(source: str, fleet: str = FLEET) -> None:
+    """Convert, and compact."""
+    update(source, fleet)
+    compact(fleet)
 
 
 @contextmanager

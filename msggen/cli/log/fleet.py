@@ -7,6 +7,7 @@ import os
 import sys
 import time
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -120,10 +121,8 @@ def _updated(options: argparse.Namespace, fleet: str) -> Summary:
         import pyarrow  # noqa: F401, ICN001
 
         from msggen.recordings.fleet import KEYS, update
-        from msggen.recordings.fleet.records import FleetError
         from msggen.recordings.fleet.run import pool_of
         from msggen.recordings.source.source import RecordingError
-        from msggen.recordings.stores.errors import StoreError
 
         if options.dask:
             import distributed  # noqa: F401
@@ -138,22 +137,34 @@ def _updated(options: argparse.Namespace, fleet: str) -> Summary:
     with progress_bar(options, at_once=True) as show:
         try:
             shows = partial(_show, show)
-            return update(options.file, fleet, by=by, pool=pool, progress=shows, waiting=partial(print_waiting, fleet))
+            with fleet_errors(fleet):
+                waiting = partial(print_waiting, fleet)
+                return update(options.file, fleet, by=by, pool=pool, progress=shows, waiting=waiting)
         except KeyboardInterrupt:
             print("the same command goes on where this run was interrupted", file=sys.stderr)
             raise
-        except FleetError as error:
-            raise input_error(fleet, "R150", str(error), 0) from None
         except RecordingError as error:
             raise input_error(options.file, "R150", str(error), 0) from None
-        except StoreError as error:
-            raise store_failed(error, "R150") from None
-        except ModuleNotFoundError as error:
-            raise missing_extra(error, "stores", "R150") from None
         except OSError as error:
             if not options.dask or error.filename:
                 raise
             raise input_error(options.dask, "R150", f"the scheduler cannot be reached: {error}", 0) from None
+
+
+@contextmanager
+def fleet_errors(fleet: str) -> Iterator[None]:
+    """Raise InputError for errors of a fleet, and of a store."""
+    from msggen.recordings.fleet.records import FleetError
+    from msggen.recordings.stores.errors import StoreError
+
+    try:
+        yield
+    except FleetError as error:
+        raise input_error(fleet, "R150", str(error), 0) from None
+    except StoreError as error:
+        raise store_failed(error, "R150") from None
+    except ModuleNotFoundError as error:
+        raise missing_extra(error, "stores", "R150") from None
 
 
 def _show(show: Show, progress: Progress) -> None:

@@ -111,7 +111,7 @@ def _converted(task: Task, folder: Storage, path: str, aside: str) -> tuple[Outc
     try:
         with at_hand(path) as (copy, state):
             record, runs = _tables(task, folder, _Source(path, copy, state), aside)
-    except Exception as error:  # noqa: BLE001 - as above
+    except Exception as error:
         shutil.rmtree(aside, ignore_errors=True)
         if isinstance(error, StoreError) and error.is_lasting:
             raise

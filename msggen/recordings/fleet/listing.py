@@ -84,7 +84,7 @@ def is_listed(address: str) -> bool:
 
 @contextmanager
 def copied(address: str) -> Iterator[tuple[str, _Stated]]:
-    """Yield the path of a copy of a recording, and its state. Errors have its address. Raises StoreError and OSError."""
+    """Yield the path of a copy of a recording, and its state. Errors have its address. Raises OSError."""
     store = _store(split(address)[0], _environment())
     with tempfile.TemporaryDirectory(prefix="msggen-", ignore_cleanup_errors=True) as folder:
         copy = os.path.join(folder, local_name(address.rpartition("/")[2]))
