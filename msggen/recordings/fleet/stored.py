@@ -44,7 +44,7 @@ class StoredFolder:
 
     def has_others(self) -> bool:
         """Whether the folder has files, but none of a fleet."""
-        return not self._store.has_below(self.state) and self._store.has_below(self.path)
+        return self._store.has_below(self.path) and not self._store.has_below(self.state)  # another run may begin now
 
     @contextmanager
     def locked(self, waiting: Callable[[str], None]) -> Iterator[None]:
