@@ -76,7 +76,7 @@ class Bucket(NamedTuple):
         front = fleet.removeprefix("s3://bucket/")
         names = [key[len(front) + 1 :] for key in self.names(f"{front}/")]
         assert [name.removeprefix("_msggen/") for name in names if name.startswith("_msggen/")] == KEPT
-        places = [name for name in names if not name.startswith("_")]
+        places = [name for name in names if not name.startswith(("_", "mine"))]
         topics = {name.partition("/")[0] for name in places}
         listed = [address for topic in sorted(topics) for address in files(fleet, topic)]
         assert listed == [f"{fleet}/{place}" for place in places]
