@@ -101,7 +101,7 @@ def store_proxy(target: str) -> Iterator[Proxy]:
     proxy = Proxy()
     with _Server(("127.0.0.1", 0), type("Handler", (_Handler,), {"proxy": proxy, "target": target})) as server:
         proxy.url = f"http://127.0.0.1:{server.server_port}"
-        thread = threading.Thread(target=server.serve_forever, args=(0.02,))
+        thread = threading.Thread(target=server.serve_forever, args=(0.02,), daemon=True)
         thread.start()
         try:
             yield proxy

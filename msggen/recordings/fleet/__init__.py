@@ -1,8 +1,8 @@
 """Many recordings as one data set: Parquet files by topic that engines read, made once each (docs/fleet.md).
 
 A fleet is in a folder, or in an object store. `update` converts all recordings below a folder; `convert_batch` is the
-work for a few of them, which any pool of processes can do. `update` adds small files,
-`compact` makes large ones of them, and `files` lists those of a topic:
+work for a few of them, which any pool of processes can do. `update` adds small files, `compact` makes large ones of
+them, and `files` lists those of a topic:
 
     fleet/<topic>/000012-9f3a5c01.parquet
 
