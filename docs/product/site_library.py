@@ -25,7 +25,7 @@ PUBLIC = {
     "msggen.live.sim": {"Misbehaviour", "Options", "SimulatedVehicle", "Simulator"},
     "msggen.live.xrce.agent": {"Agent"},
     "msggen.recordings.convert": {"convert"},
-    "msggen.recordings.fleet": {"compact", "pools", "update"},
+    "msggen.recordings.fleet": {"compact", "files", "pools", "update"},
     "msggen.recordings.writer": {"Channel", "Writer"},
 }
 """The other names that programs use, by module. They do not move without an entry in `msggen/base/moved.py`."""

@@ -96,6 +96,7 @@ ROOMS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "recordings.fleet": (
             "base",
             "recordings.source",
+            "recordings.stores",
             "recordings.files",
             "recordings.log",
             "recordings.convert",

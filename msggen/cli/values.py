@@ -35,7 +35,7 @@ def recording(text: str) -> str:
 
 
 def new_recording(text: str) -> str:
-    """Return the path or the address of a recording to write. Raise as `local_path` does for any other URL."""
+    """Return the path or the address of a recording to write, or of a fleet. Raise as `local_path` does otherwise."""
     return text if is_in_store(non_empty(text)) else local_path(text)
 
 

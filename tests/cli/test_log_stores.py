@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -121,13 +122,31 @@ def test_a_store_is_only_asked_if_the_command_line_names_it(server: ObjectServer
     outcome = run(["build"])
     assert outcome.code == FAILED
     assert " S131 " in outcome.stderr
-    Path("pyproject.toml").unlink()
+    assert (server.requests, sorted(os.listdir())) == ([], ["here.mcap", "pyproject.toml"])
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_store_of_a_fleet_that_fails_is_an_error(server: ObjectServer, fault: str) -> None:
     Path("logs").mkdir()
-    Path("here.mcap").rename("logs/here.mcap")
-    outcome = run(["log", "convert", "logs", "-o", "s3://bucket/fleet"])
-    assert outcome.code == FAILED
-    assert " S131 " in outcome.stderr
-    assert (server.requests, os.listdir()) == ([], ["logs"])
+    shutil.copy("here.mcap", "logs/a.mcap")
+    server.fault = fault
+    server.files["/bucket/fleet/_msggen/layout.json"] = b"{}"
+    convert = ["log", "convert", "logs", "-o", "s3://bucket/fleet", "--jobs", "1"]
+    for words in (convert, ["log", "compact", "s3://bucket/fleet"], ["log", "convert", "s3://bucket/logs/", "-o", "x"]):
+        outcome = run(words)
+        assert outcome.code == FAILED, outcome
+        assert re.fullmatch(r"s3://bucket/\S+: R1(50|02) .+\n1 error\n", outcome.stderr), outcome.stderr
+        assert FAULTS[fault] in outcome.stderr or fault in ("half", "stall")
+    assert sorted(os.listdir()) == ["here.mcap", "logs"]
+
+
+def test_a_server_of_http_has_no_fleet(server: ObjectServer) -> None:
+    Path("logs").mkdir()
+    for words in (["convert", "logs", "-o", f"{server.url}/fleet"], ["compact", f"{server.url}/fleet"]):
+        outcome = run(["log", *words])
+        assert outcome.code == FAILED
+        assert " S131 " in outcome.stderr
+    assert not server.requests
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGINT for one process")

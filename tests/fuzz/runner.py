@@ -33,6 +33,7 @@ NAMES = (
     "recordings",
     "conversions",
     "fleets",
+    "stores",
     "structures",
     "shadows",
     "settings",
@@ -115,7 +116,7 @@ def run_one(campaign: Campaign, name: str, seed: int, index: int) -> Failure | N
     case = None
     try:
         case = campaign.case(Random(f"{name} {seed} {index}"))  # noqa: S311 - not used for security
-        with limited():
+        with limited(getattr(campaign, "MEMORY", MEMORY)):
             campaign.check(case)
     except KeyboardInterrupt:
         raise
@@ -130,7 +131,7 @@ def indices_of(process: int, processes: int, count: int | None) -> Iterator[int]
 
 
 @contextmanager
-def limited() -> Iterator[None]:
+def limited(memory: int = MEMORY) -> Iterator[None]:
     """Limit the time and the memory of a case."""
 
     def stop(number: int, _: FrameType | None) -> None:
@@ -143,7 +144,7 @@ def limited() -> Iterator[None]:
     try:
         if sys.platform == "linux":
             pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
-            resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + MEMORY, before[1]))
+            resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + memory, before[1]))
         yield
     finally:
         signal.setitimer(signal.ITIMER_PROF, 0)

@@ -118,6 +118,7 @@ PLANTED: dict[str, tuple[str, Any]] = {
     "recordings": ("msggen.recordings.writer.ChunkWriter.add_chunk", lambda *_: None),
     "conversions": ("msggen.recordings.convert._whole", at_once),
     "fleets": ("msggen.recordings.fleet.folder.link_in", lambda *_: ""),
+    "stores": ("msggen.recordings.fleet.stored.StoredFolder.publish", lambda *_: None),
     "structures": ("msggen.recordings.decode.schemas.too_large", lambda *_: iter(())),
     "sessions": ("msggen.live.xrce.session.REPLIES", 4096),
     "events": ("msggen.recordings.decode.event_metadata._object", lambda value: value),

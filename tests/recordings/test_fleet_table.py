@@ -11,7 +11,7 @@ import pytest
 
 from msggen import recordings
 from msggen.base.disk import files
-from msggen.recordings.fleet import update
+from msggen.recordings.fleet import folder, update
 from msggen.recordings.fleet.ledger import Change, Ledger
 from support.fleet_recordings import write_folder
 from support.ulog import write_ulog
@@ -66,7 +66,7 @@ def test_files_are_on_the_disk_before_the_change(logs: Path, tmp_path: Path, mon
             checked.append({str(path), str(path.parent)} <= flushed)
         commit(ledger, change)
 
-    monkeypatch.setattr(files, "flush", flush)
+    monkeypatch.setattr(folder, "flush", flush)
     monkeypatch.setattr(Ledger, "commit", committed)
     update(str(logs), str(fleet))
     assert checked == [True] * 2

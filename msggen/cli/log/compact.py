@@ -6,14 +6,14 @@ import argparse
 from functools import partial
 from typing import TYPE_CHECKING
 
-from msggen.base.diagnostics import counted, input_error
+from msggen.base.diagnostics import counted
 from msggen.base.exit_codes import DONE
-from msggen.cli.log.fleet import print_waiting
+from msggen.cli.log.fleet import fleet_errors, print_waiting
 from msggen.cli.log.progress import progress_bar
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
 from msggen.cli.packages import missing_extra
 from msggen.cli.printing import number_of_bytes
-from msggen.cli.values import local_path
+from msggen.cli.values import new_recording
 from msggen.show.report.json import dump
 
 if TYPE_CHECKING:
@@ -28,10 +28,12 @@ def add_to(actions: Commands) -> None:
         _compact,
         help="make large files of the small ones of a fleet",
         description="Make large files of the small ones that runs of `msggen log convert` have added to a fleet "
-        "(docs/fleet.md). The rows stay the same. The files of a topic are exchanged in one step.",
+        "(docs/fleet.md). The rows stay the same. The files of a topic are exchanged in one step, but not in a store.",
         epilog=f"Exit codes: 0 done, {FAILED_CODES}",
     )
-    parser.add_argument("fleet", metavar="FLEET", type=local_path, help="folder that `msggen log convert` has written")
+    parser.add_argument(
+        "fleet", metavar="FLEET", type=new_recording, help="folder or address that `msggen log convert` has written"
+    )
     add_shared(parser, "--json", "-q, --quiet")
 
 
@@ -50,14 +52,10 @@ def _compacted(options: argparse.Namespace) -> Compacted:
         import pyarrow  # noqa: F401, ICN001
 
         from msggen.recordings.fleet import compact
-        from msggen.recordings.fleet.records import FleetError
     except ImportError as error:
         raise missing_extra(error, "recordings", "R150") from None
-    with progress_bar(options) as show:
-        try:
-            return compact(options.fleet, progress=show, waiting=partial(print_waiting, options.fleet))
-        except FleetError as error:
-            raise input_error(options.fleet, "R150", str(error), 0) from None
+    with progress_bar(options) as show, fleet_errors(options.fleet):
+        return compact(options.fleet, progress=show, waiting=partial(print_waiting, options.fleet))
 
 
 def _line(done: Compacted) -> str:

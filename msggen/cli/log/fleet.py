@@ -7,14 +7,15 @@ import os
 import sys
 import time
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from functools import partial
 from typing import TYPE_CHECKING
 
 from msggen.base.diagnostics import counted, few, input_error, printable
-from msggen.base.disk.urls import refuse_url
+from msggen.base.disk.urls import is_address, is_in_store
 from msggen.base.exit_codes import DONE, FINDINGS
-from msggen.base.location import Location
-from msggen.cli.log.opening import counted_samples
+from msggen.base.recording_formats import format_named
+from msggen.cli.log.opening import counted_samples, store_failed
 from msggen.cli.log.progress import Show, progress_bar
 from msggen.cli.log.targets import check_folder
 from msggen.cli.options import refuse
@@ -74,10 +75,26 @@ def refuse_fleet(options: argparse.Namespace) -> None:
 
 def is_fleet(path: str) -> bool:
     """Whether a path is a folder of recordings, and not a recording of rosbag2."""
+    if is_in_store(path):
+        return format_named(path) is None and _is_folder_in_store(path)
     try:
-        return os.path.isdir(path) and not is_bag(path)
+        return not is_address(path) and os.path.isdir(path) and not is_bag(path)
     except OSError as error:
         raise input_error(path, "R102", f"cannot be read: {error.strerror}", 0) from None
+
+
+def _is_folder_in_store(address: str) -> bool:
+    try:
+        from msggen.recordings.fleet.listing import is_folder
+        from msggen.recordings.stores.errors import StoreError
+    except ImportError as error:
+        raise missing_extra(error, "recordings", "R102") from None
+    try:
+        return is_folder(address)
+    except StoreError as error:
+        raise store_failed(error, "R102") from None
+    except ModuleNotFoundError as error:
+        raise missing_extra(error, "stores", "R102") from None
 
 
 def convert_fleet(options: argparse.Namespace) -> int:
@@ -87,7 +104,6 @@ def convert_fleet(options: argparse.Namespace) -> int:
             refuse(options, f"argument {spelling}: a folder of recordings becomes Parquet as a whole: leave it out")
     check_folder(options)
     fleet = options.output or _FLEET
-    refuse_url(fleet, Location(fleet, 0))
     began = time.monotonic()
     summary = _updated(options, fleet)
     if options.json:
@@ -105,7 +121,6 @@ def _updated(options: argparse.Namespace, fleet: str) -> Summary:
         import pyarrow  # noqa: F401, ICN001
 
         from msggen.recordings.fleet import KEYS, update
-        from msggen.recordings.fleet.records import FleetError
         from msggen.recordings.fleet.run import pool_of
         from msggen.recordings.source.source import RecordingError
 
@@ -122,18 +137,34 @@ def _updated(options: argparse.Namespace, fleet: str) -> Summary:
     with progress_bar(options, at_once=True) as show:
         try:
             shows = partial(_show, show)
-            return update(options.file, fleet, by=by, pool=pool, progress=shows, waiting=partial(print_waiting, fleet))
+            with fleet_errors(fleet):
+                waiting = partial(print_waiting, fleet)
+                return update(options.file, fleet, by=by, pool=pool, progress=shows, waiting=waiting)
         except KeyboardInterrupt:
             print("the same command goes on where this run was interrupted", file=sys.stderr)
             raise
-        except FleetError as error:
-            raise input_error(fleet, "R150", str(error), 0) from None
         except RecordingError as error:
             raise input_error(options.file, "R150", str(error), 0) from None
         except OSError as error:
             if not options.dask or error.filename:
                 raise
             raise input_error(options.dask, "R150", f"the scheduler cannot be reached: {error}", 0) from None
+
+
+@contextmanager
+def fleet_errors(fleet: str) -> Iterator[None]:
+    """Raise InputError for errors of a fleet, and of a store."""
+    from msggen.recordings.fleet.records import FleetError
+    from msggen.recordings.stores.errors import StoreError
+
+    try:
+        yield
+    except FleetError as error:
+        raise input_error(fleet, "R150", str(error), 0) from None
+    except StoreError as error:
+        raise store_failed(error, "R150") from None
+    except ModuleNotFoundError as error:
+        raise missing_extra(error, "stores", "R150") from None
 
 
 def _show(show: Show, progress: Progress) -> None:
@@ -164,13 +195,13 @@ def _print_names(summary: Summary, fleet: str, *, quiet: bool) -> None:
         for line in lines[:_MOST_NAMES]:
             print(printable(line), file=sys.stderr)
         if len(lines) > _MOST_NAMES:
-            print(f"and {len(lines) - _MOST_NAMES} more: see {os.path.join(fleet, STATE, REPORT)}", file=sys.stderr)
+            print(f"and {len(lines) - _MOST_NAMES} more: see {fleet.rstrip('/')}/{STATE}/{REPORT}", file=sys.stderr)
 
 
 def _shown_path(path: str) -> str:
     """Return a path from the current folder, if that is possible: on Windows, it can be on another drive."""
     try:
-        return os.path.relpath(path)
+        return path if is_address(path) else os.path.relpath(path)
     except ValueError:
         return path
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Callable, Collection
 
 from msggen.base.disk.urls import is_address, shown_address
 from msggen.base.recording_formats import format_named, unpacked
@@ -34,11 +35,15 @@ def is_bag(folder: str) -> bool:
     leaves no metadata.yaml: its files are called after the folder, `flight/flight_0.mcap`. In any other folder, each
     file is a recording.
     """
-    names = os.listdir(folder)
+    own = os.path.basename(os.path.abspath(folder))
+    return is_bag_of(os.listdir(folder), own, lambda: _is_of_rosbag2(os.path.join(folder, METADATA)))
+
+
+def is_bag_of(names: Collection[str], own: str, has_mark: Callable[[], bool]) -> bool:
+    """Whether files are one recording, as `is_bag`, by their names, that of their folder, and their metadata.yaml."""
     files = [name for name in names if is_named_as_recording(name) and not is_always_whole(name)]
     if METADATA in names:
-        return bool(files) or _is_of_rosbag2(os.path.join(folder, METADATA))
-    own = os.path.basename(os.path.abspath(folder))
+        return bool(files) or has_mark()
     found = [_NUMBERED.fullmatch(os.path.splitext(unpacked(name))[0]) for name in files]
     return bool(found) and all(each is not None and each[1] == own for each in found)
 
@@ -60,4 +65,9 @@ def _is_of_rosbag2(path: str) -> bool:
     if not os.path.isfile(path):  # a link to nothing, a pipe
         return False
     with open(path, "rb") as file:
-        return _MARK in file.read(_LARGEST)
+        return is_marked(file.read(_LARGEST))
+
+
+def is_marked(metadata: bytes) -> bool:
+    """Whether the contents of a metadata.yaml are those of rosbag2."""
+    return _MARK in metadata[:_LARGEST]

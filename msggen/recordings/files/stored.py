@@ -133,7 +133,7 @@ def open_stored(address: str, open_local: Callable[[str], list[Source]]) -> list
 def _copied(store: Store, address: str, folder: Folder) -> tuple[str, Sequence[Copy]]:
     """Return the path of the copy of a recording, a file or a folder, and the copies of its files."""
     name = shown_address(address).rstrip("/").rpartition("/")[2]
-    path = os.path.join(folder.path, _local(name))
+    path = os.path.join(folder.path, local_name(name))
     if not _is_folder(address):
         try:
             stored, front = store.look(address, _FRONT)
@@ -148,7 +148,7 @@ def _copied(store: Store, address: str, folder: Folder) -> tuple[str, Sequence[C
             raise MissingError(errno.ENOENT, "there is no such folder", shown_address(address))
     os.mkdir(path)
     copies = [
-        Copy(store, each, folder, os.path.join(path, _local(each.address.rpartition("/")[2])))
+        Copy(store, each, folder, os.path.join(path, local_name(each.address.rpartition("/")[2])))
         for each in found
         if _is_of_recording(each.address)
     ]
@@ -204,7 +204,7 @@ def _complete(copy: Copy) -> None:
         copy.fetch_all()
 
 
-def _local(name: str) -> str:
+def local_name(name: str) -> str:
     """Return a name that a file of this computer can have."""
     return "".join("_" if each in '\0/\\:*?"<>|' else each for each in name) or "recording"
 

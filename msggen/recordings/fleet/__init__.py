@@ -1,7 +1,8 @@
 """Many recordings as one data set: Parquet files by topic that engines read, made once each (docs/fleet.md).
 
-`update` converts all recordings below a folder; `convert_batch` is the work for a few of them, which any pool of
-processes can do. It adds small files, and `compact` makes large ones of them:
+A fleet is in a folder, or in an object store. `update` converts all recordings below a folder; `convert_batch` is the
+work for a few of them, which any pool of processes can do. `update` adds small files, `compact` makes large ones of
+them, and `files` lists those of a topic:
 
     fleet/<topic>/000012-9f3a5c01.parquet
 
@@ -15,6 +16,7 @@ from msggen.recordings.fleet.batch import Batch, Outcome, Task, convert_batch
 from msggen.recordings.fleet.compaction import Compacted, compact
 from msggen.recordings.fleet.layout import KEYS, UNKNOWN, Keys
 from msggen.recordings.fleet.run import Progress, Summary, update
+from msggen.recordings.fleet.storage import files
 
 __all__ = [
     "KEYS",
@@ -28,5 +30,6 @@ __all__ = [
     "Task",
     "compact",
     "convert_batch",
+    "files",
     "update",
 ]

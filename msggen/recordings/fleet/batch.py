@@ -12,13 +12,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.base.diagnostics import InputError
-from msggen.recordings.fleet.finding import State, digest_of, state_of
-from msggen.recordings.fleet.folder import Folder
+from msggen.recordings.fleet.finding import State, at_hand, digest_of
+from msggen.recordings.fleet.folder import STAGE
 from msggen.recordings.fleet.records import Record
+from msggen.recordings.fleet.storage import storage_of
+from msggen.recordings.stores.errors import StoreError
 
 if TYPE_CHECKING:
     from msggen.recordings.fleet.layout import Keys
     from msggen.recordings.fleet.parts import Run
+    from msggen.recordings.fleet.storage import Storage
     from msggen.recordings.log.log import Log
     from msggen.recordings.source.source import Problem
 
@@ -27,9 +30,9 @@ class Task(NamedTuple):
     """A few recordings to convert, whose rows are in the same files."""
 
     paths: Sequence[str]
-    """The absolute paths of the recordings."""
+    """The absolute paths of the recordings, or their addresses."""
     fleet: str
-    """The absolute path of the folder of the fleet."""
+    """The absolute path of the folder of the fleet, or its address."""
     by: Sequence[str]
     """What rows are sorted by: of `KEYS`."""
     token: str
@@ -74,22 +77,26 @@ class Batch(NamedTuple):
     task: Task
     outcomes: Sequence[Outcome] = ()
     files: Sequence[Written] = ()
+    failed: StoreError | None = None
+    """Why a store fails, so that the run ends."""
 
 
 def convert_batch(task: Task) -> Batch:
     """Convert recordings to files that wait in a stage of a fleet. Errors of the recordings are in the result."""
-    folder = Folder(task.fleet)
     try:
+        folder = storage_of(task.fleet)
         with folder.stage(task.token) as stage:
             runs: list[tuple[str, Run]] = []
             outcomes = []
             for index, path in enumerate(task.paths):
-                outcome, found = _converted(task, path, os.path.join(stage, f"log-{index}"))
+                outcome, found = _converted(task, folder, path, os.path.join(stage, f"log-{index}"))
                 outcomes.append(outcome)
                 runs += found
             files = list(_files(task, folder, stage, runs))
         if not files:
-            folder.clear(os.path.basename(os.path.dirname(stage)))
+            folder.clear(f"{task.token}{STAGE}")
+    except StoreError as error:
+        return Batch(task, failed=error)
     except Exception as error:  # noqa: BLE001 - whatever is wrong with some recordings must not stop the others
         if len(task.paths) > 1:
             return Batch(task)
@@ -97,20 +104,32 @@ def convert_batch(task: Task) -> Batch:
     return Batch(task, outcomes, files)
 
 
-def _converted(task: Task, path: str, aside: str) -> tuple[Outcome, list[tuple[str, Run]]]:
+def _converted(task: Task, folder: Storage, path: str, aside: str) -> tuple[Outcome, list[tuple[str, Run]]]:
     """Convert a recording to files in the new folder `aside`. Return what became of it, and its runs by topic."""
     import pyarrow  # noqa: ICN001
 
     try:
-        record, runs = _tables(task, path, aside, state_of(path))
-    except Exception as error:  # noqa: BLE001 - as above
+        with at_hand(path) as (copy, state):
+            record, runs = _tables(task, folder, _Source(path, copy, state), aside)
+    except Exception as error:
         shutil.rmtree(aside, ignore_errors=True)
+        if isinstance(error, StoreError) and error.is_lasting:
+            raise
         return Outcome(path, error=_text_of(error, path)), []
     pyarrow.default_memory_pool().release_unused()
     return Outcome(path, record), runs
 
 
-def _tables(task: Task, path: str, aside: str, state: State) -> tuple[Record, list[tuple[str, Run]]]:
+class _Source(NamedTuple):
+    """A recording that is converted."""
+
+    path: str
+    copy: str
+    """Where it can be read: a copy of one in a store."""
+    state: State
+
+
+def _tables(task: Task, folder: Storage, source: _Source, aside: str) -> tuple[Record, list[tuple[str, Run]]]:
     """Write a table for each topic of a recording. Return its record, and what the tables are in the fleet."""
     from msggen.recordings.convert.selection import EVERYTHING
     from msggen.recordings.convert.tables import Format, write_tables
@@ -118,15 +137,16 @@ def _tables(task: Task, path: str, aside: str, state: State) -> tuple[Record, li
     from msggen.recordings.fleet.runs import run_of_arrow
     from msggen.recordings.log import opening
 
-    digest = digest_of(path)
+    path, copy, state = source
+    digest = digest_of(copy)
     name = dict(task.names).get(path) or name_of(path, digest)
-    with opening.open(path) as log:
+    with opening.open(copy) as log:
         converted = write_tables(log, aside, Format("arrow", packing="lz4"), EVERYTHING, lambda _: None)
         dated = date_of(log, path)
         values = {"vehicle": vehicle_of(log), "date": dated.day}
         places = _keys_by_stem(log, values, name)
         found = [(file, *places[os.path.splitext(os.path.basename(file))[0]]) for file in converted.files]
-        Folder(task.fleet).check(topic for _, topic, _ in found)
+        folder.check(topic for _, topic, _ in found)
         offset = log.utc_offset
         start = None if offset is None else log.start + offset
         record = Record(
@@ -137,8 +157,8 @@ def _tables(task: Task, path: str, aside: str, state: State) -> tuple[Record, li
             values=values,
             date_from=dated.origin,
             rows=converted.rows,
-            problems=[_line(problem) for problem in converted.problems],
-            notes=list(converted.notes),
+            problems=[_line(problem).replace(copy, path) for problem in converted.problems],
+            notes=[note.replace(copy, path) for note in converted.notes],
             firmware=log.firmware.release,
             start=start if start is not None and is_utc(start) else None,
             utc_offset=offset,
@@ -159,9 +179,8 @@ def _keys_by_stem(log: Log, values: Mapping[str, str], name: str) -> dict[str, t
     return {stem: (place.name, keys_of(place, values, name)) for stem, place in by_stem.items()}
 
 
-def _files(task: Task, folder: Folder, stage: str, runs: Sequence[tuple[str, Run]]) -> Iterator[Written]:
+def _files(task: Task, folder: Storage, stage: str, runs: Sequence[tuple[str, Run]]) -> Iterator[Written]:
     """Write the files of all topics, and remove the tables that they are made of. Yield the files."""
-    from msggen.base.disk.files import flush
     from msggen.recordings.fleet.parts import write_parts
 
     by_topic: dict[str, list[Run]] = {}
@@ -175,7 +194,7 @@ def _files(task: Task, folder: Folder, stage: str, runs: Sequence[tuple[str, Run
     for name in os.listdir(stage):
         if name.startswith("log-"):
             shutil.rmtree(os.path.join(stage, name))
-    flush([*(os.path.join(folder.state, each.staged) for each in written), stage])
+    folder.settle(stage, [each.staged for each in written])
     yield from written
 
 

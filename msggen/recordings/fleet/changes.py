@@ -150,7 +150,7 @@ def _without(gone: Collection[int], ledger: Ledger) -> tuple[dict[Added, File], 
                 runs = [run for run in files.runs(place) if run.keys.log not in names]
                 path = os.path.join(stage, f"{index}.parquet")
                 written += written_of(ledger, token, place.partition("/")[0], runs, path)
-            flush_written(ledger, written)
+            ledger.folder.settle(stage, [each.staged for each in written])
         added |= added_of(written, token, numbers)
     kept = {each.place for each in added}
     return added, [place for place in places if place not in kept]
@@ -162,11 +162,3 @@ def written_of(ledger: Ledger, token: str, topic: str, runs: Sequence[Run], path
 
     for part in write_parts(runs, path, ledger.by):
         yield Written(topic, ledger.folder.staged(token, part.path), part.rows, part.size, part.logs)
-
-
-def flush_written(ledger: Ledger, written: Sequence[Written]) -> None:
-    """Wait until files in a stage are on the disk."""
-    from msggen.base.disk.files import flush
-
-    paths = [os.path.join(ledger.folder.state, each.staged) for each in written]
-    flush([*paths, *sorted({os.path.dirname(path) for path in paths})])

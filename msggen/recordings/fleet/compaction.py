@@ -8,11 +8,12 @@ from typing import NamedTuple
 
 from msggen.base.missing import RECORDINGS, installed_by
 from msggen.recordings.fleet.batch import Written
-from msggen.recordings.fleet.changes import added_of, flush_written, written_of
+from msggen.recordings.fleet.changes import added_of, written_of
 from msggen.recordings.fleet.ledger import Change, Ledger
 from msggen.recordings.fleet.parts import LARGE, shapes_of
 from msggen.recordings.fleet.run import bring_to_layout
 from msggen.recordings.fleet.runs import Files, opened
+from msggen.recordings.fleet.storage import absolute
 
 
 class Compacted(NamedTuple):
@@ -44,7 +45,7 @@ def compact(
     """
     with installed_by(RECORDINGS):
         import pyarrow  # noqa: F401, ICN001
-    ledger = Ledger(os.path.abspath(fleet))
+    ledger = Ledger(absolute(fleet))
     ledger.open()
     with ledger.locked(waiting):
         bring_to_layout(ledger)
@@ -76,7 +77,7 @@ def _compacted(ledger: Ledger, topic: str, places: Sequence[str]) -> bool:
             for index, group in enumerate(groups):
                 runs = [run for place in group for run in files.runs(place)]
                 written += written_of(ledger, token, topic, runs, os.path.join(stage, f"{index}.parquet"))
-            flush_written(ledger, written)
+            ledger.folder.settle(stage, [each.staged for each in written])
     removed = [place for group in groups for place in group]
     numbers = {record.log: record.number for record in ledger.records.values()}
     ledger.commit(Change(added_of(written, token, numbers), removed))

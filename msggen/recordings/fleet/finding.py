@@ -5,8 +5,10 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import NamedTuple
 
+from msggen.base.disk.urls import is_address
 from msggen.recordings.files.paths import is_always_whole, is_bag, is_named_as_recording
 
 _BLOCK = 1 << 20
@@ -43,8 +45,13 @@ def find_recordings(folder: str, *, without: str = "") -> Iterator[Found]:
 
     The folder can be a recording itself. ULogs in a folder of rosbag2, and recordings below it, are recordings of their
     own. Symbolic links to folders are not followed, nor folders that contain themselves, as by a junction of Windows.
-    The folder `without` is left out.
+    The folder `without` is left out. `folder` can be an address in a store.
     """
+    if is_address(folder):
+        from msggen.recordings.fleet.listing import find_stored
+
+        yield from (Found(address) for address in find_stored(folder, without))
+        return
     left_out = _identity(without) if os.path.isdir(without) else None
     way = [_opened(folder)]  # no recursion: the system allows longer paths than Python nested calls
     if way[0].is_one:
@@ -88,13 +95,20 @@ def _found(entry: os.DirEntry[str]) -> Iterator[Found]:
 
 
 def state_of(path: str) -> State:
-    """Return the state of a recording. Raises OSError."""
+    """Return the state of a recording. That of one in a store is as it was listed. Raises OSError."""
+    if is_address(path):
+        from msggen.recordings.fleet.listing import listed_state
+
+        return State(*listed_state(path))
     stats = [os.stat(each) for each in _files(path)]
     return State(sum(each.st_size for each in stats), max((each.st_mtime_ns for each in stats), default=0))
 
 
 def digest_of(path: str) -> str:
     """Return a digest of the contents of a recording, with the names of its files if it is a folder. Raises OSError."""
+    if is_address(path):
+        with at_hand(path) as (copy, _):
+            return digest_of(copy)
     digest = hashlib.sha256()
     for each in _files(path):
         if each != path:
@@ -103,6 +117,27 @@ def digest_of(path: str) -> str:
             while block := file.read(_BLOCK):
                 digest.update(block)
     return digest.hexdigest()
+
+
+def is_there(path: str) -> bool:
+    """Whether there is still something at the path of a recording. One in a store is there if no list lacks it."""
+    if is_address(path):
+        from msggen.recordings.fleet.listing import is_listed
+
+        return is_listed(path)
+    return os.path.lexists(path)
+
+
+@contextmanager
+def at_hand(path: str) -> Iterator[tuple[str, State]]:
+    """Yield the path of a recording, and its state. One in a store is copied to a temporary folder. Raises OSError."""
+    if not is_address(path):
+        yield path, state_of(path)
+        return
+    from msggen.recordings.fleet.listing import copied
+
+    with copied(path) as (copy, stated):
+        yield copy, State(*stated)
 
 
 def _files(path: str) -> list[str]:

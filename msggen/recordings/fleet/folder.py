@@ -1,27 +1,33 @@
 """The storage of a fleet: a folder of this machine, or one that several machines share.
 
-Everything that a fleet reads and writes goes through the methods of `Folder`. Another storage needs the same ones: list
-files, open one, write one whole, delete one, and change the files of a topic.
+Everything that a fleet reads and writes goes through the methods of `Folder`, or of `StoredFolder`, which has the same
+ones for an object store.
 """
 
 from __future__ import annotations
 
 import os
+import platform
 import stat
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from typing import IO, NamedTuple
 
 from msggen.base.disk.files import flush
 from msggen.base.disk.output import check_links, link_in
 from msggen.base.disk.reading import read_bytes
-from msggen.base.disk.staging import clear, make_folder, make_stage, staging_folder, written_aside
+from msggen.base.disk.staging import clear, locked, make_folder, make_stage, staging_folder, written_aside
 from msggen.base.disk.swap import can_swap, flush_tree, keep_newer, link_or_copy, mirror, swap_folders
+from msggen.recordings.fleet.layout import is_place
 
 STATE = "_msggen"
 """The folder of the ledger. Engines skip names that begin with an underscore."""
 STAGE = ".stage"
 """The suffix of a folder in which files are written before they are part of the fleet."""
+RUN = "run.txt"
+"""The file that names the process that changes the fleet."""
+FILES = "files.json"
+"""The file of the state of a fleet in a store that lists the files of each topic."""
 _CONTENT = "new"
 _FLAGS = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0)
 
@@ -35,8 +41,18 @@ class Added(NamedTuple):
     """Where it was written: a path in the folder of the state."""
 
 
+class Changed(NamedTuple):
+    """What changes in the folder of a topic."""
+
+    added: list[Added]
+    removed: list[str]
+    """The places of files."""
+
+
 class Folder:
     """A fleet in a folder."""
+
+    is_in_store = False
 
     def __init__(self, path: str) -> None:
         self.path = path
@@ -52,6 +68,17 @@ class Folder:
     def has_others(self) -> bool:
         """Whether the folder has files, but none of a fleet."""
         return not os.path.lexists(self.state) and os.path.isdir(self.path) and bool(os.listdir(self.path))
+
+    @contextmanager
+    def locked(self, waiting: Callable[[str], None]) -> Iterator[None]:
+        """Hold the lock of the fleet. If another run has it, call `waiting` with its name, and wait."""
+        with locked(self.state, lambda: waiting((self.read(RUN) or b"").decode(errors="replace").partition("\n")[0])):
+            line = f"process {os.getpid()} on {platform.node()}\n"
+            self.write(RUN, os.fsencode(line), flushed=False)
+            try:
+                yield
+            finally:
+                self.delete(RUN)
 
     # the state: small files
 
@@ -111,10 +138,6 @@ class Folder:
                         found[f"{topic}/{each.name}"] = each.stat(follow_symlinks=False).st_size
         return found
 
-    def path_of(self, name: str) -> str:
-        """Return the path of a file of the fleet."""
-        return os.path.join(self.path, name)
-
     def open(self, place: str) -> IO[bytes]:
         """Open a file of a topic. Raises OSError."""
         return open(os.path.join(self.path, place), "rb")
@@ -141,6 +164,10 @@ class Folder:
         """Return a path in a stage as one in the folder of the state."""
         return f"{token}{STAGE}/{_CONTENT}/{os.path.basename(path)}"
 
+    def settle(self, stage: str, staged: Sequence[str]) -> None:
+        """Wait until files of a stage are on the disk."""
+        flush([*(os.path.join(self.state, each) for each in staged), stage])
+
     def stages(self) -> list[str]:
         """Return the names of stages that are there."""
         return [name for name in self.names() if name.endswith(STAGE)]
@@ -150,12 +177,19 @@ class Folder:
         with suppress(OSError):
             clear(os.path.join(self.state, name))
 
-    def change(self, topic: str, added: Sequence[Added], removed: Sequence[str]) -> None:
-        """Add and remove files of a topic, in one step. Raises OSError, InputError if a folder there is a link.
+    def change(self, topics: Mapping[str, Changed], _: Iterable[str] | None) -> None:
+        """Add and remove files, those of a topic in one step. Raises OSError, InputError if a folder there is a link.
 
         What was done is not done again, so a change can be repeated after a kill. What is removed can be in folders in
         that of the topic, which are removed if they are empty then.
         """
+        for topic, changed in topics.items():
+            self._change_topic(topic, *changed)
+        added = (each for changed in topics.values() for each in changed.added)
+        for stage in {each.staged.partition("/")[0] for each in added if each.staged}:
+            self.clear(stage)
+
+    def _change_topic(self, topic: str, added: Sequence[Added], removed: Sequence[str]) -> None:
         new = [each for each in added if self._is_waiting(each)]
         old = [place for place in removed if self.has(place)]
         if old:
@@ -165,6 +199,15 @@ class Folder:
             make_folder(os.path.join(self.path, topic))
             for each in new:
                 os.replace(os.path.join(self.state, each.staged), os.path.join(self.path, each.place))
+
+    def publish(self, _: Iterable[str]) -> None:
+        """Remove the list of files that a fleet has if it was copied from a store."""
+        if self.has(f"{STATE}/{FILES}"):
+            self.delete(FILES)
+
+    def files(self) -> list[str]:
+        """Return the places of the files of topics."""
+        return [place for place in self.places() if is_place(place)]
 
     def flush(self, topics: Sequence[str]) -> None:
         """Wait until the folders of topics are on the disk."""

@@ -10,15 +10,13 @@ from __future__ import annotations
 
 import json
 import os
-import platform
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from msggen.base.disk.staging import locked
-from msggen.recordings.fleet.folder import STAGE, STATE, Added, Folder
+from msggen.recordings.fleet.folder import STAGE, STATE, Added, Changed
 from msggen.recordings.fleet.layout import (
     KEYS,
     PLACE_OF_VERSION_3,
@@ -43,7 +41,12 @@ from msggen.recordings.fleet.records import (
     read_json,
     record_of,
 )
+from msggen.recordings.fleet.storage import storage_of
 from msggen.recordings.source.source import RecordingError
+from msggen.recordings.stores.errors import StoreError
+
+if TYPE_CHECKING:
+    from msggen.recordings.fleet.storage import Storage
 
 __all__ = ["REPORT", "STATE", "Change", "FleetError", "Ledger"]
 
@@ -51,10 +54,8 @@ LAYOUT = "layout.json"
 REPORT = "report.json"
 _LEDGER = "ledger.jsonl"
 _CHANGES = "changes"
-_RUN = "run.txt"
-"""The file that names the process that changes the fleet."""
 _LONGEST = 200
-"""The most characters that are shown of it."""
+"""The most characters that are shown of the name of a process."""
 _STAGED = re.compile(rf"([\w-]+){re.escape(STAGE)}/new/[\w.-]+", re.ASCII)
 
 
@@ -80,7 +81,7 @@ class Ledger:
 
     def __init__(self, fleet: str) -> None:
         self.fleet = fleet
-        self.folder = Folder(fleet)
+        self.folder = storage_of(fleet)
         self.records: dict[int, Record] = {}
         """The recordings, by number."""
         self.files: dict[str, File] = {}
@@ -97,12 +98,13 @@ class Ledger:
         FleetError is raised for a fleet with other keys or a newer layout, and for a folder with other files: the files
         of a fleet would be among them. Raises InputError if a folder of the records is a symbolic link.
         """
-        if by is None and not os.path.isfile(os.path.join(self.folder.state, LAYOUT)):
+        data = self.folder.read(LAYOUT)
+        known = read_json(data)
+        if by is None and data is None:
             raise FleetError("this is not a fleet: name a folder that `msggen log convert FOLDER -o FLEET` has written")
-        if self.folder.has_others():
+        if data is None and self.folder.has_others():
             raise FleetError("the folder of the fleet has other files: choose a new folder")
         self.folder.make(_CHANGES)
-        known = read_json(self.folder.read(LAYOUT))
         if known is None:
             self.by = by or KEYS
             self.write_layout()
@@ -114,6 +116,8 @@ class Ledger:
         self.version = known.get("version")
         if self.version not in (VERSION - 1, VERSION) or not _is_order(had):
             raise FleetError("another version of msggen wrote this fleet, in another layout: choose a new folder")
+        if self.folder.is_in_store and self.version != VERSION:
+            raise FleetError("an earlier version of msggen wrote this fleet: copy it here, convert it, and put it back")
         self.by = had
 
     def write_layout(self) -> None:
@@ -127,15 +131,17 @@ class Ledger:
 
         Then read the records, and repeat the changes of a run that was killed.
         """
-        with locked(self.folder.state, lambda: waiting(self._line_of_run())):
-            line = f"process {os.getpid()} on {platform.node()}\n"
-            self.folder.write(_RUN, os.fsencode(line), flushed=False)
+        with self.folder.locked(lambda process: waiting(process[:_LONGEST].strip())):
+            is_failing = False
             try:
                 self._read()
                 yield
+            except StoreError as error:
+                is_failing = error.is_lasting  # the next run clears
+                raise
             finally:
-                self._clear_stages()
-                self.folder.delete(_RUN)
+                if not is_failing:
+                    self._clear_stages()
 
     def token(self) -> str:
         """Return a name for the next change and its files."""
@@ -162,6 +168,7 @@ class Ledger:
         """Write all records and files, after which the changes are not needed any more. Raises OSError."""
         self.folder.flush(sorted({place.partition("/")[0] for place in self.files}))
         self.folder.write(_LEDGER, "".join(f"{line}\n" for line in self._lines()).encode())
+        self.folder.publish(self.found)
         for name in self._pending():  # in this order: the later ones may remove what the first ones add
             self.folder.delete(f"{_CHANGES}/{name}")
         for name in self.folder.names(_CHANGES):  # what a run that was killed did not complete
@@ -199,8 +206,10 @@ class Ledger:
                 self.files[found["place"]] = file
             elif (record := record_of(found)) is not None:
                 self.records[record.number] = record
-        for change in self._waiting():
-            self._apply(change)
+        waiting = list(self._waiting())
+        self.found = self.folder.places() if waiting else {}
+        for change in waiting:
+            self._apply(change, is_last=change is waiting[-1])
         self._clear_stages()
         self.found = self.folder.places()
         self._take_in()
@@ -249,30 +258,24 @@ class Ledger:
             logs = ranges_of(numbers[keys.log] for keys in rows)
             self.files[place] = File(sum(rows.values()), self.found[place], logs)
 
-    def _apply(self, change: Change) -> None:
+    def _apply(self, change: Change, *, is_last: bool = True) -> None:
         """Change the folders of the topics, and what is known of them. It does not matter if that was done before."""
-        topics: dict[str, tuple[list[Added], list[str]]] = {}
+        topics: dict[str, Changed] = {}
         for each in change.added:
-            topics.setdefault(each.place.partition("/")[0], ([], []))[0].append(each)
+            topics.setdefault(each.place.partition("/")[0], Changed([], [])).added.append(each)
         for place in change.removed:
-            topics.setdefault(place.partition("/")[0], ([], []))[1].append(place)
-        for topic, (added, removed) in topics.items():
-            self.folder.change(topic, added, removed)
-        for stage in {each.staged.partition("/")[0] for each in change.added if each.staged}:
-            self.folder.clear(stage)
+            topics.setdefault(place.partition("/")[0], Changed([], [])).removed.append(place)
         for place in change.removed:
             self.files.pop(place, None)
             self.found.pop(place, None)
         for each, file in change.added.items():
             self.files[each.place] = file
-            self.found[each.place] = file.size
+            if each.staged:
+                self.found[each.place] = file.size
+        self.folder.change(topics, self.found if is_last else None)
         for number in change.gone:
             self.records.pop(number, None)
         self.records.update({record.number: record for record in change.records})
-
-    def _line_of_run(self) -> str:
-        text = (self.folder.read(_RUN) or b"").decode(errors="replace")
-        return text.partition("\n")[0][:_LONGEST].strip()
 
 
 def _unknown(number: int, keys: Keys) -> Record:
@@ -281,7 +284,7 @@ def _unknown(number: int, keys: Keys) -> Record:
     return Record(number, keys.log, "", {}, values, UNKNOWN, 0, [], [], "", None, None, 0.0)
 
 
-def _rows_in(folder: Folder, places: Sequence[str]) -> Iterator[tuple[str, Mapping[Keys, int]]]:
+def _rows_in(folder: Storage, places: Sequence[str]) -> Iterator[tuple[str, Mapping[Keys, int]]]:
     """Yield the number of rows by keys of files, without those that cannot be read."""
     if not places:
         return

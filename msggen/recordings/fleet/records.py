@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from msggen.recordings.fleet.finding import State
+from msggen.recordings.fleet.finding import State, is_there
 from msggen.recordings.fleet.layout import KEYS, ORIGINS, is_place
 from msggen.recordings.fleet.ranges import Ranges, from_text, is_text, text_of
 from msggen.recordings.source.source import RecordingError
@@ -58,7 +57,7 @@ class File(NamedTuple):
 
 def original_of(record: Record) -> str:
     """Return the path of a recording of which other ones are copies: the first that there still is."""
-    return next((path for path in record.paths if os.path.lexists(path)), next(iter(record.paths), record.log))
+    return next((path for path in record.paths if is_there(path)), next(iter(record.paths), record.log))
 
 
 def line_of_record(record: Record) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
@@ -15,11 +14,12 @@ from msggen.base.recording_formats import FORMATS
 from msggen.recordings.fleet import pools
 from msggen.recordings.fleet.batch import Batch, Outcome, Task
 from msggen.recordings.fleet.changes import Held, change_of, end_of
-from msggen.recordings.fleet.finding import Found, find_recordings
+from msggen.recordings.fleet.finding import Found, find_recordings, is_there
 from msggen.recordings.fleet.layout import KEYS, VERSION
 from msggen.recordings.fleet.ledger import REPORT, Ledger
 from msggen.recordings.fleet.planning import plan_of, tasks_of
 from msggen.recordings.fleet.records import File, Record, original_of
+from msggen.recordings.fleet.storage import absolute
 from msggen.recordings.fleet.table import write_table
 from msggen.recordings.source.source import RecordingError
 
@@ -126,6 +126,8 @@ def update(  # noqa: PLR0913 - named options
 ) -> Summary:
     """Convert all recordings below `folder` that the fleet in the folder `fleet` does not have yet.
 
+    Both can be in an object store: `s3://bucket/logs`.
+
     Rows are sorted by the columns `by`, of KEYS, and then by recording and time. A recording that cannot be read is in
     the summary, and is tried again by the next run, as is one of which a file is missing. If this run is interrupted,
     the next one goes on. Only one run at a time can change a fleet: if another one does, `waiting` is called with the
@@ -133,11 +135,12 @@ def update(  # noqa: PLR0913 - named options
 
     A fleet of an earlier version of msggen, with a file for each recording and topic, gets the present layout first.
 
-    Raises RecordingError if `folder` has no recordings, FleetError if the fleet has other keys, and OSError.
+    Raises RecordingError if `folder` has no recordings, FleetError if the fleet has other keys, OSError,
+    and StoreError if a store fails: the next run goes on.
     """
     with installed_by(RECORDINGS):
         import pyarrow  # noqa: F401, ICN001
-    folder, fleet = os.path.abspath(folder), os.path.abspath(fleet)
+    folder, fleet = absolute(folder), absolute(fleet)
     found = list(find_recordings(folder, without=fleet))
     if not found:
         suffixes = sorted((each.suffix for each in FORMATS.values()), reverse=True)
@@ -198,12 +201,20 @@ def _updated(found: Sequence[Found], ledger: Ledger, pool: Pool, progress: Calla
 def _batches(pool: Pool, tasks: Sequence[Task]) -> Iterator[Batch]:
     """Yield what became of recordings. Those that are not converted together are converted alone."""
     alone: list[Task] = []
-    for batch in pool(tasks) if tasks else ():
+    for batch in _unless_failed(pool(tasks) if tasks else iter(())):
         if batch.outcomes:
             yield batch
         else:
             alone += batch.task.single()
-    yield from pool(alone) if alone else ()
+    yield from _unless_failed(pool(alone) if alone else iter(()))
+
+
+def _unless_failed(batches: Iterator[Batch]) -> Iterator[Batch]:
+    """Yield what became of recordings. Raises StoreError if a store fails."""
+    for batch in batches:
+        if batch.failed:
+            raise batch.failed
+        yield batch
 
 
 def _known(record: Record) -> Iterator[Outcome]:
@@ -211,7 +222,7 @@ def _known(record: Record) -> Iterator[Outcome]:
     original = original_of(record)
     yield Outcome(original, record)
     for path in record.paths:
-        if path != original and os.path.lexists(path):
+        if path != original and is_there(path):
             yield Outcome(path, record, is_copy=True)
 
 

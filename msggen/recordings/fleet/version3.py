@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from msggen.recordings.fleet.changes import added_of, flush_written, written_of
+from msggen.recordings.fleet.changes import added_of, written_of
 from msggen.recordings.fleet.layout import PLACE_OF_VERSION_3, Keys
 from msggen.recordings.fleet.ledger import Change
 from msggen.recordings.fleet.records import Record, read_json, record_of
@@ -67,7 +67,7 @@ def _upgrade_topic(ledger: Ledger, topic: str, places: Mapping[str, Keys], numbe
     with ledger.folder.stage(token) as stage, opened(ledger.folder.open) as files:
         runs = [files.whole(place, keys) for place, keys in sorted(places.items())]
         written = list(written_of(ledger, token, topic, runs, os.path.join(stage, "0.parquet")))
-        flush_written(ledger, written)
+        ledger.folder.settle(stage, [each.staged for each in written])
     ledger.commit(Change(added_of(written, token, numbers), list(places)))
 
 

@@ -14,6 +14,11 @@ class StoreError(OSError):
     `filename` is the address without secrets, and `strerror` the reason.
     """
 
+    @property
+    def is_lasting(self) -> bool:
+        """Whether other objects of the store cannot be read or written either, as if its server does not answer."""
+        return self.errno == errno.EIO
+
     def __str__(self) -> str:
         """Return the address and the reason."""
         return f"{self.filename}: {self.strerror}"
@@ -21,6 +26,10 @@ class StoreError(OSError):
 
 class MissingError(StoreError, FileNotFoundError):
     """A store that does not have an object or a bucket."""
+
+
+class ChangedError(StoreError):
+    """An object that is not the version that was asked for."""
 
 
 class RangeError(StoreError):
@@ -32,6 +41,11 @@ def store_error(address: str, reason: str) -> StoreError:
     return StoreError(errno.EIO, reason, shown_address(address))
 
 
+def changed_error(address: str) -> ChangedError:
+    """Return the error about an object that was replaced in the meantime."""
+    return ChangedError(errno.ESTALE, "the object changed while it was open: open it again", shown_address(address))
+
+
 def translated(error: Exception, address: str) -> StoreError:
     """Return the error for what obstore raised."""
     text = str(error)
@@ -40,12 +54,15 @@ def translated(error: Exception, address: str) -> StoreError:
         return MissingError(errno.ENOENT, _missing(text), shown)
     if _status(text) == _UNSATISFIABLE:
         return RangeError(errno.EINVAL, "the range is behind the end of the object", shown)
+    if _status(text) == _PRECONDITION or "precondition failure" in text:
+        return changed_error(address)
     number = errno.EACCES if _status(text) in _REFUSED else errno.EIO
     return StoreError(number, _reason(text), shown)
 
 
 NO_OBJECT = "there is no such object"
 _NOT_FOUND = 404
+_PRECONDITION = 412
 _UNSATISFIABLE = 416
 _REFUSED = {401: "unauthorized", 403: "forbidden"}
 _STATUS = re.compile(r"status code: (\d{3})")
@@ -54,6 +71,7 @@ _CODE = re.compile(r"<Code>(\w{1,60})</Code>")
 _REGION = re.compile(r"<Region>([a-z0-9-]{1,40})</Region>")
 _SYSTEM = re.compile(r'message: "([^"]{1,200})"')
 """What the system says of a connection."""
+_BROKEN = ("kind: Interrupted", "kind: Decode", "error sending request")
 _RETRIES = re.compile(r"after (\d+) retries")
 
 
@@ -84,7 +102,7 @@ def _reason(text: str) -> str:
     if "kind: Connect" in text:
         found = _SYSTEM.search(text) or re.search(r'error: "([^"]{1,200})"', text)
         return "no connection to the server" + (f": {found[1].rstrip('.')}" if found else "")
-    if "kind: Interrupted" in text or "kind: Decode" in text:
+    if any(each in text for each in _BROKEN):
         return "the connection broke off before the end of the answer"
     return re.sub(r"^Generic \w+ error: ", "", text.partition("\n")[0]).rstrip(".: ") or "the store failed"
 
@@ -95,8 +113,6 @@ def _answered(status: int, text: str) -> str:
     region = _REGION.search(text)
     if region or status in (301, 307):
         return f"the bucket is in another region ({told}): set AWS_REGION{f'={region[1]}' if region else ''}"
-    if status == 412:  # noqa: PLR2004 - of HTTP
-        return "the object changed while it was open: open it again"
     if status in _REFUSED:
         return f"access is {_REFUSED[status]} ({told}): these credentials may not do this"
     retries = _RETRIES.search(text)

@@ -7,15 +7,24 @@ import os
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from datetime import datetime
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from msggen.base.disk.urls import scheme_of, shown_address
 from msggen.recordings.stores.client import client_for, split
-from msggen.recordings.stores.errors import NO_OBJECT, RangeError, StoreError, store_error, translated
+from msggen.recordings.stores.errors import (
+    NO_OBJECT,
+    ChangedError,
+    MissingError,
+    RangeError,
+    StoreError,
+    changed_error,
+    store_error,
+    translated,
+)
 from msggen.recordings.stores.threads import result_of, results_of
 
 if TYPE_CHECKING:
-    from obstore import GetOptions, ObjectMeta
+    from obstore import GetOptions, ObjectMeta, PutResult, UpdateVersion
 
 _REQUESTS = 8
 """The requests at a time."""
@@ -40,6 +49,13 @@ class Stored(NamedTuple):
         """Whether an object that was looked at again has not changed, as far as the server tells."""
         own, found = (self.tag, other.tag) if self.tag and other.tag else (self.modified, other.modified)
         return self.size == other.size and own == found
+
+
+class Content(NamedTuple):
+    """A small object, and which version of it this is."""
+
+    data: bytes
+    version: UpdateVersion
 
 
 class Store:
@@ -80,7 +96,7 @@ class Store:
         with _translating(stored.address):
             found = obstore.get(self._client, self._key(stored.address), options=options)
             if not stored.is_same(_stored(stored.address, found.meta)):
-                raise store_error(stored.address, "the object changed while it was open: open it again")
+                raise changed_error(stored.address)
             data = bytes(found.bytes())
         if len(data) != stop - start:
             raise store_error(stored.address, f"the server sent {len(data)} of {stop - start} bytes")
@@ -114,6 +130,100 @@ class Store:
                 result_of(lambda: obstore.put(self._client, key, file.read(), mode="create", use_multipart=False))
             except AlreadyExistsError:
                 raise exists from None
+
+    def load(self, address: str) -> Content | None:
+        """Return a small object, None if there is none of this name."""
+        import obstore
+
+        key = self._key(address)
+
+        def load() -> Content:
+            found = obstore.get(self._client, key)
+            return Content(bytes(found.bytes()), _version(found.meta))
+
+        try:
+            with _translating(address):
+                return result_of(load)
+        except MissingError as error:
+            if error.strerror != NO_OBJECT:
+                raise
+            return None
+
+    def save(self, address: str, data: bytes, *, over: UpdateVersion | None = None) -> Content:
+        """Write a small object whole, over any that is there, or only over one version of it.
+
+        Raises ChangedError if that is not there any more.
+        """
+        import obstore
+
+        key = self._key(address)
+        mode: Literal["overwrite"] | UpdateVersion = "overwrite" if over is None else over
+        try:
+            with _translating(address):
+                done = result_of(lambda: obstore.put(self._client, key, data, mode=mode, use_multipart=False))
+        except (ChangedError, MissingError) as error:
+            if isinstance(error, MissingError) and (over is None or error.strerror != NO_OBJECT):
+                raise
+            return self._written(address, data)
+        return Content(data, _version(done))
+
+    def create(self, address: str, data: bytes) -> Content:
+        """Write a new small object whole. Raises ChangedError if there is such an object."""
+        import obstore
+        from obstore.exceptions import AlreadyExistsError
+
+        key = self._key(address)
+        try:
+            with _translating(address):
+                done = result_of(lambda: obstore.put(self._client, key, data, mode="create", use_multipart=False))
+        except (AlreadyExistsError, ChangedError):
+            return self._written(address, data)
+        return Content(data, _version(done))
+
+    def _written(self, address: str, data: bytes) -> Content:
+        """Return what an earlier try has written, whose answer was lost. Raises ChangedError for anything else."""
+        found = self.load(address)
+        if found is None or found.data != data:
+            raise changed_error(address)
+        return found
+
+    def replace(self, path: str, address: str) -> None:
+        """Write a file to an object, over any that is there."""
+        import obstore
+
+        key = self._key(address)
+        with _translating(address), open(path, "rb") as file:
+            is_large = os.path.getsize(path) > _ATOMIC
+            result_of(
+                lambda: obstore.put(
+                    self._client, key, file if is_large else file.read(), use_multipart=is_large, max_concurrency=_PARTS
+                )
+            )
+
+    def fetch(self, address: str, path: str) -> Stored:
+        """Write an object to a new file. Return it. Raises ChangedError if it changes in the meantime, and OSError."""
+        stored, front = self.look(address, _PIECE)
+        with open(path, "xb") as file:
+            file.write(front)
+            for start, data in self.read_all(stored, [(len(front), stored.size)]):
+                file.seek(start)
+                file.write(data)
+        return stored
+
+    def copy(self, addresses: Sequence[tuple[str, str]]) -> None:
+        """Copy objects within the store, from addresses to others. Those that there are not are passed over."""
+        for _ in results_of(lambda pair: self._copy(*pair), addresses, _REQUESTS):
+            pass
+
+    def _copy(self, source: str, target: str) -> None:
+        import obstore
+
+        try:
+            with _translating(source):
+                obstore.copy(self._client, self._key(source), self._key(target))
+        except MissingError as error:
+            if error.strerror != NO_OBJECT:
+                raise
 
     def has(self, address: str) -> bool:
         """Whether there is an object, as far as the credentials allow to look. Raises MissingError without bucket."""
@@ -157,8 +267,18 @@ class Store:
 
     def delete(self, addresses: Sequence[str]) -> None:
         """Delete objects. Those that there are not are passed over."""
+        if len(addresses) > 1 and scheme_of(self._place) == "s3":
+            self._delete_at_once(addresses)
+            return
         for address in addresses:
             self._delete(address)
+
+    def _delete_at_once(self, addresses: Sequence[str]) -> None:
+        import obstore
+
+        keys = [self._key(address) for address in addresses]
+        with _translating(addresses[0]), suppress(FileNotFoundError):
+            result_of(lambda: obstore.delete(self._client, keys))
 
     def _delete(self, address: str) -> None:
         import obstore
@@ -166,6 +286,10 @@ class Store:
         key = self._key(address)
         with _translating(address), suppress(FileNotFoundError):
             result_of(lambda: obstore.delete(self._client, key))
+
+    def canonical(self, address: str) -> str:
+        """Return the address of a folder as those of its objects begin."""
+        return f"{self._place}/{self._key(address).strip('/')}".rstrip("/")
 
     def _key(self, address: str) -> str:
         place, key = split(address)
@@ -183,14 +307,23 @@ def _stored(address: str, meta: ObjectMeta) -> Stored:
     return Stored(address, meta["size"], meta["e_tag"], meta["last_modified"])
 
 
+def _version(found: ObjectMeta | PutResult) -> UpdateVersion:
+    told: UpdateVersion = {}
+    if found["e_tag"]:
+        told["e_tag"] = found["e_tag"]
+    if found["version"]:
+        told["version"] = found["version"]
+    return told
+
+
 @contextmanager
 def _translating(address: str) -> Iterator[None]:
     """Raise StoreError for the errors of obstore."""
-    from obstore.exceptions import BaseError
+    from obstore.exceptions import AlreadyExistsError, BaseError
 
     try:
         yield
-    except (StoreError, FileExistsError):
+    except (StoreError, FileExistsError, AlreadyExistsError):
         raise
     except (BaseError, FileNotFoundError, ValueError) as error:
         raise translated(error, address) from None

@@ -18,6 +18,8 @@ def results_of(work: Callable[[Item], Result], items: Sequence[Item], count: int
 
     Raises the first error. The calls that run then go on alone: they end when the server answers, or not in time.
     """
+    if not items:
+        return
     waiting: SimpleQueue[Item] = SimpleQueue()
     for item in items:
         waiting.put(item)

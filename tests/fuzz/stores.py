@@ -1,0 +1,128 @@
+"""Fleets in a store that fails at a random request, and whose state is damaged, for `log convert` and `log compact`.
+
+A run ends with 0, 1, or 2 and a named error. Afterwards the same commands finish: the fleet has all rows once, the list
+of its files is right, and nothing else in the bucket has changed.
+"""
+
+from __future__ import annotations
+
+import atexit
+import json
+import re
+from contextlib import ExitStack
+from functools import cache
+from pathlib import Path
+from random import Random
+from tempfile import mkdtemp
+from typing import Any, NamedTuple
+
+import pytest
+
+from fuzz.conversions import NAMED
+from msggen.recordings.fleet import lease
+from support.commands import check_outcome, run
+from support.fleet_logs import write_logs
+from support.fleet_stores import FLEET, Bucket, both, bucket, change
+from support.scratch import scratch_folder
+from support.store_proxy import FAULTS
+
+COUNT = 12
+MEMORY = 1 << 33
+"""The servers are in this process, and each of their threads reserves addresses."""
+
+_DAMAGED = ("ledger.jsonl", "ledger.jsonl", "files.json", "report.json", "run.txt", "../_logs.parquet")
+_MINE = {"fleets/own/mine.txt": b"mine", "fleets/own2/battery_status/a.parquet": b"mine", "a.ulg": b"mine"}
+"""Objects of others."""
+
+
+class Case(NamedTuple):
+    """A fault, at which share of the requests, and what is damaged before."""
+
+    fault: str
+    moment: float
+    lasts: bool
+    damaged: str
+    seed: int
+
+
+class Start(NamedTuple):
+    """A bucket, recordings, what is there before a run, its requests, and all rows afterwards."""
+
+    bucket: Bucket
+    logs: str
+    saved: dict[str, bytes]
+    requests: int
+    rows: dict[str, list[dict[str, Any]]]
+
+
+def case(chance: Random) -> Case:
+    for is_changed in (True, False):
+        begin(is_changed=is_changed)  # before the time of a case begins
+    faults = ("", *(name for name in FAULTS if name != "stall"))
+    damaged = chance.choice(("", "", *_DAMAGED))
+    return Case(chance.choice(faults), chance.random(), chance.random() < 0.5, damaged, chance.randrange(1 << 32))
+
+
+def check(case: Case) -> None:
+    start = begin(is_changed=not case.damaged)
+    own, first = start.bucket, int(case.moment * start.requests)
+    own.load(start.saved)
+    if case.damaged:
+        _damage(own, case.damaged, Random(case.seed))  # noqa: S311 - no secret
+    own.proxy.begin(lambda each, _: case.fault if each == first or (case.lasts and each > first) else "")
+    for words in (["convert", start.logs, "-o", FLEET, "--jobs", "1"], ["compact", FLEET]):
+        outcome = run(["log", *words])
+        check_outcome(outcome)
+        assert outcome.code != 2 or re.search(NAMED, outcome.stderr), outcome
+        assert outcome.code != 2 or FLEET in outcome.stderr, outcome
+    own.proxy.begin()
+    both(start.logs)
+    with scratch_folder() as folder:
+        assert own.rows(folder) == start.rows
+    own.check_whole()
+    found = own.save()
+    assert all(found.get(key) == data for key, data in _MINE.items()), "objects of others have changed"
+
+
+@cache
+def begin(*, is_changed: bool) -> Start:
+    """Make a fleet, and let recordings change then. Return what there is."""
+    own = _bucket()
+    own.clear()
+    logs = write_logs(Path(mkdtemp()) / "logs")
+    both(str(logs))
+    saved = {**own.save(), **_MINE}
+    if is_changed:
+        change(logs)
+    own.proxy.begin()
+    both(str(logs))
+    count = len(own.proxy.requests)
+    return Start(own, str(logs), saved, count, own.rows(Path(mkdtemp())))
+
+
+@cache
+def _bucket() -> Bucket:
+    end = ExitStack()
+    atexit.register(end.close)
+    patch = end.enter_context(pytest.MonkeyPatch.context())
+    patch.setattr(lease, "_LIFE", 0.3)  # of a lock whose text is damaged
+    patch.setattr(lease, "_POLL", 0.05)
+    return end.enter_context(bucket(patch))
+
+
+def _damage(own: Bucket, name: str, chance: Random) -> None:
+    """Remove an object of the state, cut it, or replace some of it."""
+    key = f"fleets/own/{name[3:]}" if name.startswith("../") else f"fleets/own/_msggen/{name}"
+    data = own.save().get(key, b"process 1 on other\n\n")
+    lines = data.splitlines(keepends=True)
+    chance.shuffle(lines)
+    content = chance.choice(
+        (
+            *(None, b"", data[: chance.randrange(len(data))], b"\xff\0", b"[" * 100_000, b"{}\n" * 3),
+            *(b"".join(lines[: len(lines) // 2]), json.dumps({"topics": {"a": ["../a.parquet"]}}).encode()),
+        )
+    )
+    if content is None:
+        own.client.delete_object(Bucket="bucket", Key=key)
+    else:
+        own.client.put_object(Bucket="bucket", Key=key, Body=content)

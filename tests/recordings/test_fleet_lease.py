@@ -1,0 +1,130 @@
+"""Tests of the lock of a fleet in a store: one run at a time, whatever was killed, and without clocks that agree."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from msggen.recordings.fleet import lease, update
+from msggen.recordings.fleet.lease import Lease
+from msggen.recordings.stores.errors import StoreError
+from msggen.recordings.stores.store import Store
+from support.fleet_logs import write_logs
+from support.fleet_recordings import rows_of
+from support.fleet_stores import FLEET, Bucket, change
+from support.fleet_stores import bucket as new_bucket
+
+pytestmark = pytest.mark.timeout(600)
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[Bucket]:
+    with pytest.MonkeyPatch.context() as patch, new_bucket(patch) as found:
+        yield found
+
+
+@pytest.fixture
+def bucket(server: Bucket, monkeypatch: pytest.MonkeyPatch) -> Bucket:
+    server.proxy.begin()
+    server.clear()
+    monkeypatch.setattr(lease, "_POLL", 0.05)
+    return server
+
+
+@pytest.fixture
+def logs(tmp_path: Path) -> Path:
+    return write_logs(tmp_path / "logs")
+
+
+LOCK = "fleets/own/_msggen/run.txt"
+OTHER = b"process 1 on other\nboot pid:[1] 1 1\n00\n"
+
+
+def test_runs_at_once_take_turns(bucket: Bucket, logs: Path, tmp_path: Path) -> None:
+    told: list[str] = []
+    failed: list[BaseException] = []
+
+    def work() -> None:
+        try:
+            update(str(logs), FLEET, waiting=told.append)
+        except BaseException as error:  # noqa: BLE001 - raised below
+            failed.append(error)
+
+    threads = [threading.Thread(target=work) for _ in range(3)]
+    for each in threads:
+        each.start()
+    for each in threads:
+        each.join(120)
+    assert not failed, failed
+    assert told
+    assert all(each.startswith(f"process {os.getpid()} on ") for each in told)
+    update(str(logs), str(tmp_path / "fleet"))
+    assert bucket.rows(tmp_path / "copy") == rows_of(tmp_path / "fleet")
+    bucket.check_whole()
+
+
+def test_a_lock_of_another_machine_is_taken_when_it_is_not_renewed(
+    bucket: Bucket, logs: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(lease, "_LIFE", 0.5)
+    update(str(logs), FLEET)
+    bucket.client.put_object(Bucket="bucket", Key=LOCK, Body=OTHER)
+    told: list[str] = []
+    renewals = 0
+
+    def renew() -> None:
+        nonlocal renewals
+        for number in range(10):
+            renewals += 1
+            bucket.client.put_object(Bucket="bucket", Key=LOCK, Body=OTHER + b"%d\n" % number)
+            time.sleep(0.1)
+
+    thread = threading.Thread(target=renew)
+    thread.start()
+    update(str(logs), FLEET, waiting=told.append)
+    assert renewals == 10  # it waited as long as there were some
+    thread.join()
+    assert told == ["process 1 on other"]
+    bucket.check_whole()
+
+
+def test_a_run_that_has_lost_its_lock_writes_nothing(
+    bucket: Bucket, logs: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    update(str(logs), FLEET)
+    change(logs)
+    monkeypatch.setattr(lease, "_TRUSTED", 0.0)  # as if the computer had slept
+    before = bucket.save()
+
+    def take(_: int, request: str) -> str:
+        if "ledger.jsonl" in request and "GET" in request:
+            bucket.client.put_object(Bucket="bucket", Key=LOCK, Body=OTHER)
+        return ""
+
+    bucket.proxy.begin(take)
+    with pytest.raises(StoreError, match="another run has taken the lock: run the same command again"):
+        update(str(logs), FLEET)
+    after = bucket.save()
+    assert after.pop(LOCK) == OTHER
+    assert {key: data for key, data in after.items() if ".stage/" not in key} == before
+
+
+def test_a_store_that_ignores_conditions_is_an_error(
+    bucket: Bucket, logs: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Store, "create", Store.save)
+    with pytest.raises(StoreError, match="If-None-Match"):
+        update(str(logs), FLEET)
+    assert not [key for key in bucket.names() if key.endswith((".parquet", "run.txt"))]
+
+
+def test_a_lock_whose_answer_was_lost_is_held(bucket: Bucket) -> None:
+    bucket.proxy.begin(lambda number, _: "lost" if number == 0 else "")
+    with Lease(Store(FLEET), f"{FLEET}/lock").held(lambda _: pytest.fail("it waits for itself")):
+        assert bucket.names() == ["fleets/own/lock"]
+    assert not bucket.names()

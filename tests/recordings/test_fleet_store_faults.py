@@ -1,0 +1,146 @@
+"""Tests of fleets in a store that fails, and of runs that are killed: the next run finishes, and nothing is in part."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import pytest
+
+from msggen.recordings.fleet import lease, update
+from msggen.recordings.stores import client
+from msggen.recordings.stores.errors import StoreError
+from support.fleet_logs import write_logs
+from support.fleet_recordings import rows_of
+from support.fleet_stores import FLEET, Bucket, both, change
+from support.fleet_stores import bucket as new_bucket
+from support.repository import ROOT
+from support.store_proxy import FAULTS
+
+pytestmark = pytest.mark.timeout(600)
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[Bucket]:
+    with pytest.MonkeyPatch.context() as patch, new_bucket(patch) as found:
+        yield found
+
+
+@pytest.fixture
+def bucket(server: Bucket, monkeypatch: pytest.MonkeyPatch) -> Bucket:
+    server.proxy.begin()
+    server.clear()
+    monkeypatch.setattr(lease, "_POLL", 0.05)
+    return server
+
+
+@pytest.fixture
+def logs(tmp_path: Path) -> Path:
+    return write_logs(tmp_path / "logs")
+
+
+SOME = pytest.mark.parametrize("share", [1, pytest.param(8, marks=pytest.mark.night)])
+"""How many times as many requests as usual fail."""
+
+
+def fails(fault: str, number: int, each: int, _: str, *, lasts: bool) -> str:
+    return fault if (each >= number if lasts else each == number) else ""
+
+
+@pytest.mark.slow
+@SOME
+@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize("lasts", [True, False])
+def test_a_store_that_fails_at_any_request(  # noqa: PLR0913 - fixtures
+    bucket: Bucket, logs: Path, tmp_path: Path, fault: str, share: int, *, lasts: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    update(str(logs), FLEET)
+    saved = bucket.save()
+    change(logs)
+    bucket.proxy.begin()
+    both(str(logs))
+    count = len(bucket.proxy.requests)
+    whole = bucket.rows(tmp_path / "whole")
+    if fault == "stall":
+        monkeypatch.setitem(client.CLIENT, "read_timeout", "500ms")
+    chance = Random(f"{fault} {lasts} {share}")  # noqa: S311 - no secret
+    failures = []
+    numbers = sorted(chance.sample(range(count - 3), share * (3 if fault in ("500", "lost") else 1)))
+    for number in numbers:
+        bucket.load(saved)
+        bucket.proxy.begin(partial(fails, fault, number, lasts=lasts))
+        try:
+            both(str(logs))
+        except StoreError as error:
+            failures.append(error)
+        bucket.proxy.begin()
+        for key, data in bucket.save().items():
+            assert not key.endswith(".parquet") or data[:4] == data[-4:] == b"PAR1", f"{key} is in part"
+        both(str(logs))
+        assert bucket.rows(tmp_path / f"copy-{number}") == whole, f"request {number}"
+        bucket.check_whole()
+    for failure in failures:
+        assert str(failure.filename).startswith("s3://bucket/fleets/own")
+        assert re.search(FAULTS[fault], str(failure.strerror)), failure
+    assert len(failures) == len(numbers) or not lasts
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL")
+@SOME
+def test_a_kill_at_any_request_loses_nothing(bucket: Bucket, logs: Path, tmp_path: Path, share: int) -> None:
+    update(str(logs), FLEET)
+    saved = bucket.save()
+    change(logs)
+    bucket.proxy.begin()
+    both(str(logs))
+    count = len(bucket.proxy.requests)
+    whole = bucket.rows(tmp_path / "whole")
+    code = f"from msggen.recordings.fleet import compact, update; update({str(logs)!r}, {FLEET!r}); compact({FLEET!r})"
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    killed = 0
+    chance = Random(share)  # noqa: S311 - no secret
+    for number in sorted(chance.sample(range(2, count), 3 * share)):
+        bucket.load(saved)
+        process = subprocess.Popen([sys.executable, "-c", code], env=environment, cwd=tmp_path)
+
+        def kill(each: int, _: str, process: Any = process, number: int = number) -> str:
+            if each == number:
+                process.kill()
+            return "" if each < number or (each == number and number % 2) else "500"
+
+        bucket.proxy.begin(kill)
+        killed += process.wait(timeout=60) == -signal.SIGKILL
+        time.sleep(0.05)  # what was sent before is done
+        bucket.proxy.begin()
+        both(str(logs))
+        assert bucket.rows(tmp_path / f"copy-{number}") == whole, f"request {number}"
+        bucket.check_whole()
+    assert killed
+
+
+def test_a_store_of_recordings_that_fails_ends_the_run(bucket: Bucket, logs: Path, tmp_path: Path) -> None:
+    """A recording that may not be read is listed, and the others are converted."""
+    bucket.put(logs, "logs")
+    bucket.proxy.begin(lambda _, request: "500" if "15_47" in request else "")
+    with pytest.raises(StoreError, match=r"^s3://bucket/logs/2026-11-21/15_47_03.ulg: the server answers") as error:
+        update("s3://bucket/logs", FLEET)
+    assert error.value.is_lasting
+    bucket.proxy.begin(lambda _, request: "403" if "15_47" in request else "")
+    found = update("s3://bucket/logs", FLEET)
+    assert [each.error for each in found.failed if "15_47" in each.path] == [
+        "cannot be read: access is forbidden (403): these credentials may not do this"
+    ]
+    bucket.proxy.begin()
+    assert len(update("s3://bucket/logs", FLEET).converted) == 1
+    update(str(logs), str(tmp_path / "fleet"))
+    assert bucket.rows(tmp_path / "copy") == rows_of(tmp_path / "fleet")

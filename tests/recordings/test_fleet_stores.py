@@ -1,0 +1,200 @@
+"""Tests of fleets in an object store, against moto's server of S3: as in a folder, whatever fails or is killed."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pyarrow.parquet as pq
+import pytest
+
+from msggen.recordings.fleet import compact, files, lease, pools, run, update
+from msggen.recordings.fleet.records import FleetError
+from msggen.recordings.source.source import RecordingError
+from msggen.recordings.stores.errors import StoreError
+from support.fleet_logs import write_logs
+from support.fleet_recordings import rows_of
+from support.fleet_stores import FLEET, Bucket, change
+from support.fleet_stores import bucket as new_bucket
+
+pytestmark = pytest.mark.timeout(600)
+
+LOGS = "s3://bucket/logs"
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[Bucket]:
+    with pytest.MonkeyPatch.context() as patch, new_bucket(patch) as found:
+        yield found
+
+
+@pytest.fixture
+def bucket(server: Bucket, monkeypatch: pytest.MonkeyPatch) -> Bucket:
+    server.proxy.begin()
+    server.clear()
+    monkeypatch.setattr(lease, "_POLL", 0.05)
+    return server
+
+
+@pytest.fixture
+def logs(tmp_path: Path) -> Path:
+    return write_logs(tmp_path / "logs")
+
+
+def without_paths(document: dict[str, Any]) -> dict[str, Any]:
+    kept = ("found", "converted", "unchanged", "copies", "replaced", "recordings", "files", "rows", "bytes", "dates")
+    return {name: document[name] for name in (*kept, "date_from", "vehicles")}
+
+
+@pytest.mark.parametrize("source", ["folder", "store"])
+def test_a_fleet_in_a_store_is_the_same(bucket: Bucket, logs: Path, tmp_path: Path, source: str) -> None:
+    local = str(tmp_path / "fleet")
+    address = str(logs) if source == "folder" else LOGS
+    for step in range(3):
+        if step == 1:
+            change(logs)
+        bucket.put(logs, "logs")
+        expected, found = update(str(logs), local), update(address, FLEET)
+        assert without_paths(found.document()) == without_paths(expected.document())
+        assert len(found.failed) == len(expected.failed) == 1
+        assert [list(each.record.problems) for each in found.incomplete if each.record] == [
+            list(each.record.problems) for each in expected.incomplete if each.record
+        ]
+        assert bucket.rows(tmp_path / f"copy-{step}") == rows_of(Path(local))
+        bucket.check_whole()
+    before, after = compact(local), compact(FLEET)
+    assert after == before
+    assert bucket.rows(tmp_path / "compacted") == rows_of(Path(local))
+    bucket.check_whole()
+    assert compact(FLEET).topics == 0
+
+
+def test_recordings_in_a_store_become_a_fleet_in_a_folder(bucket: Bucket, logs: Path, tmp_path: Path) -> None:
+    bucket.put(logs, "logs")
+    expected, found = update(str(logs), str(tmp_path / "one")), update(LOGS, str(tmp_path / "two"))
+    assert rows_of(tmp_path / "two") == rows_of(tmp_path / "one")
+    assert [each.path for each in found.outcomes] == [
+        each.path.replace(str(logs), LOGS).replace(os.sep, "/") for each in expected.outcomes
+    ]
+    assert "msggen-" not in str(found.document())
+    bucket.proxy.begin()
+    assert update(LOGS + "/", str(tmp_path / "two")).unchanged == 6
+    assert not any("notes" not in each for each in bucket.proxy.requests if "ulg" in each)
+
+
+def test_a_folder_of_rosbag2_in_a_store_is_one_recording(bucket: Bucket, px4_types: Any, tmp_path: Path) -> None:
+    from support.fleet_recordings import write_flight
+
+    (tmp_path / "logs" / "bag").mkdir(parents=True)
+    write_flight(tmp_path / "logs" / "bag" / "bag_0.mcap", px4_types, 1)
+    write_flight(tmp_path / "logs" / "bag" / "bag_1.mcap", px4_types, 2)
+    write_flight(tmp_path / "logs" / "flight.mcap", px4_types, 3)
+    bucket.put(tmp_path / "logs", "logs")
+    expected, found = update(str(tmp_path / "logs"), str(tmp_path / "fleet")), update(LOGS, FLEET)
+    assert [each.path for each in found.outcomes] == [f"{LOGS}/bag", f"{LOGS}/flight.mcap"]
+    assert [each.digest for each in found.converted] == [each.digest for each in expected.converted]
+    assert bucket.rows(tmp_path / "copy") == rows_of(tmp_path / "fleet")
+    assert [each.path for each in update("s3://bucket/logs/bag", "s3://bucket/two").outcomes] == [f"{LOGS}/bag"]
+
+
+def test_a_fleet_among_the_recordings_is_left_out(bucket: Bucket, logs: Path) -> None:
+    bucket.put(logs, "logs")
+    update(LOGS, f"{LOGS}/fleet")
+    bucket.client.copy_object(Bucket="bucket", Key="logs/fleet/x.ulg", CopySource="bucket/logs/hangar/sess001.ulg")
+    assert update(LOGS, f"{LOGS}/fleet").unchanged == 6
+
+
+def test_a_folder_that_is_no_fleet_is_an_error(bucket: Bucket, logs: Path) -> None:
+    with pytest.raises(FleetError, match="this is not a fleet"):
+        compact(FLEET)
+    bucket.put(logs, "fleets/own")
+    with pytest.raises(FleetError, match="has other files"):
+        update(str(logs), FLEET)
+    with pytest.raises(RecordingError, match="no recording in this folder"):
+        update("s3://bucket/nothing", "s3://bucket/new")
+    with pytest.raises(StoreError, match=r"^s3://nobucket[^:]*: there is no such bucket$"):
+        update(str(logs), "s3://nobucket/fleet")
+    assert not [key for key in bucket.names() if "_msggen" in key]
+
+
+def test_a_fleet_can_be_copied_to_a_store_and_back(bucket: Bucket, logs: Path, tmp_path: Path) -> None:
+    update(str(logs), str(tmp_path / "fleet"))
+    bucket.put(tmp_path / "fleet", "fleets/own")
+    assert files(FLEET, "battery_status") == [f"s3://bucket/{key}" for key in bucket.names("fleets/own/battery_status")]
+    change(logs)
+    assert len(update(str(logs), FLEET).converted) == 2
+    back = bucket.get("fleets/own", tmp_path / "back")
+    assert (back / "_msggen" / "files.json").exists()
+    assert compact(str(back)).topics == 5
+    assert not (back / "_msggen" / "files.json").exists()
+    assert rows_of(back) == bucket.rows(tmp_path / "copy")
+    (path,) = files(str(back), "battery_status")
+    assert pq.read_metadata(path).num_rows
+
+
+def test_a_lost_or_damaged_state_loses_no_rows(bucket: Bucket, logs: Path, tmp_path: Path) -> None:
+    update(str(logs), FLEET)
+    whole = bucket.rows(tmp_path / "whole")
+    for number, data in enumerate((None, b"", b"{}\n", b"[" * 100_000)):
+        for name in ("ledger.jsonl", "files.json"):
+            if data is None:
+                bucket.client.delete_object(Bucket="bucket", Key=f"fleets/own/_msggen/{name}")
+            else:
+                bucket.client.put_object(Bucket="bucket", Key=f"fleets/own/_msggen/{name}", Body=data)
+        assert files(FLEET, "battery_status")
+        update(str(logs), FLEET)
+        assert bucket.rows(tmp_path / str(number)) == whole
+        bucket.check_whole()
+
+
+def test_readers_of_the_list_see_one_state_or_the_other(bucket: Bucket, logs: Path) -> None:
+    """Those that list the files can see rows twice during a compaction, and never fewer."""
+    update(str(logs / "2026-11-20"), FLEET)
+    update(str(logs), FLEET)
+    topics = ("battery_status", "vehicle_status")
+
+    def counts(topic: str) -> tuple[int, int]:
+        listed, there = files(FLEET, topic), [f"s3://bucket/{key}" for key in bucket.names(f"fleets/own/{topic}/")]
+        return sum(map(rows, listed)), sum(map(rows, there))
+
+    def rows(address: str) -> int:
+        key = address.removeprefix("s3://bucket/")
+        body = bucket.client.get_object(Bucket="bucket", Key=key)["Body"].read()
+        import pyarrow as pa
+
+        return int(pq.read_metadata(pa.BufferReader(body)).num_rows)
+
+    expected = {topic: counts(topic)[0] for topic in topics}
+    seen: list[tuple[str, int, int]] = []
+
+    def look(_: int, request: str) -> str:
+        if not request.startswith("GET"):  # `counts` sends GET
+            seen.extend((topic, *counts(topic)) for topic in topics)
+        return ""
+
+    bucket.proxy.begin(look)
+    compact(FLEET)
+    bucket.proxy.begin()
+    assert all(listed == expected[topic] for topic, listed, _ in seen)
+    assert all(there >= expected[topic] for topic, _, there in seen)
+    assert any(there > expected[topic] for topic, _, there in seen)
+    bucket.check_whole()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["processes", "dask"])
+def test_pools_write_to_the_store(bucket: Bucket, logs: Path, tmp_path: Path, kind: str) -> None:
+    bucket.put(logs, "logs")
+    update(str(logs), str(tmp_path / "fleet"))
+    expected = rows_of(tmp_path / "fleet")
+    if kind == "processes":
+        update(LOGS, FLEET, pool=run.pool_of(2))
+    else:
+        distributed = pytest.importorskip("distributed")
+        options = {"n_workers": 2, "processes": False, "protocol": "tcp", "host": "127.0.0.1"}
+        with distributed.LocalCluster(**options, dashboard_address=None) as cluster, distributed.Client(cluster) as own:
+            update(LOGS, FLEET, pool=lambda tasks: pools.on_client(tasks, own))
+    assert bucket.rows(tmp_path / "copy") == expected
+    bucket.check_whole()
