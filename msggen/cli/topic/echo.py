@@ -11,18 +11,21 @@ from contextlib import ExitStack, suppress
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from msggen.base.diagnostics import input_error
 from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.cli.link import Connection, add_link, connection, for_people
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, refuse
+from msggen.cli.packages import check_reading
 from msggen.cli.topic.naming import SPELLINGS, heard, named
 from msggen.cli.topic.printer import Printer, check_fields, condition_of
-from msggen.cli.values import non_empty, positive
+from msggen.cli.values import local_path, non_empty, positive
 from msggen.cli.watching import add_limits, rounds, watching
 
 if TYPE_CHECKING:
     from msggen.live import Subscription, Vehicle
     from msggen.live.messages.expression import Condition
     from msggen.live.messages.lookup import Named
+    from msggen.recordings.log.events import EventTexts
 
 _PERIOD = 0.05
 """How often to print what has arrived, in s: waking up for each sample would take most of the time."""
@@ -64,6 +67,12 @@ def add_to(actions: Commands) -> None:
         default=[],
         help="print only this value, of the topics that have it: nav_state, position[2], esc[0].esc_rpm; repeatable",
     )
+    parser.add_argument(
+        "--events",
+        metavar="FILE",
+        type=local_path,
+        help="print what events say, too, by all_events.json.xz of the firmware's build, or a ULog that it has written",
+    )
     parser.add_argument("--once", action="store_true", help="end after the first message")
     parser.add_argument("--every", metavar="SECONDS", type=positive, help="print at most one message in this time")
     add_limits(parser)
@@ -76,6 +85,7 @@ def add_to(actions: Commands) -> None:
 def _echo(options: argparse.Namespace) -> int:
     _read_words(options)
     condition = condition_of(options)
+    options.event_texts = _event_texts(options.events) if options.events else None
     with connection(options, lambda package: _check(options, condition, package)) as found, ExitStack() as stack:
         topics = [found.fitting(topic) for topic in heard(options, found, options.topics)]
         _check_known(options, found, topics)
@@ -90,6 +100,23 @@ def _echo(options: argparse.Namespace) -> int:
         return _print(options, found, streams)
 
 
+def _event_texts(path: str) -> EventTexts:
+    """Return the texts of events in a file. Raises InputError."""
+    check_reading("R102")
+    from msggen.recordings.decode.event_metadata import EventMetadataError
+    from msggen.recordings.log.events import event_texts
+    from msggen.recordings.source.source import RecordingError
+
+    try:
+        return event_texts(path)
+    except EventMetadataError as error:
+        raise input_error(path, "R102", f"the metadata of events {error}", 0) from None
+    except RecordingError as error:
+        raise input_error(path, "R102", str(error).removeprefix(f"{path} "), 0) from None
+    except OSError as error:
+        raise input_error(path, "R102", f"cannot be read: {error.strerror}", 0) from None
+
+
 def _read_words(options: argparse.Namespace) -> None:
     """Take a condition behind a topic for that of --filter. Refuse options that exclude each other."""
     options.filter_name = "--filter"
@@ -100,6 +127,8 @@ def _read_words(options: argparse.Namespace) -> None:
         options.filter, options.filter_name = options.topics.pop(), "FILTER"
     if options.csv and len(options.topics) > 1:
         refuse(options, "argument --csv: only with one topic, as topics have different columns: use --json")
+    if options.events and (options.csv or options.json):
+        refuse(options, "argument --events: not allowed with --json and --csv, which have the fields alone")
     if options.quote_formulas and not options.csv:
         refuse(options, "argument --quote-formulas: only with --csv")
     if options.once:

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from msggen.live import Subscription
     from msggen.live.messages.expression import Condition, ConditionError
     from msggen.live.messages.packages import Message
+    from msggen.recordings.source.facts import Event
 
 
 def condition_of(options: argparse.Namespace) -> Condition | None:
@@ -48,6 +49,11 @@ def _problem(message: type[Message], path: str) -> str:
 
 def _refuse(options: argparse.Namespace, error: ConditionError) -> NoReturn:
     refuse(options, f"argument {options.filter_name}: column {error.column}: {error}")
+
+
+def _said(event: Event) -> str:
+    """Return a line with what an event says."""
+    return f"# {event.level}: {escaped(event.text)}\n"
 
 
 class Printer:
@@ -90,7 +96,10 @@ class Printer:
             head = safe_json(json.dumps(front))
             return (lambda each: f'{{"topic": {head}, "message": {write(each)}}}') if front else write
         write, start = text_writer(message, paths), f"# {escaped(front)}\n" if front else ""
-        return lambda each: Styled(f"{start}{write(each)}\n---")
+        texts = self._options.event_texts
+        if texts is None or message.__name__ != "Event":
+            return lambda each: Styled(f"{start}{write(each)}\n---")
+        return lambda each: Styled(f"{start}{_said(texts.event(each))}{write(each)}\n---")
 
     def _paths(self, message: type[Any]) -> list[str]:
         """Return the paths of --field that a message has."""

@@ -7,7 +7,7 @@ their metadata. PX4 sends some lines of the log as events, too: they end in a ta
 from __future__ import annotations
 
 from bisect import bisect_left
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from msggen.recordings.topics.topic import Topic
 
 _METADATA = "metadata_events"
+_XZ = b"\xfd7zXZ\0"
 _MOST = 100_000
 """The number of events that are read: a flight has some hundreds."""
 _SHOWN = 3
@@ -45,6 +46,49 @@ class _Sample(NamedTuple):
     sequence: int
     levels: int
     arguments: bytes
+
+
+class EventTexts:
+    """The texts of a firmware's events. `metadata` is that of its build, `all_events.json.xz`, which a ULog has too."""
+
+    def __init__(self, metadata: bytes) -> None:
+        self._metadata = metadata
+        self._known: dict[int, Definition | None] = {}
+
+    def event(self, message: Any) -> Event:
+        """Return the event of an Event message of any generated package. Raises EventMetadataError."""
+        number = message.id
+        if number not in self._known:
+            self._known[number] = read_definitions(self._metadata, {number}).get(number)
+        levels, arguments = message.log_levels, bytes(message.arguments)
+        sample = _Sample(message.timestamp * 1000, number, message.event_sequence, levels, arguments)
+        return _event(sample, self._known[number])
+
+
+def event_texts(path: str) -> EventTexts:
+    """Return the texts in a file: the metadata itself, or a ULog.
+
+    Raises EventMetadataError, RecordingError, and OSError.
+    """
+    with open(path, "rb") as file:
+        front = file.read(len(_XZ))
+        metadata = front + file.read() if front == _XZ else None
+    if metadata is None or not _is_metadata(metadata):
+        from msggen.recordings.log import opening
+
+        with opening.open(path) as log:
+            metadata = _metadata_in(log.information)
+    read_definitions(metadata, ())
+    return EventTexts(metadata)
+
+
+def _is_metadata(packed: bytes) -> bool:
+    """Whether a file of xz has metadata, and no recording."""
+    try:
+        read_definitions(packed, ())
+    except EventMetadataError:
+        return False
+    return True
 
 
 def has_events(topic: Topic) -> bool:
