@@ -250,7 +250,7 @@ def test_every_argument_that_is_a_path_refuses_urls(name: str) -> None:
     ],
 )
 def test_a_url_is_an_error_and_nothing_is_written(text: str, hint: str, tmp_path: Path) -> None:
-    words = (["log", "convert", ".", "-o", text], ["build", "-o", text], ["build", "--msg-dir", text, "-o", "x"])
+    words = (["build", "-o", text], ["build", "--msg-dir", text, "-o", "x"])
     with inside(tmp_path):
         for each in (*words, ["view", text], ["docs", "-o", text], ["sync", text], ["record", "-o", text]):
             outcome = run(each)
