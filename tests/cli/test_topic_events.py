@@ -35,7 +35,9 @@ def test_live_events_say_what_those_of_a_log_do(form: str, px4_types: Any, tmp_p
 def test_echo_prints_what_events_say(working_folder: Path, capsys: Any) -> None:
     topics = (ROOT / "dds_topics.yaml").read_text(encoding="utf-8")
     Path("dds_topics.yaml").write_text(topics.replace("\nsubscriptions:", f"{BRIDGED}\nsubscriptions:", 1))
-    assert main(["build", "-q", "--px4", "v1.18", "--topics", "dds_topics.yaml", "--package", "own_types", "-o", "."]) == 0
+    assert (
+        main(["build", "-q", "--px4", "v1.18", "--topics", "dds_topics.yaml", "--package", "own_types", "-o", "."]) == 0
+    )
     metadata = {
         **METADATA,
         "components": {"0": {"event_groups": {"default": {"events": {"0": {"name": "zero", "message": "Take care"}}}}}},

@@ -19,6 +19,7 @@ from msggen.sources.released import released_as
 from msggen.sources.sources import find_sources, with_archived
 from support.catalogs import catalog_of, import_package
 from support.log_files import Written, definition_in, write_log
+from support.written import write_recording
 
 START = 1_790_000_000_000_000_000
 HEADER = b"\0\1\0\0"
@@ -59,6 +60,16 @@ def test_messages_are_the_decoded_payloads(px4_types: Any, name: str, options: d
         assert list(log.messages(cls, start=3, stop=7)) == [cls.decode(payload) for payload in payloads[3:7]]
         assert [each.timestamp for each in log.messages(cls)] == log["/fmu/out/mine"]["timestamp"].tolist()
         assert log.problems == []
+
+
+@pytest.mark.parametrize("wrong", ["vehicle_attitude", None, 3])
+def test_what_is_no_class_is_refused(wrong: Any, px4_types: Any, tmp_path: Path) -> None:
+    path = write_recording(tmp_path / "a.mcap", [("/fmu/out/wind", 0.0, px4_types.Wind())])
+    with (
+        recordings.open(path) as log,
+        pytest.raises(TypeError, match=f"^expected the class of a message, got {wrong!r}$"),
+    ):
+        log.messages(wrong)
 
 
 def test_messages_are_in_the_order_of_their_times(px4_types: Any, tmp_path: Path) -> None:

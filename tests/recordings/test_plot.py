@@ -275,7 +275,7 @@ def test_each_bit_that_occurs_has_a_band(kind: str, named: set[int], data: st.Da
         ("vehicle_local_position.heding", "no field is called 'heding', did you mean 'heading'?"),
         ("vehicle_attitude.q[4]", "no field is called 'q[4]', did you mean 'q["),
         ("sensor_gps[7].eph", "'sensor_gps' has no instance 7, it has: 0"),
-        ("vehicle_attitude", "'vehicle_attitude' is a topic: name one of its fields, such as timestamp, "),
+        ("vehicle_attitude", "'vehicle_attitude' is a topic: name one of its fields, such as q[0], "),
         ("vehicle_atitude", "expected TOPIC.FIELD or TOPIC[INSTANCE].FIELD, found 'vehicle_atitude', did you mean 'v"),
         (
             "vehicle_attitude/q",

@@ -98,7 +98,8 @@ def chosen_topics(options: argparse.Namespace, log: Log) -> Sequence[Topic] | No
         problem = Choice([word]).problem([(topic.name, topic.ros_type) for topic in log.topics])
         if word.lower().endswith(SUFFIXES):
             options.parser.error(f"argument TOPIC: {problem}: name what to write with -o {word}")
-        options.parser.error(f"argument TOPIC: {problem}: `msggen log info {log.path}` lists them")
+        end = "" if problem.endswith("?") else ":"
+        options.parser.error(f"argument TOPIC: {problem}{end} `msggen log info {log.path}` lists them")
     return [topic for topic in log.topics if any(takes_instance(word, topic) for word in options.topics)]
 
 

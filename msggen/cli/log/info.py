@@ -111,7 +111,9 @@ def _rows_on_contents(log: Log, checksums: Checksums | None) -> Iterator[tuple[s
         yield "checksums", f"{counted(checksums.compared, 'chunk')} compared{without}"
     elif log.missing_checksums is None:
         yield "checksums", "none: changed values are not noticed"
-    elif log.missing_checksums:
+    elif not log.missing_checksums:
+        yield "checksums", "not compared yet: --verify reads the whole file"
+    else:
         yield "checksums", f"none in {counted(log.missing_checksums, 'chunk')}: changed values are not noticed"
     if log.problems:
         yield "problems", counted(len(log.problems), "problem") + ", on stderr"

@@ -67,7 +67,8 @@ def opened(options: argparse.Namespace, path: str) -> Iterator[Log]:
         try:
             yield log
         except UnknownFieldError as error:
-            options.parser.error(f"{error} `msggen log info {shown} TOPIC` lists the fields of a topic")
+            end = "" if str(error).endswith("?") else ";"
+            options.parser.error(f"{error}{end} `msggen log info {shown} TOPIC` lists the fields of a topic")
         except StoreError as error:
             raise store_failed(error, "R102") from None
         except RecordingError as error:

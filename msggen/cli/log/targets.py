@@ -27,6 +27,8 @@ def format_of(options: argparse.Namespace) -> str:
     """Return the format that `--format` or the suffix of the output names. One that does not fit ends the process."""
     output, named = options.output or "", options.format
     stem, suffix = _split(output)
+    if output == STDIN:
+        refuse(options, "argument -o/--output: nothing is written to stdout; `msggen log show FILE TOPIC --csv` prints")
     if suffix == MCAP and named in (None, "mcap"):
         return "mcap"
     if suffix in _READ_ONLY:

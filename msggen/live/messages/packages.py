@@ -135,13 +135,13 @@ def check_message(value: object) -> None:
 
 def package_of_class(cls: type) -> ModuleType:
     """Return the generated package of a message class. Raises TypeError if it is not one."""
-    for base in cls.__mro__:
+    for base in cls.__mro__ if isinstance(cls, type) else ():
         if "__msg__" in vars(base):
             for folder in (".msg.", ".srv."):
                 name, found, _ = base.__module__.rpartition(folder)
                 if found:
                     return sys.modules[name]
-    raise TypeError(f"expected the class of a message, got {cls.__name__}")
+    raise TypeError(f"expected the class of a message, got {getattr(cls, '__name__', repr(cls))}")
 
 
 def heard_way(target: Target) -> Way:

@@ -197,7 +197,7 @@ def parse_path(log: Log, path: str) -> tuple[Topic, str]:
         if "." in path or name not in log:
             near = "" if "." in path else _near(log, name)
             raise RecordingError(f"expected TOPIC.FIELD or TOPIC[INSTANCE].FIELD, found '{path}'{near}")
-        columns = names_of(log.dtype(name))
+        columns = sorted(names_of(log.dtype(name)), key=lambda each: "timestamp" in each)  # the times last
         raise RecordingError(f"'{path}' is a topic: name one of its fields, such as {few(columns)}")
     instance = found["instance"]
     return log.topic(found["topic"], None if instance is None else int(instance)), found["field"]
