@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isfinite
 from pathlib import Path
 
 import pytest
@@ -16,4 +17,4 @@ def test_the_time_of_a_command_is_measured(tmp_path: Path) -> None:
     case = commands.CASES[0]
     command, vehicle, share = commands.measure(case, types[case.topics], 0.5, 1.5)
     assert (command, vehicle) == ("msggen topic echo vehicle_status", "one, 250 Hz")
-    assert float(share)
+    assert isfinite(float(share))  # it can be 0 on a busy machine

@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import platform
 import stat
+import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from typing import IO, NamedTuple
@@ -29,6 +30,8 @@ RUN = "run.txt"
 FILES = "files.json"
 """The file of the state of a fleet in a store that lists the files of each topic."""
 _CONTENT = "new"
+_GRACE = 0.02
+"""How long in s the earlier folder of a topic stays after the swap."""
 _FLAGS = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0)
 
 
@@ -252,6 +255,7 @@ class Folder:
             is_done = not swap_folders({current: built})
             if is_done and os.path.isdir(built):
                 keep_newer(built, current, [*names, *(_inner(place) for place in removed)])
+                time.sleep(_GRACE)  # a reader that has opened the folder and not listed it would find it empty
         return is_done
 
 
