@@ -61,7 +61,7 @@ def test_a_file_is_written_and_replaced(here: Path, capsys: pytest.CaptureFixtur
             "expected a name that ends in .png, .svg, .pdf, f",
         ),
         (["flight.mcap", "vehicle_local_position.z"], "no window can be shown here: write a file, -o flight.png"),
-        (["flight.mcap", "vehicle_local_position"], "is a topic: name one of its fields, such as timestamp, "),
+        (["flight.mcap", "vehicle_local_position"], "is a topic: name one of its fields, such as xy_valid, "),
         (["flight.mcap", "vehicle_local_position.zz"], "error: no field is called 'zz', did you mean"),
         (["flight.mcap"], "the following arguments are required: FIELD"),
         (["text.txt", "a.b", "-o", "z.png"], "text.txt: R102 is not a recording: "),

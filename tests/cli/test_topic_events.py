@@ -12,7 +12,7 @@ import pytest
 from msggen import recordings
 from msggen.cli import main
 from msggen.live.sim import Options, Simulator
-from msggen.recordings.log.events import event_texts
+from msggen.recordings.log.event_texts import event_texts
 from support.events import METADATA, packed, write_events
 from support.ports import free_port
 from support.repository import ROOT

@@ -210,8 +210,8 @@ def test_readers_see_the_earlier_files_or_the_new_ones(read: Callable[[str], int
             try:
                 seen[read(topic)] += 1
             except Exception as error:  # noqa: BLE001 - each engine has its own
-                gone = ("No such file", "cannot open", "not found", "No files", "could not open")
-                seen["gone" if any(text.lower() in str(error).lower() for text in gone) else repr(error)] += 1
+                gone = ("No such file", "cannot open", "not found", "No files", "could not open", "FileNotFoundError")
+                seen["gone" if any(text.lower() in repr(error).lower() for text in gone) else repr(error)] += 1
 
     reader = threading.Thread(target=look)
     reader.start()

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from msggen.live import Subscription, Vehicle
     from msggen.live.messages.expression import Condition
     from msggen.live.messages.lookup import Named
-    from msggen.recordings.log.events import EventTexts
+    from msggen.recordings.log.event_texts import EventTexts
 
 _PERIOD = 0.05
 """How often to print what has arrived, in s: waking up for each sample would take most of the time."""
@@ -104,7 +104,7 @@ def _event_texts(path: str) -> EventTexts:
     """Return the texts of events in a file. Raises InputError."""
     check_reading("R102")
     from msggen.recordings.decode.event_metadata import EventMetadataError
-    from msggen.recordings.log.events import event_texts
+    from msggen.recordings.log.event_texts import event_texts
     from msggen.recordings.source.source import RecordingError
 
     try:

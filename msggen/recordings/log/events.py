@@ -7,7 +7,7 @@ their metadata. PX4 sends some lines of the log as events, too: they end in a ta
 from __future__ import annotations
 
 from bisect import bisect_left
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from msggen.recordings.topics.topic import Topic
 
 _METADATA = "metadata_events"
-_XZ = b"\xfd7zXZ\0"
 _MOST = 100_000
 """The number of events that are read: a flight has some hundreds."""
 _SHOWN = 3
@@ -40,55 +39,14 @@ class Events(NamedTuple):
     """Why events are not decoded, a line each."""
 
 
-class _Sample(NamedTuple):
+class Packed(NamedTuple):
+    """An event as PX4 sends it. The time is in ns."""
+
     time: int
     number: int
     sequence: int
     levels: int
     arguments: bytes
-
-
-class EventTexts:
-    """The texts of a firmware's events. `metadata` is that of its build, `all_events.json.xz`, which a ULog has too."""
-
-    def __init__(self, metadata: bytes) -> None:
-        self._metadata = metadata
-        self._known: dict[int, Definition | None] = {}
-
-    def event(self, message: Any) -> Event:
-        """Return the event of an Event message of any generated package. Raises EventMetadataError."""
-        number = message.id
-        if number not in self._known:
-            self._known[number] = read_definitions(self._metadata, {number}).get(number)
-        levels, arguments = message.log_levels, bytes(message.arguments)
-        sample = _Sample(message.timestamp * 1000, number, message.event_sequence, levels, arguments)
-        return _event(sample, self._known[number])
-
-
-def event_texts(path: str) -> EventTexts:
-    """Return the texts in a file: the metadata itself, or a ULog.
-
-    Raises EventMetadataError, RecordingError, and OSError.
-    """
-    with open(path, "rb") as file:
-        front = file.read(len(_XZ))
-        metadata = front + file.read() if front == _XZ else None
-    if metadata is None or not _is_metadata(metadata):
-        from msggen.recordings.log import opening
-
-        with opening.open(path) as log:
-            metadata = _metadata_in(log.information)
-    read_definitions(metadata, ())
-    return EventTexts(metadata)
-
-
-def _is_metadata(packed: bytes) -> bool:
-    """Whether a file of xz has metadata, and no recording."""
-    try:
-        read_definitions(packed, ())
-    except EventMetadataError:
-        return False
-    return True
 
 
 def has_events(topic: Topic) -> bool:
@@ -116,11 +74,11 @@ def read_events(
     del samples[_MOST:]
     numbers = {each.number for each in samples}
     try:
-        definitions = read_definitions(_metadata_in(information), numbers)
+        definitions = read_definitions(metadata_in(information), numbers)
     except EventMetadataError as error:
         notes.append(f"{counted(len(samples), 'event')} not decoded: {_METADATA} {error}")
-        return Events([_event(each, None) for each in samples], notes)
-    events = [_event(each, definitions.get(each.number)) for each in samples]
+        return Events([event_of(each, None) for each in samples], notes)
+    events = [event_of(each, definitions.get(each.number)) for each in samples]
     return Events(events, [*notes, *_left(events, definitions)])
 
 
@@ -149,7 +107,7 @@ def _is_near(times: Sequence[int], time: int) -> bool:
     return index < len(times) and times[index] <= time + _NEAR
 
 
-def _samples(samples: Samples) -> Iterator[_Sample]:
+def _samples(samples: Samples) -> Iterator[Packed]:
     """Yield the samples of a topic, none if its fields are not those of Event.msg."""
     rows = samples.array
     fields = {"id": "u4", "event_sequence": "u2", "log_levels": "u1", "arguments": "u1"}
@@ -159,7 +117,7 @@ def _samples(samples: Samples) -> Iterator[_Sample]:
     if any((rows.dtype[name].ndim == 1) != (name == "arguments") for name in fields):
         return
     yield from map(
-        _Sample,
+        Packed,
         samples.log_times.tolist(),
         rows["id"].tolist(),
         rows["event_sequence"].tolist(),
@@ -168,7 +126,7 @@ def _samples(samples: Samples) -> Iterator[_Sample]:
     )
 
 
-def _metadata_in(information: Mapping[str, object]) -> bytes:
+def metadata_in(information: Mapping[str, object]) -> bytes:
     """Return the compressed metadata. Raises EventMetadataError."""
     found = information.get(_METADATA)
     if found is None:
@@ -183,7 +141,8 @@ def _metadata_in(information: Mapping[str, object]) -> bytes:
     return b"".join(parts)
 
 
-def _event(sample: _Sample, definition: Definition | None) -> Event:
+def event_of(sample: Packed, definition: Definition | None) -> Event:
+    """Return an event in words, as far as there is a definition."""
     time, number, sequence, levels, arguments = sample
     values = None if definition is None else definition.values(arguments)
     event = Event(time, number, sequence, _level(levels >> 4), _level(levels & 0xF), f"event 0x{number:08x}")
