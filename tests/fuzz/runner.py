@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import itertools
+import os
 import resource
 import signal
 import sys
@@ -130,6 +131,14 @@ def indices_of(process: int, processes: int, count: int | None) -> Iterator[int]
     return itertools.islice(itertools.count(process, processes), count and len(range(process, count, processes)))
 
 
+def _count_memory_of_arrow() -> None:
+    """Let Arrow take memory of the system: its own pool reserves 1 GiB of addresses, which is no use of memory."""
+    os.environ["ARROW_DEFAULT_MEMORY_POOL"] = "system"
+    arrow: Any = sys.modules.get("pyarrow")
+    if arrow is not None:
+        arrow.set_memory_pool(arrow.system_memory_pool())
+
+
 @contextmanager
 def limited(memory: int = MEMORY) -> Iterator[None]:
     """Limit the time and the memory of a case."""
@@ -137,6 +146,7 @@ def limited(memory: int = MEMORY) -> Iterator[None]:
     def stop(number: int, _: FrameType | None) -> None:
         raise TooSlowError(f"more than {CPU_SECONDS if number == signal.SIGPROF else SECONDS} s")
 
+    _count_memory_of_arrow()
     handlers = {number: signal.signal(number, stop) for number in (signal.SIGPROF, signal.SIGALRM)}
     before = resource.getrlimit(resource.RLIMIT_AS)
     signal.setitimer(signal.ITIMER_PROF, CPU_SECONDS)

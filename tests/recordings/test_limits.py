@@ -120,6 +120,16 @@ def test_a_topic_with_too_many_columns_is_left_out_of_tables(tmp_path: Path) -> 
     assert problem.text == "/t1 is left out: 131070 columns, tables have up to 131070 together"
 
 
+def test_a_wide_table_in_csv_takes_little_memory(tmp_path: Path) -> None:
+    count = 65_000
+    path = write_mcap(tmp_path / "a.mcap", [f"uint8[{count}] x\n"], b"\0\1\0\0" + bytes(count))
+    with limited(1 << 28), opening.open(path) as log:
+        made = tables.write_tables(log, str(tmp_path / "made"), tables.Format("csv"), ALL, lambda _: None)
+    (written,) = made.files
+    head, row = Path(written).read_text(encoding="utf-8").splitlines()
+    assert head.count(",") == row.count(",") == count + 1
+
+
 def test_all_definitions_of_a_recording_have_a_limit_together(tmp_path: Path) -> None:
     many = [nested(3, "[240]").replace(" x", f" x{number}") for number in range(100)]
     path = write_mcap(tmp_path / "a.mcap", many)

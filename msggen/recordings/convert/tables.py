@@ -37,6 +37,8 @@ _WAITING = 64 << 20
 """The bytes of all samples that wait for their row groups."""
 _OBJECTS = 4
 """How many times the bytes of its column in Arrow an object of Python has."""
+_CSV_ROWS, _CSV_VALUES = 1 << 10, 1 << 20
+"""The most rows, and values in them, that are written to CSV at a time."""
 
 
 class Format(NamedTuple):
@@ -50,7 +52,6 @@ class Format(NamedTuple):
     """The compression of Arrow."""
     is_file: bool = False
     """Whether a file with one topic is written, and no folder."""
-
     sql_names: bool = False
     """Whether SQL takes the names of columns without quotes."""
 
@@ -251,9 +252,11 @@ def _writer(file: IO[bytes], format_: Format, schema: Any) -> Any:
         from pyarrow import ipc
 
         return ipc.new_file(file, schema, options=ipc.IpcWriteOptions(compression=format_.packing))
-    from pyarrow.csv import CSVWriter
+    from pyarrow.csv import CSVWriter, WriteOptions
 
-    return CSVWriter(file, schema)
+    # pyarrow takes 8 bytes for each value of a batch in advance: for the usual 1,024 rows of 65,535 columns, 512 MiB
+    rows = max(1, min(_CSV_ROWS, _CSV_VALUES // max(len(schema), 1)))
+    return CSVWriter(file, schema, write_options=WriteOptions(batch_size=rows))
 
 
 def is_time(field: Any) -> bool:
