@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -25,6 +25,9 @@ from msggen.sources.sources import find_sources
 from support.children import adopt_orphans, ended
 from support.examples import ALL_EXAMPLES
 from support.repository import ROOT
+
+if TYPE_CHECKING:
+    from selenium.webdriver import Chrome
 
 collect_ignore_glob = [] if CAN_SHARE else ["live/owner/*"]  # Windows has no links that programs share
 
@@ -153,6 +156,14 @@ def _modules_of(package: ModuleType) -> dict[str, ModuleType]:
             and each.__name__ not in found
         ]
     return found
+
+
+@pytest.fixture(scope="module")
+def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chrome]:
+    """A browser that reaches no network, for the tests of a file."""
+    from support.browser import chromium_with
+
+    yield from chromium_with(tmp_path_factory.mktemp("profile"))
 
 
 @pytest.fixture

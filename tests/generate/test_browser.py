@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +13,7 @@ from msggen.generate.site.pages import render_site
 from msggen.generate.site.prose import read_documents
 from msggen.generate.site.site import Project, Site
 from msggen.sources.sources import find_sources
-from support.browser import CSS, chromium_with, complaints, prefer, resize, wait_for
+from support.browser import CSS, complaints, prefer, resize, wait_for
 from support.catalogs import write_definitions
 from support.markup_attacks import hostile
 from support.repository import ROOT
@@ -31,11 +30,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory, embedded: Catalog) -> Path:
     changes = changes_since(find_sources("embedded:v1.17"), "PX4 v1.17", find_sources(None), embedded)
     site = Site(embedded, "PX4 v1.18", changes=changes, project=Project(str(ROOT), tuple(documents)))
     return write_definitions(tmp_path_factory.mktemp("site"), render_site(site))
-
-
-@pytest.fixture(scope="module")
-def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chrome]:
-    yield from chromium_with(tmp_path_factory.mktemp("profile"))
 
 
 @pytest.fixture

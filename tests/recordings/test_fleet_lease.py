@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -14,31 +13,11 @@ from msggen.recordings.fleet import lease, update
 from msggen.recordings.fleet.lease import Lease
 from msggen.recordings.stores.errors import StoreError
 from msggen.recordings.stores.store import Store
-from support.fleet_logs import write_logs
 from support.fleet_recordings import rows_of
 from support.fleet_stores import FLEET, Bucket, change
-from support.fleet_stores import bucket as new_bucket
 
+pytest_plugins = ["support.fleet_fixtures"]
 pytestmark = pytest.mark.timeout(600)
-
-
-@pytest.fixture(scope="module")
-def server() -> Iterator[Bucket]:
-    with pytest.MonkeyPatch.context() as patch, new_bucket(patch) as found:
-        yield found
-
-
-@pytest.fixture
-def bucket(server: Bucket, monkeypatch: pytest.MonkeyPatch) -> Bucket:
-    server.proxy.begin()
-    server.clear()
-    monkeypatch.setattr(lease, "_POLL", 0.05)
-    return server
-
-
-@pytest.fixture
-def logs(tmp_path: Path) -> Path:
-    return write_logs(tmp_path / "logs")
 
 
 LOCK = "fleets/own/_msggen/run.txt"

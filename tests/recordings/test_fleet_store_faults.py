@@ -8,7 +8,6 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from random import Random
@@ -16,40 +15,30 @@ from typing import Any
 
 import pytest
 
-from msggen.recordings.fleet import lease, update
+from msggen.recordings.fleet import update
 from msggen.recordings.stores import client
 from msggen.recordings.stores.errors import StoreError
-from support.fleet_logs import write_logs
 from support.fleet_recordings import rows_of
 from support.fleet_stores import FLEET, Bucket, both, change
-from support.fleet_stores import bucket as new_bucket
 from support.repository import ROOT
 from support.store_proxy import FAULTS
 
+pytest_plugins = ["support.fleet_fixtures"]
 pytestmark = pytest.mark.timeout(600)
-
-
-@pytest.fixture(scope="module")
-def server() -> Iterator[Bucket]:
-    with pytest.MonkeyPatch.context() as patch, new_bucket(patch) as found:
-        yield found
-
-
-@pytest.fixture
-def bucket(server: Bucket, monkeypatch: pytest.MonkeyPatch) -> Bucket:
-    server.proxy.begin()
-    server.clear()
-    monkeypatch.setattr(lease, "_POLL", 0.05)
-    return server
-
-
-@pytest.fixture
-def logs(tmp_path: Path) -> Path:
-    return write_logs(tmp_path / "logs")
 
 
 SOME = pytest.mark.parametrize("share", [1, pytest.param(8, marks=pytest.mark.night)])
 """How many times as many requests as usual fail."""
+
+
+def a_change(bucket: Bucket, logs: Path, folder: Path) -> tuple[dict[str, bytes], int, Any]:
+    """Change a fleet, and return the bucket before it, the number of requests that it takes, and all rows after it."""
+    update(str(logs), FLEET)
+    saved = bucket.save()
+    change(logs)
+    bucket.proxy.begin()
+    both(str(logs))
+    return saved, len(bucket.proxy.requests), bucket.rows(folder)
 
 
 def fails(fault: str, number: int, each: int, _: str, *, lasts: bool) -> str:
@@ -63,13 +52,7 @@ def fails(fault: str, number: int, each: int, _: str, *, lasts: bool) -> str:
 def test_a_store_that_fails_at_any_request(  # noqa: PLR0913 - fixtures
     bucket: Bucket, logs: Path, tmp_path: Path, fault: str, share: int, *, lasts: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    update(str(logs), FLEET)
-    saved = bucket.save()
-    change(logs)
-    bucket.proxy.begin()
-    both(str(logs))
-    count = len(bucket.proxy.requests)
-    whole = bucket.rows(tmp_path / "whole")
+    saved, count, whole = a_change(bucket, logs, tmp_path / "whole")
     if fault == "stall":
         monkeypatch.setitem(client.CLIENT, "read_timeout", "500ms")
     chance = Random(f"{fault} {lasts} {share}")  # noqa: S311 - no secret
@@ -98,13 +81,7 @@ def test_a_store_that_fails_at_any_request(  # noqa: PLR0913 - fixtures
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL")
 @SOME
 def test_a_kill_at_any_request_loses_nothing(bucket: Bucket, logs: Path, tmp_path: Path, share: int) -> None:
-    update(str(logs), FLEET)
-    saved = bucket.save()
-    change(logs)
-    bucket.proxy.begin()
-    both(str(logs))
-    count = len(bucket.proxy.requests)
-    whole = bucket.rows(tmp_path / "whole")
+    saved, count, whole = a_change(bucket, logs, tmp_path / "whole")
     code = f"from msggen.recordings.fleet import compact, update; update({str(logs)!r}, {FLEET!r}); compact({FLEET!r})"
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     killed = 0

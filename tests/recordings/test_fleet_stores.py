@@ -3,44 +3,23 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pyarrow.parquet as pq
 import pytest
 
-from msggen.recordings.fleet import compact, files, lease, pools, run, update
+from msggen.recordings.fleet import compact, files, pools, run, update
 from msggen.recordings.fleet.records import FleetError
 from msggen.recordings.source.source import RecordingError
 from msggen.recordings.stores.errors import StoreError
-from support.fleet_logs import write_logs
 from support.fleet_recordings import rows_of
 from support.fleet_stores import FLEET, Bucket, change
-from support.fleet_stores import bucket as new_bucket
 
+pytest_plugins = ["support.fleet_fixtures"]
 pytestmark = pytest.mark.timeout(600)
 
 LOGS = "s3://bucket/logs"
-
-
-@pytest.fixture(scope="module")
-def server() -> Iterator[Bucket]:
-    with pytest.MonkeyPatch.context() as patch, new_bucket(patch) as found:
-        yield found
-
-
-@pytest.fixture
-def bucket(server: Bucket, monkeypatch: pytest.MonkeyPatch) -> Bucket:
-    server.proxy.begin()
-    server.clear()
-    monkeypatch.setattr(lease, "_POLL", 0.05)
-    return server
-
-
-@pytest.fixture
-def logs(tmp_path: Path) -> Path:
-    return write_logs(tmp_path / "logs")
 
 
 def without_paths(document: dict[str, Any]) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +9,7 @@ import pytest
 
 from msggen import recordings
 from msggen.recordings.report.page import report
-from support.browser import CSS, chromium_with, complaints, prefer, resize, wait_for
+from support.browser import CSS, complaints, prefer, resize, wait_for
 from support.markup_attacks import ATTACKS
 from support.report_flights import DURATION, FAILSAFE, write_ulog
 
@@ -31,11 +30,6 @@ def written(folder: Path, px4_types: Any, texts: dict[str, str] | None = None) -
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory, px4_types: Any) -> Path:
     return written(tmp_path_factory.mktemp("report"), px4_types)
-
-
-@pytest.fixture(scope="module")
-def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chrome]:
-    yield from chromium_with(tmp_path_factory.mktemp("profile"))
 
 
 @pytest.fixture

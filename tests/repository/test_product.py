@@ -21,7 +21,7 @@ from site_library import FACADES, PUBLIC, as_rst, library_pages
 from site_pages import pages, session
 
 from msggen.cli import parser_for
-from support.browser import chromium_with, complaints, prefer, resize, wait_for
+from support.browser import complaints, prefer, resize, wait_for
 from support.catalogs import write_definitions
 from support.html import Elements, broken_links
 from support.repository import ROOT
@@ -150,11 +150,6 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     done = subprocess.run([*BUILD, "-o", str(folder)], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     return folder
-
-
-@pytest.fixture(scope="module")
-def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chrome]:
-    yield from chromium_with(tmp_path_factory.mktemp("profile"))
 
 
 @pytest.fixture
