@@ -113,8 +113,16 @@ def chained(data: mmap.mmap, file: Octets, topics: Topics, start: int, limit: in
     if not steps:
         return None
     unusual = heads_at(file, np.array(others, np.int64))
-    pieces = [(known if is_known else unusual).take(each) for is_known, each in taken]
-    return concatenated(pieces or [unusual]), place
+    return _pieces(known, unusual, taken) if taken else unusual, place
+
+
+def _pieces(known: Heads, unusual: Heads, taken: Sequence[tuple[bool, slice]]) -> Heads:
+    """Return pieces of both, one behind the other. There can be some hundreds."""
+    columns = [
+        np.concatenate([(own if is_known else other)[each] for is_known, each in taken])
+        for own, other in zip(known, unusual, strict=True)
+    ]
+    return Heads(*columns)
 
 
 def _probable(file: Octets, topics: Topics, low: int, high: int) -> Heads:
