@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import struct
 from bisect import bisect_right
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -118,11 +118,13 @@ def chained(data: mmap.mmap, file: Octets, topics: Topics, start: int, limit: in
 
 def _pieces(known: Heads, unusual: Heads, taken: Sequence[tuple[bool, slice]]) -> Heads:
     """Return pieces of both, one behind the other. There can be some hundreds."""
-    columns = [
-        np.concatenate([(own if is_known else other)[each] for is_known, each in taken])
-        for own, other in zip(known, unusual, strict=True)
-    ]
-    return Heads(*columns)
+
+    def joined(own: NDArray[Any], other: NDArray[Any]) -> NDArray[Any]:
+        found: NDArray[Any] = np.concatenate([(own if is_known else other)[each] for is_known, each in taken])
+        return found
+
+    starts, sizes, kinds, numbers = map(joined, known, unusual)
+    return Heads(starts, sizes, kinds, numbers)
 
 
 def _probable(file: Octets, topics: Topics, low: int, high: int) -> Heads:
