@@ -123,8 +123,12 @@ def _pieces(known: Heads, unusual: Heads, taken: Sequence[tuple[bool, slice]]) -
         found: NDArray[Any] = np.concatenate([(own if is_known else other)[each] for is_known, each in taken])
         return found
 
-    starts, sizes, kinds, numbers = map(joined, known, unusual)
-    return Heads(starts, sizes, kinds, numbers)
+    return Heads(
+        joined(known.starts, unusual.starts),
+        joined(known.sizes, unusual.sizes),
+        joined(known.kinds, unusual.kinds),
+        joined(known.numbers, unusual.numbers),
+    )
 
 
 def _probable(file: Octets, topics: Topics, low: int, high: int) -> Heads:
