@@ -309,7 +309,7 @@ def others_table(folder: str, topics: list[Topic], rounds: int) -> Table:
     )
 
 
-SAMPLES = {"generated, few samples": 5_000, "generated, more samples": 60_000}
+SAMPLES = {"generated, few samples": 5_000, "generated, some samples": 15_000, "generated, more samples": 60_000}
 """The generated logs of a vehicle, and the samples of all their topics."""
 
 

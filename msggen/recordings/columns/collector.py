@@ -60,7 +60,9 @@ class Collector:
             rows = rows.view(f"V{self._size}") if self._size else rows  # copies the padding, too
             rows, times = rows[order], times[order]
             published = None if published is None else published[order]
-        return Samples(self._topic.without_log, rows.view(self._dtype), times, published)
+        if self._size:
+            rows = np.ndarray(end, self._dtype, rows)  # as `view` does in several times as long
+        return Samples(self._topic.without_log, rows, times, published)
 
     def _adopt(self, rows: Any, log_times: Any, publish_times: Any) -> None:
         """Take rows that are new and all that are expected, without a copy. Times can be those of the file."""

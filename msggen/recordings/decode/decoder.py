@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -49,8 +49,8 @@ class Decoder:
         if self.layout is None and self._schema is not None and self._schema.is_static:
             self.layout = layout_of(channel.ros_type, channel.definition)
         self.dtype: np.dtype[Any] = self._dtype()
-        self._sample = np.dtype(f"V{self.layout.size if self.layout else 0}")
-        self._row = np.dtype(f"V{self.dtype.itemsize}")
+        self._sample = _void(self.layout.size if self.layout else 0)
+        self._row = _void(self.dtype.itemsize)
 
     def rows(self, part: Part, missing: Missing | None = None) -> Decoded:
         """Return the rows of a part. The log times of samples that are left out are added to `missing`."""
@@ -214,6 +214,12 @@ def _fitting(part: Part, size: int, surplus: int, missing: Missing | None) -> ND
         text = f"{other} bytes, expected {size}: not samples of this definition"
         leave_out(missing, text, part.log_times[sizes == other])
     return np.flatnonzero(fits)
+
+
+@lru_cache(1024)
+def _void(size: int) -> np.dtype[Any]:
+    """Return the dtype of bytes without fields."""
+    return np.dtype(f"V{size}")
 
 
 def _are_within(sizes: NDArray[np.int64], least: int, most: int) -> bool:
