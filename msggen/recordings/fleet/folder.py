@@ -52,6 +52,11 @@ class Changed(NamedTuple):
     """The places of files."""
 
 
+def staged_name(token: str, path: str) -> str:
+    """Return the path of a file in a stage as one in the folder of the state."""
+    return f"{token}{STAGE}/{_CONTENT}/{os.path.basename(path)}"
+
+
 class Folder:
     """A fleet in a folder."""
 
@@ -163,17 +168,9 @@ class Folder:
             self.clear(token + STAGE)
             raise
 
-    def staged(self, token: str, path: str) -> str:
-        """Return a path in a stage as one in the folder of the state."""
-        return f"{token}{STAGE}/{_CONTENT}/{os.path.basename(path)}"
-
     def settle(self, stage: str, staged: Sequence[str]) -> None:
         """Wait until files of a stage are on the disk."""
         flush([*(os.path.join(self.state, each) for each in staged), stage])
-
-    def stages(self) -> list[str]:
-        """Return the names of stages that are there."""
-        return [name for name in self.names() if name.endswith(STAGE)]
 
     def clear(self, name: str) -> None:
         """Remove a stage. A process of a run that was killed may still write there: the next run removes the rest."""

@@ -15,8 +15,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from typing import IO, TYPE_CHECKING
 
-from msggen.recordings.fleet.folder import FILES, RUN, STAGE, STATE, Changed
-from msggen.recordings.fleet.layout import is_place
+from msggen.recordings.fleet.folder import FILES, RUN, STATE, Changed
+from msggen.recordings.fleet.layout import is_place, topic_of
 from msggen.recordings.fleet.lease import Lease
 from msggen.recordings.stores.store import Store
 
@@ -120,18 +120,10 @@ class StoredFolder:
         with tempfile.TemporaryDirectory(prefix="msggen-", ignore_cleanup_errors=True) as folder:
             yield folder
 
-    def staged(self, token: str, path: str) -> str:
-        """Return a path in a stage as one in the folder of the state."""
-        return f"{token}{STAGE}/new/{os.path.basename(path)}"
-
     def settle(self, stage: str, staged: Sequence[str]) -> None:
         """Put files of a stage into the store."""
         for each in staged:
             self._store.replace(os.path.join(stage, os.path.basename(each)), f"{self.state}/{each}")
-
-    def stages(self) -> list[str]:
-        """Return the names of stages that are there."""
-        return [name for name in self.names() if name.endswith(STAGE)]
 
     def clear(self, name: str) -> None:
         """Remove a stage."""
@@ -177,7 +169,7 @@ class StoredFolder:
 def _document(files: Iterable[str]) -> bytes:
     topics: dict[str, list[str]] = {}
     for place in sorted(files):
-        topics.setdefault(place.partition("/")[0], []).append(place)
+        topics.setdefault(topic_of(place), []).append(place)
     return (json.dumps({"topics": topics}) + "\n").encode()
 
 
