@@ -99,7 +99,7 @@ def state_of(path: str) -> State:
     if is_address(path):
         from msggen.recordings.fleet.listing import listed_state
 
-        return State(*listed_state(path))
+        return listed_state(path)
     stats = [os.stat(each) for each in _files(path)]
     return State(sum(each.st_size for each in stats), max((each.st_mtime_ns for each in stats), default=0))
 
@@ -136,8 +136,8 @@ def at_hand(path: str) -> Iterator[tuple[str, State]]:
         return
     from msggen.recordings.fleet.listing import copied
 
-    with copied(path) as (copy, stated):
-        yield copy, State(*stated)
+    with copied(path) as found:
+        yield found
 
 
 def _files(path: str) -> list[str]:

@@ -123,17 +123,10 @@ def _digest(path: str) -> str:
 
 
 def _state(path: str) -> State | None:
+    """Return the state of a recording, None if it cannot be read."""
     try:
         return state_of(path)
-    except OSError:  # likewise
-        return None
-
-
-def current_state(path: str) -> State | None:
-    """Return the state of a path that a record has, None if it is not there."""
-    try:
-        return state_of(path)
-    except (OSError, ValueError):  # half a surrogate is in no path
+    except (OSError, ValueError):  # a record can have half a surrogate, which is in no path
         return None
 
 
@@ -145,7 +138,7 @@ def stale_paths(records: Sequence[Record]) -> dict[int, set[str]]:
             owners.setdefault(path, []).append(record)
     stale: dict[int, set[str]] = {}
     for path, found in owners.items():
-        current = [each for each in found if len(found) > 1 and each.paths[path] == current_state(path)]
+        current = [each for each in found if len(found) > 1 and each.paths[path] == _state(path)]
         for each in found if current else ():
             if each is not current[0]:
                 stale.setdefault(each.number, set()).add(path)
