@@ -33,7 +33,8 @@ class StoredFolder:
         self._store = Store(address)
         self.path = self._store.canonical(address)
         self.state = f"{self.path}/{STATE}"
-        self._scratch = tempfile.TemporaryDirectory(prefix="msggen-", ignore_cleanup_errors=True)
+        self._scratch = ""
+        """The folder for copies of files of topics, as long as the lock is held."""
         self._lease = Lease(self._store, f"{self.state}/{RUN}")
         self._versions: dict[str, UpdateVersion] = {}
         """Which versions of files of the state were read. They are replaced only if nobody else has."""
@@ -49,7 +50,7 @@ class StoredFolder:
     @contextmanager
     def locked(self, waiting: Callable[[str], None]) -> Iterator[None]:
         """Hold the lock of the fleet. If another run has it, call `waiting` with its name, and wait."""
-        with self._scratch, self._lease.held(waiting):
+        with _temporary_folder() as self._scratch, self._lease.held(waiting):
             yield
 
     # the state: small files
@@ -109,7 +110,7 @@ class StoredFolder:
         return open(copy, "rb")
 
     def _copy(self, place: str) -> str:
-        return os.path.join(self._scratch.name, *place.split("/"))
+        return os.path.join(self._scratch, *place.split("/"))
 
     def check(self, topics: Iterable[str]) -> None:
         """Do nothing: a store has no links."""
@@ -117,7 +118,7 @@ class StoredFolder:
     @contextmanager
     def stage(self, _: str) -> Iterator[str]:
         """Yield a new folder of this computer for files of a change, which `settle` puts into the store."""
-        with tempfile.TemporaryDirectory(prefix="msggen-", ignore_cleanup_errors=True) as folder:
+        with _temporary_folder() as folder:
             yield folder
 
     def settle(self, stage: str, staged: Sequence[str]) -> None:
@@ -164,6 +165,10 @@ class StoredFolder:
 
     def flush(self, _: Sequence[str]) -> None:
         """Do nothing: what a store has acknowledged, it has."""
+
+
+def _temporary_folder() -> tempfile.TemporaryDirectory[str]:
+    return tempfile.TemporaryDirectory(prefix="msggen-", ignore_cleanup_errors=True)
 
 
 def _document(files: Iterable[str]) -> bytes:
