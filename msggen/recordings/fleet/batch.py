@@ -12,9 +12,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.base.diagnostics import InputError
-from msggen.recordings.fleet.finding import State, at_hand, digest_of
+from msggen.recordings.fleet.finding import at_hand, digest_of
 from msggen.recordings.fleet.folder import STAGE, staged_name
 from msggen.recordings.fleet.layout import Keys, date_of, is_utc, keys_of, name_of, vehicle_of
+from msggen.recordings.fleet.listing import State
 from msggen.recordings.fleet.parts import Run, write_parts
 from msggen.recordings.fleet.records import Record
 from msggen.recordings.fleet.runs import run_of_arrow

@@ -12,14 +12,24 @@ import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
+from typing import NamedTuple
 
 from msggen.recordings.files.paths import METADATA, is_always_whole, is_bag_of, is_marked, is_named_as_recording
 from msggen.recordings.files.stored import local_name
-from msggen.recordings.fleet.finding import State
 from msggen.recordings.source.source import RecordingError
 from msggen.recordings.stores.client import split
 from msggen.recordings.stores.errors import NoObjectError
 from msggen.recordings.stores.store import Store, Stored
+
+
+class State(NamedTuple):
+    """What tells whether a recording has changed. That of a folder is of all its files."""
+
+    size: int
+    """In bytes."""
+    changed: int
+    """The time of change in ns or, in a store, a number that is another one for each version."""
+
 
 _DIGITS = 15
 """The hexadecimal digits of a digest that a number of a state has."""
@@ -132,6 +142,6 @@ def _by_name(objects: Iterable[Stored]) -> dict[str, Stored]:
 
 
 def _state(parts: Sequence[Stored]) -> State:
-    """Return the state of a recording: the number is another one for each version of its files."""
+    """Return the state of a recording that has these files."""
     told = repr([each.tag or str(each.modified) for each in parts])
     return State(sum(each.size for each in parts), int(hashlib.sha256(told.encode()).hexdigest()[:_DIGITS], 16))

@@ -8,8 +8,9 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.recordings.fleet.batch import Task
-from msggen.recordings.fleet.finding import State, digest_of, state_of
+from msggen.recordings.fleet.finding import digest_of, state_of
 from msggen.recordings.fleet.layout import DIGITS
+from msggen.recordings.fleet.listing import State
 
 if TYPE_CHECKING:
     from msggen.recordings.fleet.ledger import Ledger
