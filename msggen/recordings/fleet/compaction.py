@@ -34,7 +34,7 @@ def compact(
     progress: Callable[[float, str], None] = lambda *_: None,
     waiting: Callable[[str], None] = lambda _: None,
 ) -> Compacted:
-    """Make large files of the small ones of each topic: files below 32 MB become ones of up to 256 MB.
+    """Make large files of the small ones of each topic: files below 32 MB become files of about 160 MB.
 
     The files of a topic are exchanged in one step, so readers see the earlier ones or the new ones. If this run is
     killed, nothing is lost, and the next run of `update` or `compact` goes on. `progress` is called with the share that
