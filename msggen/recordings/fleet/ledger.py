@@ -16,7 +16,7 @@ from contextlib import contextmanager
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from msggen.recordings.fleet.folder import STAGE, STATE, Added, Changed
+from msggen.recordings.fleet.folder import STAGE, Added, Changed
 from msggen.recordings.fleet.layout import (
     KEYS,
     PLACE_OF_VERSION_3,
@@ -49,8 +49,6 @@ from msggen.recordings.stores.errors import StoreError
 
 if TYPE_CHECKING:
     from msggen.recordings.fleet.storage import Storage
-
-__all__ = ["REPORT", "STATE", "Change", "FleetError", "Ledger"]
 
 LAYOUT = "layout.json"
 REPORT = "report.json"
