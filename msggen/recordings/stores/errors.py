@@ -54,9 +54,10 @@ def translated(error: Exception, address: str) -> StoreError:
     """Return the error for what obstore raised."""
     text = str(error)
     shown = shown_address(address)
-    if isinstance(error, FileNotFoundError) or _status(text) == _NOT_FOUND:
-        if _code(text) == "NoSuchBucket":
-            return MissingError(errno.ENOENT, "there is no such bucket", shown)
+    if _code(text) == "NoSuchBucket":
+        return MissingError(errno.ENOENT, "there is no such bucket", shown)
+    is_missing = isinstance(error, FileNotFoundError) or _status(text) == _NOT_FOUND
+    if is_missing and _code(text) != "NoSuchUpload":  # that of parts which are being written
         return NoObjectError(errno.ENOENT, "there is no such object", shown)
     if _status(text) == _UNSATISFIABLE:
         return RangeError(errno.EINVAL, "the range is behind the end of the object", shown)
