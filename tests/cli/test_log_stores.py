@@ -81,6 +81,8 @@ def test_a_code_of_the_store_is_told(server: ObjectServer) -> None:
     check_failed(run(INFO), "access is forbidden (403 InvalidAccessKeyId): these credentials may not do this")
     server.fault, server.code = "404", "NoSuchBucket"
     check_failed(run(INFO), "there is no such bucket")
+    server.fault, server.code = "404", "NoSuchUpload"
+    check_failed(run(INFO), "the server answers with an error (404 NoSuchUpload)")
     server.fault, server.code = "301", "PermanentRedirect"
     check_failed(run(INFO), "the bucket is in another region (301): set AWS_REGION")
 

@@ -98,6 +98,14 @@ def test_a_folder_that_is_no_fleet_is_an_error(bucket: Bucket, logs: Path) -> No
     assert not [key for key in bucket.names() if "_msggen" in key]
 
 
+def test_a_list_of_files_needs_no_temporary_folder(
+    bucket: Bucket, logs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    update(str(logs), FLEET)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "missing"))
+    assert files(FLEET, "battery_status") == [f"s3://bucket/{key}" for key in bucket.names("fleets/own/battery_status")]
+
+
 def test_a_fleet_can_be_copied_to_a_store_and_back(bucket: Bucket, logs: Path, tmp_path: Path) -> None:
     update(str(logs), str(tmp_path / "fleet"))
     bucket.put(tmp_path / "fleet", "fleets/own")

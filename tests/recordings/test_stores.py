@@ -28,7 +28,8 @@ from support.databases import Stored, write_database
 from support.examples import examples
 from support.log_files import Written, write_log
 from support.object_server import FAULTS, ObjectServer, hasten, object_server, set_credentials
-from support.random_mcap import START, WAYS, recording
+from support.random_mcap import WAYS, recording
+from support.recordings import START
 from support.scratch import scratch_folder
 from support.ulog import write_ulog
 

@@ -181,7 +181,8 @@ def print_waiting(fleet: str, process: str) -> None:
 
 def _print_names(summary: Summary, fleet: str, *, quiet: bool) -> None:
     """Print to stderr which recordings are not in the fleet, or only in part, and the new copies."""
-    from msggen.recordings.fleet.ledger import REPORT, STATE
+    from msggen.recordings.fleet.folder import STATE
+    from msggen.recordings.fleet.ledger import REPORT
     from msggen.recordings.fleet.records import original_of
 
     failed = [f"{_shown_path(each.path)}: {_reason(each)}" for each in summary.failed]

@@ -20,7 +20,7 @@ from msggen.base.recording_formats import FORMATS, format_named, unpacked
 from msggen.recordings.files.paths import METADATA, is_bag
 from msggen.recordings.source.source import RecordingError
 from msggen.recordings.stores.client import split
-from msggen.recordings.stores.errors import NO_OBJECT, MissingError, StoreError, store_error
+from msggen.recordings.stores.errors import MissingError, NoObjectError, StoreError, store_error
 from msggen.recordings.stores.store import Store, Stored
 
 if TYPE_CHECKING:
@@ -137,8 +137,8 @@ def _copied(store: Store, address: str, folder: Folder) -> tuple[str, Sequence[C
     if not _is_folder(address):
         try:
             stored, front = store.look(address, _FRONT)
-        except MissingError as error:
-            if error.strerror != NO_OBJECT or not (found := _listed(store, address)):
+        except NoObjectError:
+            if not (found := _listed(store, address)):
                 raise
         else:
             return path, [_begun(Copy(store, stored, folder, path), front)]
