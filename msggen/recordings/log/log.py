@@ -48,7 +48,6 @@ if TYPE_CHECKING:
 
     from msggen.recordings.definitions.comparison import Compared
     from msggen.recordings.definitions.release import Release
-    from msggen.recordings.files.spooled import Spooled
     from msggen.recordings.log.align import Aligned, Direction
 
     MessageT = TypeVar("MessageT")
@@ -71,15 +70,8 @@ class Log:
     all their names: `/fmu/out/vehicle_status_v4`, `vehicle_status`, `VehicleStatus`.
     """
 
-    def __init__(
-        self,
-        sources: Sequence[Source],
-        lender: Lender | Nearby | None = None,
-        path: str = "",
-        spooled: Spooled | None = None,
-    ) -> None:
+    def __init__(self, sources: Sequence[Source], lender: Lender | Nearby | None = None, path: str = "") -> None:
         self._reader = Reader(sources, lender, path or sources[0].path)
-        self._spooled = spooled
 
     def __enter__(self) -> Self:
         """Return the log."""
@@ -94,8 +86,6 @@ class Log:
         self._reader.close()
         if "_ahead" in self.__dict__:
             self._ahead.clear()
-        if self._spooled is not None:
-            self._spooled.folder.cleanup()
 
     # what there is
 
