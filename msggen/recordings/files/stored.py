@@ -57,7 +57,6 @@ class Copy:
         if stored.size > _LARGEST:
             raise store_error(stored.address, f"the object has {stored.size} bytes, more than {_LARGEST}")
         self.path = path
-        self.size = stored.size
         self.shown = shown_address(stored.address)
         self._store, self._stored, self._folder = store, stored, folder
         self._has = np.zeros(-(-stored.size // _BLOCK), np.bool_)
@@ -124,8 +123,8 @@ def open_stored(address: str, open_local: Callable[[str], list[Source]]) -> list
         sources = open_local(path)
     except RecordingError as error:
         raise RecordingError(str(error).replace(path, shown)) from None
-    for problems in {id(source.problems): source.problems for source in sources}.values():
-        problems[:] = [each._replace(text=each.text.replace(path, shown)) for each in problems]
+    for source in sources:
+        source.problems[:] = [each._replace(text=each.text.replace(path, shown)) for each in source.problems]
     del copies  # from here on, the files that are open keep them
     return sources
 
