@@ -125,9 +125,8 @@ class UlogWriter:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def add(self, time: int, topic: str, message: Any) -> None:
+    def add(self, topic: str, message: Any) -> None:
         """Write a message of a topic, unless the file has no such topic. Raises UlogError."""
-        del time  # that of the message counts
         found = self._formats.get(topic)
         if found is None:
             return
