@@ -6,11 +6,10 @@ import errno
 import io
 import os
 import stat
-import tempfile
 from typing import TYPE_CHECKING, Any, Protocol
 
 from msggen.recordings.files.compression import MAX_CONTENT, told_limit
-from msggen.recordings.files.opening import check_front, open_sources
+from msggen.recordings.files.opening import check_front, open_sources, temporary_copy
 from msggen.recordings.source.source import VERIFIED, RecordingError, Source, Verification
 
 if TYPE_CHECKING:
@@ -58,19 +57,11 @@ def open_stream(file: Readable, name: str, verification: Verification = VERIFIED
     """
     if isinstance(file, io.TextIOBase):  # its read() fails on most recordings, as they are not UTF-8
         raise _in_text_mode(name, "str")
-    folder = tempfile.TemporaryDirectory(prefix="msggen-", ignore_cleanup_errors=True)
-    path = os.path.join(folder.name, "recording")
-    try:
-        with open(path, "xb") as target:
+    with temporary_copy(name, "recording") as (copy, remove):
+        with open(copy, "xb") as target:
             target.writelines(_pieces(file, name))
-        sources = open_sources(path, verification)
-    except RecordingError as error:
-        folder.cleanup()
-        raise RecordingError(str(error).replace(path, name)) from None
-    except BaseException:
-        folder.cleanup()
-        raise
-    sources[0].close_with(folder.cleanup)
+        sources = open_sources(copy, verification)
+    sources[0].close_with(remove)
     return sources
 
 
