@@ -21,7 +21,9 @@ from msggen.live.links.udp import UdpLink
 from msggen.live.sim import Misbehaviour, Options, Simulator
 from msggen.live.sim.alone import BOOT, LoneFlight
 from msggen.live.sim.parameters import PARAMETERS
-from msggen.recordings.live.ulog import UlogWriter, Vehicle
+from msggen.live.sim.runner import Runner
+from msggen.live.sim.transport import Udp, read_address
+from msggen.recordings.live.ulog import UlogError, UlogWriter, Vehicle
 from support.link_records import Records
 from support.repository import ROOT
 
@@ -204,6 +206,39 @@ def test_the_log_of_a_vehicle_has_what_it_sends(px4_types: Any, tmp_path: Path) 
         assert sum(len(each.array) for each in log.load().values()) == writer.samples >= sent > 0
         assert "connected" in [text.text for text in log.texts]
         assert log["vehicle_status"]["timestamp"].max() < 10_000_000  # since boot, not since 1970
+
+
+class _Full:
+    """A client whose log cannot be written."""
+
+    is_closed = False
+    next_time = 0
+
+    def advance(self, now: int) -> None:
+        raise UlogError(f"no room at {now}")
+
+    def receive(self, data: bytes, now: int) -> None:
+        """Take nothing."""
+
+    def refuse(self) -> None:
+        """Take nothing."""
+
+    def take_outgoing(self) -> list[tuple[bytes, int]]:
+        return []
+
+    def close(self, now: int) -> None:
+        """Wait for an answer."""
+
+
+def test_a_log_that_cannot_be_written_leaves_no_connection(monkeypatch: pytest.MonkeyPatch) -> None:
+    closed: list[Udp] = []
+    monkeypatch.setattr(Udp, "close", lambda each: closed.append(each))  # noqa: PLW0108 - only functions are methods
+    runner = Runner([_Full()], read_address("udp://127.0.0.1:9"))
+    with pytest.raises(UlogError):
+        runner.close()
+    assert len(closed) == 1
+    monkeypatch.undo()
+    closed[0].close()
 
 
 @pytest.mark.usefixtures("working_folder")
