@@ -98,7 +98,7 @@ class _Handler(QuietHandler):
 
     def _answer(self) -> None:
         fault = self._fails()
-        if "?list-type=2" in self.path and not fault.isdecimal():
+        if "list-type=2" in self.path and not fault.isdecimal():
             self._send(200, self._listed(), {})
             return
         data = self.has.files.get(self.path.partition("?")[0])

@@ -79,7 +79,7 @@ class _Input(NamedTuple):
     topic: str
     """Its name in uORB."""
     message: Any
-    handler: Callable[[Any], None] | None
+    handler: Callable[[Any], object] | None
 
 
 class SimulatedVehicle:
@@ -199,11 +199,11 @@ class SimulatedVehicle:
         self._by_topic: dict[str, Publication] = {}
         self._inputs: dict[int, _Input] = {}
         self._readers, self._writers = [], []
-        handlers: Mapping[str, Callable[[Any], None]] = {
+        handlers: Mapping[str, Callable[[Any], object]] = {
             "message_format_request": self._answer_format_request,
             "offboard_control_mode": self._take_offboard_control_mode,
             "trajectory_setpoint": self._take_trajectory_setpoint,
-            "vehicle_command": self._take_vehicle_command,
+            "vehicle_command": self._carry_out,
         }
         numbers = object_ids_of(self._package)[0 if self.options.board == "most" else -1].numbers
         for endpoint, number in zip(self._topics.ENDPOINTS, numbers, strict=True):
@@ -248,7 +248,7 @@ class SimulatedVehicle:
     def _publish(self, publication: Publication, message: Any) -> None:
         """Send a message, with its times in the agent's clock (docs/time.md)."""
         if self._log is not None:
-            self._log.add(self._now, publication.topic, message)
+            self._log.add(publication.topic, message)
         offset = self._client.offset + round(self.options.misbehaviour.clock_off * 1e6)
         message.timestamp = max(0, message.timestamp + offset)
         if publication.filler.is_sampled:
@@ -300,7 +300,7 @@ class SimulatedVehicle:
             found.handler(message)
         if self._log is not None:
             message.timestamp = self._local(message.timestamp)
-            self._log.add(self._now, found.topic, message)
+            self._log.add(found.topic, message)
 
     def _local(self, timestamp: int) -> int:
         """Return the time of a message in the vehicle's clock. 0 and times to come count as now, as in PX4."""
@@ -311,9 +311,6 @@ class SimulatedVehicle:
 
     def _take_trajectory_setpoint(self, message: Any) -> None:
         self.world.setpoint(message, self._local(message.timestamp))
-
-    def _take_vehicle_command(self, message: Any) -> None:
-        self._carry_out(message)
 
     def _take_request(self, event: Requested) -> None:
         assert self._services is not None  # noqa: S101 - for the type checker: without services there are no requests
