@@ -6,6 +6,7 @@ import json
 import math
 import re
 import struct
+import tracemalloc
 from base64 import b64decode
 from collections.abc import Sequence
 from contextlib import suppress
@@ -276,6 +277,22 @@ def test_jumps_of_the_estimate_are_no_distance(tmp_path: Path, px4_types: Any) -
     found = {each.name: each.value for each in figures_of(recorded, track_of(recorded))}
     assert 8 <= float(found["Distance"].removesuffix(" m")) <= 10
     assert any("jumped 1 time" in each.text for each in findings_of(recorded, timeline_of(recorded)))
+
+
+def test_a_clock_that_jumps_by_years_needs_no_memory_for_them(tmp_path: Path, px4_types: Any) -> None:
+    local = px4_types.VehicleLocalPosition
+    samples = [
+        ("/fmu/out/vehicle_local_position", step + (1e8 if step >= 10 else 0), local(x=float(step), xy_valid=True))
+        for step in range(20)
+    ]
+    recorded = recorded_of(write_recording(tmp_path / "clock.mcap", samples))
+    track = track_of(recorded)
+    tracemalloc.start()
+    try:
+        assert {each.name: each.value for each in figures_of(recorded, track)}["Distance"] == "19.0 m"
+        assert tracemalloc.get_traced_memory()[1] < 1 << 20
+    finally:
+        tracemalloc.stop()
 
 
 def test_the_track_can_be_of_latitudes_and_longitudes(tmp_path: Path, px4_types: Any) -> None:

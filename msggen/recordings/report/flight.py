@@ -180,8 +180,8 @@ def _distances(recorded: Recorded, track: Track) -> tuple[float, float]:
         if not len(chosen):
             continue
         times = track.times[chosen]
-        at = chosen[np.unique(np.searchsorted(times, np.arange(times[0], times[-1], _STEP)))]
-        at = np.append(at, chosen[-1])
+        _, firsts = np.unique((times - times[0]) // _STEP, return_index=True)
+        at = np.append(chosen[firsts], chosen[-1])
         steps = np.hypot(np.diff(track.east[at]), np.diff(track.north[at]))
         if resets is not None:  # a jump of the estimate is no flight
             steps = steps[np.diff(resets.at(track.times[at])) == 0]
