@@ -378,6 +378,15 @@ def test_values_beyond_their_limits_are_findings(  # noqa: PLR0913, PLR0917
     assert expected is None or found[0].startswith(expected)
 
 
+def test_vibration_is_told_from_when_the_vehicle_was_armed(tmp_path: Path, px4_types: Any) -> None:
+    shaken, status = px4_types.VehicleImuStatus(accel_vibration_metric=6.0), px4_types.VehicleStatus
+    samples = [("/fmu/out/vehicle_imu_status", step / 10, shaken) for step in range(50)]
+    samples += [("/fmu/out/vehicle_status", step, status(arming_state=1 + (step > 2))) for step in range(5)]
+    recorded = recorded_of(write_recording(tmp_path / "shaken.mcap", samples))
+    (found,) = [each for each in findings_of(recorded, timeline_of(recorded)) if "vibration" in each.text]
+    assert (found.level, found.time) == ("warning", 3.0)
+
+
 def test_a_lost_fix_is_a_finding(tmp_path: Path, px4_types: Any) -> None:
     fix = [0, 0, 3, 3, 2, 2, 3, 3]
     samples = [("/fmu/out/sensor_gps", time, px4_types.SensorGps(fix_type=each)) for time, each in enumerate(fix)]

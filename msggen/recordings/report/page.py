@@ -42,8 +42,6 @@ if TYPE_CHECKING:
 
 _MOST_MARKS = 2000
 """The texts and events in the table."""
-
-
 _MOST_PROBLEMS = 100
 """The problems in the list."""
 
@@ -155,13 +153,11 @@ class Page:
     @cached_property
     def modes(self) -> list[Bar]:
         """The flight modes over time."""
-        stretches = self.timeline.modes
-        spans = {name: [(each.begin, each.end) for each in stretches if each.name == name] for name in self._colours}
-        return [Bar(name, bars(spans[name], self.width), colour) for name, colour in self._colours.items()]
-
-    @cached_property
-    def _colours(self) -> dict[str, int]:
-        return self.timeline.colours
+        spans: dict[str, list[tuple[float, float]]] = {}
+        for each in self.timeline.modes:
+            spans.setdefault(each.name, []).append((each.begin, each.end))
+        colours = self.timeline.colours
+        return [Bar(name, bars(found, self.width), colours[name]) for name, found in spans.items()]
 
     @property
     def failsafes(self) -> str:
