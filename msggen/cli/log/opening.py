@@ -56,7 +56,7 @@ def opened(options: argparse.Namespace, path: str) -> Iterator[Log]:
     except OSError as error:
         is_missing = isinstance(error, FileNotFoundError)
         near = swapped_hint(options, path) or path_hint(path, is_meant=os.path.exists) if is_missing else ""
-        raise input_error(path, "R102", f"cannot be read: {error.strerror}{near}", 0) from None
+        raise input_error(shown, "R102", f"cannot be read: {error.strerror}{near}", 0) from None
     if is_address(path) and path == getattr(options, "file", None):
         options.file = log.path
     with log:
