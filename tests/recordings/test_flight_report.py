@@ -387,6 +387,21 @@ def test_vibration_is_told_from_when_the_vehicle_was_armed(tmp_path: Path, px4_t
     assert (found.level, found.time) == ("warning", 3.0)
 
 
+def test_the_time_between_two_flights_does_not_count(tmp_path: Path, px4_types: Any) -> None:
+    status, motors = px4_types.VehicleStatus, px4_types.ActuatorMotors
+    armed = [2 <= step < 6 or 20 <= step < 24 for step in range(30)]
+    samples = [
+        ("/fmu/out/vehicle_status", float(step), status(arming_state=1 + each)) for step, each in enumerate(armed)
+    ]
+    samples += [
+        ("/fmu/out/actuator_motors", step + 0.5, motors(control=(1.0 if each else math.nan, *[math.nan] * 11)))
+        for step, each in enumerate(armed)
+    ]
+    recorded = recorded_of(write_recording(tmp_path / "two.mcap", samples))
+    (found,) = findings_of(recorded, timeline_of(recorded))
+    assert (found.text, found.time) == ("motor 1 was at its limit for 8.0 s, 100 % of the time armed", 2.5)
+
+
 def test_a_lost_fix_is_a_finding(tmp_path: Path, px4_types: Any) -> None:
     fix = [0, 0, 3, 3, 2, 2, 3, 3]
     samples = [("/fmu/out/sensor_gps", time, px4_types.SensorGps(fix_type=each)) for time, each in enumerate(fix)]

@@ -202,8 +202,8 @@ def _first(column: Column, limit: float) -> float | None:
 
 def _beyond(recorded: Recorded, column: Column | None, limit: float) -> tuple[float, float | None]:
     """Return for how long a value exceeds a limit while armed, in s, and from when on."""
-    found = column.within(recorded.armed) if column else None
-    if not found or not len(found.times):
+    if column is None or not len(column.times):
         return 0.0, None
-    stretches = spans(found, found.values > limit, float(found.times[-1]))
+    mask = (column.values > limit) & column.is_within(recorded.armed)
+    stretches = spans(column, mask, float(column.times[-1]))
     return sum(end - begin for begin, end in stretches), stretches[0][0] if stretches else None

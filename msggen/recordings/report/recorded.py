@@ -53,11 +53,16 @@ class Column(NamedTuple):
             return self
         return self._replace(values=np.where(flag.at(self.times) > 0, self.values, np.nan))
 
-    def within(self, spans: Collection[tuple[float, float]]) -> Column:
-        """Return the samples in some spans of time."""
-        mask = np.zeros(len(self.times), bool)
+    def is_within(self, spans: Collection[tuple[float, float]]) -> NDArray[np.bool_]:
+        """Return which samples are in some spans of time."""
+        mask = np.zeros(len(self.times), np.bool_)
         for begin, end in spans:
             mask |= (self.times >= begin) & (self.times <= end)
+        return mask
+
+    def within(self, spans: Collection[tuple[float, float]]) -> Column:
+        """Return the samples in some spans of time."""
+        mask = self.is_within(spans)
         return self._replace(times=self.times[mask], values=self.values[mask])
 
     @property
