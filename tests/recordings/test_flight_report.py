@@ -295,6 +295,20 @@ def test_a_clock_that_jumps_by_years_needs_no_memory_for_them(tmp_path: Path, px
         tracemalloc.stop()
 
 
+def test_jumps_between_two_flights_are_not_told(tmp_path: Path, px4_types: Any) -> None:
+    status, local = px4_types.VehicleStatus, px4_types.VehicleLocalPosition
+    samples = [
+        ("/fmu/out/vehicle_status", float(step), status(arming_state=1 + (step < 5 or step >= 15)))
+        for step in range(20)
+    ]
+    samples += [
+        ("/fmu/out/vehicle_local_position", step + 0.5, local(heading_reset_counter=int(step >= 10)))
+        for step in range(20)
+    ]
+    recorded = recorded_of(write_recording(tmp_path / "turned.mcap", samples))
+    assert not findings_of(recorded, timeline_of(recorded))
+
+
 def test_the_track_can_be_of_latitudes_and_longitudes(tmp_path: Path, px4_types: Any) -> None:
     position = px4_types.VehicleGlobalPosition
     samples = [

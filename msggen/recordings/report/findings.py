@@ -134,11 +134,12 @@ def _of_estimator(recorded: Recorded, _: Timeline) -> Iterator[Finding]:
         ("heading_reset_counter", "heading"),
     ):
         column = recorded.column("vehicle_local_position", counter)
-        column = column.within(recorded.armed) if column else None
-        jumps = np.flatnonzero(np.diff(column.values)) if column else np.empty(0, np.intp)
-        if column and len(jumps):
+        if column is None:
+            continue
+        jumps = column.times[1:][(np.diff(column.values) != 0) & column.is_within(recorded.armed)[1:]]
+        if len(jumps):
             text = f"the estimate of the {word} jumped {counted(len(jumps), 'time')} while armed"
-            yield Finding("info", text, float(column.times[jumps[0] + 1]))
+            yield Finding("info", text, float(jumps[0]))
 
 
 def _of_gps(recorded: Recorded, _: Timeline) -> Iterator[Finding]:
