@@ -19,7 +19,7 @@ from msggen.cli.log.opening import counted_samples
 from msggen.cli.log.progress import Show, progress_bar
 from msggen.cli.log.targets import check_folder
 from msggen.cli.options import refuse
-from msggen.cli.packages import missing_extra
+from msggen.cli.packages import check_reading, missing_extra
 from msggen.cli.printing import number_of_bytes
 from msggen.cli.reading import store_errors
 from msggen.cli.values import non_empty, whole
@@ -85,10 +85,9 @@ def is_fleet(path: str) -> bool:
 
 
 def _is_folder_in_store(address: str) -> bool:
-    try:
-        from msggen.recordings.fleet.listing import is_folder
-    except ImportError as error:
-        raise missing_extra(error, "recordings", "R102") from None
+    check_reading("R102")
+    from msggen.recordings.fleet.listing import is_folder
+
     with store_errors("R102"):
         return is_folder(address)
 

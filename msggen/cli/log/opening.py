@@ -39,13 +39,11 @@ def opened(options: argparse.Namespace, path: str) -> Iterator[Log]:
     """
     check_reading("R102")
     shown = shown_address(path)
-    try:
-        from msggen import recordings
-        from msggen.recordings import RecordingError
-        from msggen.recordings.source.source import UnknownFieldError
-        from msggen.recordings.stores.errors import StoreError
-    except ImportError as error:
-        raise missing_extra(error, "recordings", "R102") from None
+    from msggen import recordings
+    from msggen.recordings import RecordingError
+    from msggen.recordings.source.source import UnknownFieldError
+    from msggen.recordings.stores.errors import StoreError
+
     try:
         with store_errors("R102"), busy_bar(options, f"opening {shown}"):
             keeps = getattr(options, "keep_damaged", False)
