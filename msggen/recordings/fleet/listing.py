@@ -14,7 +14,15 @@ from contextlib import contextmanager
 from functools import lru_cache
 from typing import NamedTuple
 
-from msggen.recordings.files.paths import METADATA, is_always_whole, is_bag_of, is_marked, is_named_as_recording
+from msggen.base.recording_formats import FORMATS, format_named
+from msggen.recordings.files.paths import (
+    LOGS,
+    METADATA,
+    is_always_whole,
+    is_bag_of,
+    is_marked,
+    is_named_as_recording,
+)
 from msggen.recordings.files.stored import local_name
 from msggen.recordings.source.source import RecordingError
 from msggen.recordings.stores.client import split
@@ -98,6 +106,7 @@ def copied(address: str) -> Iterator[tuple[str, State]]:
         copy = os.path.join(folder, local_name(address.rpartition("/")[2]))
         try:
             parts = [store.fetch(address, copy)]
+            _fetch_logs(store, address, copy)
         except NoObjectError:
             listed = _parts(_by_name(store.folder(address)))
             if not listed:
@@ -135,6 +144,14 @@ def _is_bag(store: Store, folder: str, objects: Mapping[str, Stored]) -> bool:
 def _parts(objects: Mapping[str, Stored]) -> list[Stored]:
     """Return the files of a recording of rosbag2."""
     return [each for name, each in sorted(objects.items()) if not is_always_whole(name)]
+
+
+def _fetch_logs(store: Store, address: str, copy: str) -> None:
+    """Fetch the logs of transactions beside a database: it may not have been closed."""
+    if format_named(address) is FORMATS["db3"]:
+        for suffix in LOGS:
+            if store.has(address + suffix):
+                store.fetch(address + suffix, copy + suffix)
 
 
 def _by_name(objects: Iterable[Stored]) -> dict[str, Stored]:
