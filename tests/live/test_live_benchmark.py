@@ -49,7 +49,7 @@ def test_a_row_shows_loss_latency_and_cpu_time() -> None:
 @pytest.mark.skipif(sys.platform != "linux", reason="asks Linux for the time of a process")
 def test_programs_share_a_link_and_are_measured(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("MSGGEN_DIRECT")
-    row = shared_link.measure("one", "shared", 2, 1, 100, 0.3)
+    row = shared_link.measure("one", "shared", 2, 1, 100, 1.0)
     assert row[:2] == ["one", "2"]
     assert len(row) == len(shared_link.HEAD)
     assert float(row[6].replace(",", "")) > 0
