@@ -9,11 +9,13 @@ from importlib import import_module
 from types import ModuleType
 from typing import Any
 
+from msggen.live.sim.commander.states import HOLD
+from msggen.live.sim.commands import ARM_DISARM, LAND, SET_MODE, TAKEOFF
 from msggen.live.sim.flight import NAN
 from msggen.live.sim.publishing import FlightLog, Publication, Schedule, publication_of
 from msggen.live.sim.values import Clocks, Filler, Scene
-from msggen.live.sim.vehicle import Options
-from msggen.live.sim.world import ARM_DISARM, HOLD, LAND, SET_MODE, STEP, TAKEOFF, World
+from msggen.live.sim.vehicle import Options, world_of
+from msggen.live.sim.world import STEP
 
 BOOT = 1_000_000
 """The time since boot in us at which the flight begins."""
@@ -33,7 +35,7 @@ class LoneFlight:
     """A vehicle that takes off, flies a square in Offboard mode, and lands. `utc` is the time in us since 1970."""
 
     def __init__(self, package: ModuleType, options: Options, utc: int) -> None:
-        self.world = World(options.home, options.key, has_position=not options.misbehaviour.no_position)
+        self.world = world_of(package, options)
         self.time = self.world.time = BOOT
         self._utc = utc
         self._noise = random.Random(f"noise {options.seed} {options.key}")  # noqa: S311 - not for secrets
@@ -111,10 +113,23 @@ class LoneFlight:
 
     def _send_setpoints(self, log: FlightLog, north: float, east: float) -> None:
         free = (NAN, NAN, NAN)
-        setpoint = {"velocity": free, "acceleration": free, "jerk": free, "yaw": 0.0, "yawspeed": NAN}
+        setpoint = {
+            "position": (north, east, -_HEIGHT),
+            "velocity": free,
+            "acceleration": free,
+            "jerk": free,
+            "yaw": 0.0,
+            "yawspeed": NAN,
+        }
+        setpoints = self.world.setpoints
         for topic, interval, take, values in (
-            ("offboard_control_mode", _HEARTBEAT, self.world.offboard, {"position": True}),
-            ("trajectory_setpoint", _SETPOINT, self.world.setpoint, {"position": (north, east, -_HEIGHT), **setpoint}),
+            ("offboard_control_mode", _HEARTBEAT, setpoints.take_offboard, {"position": True}),
+            (
+                "trajectory_setpoint",
+                _SETPOINT,
+                self.world.setpoints.take_trajectory,
+                {"position": (north, east, -_HEIGHT), **setpoint},
+            ),
         ):
             if self.time - self._sent.get(topic, -interval) >= interval and topic in self._inputs:
                 self._sent[topic] = self.time

@@ -9,6 +9,9 @@ PARAMETERS: Mapping[str, float] = MappingProxyType(
     {
         "COM_DISARM_LAND": 2.0,
         "COM_DISARM_PRFLT": 10.0,
+        "COM_FAIL_ACT_T": 5.0,
+        "COM_LOW_BAT_ACT": 0.0,
+        "COM_MODE_ARM_CHK": 0.0,
         "COM_OF_LOSS_T": 1.0,
         "MC_YAW_P": 2.8,
         "MIS_TAKEOFF_ALT": 2.5,
@@ -22,6 +25,8 @@ PARAMETERS: Mapping[str, float] = MappingProxyType(
         "MPC_XY_VEL_MAX": 12.0,
         "MPC_Z_VEL_MAX_DN": 1.5,
         "MPC_Z_VEL_MAX_UP": 3.0,
+        "RTL_MIN_DIST": 10.0,
+        "RTL_RETURN_ALT": 60.0,
     }
 )
 """Times are in s, heights in m, speeds in m/s, accelerations in m/s^2, and gains in 1/s."""

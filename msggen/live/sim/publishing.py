@@ -11,10 +11,11 @@ from msggen.live.sim.values import Filler
 _DEFAULT_INTERVAL = 4_000
 """The interval in us of a topic without a limit."""
 
-_OWN_INTERVALS = {"arming_check_request": 300_000, "transponder_report": 1_000_000, "vtol_vehicle_status": 100_000}
+_OWN_INTERVALS = {"transponder_report": 1_000_000, "vtol_vehicle_status": 100_000}
 """The interval in us at which PX4 itself publishes topics, where it is far longer than that of the bridge."""
 
 _ANSWERS = {
+    "arming_check_request",
     "config_overrides_confirm",
     "message_format_response",
     "mode_completed",

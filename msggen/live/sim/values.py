@@ -11,25 +11,40 @@ import random
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, TypeAlias
 
-from msggen.live.sim.flight import NAN, Target
-from msggen.live.sim.world import (
+from msggen.live.sim.commander.setpoint_types import ALL, Controls
+from msggen.live.sim.commander.states import (
     ALTITUDE,
+    DESCEND,
+    EXTERNAL,
     HOLD,
-    LANDING,
+    LAND,
     MANUAL,
-    MODES,
+    MODE_NAMES,
     OFFBOARD,
-    PLACED,
-    POSITION,
+    PILOTED,
+    RETURN,
     STABILIZED,
-    TAKING_OFF,
-    World,
+    TAKEOFF,
+    TERMINATION,
 )
+from msggen.live.sim.flight import NAN, Target
+from msggen.live.sim.world import World
 
 Values: TypeAlias = Mapping[str, Any]
 
-_PILOTED = {MANUAL, ALTITUDE, POSITION, STABILIZED}
-_AUTOMATIC = {HOLD, TAKING_OFF, LANDING}
+_AUTOMATIC = {HOLD, RETURN, TAKEOFF, LAND, DESCEND}
+_NOT_SELECTABLE = 1 << DESCEND | 1 << TERMINATION
+_OWN_MODES = sum(1 << mode for mode in MODE_NAMES if mode not in EXTERNAL)
+_EXTERNAL_MODES = sum(1 << mode for mode in EXTERNAL)
+_RATES: Controls = frozenset({"allocation", "rates"})
+_LEVELS: Mapping[int, Controls] = {
+    MANUAL: _RATES | {"attitude"},
+    STABILIZED: _RATES | {"attitude"},
+    ALTITUDE: _RATES | {"attitude", "altitude", "climb_rate"},
+    DESCEND: _RATES | {"attitude", "climb_rate"},
+    TERMINATION: frozenset(),
+}
+"""What is controlled in the modes of PX4 that do not control the position."""
 _HOVER = 0.5
 """The share of the full thrust that holds the vehicle: MPC_THR_HOVER."""
 _MOTORS = 4
@@ -69,6 +84,10 @@ class Filler:
     def make(self, scene: Scene, time: int) -> Any:
         """Return a message of a time, in us."""
         values = self._values(scene) if self._values else {}
+        return self.filled(values, time)
+
+    def filled(self, values: Values, time: int) -> Any:
+        """Return a message with those of some values that it has, of a time in us."""
         made = self.message(**{name: value for name, value in values.items() if name in self._names})
         made.timestamp = time
         if self.is_sampled:
@@ -77,30 +96,37 @@ class Filler:
 
 
 def _vehicle_status(scene: Scene) -> Values:
-    world = scene.world
-    modes = sum(1 << mode for mode in MODES)
+    commander, battery = scene.world.commander, scene.world.battery
+    modes = commander.components.modes
+    selectable = _OWN_MODES & ~_NOT_SELECTABLE | sum(1 << mode for mode in modes)
+    replaced = sum(1 << own.replaces for own in modes.values() if own.replaces is not None)
+    failsafe = commander.failsafe
     return {
-        "armed_time": world.armed_time,
-        "takeoff_time": world.takeoff_time,
-        "arming_state": 2 if world.is_armed else 1,
-        "latest_arming_reason": world.arming_reason,
-        "latest_disarming_reason": world.disarming_reason,
-        "nav_state_timestamp": world.mode_time,
-        "nav_state_user_intention": world.intention,
-        "nav_state": world.mode,
-        "nav_state_display": world.mode,
-        "accepts_offboard_setpoints": world.mode == OFFBOARD,
-        "valid_nav_states_mask": modes,
-        "can_set_nav_states_mask": modes,
+        "armed_time": commander.armed_time,
+        "takeoff_time": commander.takeoff_time,
+        "arming_state": 2 if commander.is_armed else 1,
+        "latest_arming_reason": commander.arming_reason,
+        "latest_disarming_reason": commander.disarming_reason,
+        "nav_state_timestamp": commander.mode_time,
+        "nav_state_user_intention": commander.intention,
+        "nav_state": commander.mode,
+        "nav_state_display": commander.displayed,
+        "executor_in_charge": commander.executor_in_charge,
+        "accepts_offboard_setpoints": commander.mode == OFFBOARD,
+        "valid_nav_states_mask": _OWN_MODES | _EXTERNAL_MODES,
+        "can_set_nav_states_mask": selectable & ~replaced,
         "vehicle_type": 1,
-        "failsafe": world.failsafe,
+        "failsafe": failsafe.is_active,
+        "failsafe_and_user_took_over": failsafe.user_took_over,
+        "failsafe_defer_state": failsafe.defer_state,
         "gcs_connection_lost": True,
+        "battery_warning": battery.warning,
         "system_type": 2,
-        "system_id": world.system_id,
+        "system_id": scene.world.system_id,
         "component_id": 1,
         "safety_off": True,
         "power_input_valid": True,
-        "pre_flight_checks_pass": not world.why_unarmable,
+        "pre_flight_checks_pass": not commander.missing,
     }
 
 
@@ -250,42 +276,39 @@ def _vehicle_land_detected(scene: Scene) -> Values:
 
 
 def _vehicle_control_mode(scene: Scene) -> Values:
-    world = scene.world
-    stabilized = world.mode != MANUAL
-    height = stabilized and world.mode != STABILIZED
-    place = height and world.mode != ALTITUDE
+    commander = scene.world.commander
+    mode = commander.mode
+    controls = commander.controls if mode in EXTERNAL else _LEVELS.get(mode, ALL)
     return {
-        "flag_armed": world.is_armed,
-        "flag_multicopter_position_control_enabled": place,
-        "flag_control_manual_enabled": world.mode in _PILOTED,
-        "flag_control_auto_enabled": world.mode in _AUTOMATIC,
-        "flag_control_offboard_enabled": world.mode == OFFBOARD,
-        "flag_control_rates_enabled": True,
-        "flag_control_attitude_enabled": True,
-        "flag_control_velocity_enabled": place,
-        "flag_control_position_enabled": place,
-        "flag_control_altitude_enabled": height,
-        "flag_control_climb_rate_enabled": height,
-        "flag_control_allocation_enabled": True,
+        "source_id": mode,
+        "flag_armed": commander.is_armed,
+        "flag_multicopter_position_control_enabled": "velocity" in controls or "climb_rate" in controls,
+        "flag_control_manual_enabled": mode in PILOTED,
+        "flag_control_auto_enabled": mode in _AUTOMATIC,
+        "flag_control_offboard_enabled": mode == OFFBOARD,
+        **{f"flag_control_{name}_enabled": True for name in controls},
     }
 
 
 def _failsafe_flags(scene: Scene) -> Values:
-    world = scene.world
-    placed = (*PLACED, OFFBOARD) if world.controls_position else PLACED
+    commander = scene.world.commander
+    senses = commander.senses
     return {
-        "mode_req_angular_velocity": 0xFFFFFFFF,
-        "mode_req_attitude": 0xFFFFFFFF & ~(1 << MANUAL),
-        "mode_req_local_position": sum(1 << mode for mode in placed),
-        "mode_req_offboard_signal": 1 << OFFBOARD,
-        "mode_req_manual_control": sum(1 << mode for mode in _PILOTED),
-        "local_position_invalid": not world.has_position,
-        "global_position_invalid": not world.has_position,
-        "auto_mission_missing": True,
-        "offboard_control_signal_lost": not world.has_offboard_signal(world.time),
-        "manual_control_signal_lost": True,
-        "gcs_connection_lost": True,
-        "battery_warning": world.battery.warning,
+        **{f"mode_req_{name}": mask for name, mask in commander.requirements.masks.items()},
+        "angular_velocity_invalid": not senses.angular_velocity,
+        "attitude_invalid": not senses.attitude,
+        "local_altitude_invalid": not senses.local_alt,
+        "local_position_invalid": not senses.local_position,
+        "local_position_invalid_relaxed": not senses.local_position_relaxed,
+        "local_velocity_invalid": not senses.local_position,
+        "global_position_invalid": not senses.global_position,
+        "global_position_invalid_relaxed": not senses.global_position_relaxed,
+        "home_position_invalid": not senses.home_position,
+        "auto_mission_missing": not senses.mission,
+        "offboard_control_signal_lost": not senses.offboard_signal,
+        "manual_control_signal_lost": not senses.manual_control,
+        "gcs_connection_lost": not senses.ground_station,
+        "battery_warning": senses.battery,
     }
 
 

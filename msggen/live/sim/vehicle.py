@@ -15,14 +15,17 @@ import re
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
 from importlib import import_module
-from types import ModuleType
+from types import MappingProxyType, ModuleType
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 from msggen.live.messages.object_ids import object_ids_of
+from msggen.live.sim.commander.states import ACCEPTED, DENIED, TEMPORARILY_REJECTED, UNSUPPORTED
 from msggen.live.sim.line import Line, Misbehaviour
+from msggen.live.sim.parameters import PARAMETERS
+from msggen.live.sim.programs import Programs, rules_of
 from msggen.live.sim.publishing import FlightLog, Publication, Schedule, publication_of
 from msggen.live.sim.values import Clocks, Scene
-from msggen.live.sim.world import ACCEPTED, DENIED, TEMPORARILY_REJECTED, UNSUPPORTED, Home, World
+from msggen.live.sim.world import Home, World
 from msggen.live.xrce import client as xrce
 from msggen.live.xrce.client_entities import Reader, Server, Settings, Sync, Writer
 from msggen.live.xrce.client_events import Connected, Received, Requested
@@ -64,6 +67,8 @@ class Options(NamedTuple):
     home: Home = Home()
     board: Board = "most"
     """Decides the object ids of topics out, if the release has messages that only some boards have."""
+    parameters: Mapping[str, float] = MappingProxyType({})
+    """Parameters of PX4 that differ from their defaults, which `PARAMETERS` lists."""
 
 
 class Change(NamedTuple):
@@ -79,7 +84,8 @@ class _Input(NamedTuple):
     topic: str
     """Its name in uORB."""
     message: Any
-    handler: Callable[[Any], None] | None
+    handler: Callable[[Any, int], None] | None
+    """Takes a message and its time in us since boot."""
 
 
 class SimulatedVehicle:
@@ -93,7 +99,6 @@ class SimulatedVehicle:
     ) -> None:
         self.options = options
         self._log = log
-        self.world = World(options.home, options.key, has_position=not options.misbehaviour.no_position)
         self.sent: Counter[str] = Counter()
         """The number of samples published, by the name of the topic in ROS 2."""
         self.received: Counter[str] = Counter()
@@ -106,6 +111,8 @@ class SimulatedVehicle:
         self._topics = import_module(f"{package.__name__}.topics")
         self._services = getattr(package, "srv", None)
         self._uorb = self._topics.UORB
+        self.world = world_of(package, options)
+        self._programs = Programs(self.world, self._answer)
         self._now = 0
         self._noise = random.Random(f"noise {options.seed} {options.key}")  # noqa: S311 - not for secrets
         self._clocks = Clocks()
@@ -199,11 +206,11 @@ class SimulatedVehicle:
         self._by_topic: dict[str, Publication] = {}
         self._inputs: dict[int, _Input] = {}
         self._readers, self._writers = [], []
-        handlers: Mapping[str, Callable[[Any], None]] = {
+        handlers: Mapping[str, Callable[[Any, int], None]] = {
+            **self._programs.handlers,
             "message_format_request": self._answer_format_request,
-            "offboard_control_mode": self._take_offboard_control_mode,
-            "trajectory_setpoint": self._take_trajectory_setpoint,
             "vehicle_command": self._take_vehicle_command,
+            "vehicle_command_mode_executor": self._take_vehicle_command,
         }
         numbers = object_ids_of(self._package)[0 if self.options.board == "most" else -1].numbers
         for endpoint, number in zip(self._topics.ENDPOINTS, numbers, strict=True):
@@ -256,11 +263,11 @@ class SimulatedVehicle:
         if self._client.write(publication.number, message.encode()[4:]):
             self.sent[publication.name] += 1
 
-    def _answer(self, topic: str, **values: Any) -> None:
+    def _answer(self, topic: str, /, **values: Any) -> None:
         """Publish a message on a topic, if the release has it. It waits while the client waits, as in uORB's queue."""
         publication = self._by_topic.get(topic)
         if publication:
-            self._answers.append((publication, publication.filler.message(timestamp=self._now, **values)))
+            self._answers.append((publication, publication.filler.filled(values, self._now)))
             self._publish_answers()
 
     def _publish_answers(self) -> None:
@@ -297,7 +304,7 @@ class SimulatedVehicle:
             self.refused[f"{name}: not a {found.message.__name__}"] += 1
             return
         if found.handler is not None:
-            found.handler(message)
+            found.handler(message, self._local(message.timestamp))
         if self._log is not None:
             message.timestamp = self._local(message.timestamp)
             self._log.add(self._now, found.topic, message)
@@ -306,13 +313,7 @@ class SimulatedVehicle:
         """Return the time of a message in the vehicle's clock. 0 and times to come count as now, as in PX4."""
         return min(timestamp - self._client.offset, self._now) if timestamp else self._now
 
-    def _take_offboard_control_mode(self, message: Any) -> None:
-        self.world.offboard(message, self._local(message.timestamp))
-
-    def _take_trajectory_setpoint(self, message: Any) -> None:
-        self.world.setpoint(message, self._local(message.timestamp))
-
-    def _take_vehicle_command(self, message: Any) -> None:
+    def _take_vehicle_command(self, message: Any, _: int) -> None:
         self._carry_out(message)
 
     def _take_request(self, event: Requested) -> None:
@@ -337,7 +338,7 @@ class SimulatedVehicle:
             return {}
         self.world.advance(self._now)
         numbers = [getattr(command, f"param{number}") for number in range(1, 8)]
-        result = self.world.command(command.command, numbers)
+        result = self.world.command(command.command, numbers, command.source_component)
         reason = f": {self.world.reason}" if self.world.reason else ""
         self._tell(f"{_command_name(command)} {_RESULTS[result]}{reason}")
         values = {
@@ -349,7 +350,7 @@ class SimulatedVehicle:
         self._answer("vehicle_command_ack", **values)
         return values
 
-    def _answer_format_request(self, request: Any) -> None:
+    def _answer_format_request(self, request: Any, _time: int) -> None:
         """Tell the hash of a topic's message. PX4 looks up what follows the last `/`, without a version suffix."""
         latest = type(request).LATEST_PROTOCOL_VERSION
         path = bytes(request.topic_name).partition(b"\0")[0].decode(errors="replace")
@@ -374,9 +375,8 @@ class SimulatedVehicle:
     def _report(self) -> None:
         """Publish and tell what the world has done by itself."""
         world = self.world
-        while world.completed:
-            self._answer("mode_completed", result=0, nav_state=world.completed.popleft())
-        state = (world.is_armed, world.mode, world.failsafe)
+        self._programs.ask()
+        state = (world.is_armed, world.mode, world.commander.failsafe.is_active)
         if state != self._shown:
             self._tell(world.state(was_armed=self._shown[0]))
             self._shown = state
@@ -398,6 +398,19 @@ class SimulatedVehicle:
             self._client.connections = connections + 1
             self._client_start = self._now
             self._tell("the client restarts")
+
+
+def world_of(package: ModuleType, options: Options) -> World:
+    """Return the world of a vehicle, with the rules of the release of a generated package."""
+    topics = import_module(f"{package.__name__}.topics")
+    has_versions = any(re.search(r"_v\d+$", each.ros_name) for each in topics.ENDPOINTS)
+    return World(
+        options.home,
+        options.key,
+        has_position=not options.misbehaviour.no_position,
+        rules=rules_of(topics.UORB, has_versions=has_versions, is_sitl=options.board == "sitl"),
+        parameters={**PARAMETERS, **options.parameters},
+    )
 
 
 def _clocks_of(client: xrce.Client) -> Clocks:

@@ -10,24 +10,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from msggen.live.sim.flight import FREE, GRAVITY, NAN, Flight, Quaternion, Target, Vector, wrapped
-from msggen.live.sim.world import (
+from msggen.live.sim.commander.states import (
     ACCEPTED,
-    ARM_DISARM,
     DENIED,
     HOLD,
-    LAND,
-    LANDING,
     OFFBOARD,
     POSITION,
-    SET_MODE,
-    STEP,
-    TAKEOFF,
-    TAKING_OFF,
     TEMPORARILY_REJECTED,
     UNSUPPORTED,
-    Home,
-    World,
 )
+from msggen.live.sim.commander.states import LAND as LANDING
+from msggen.live.sim.commander.states import TAKEOFF as TAKING_OFF
+from msggen.live.sim.commands import ARM_DISARM, LAND, SET_MODE, TAKEOFF
+from msggen.live.sim.world import STEP, Home, World
 from support.examples import examples
 
 SECOND = 1_000_000
@@ -82,8 +77,8 @@ class Pilot:
         publish = self.world.time
         while self.world.time + STEP <= end:
             if setpoint is not None and self.world.time >= publish:
-                self.world.offboard(controls, self.world.time)
-                self.world.setpoint(setpoint, self.world.time)
+                self.world.setpoints.take_offboard(controls, self.world.time)
+                self.world.setpoints.take_trajectory(setpoint, self.world.time)
                 publish += 100_000
             self.world.advance(self.world.time + STEP)
             self.check()
@@ -131,8 +126,8 @@ def test_it_takes_off_flies_a_square_and_lands() -> None:
     assert not world.is_armed
     assert world.is_landed
     assert world.flight.position == pytest.approx((0, 0, 0), abs=0.1)
-    assert [*world.completed] == [TAKING_OFF, LANDING]
-    assert world.disarming_reason == 6, "ARM_DISARM_REASON_LANDING"
+    assert [*world.commander.completed] == [TAKING_OFF, LANDING]
+    assert world.commander.disarming_reason == 6, "ARM_DISARM_REASON_LANDING"
 
 
 def test_north_east_and_down_have_their_signs() -> None:
@@ -196,20 +191,20 @@ def test_a_long_pause_is_not_flown() -> None:
 def test_offboard_mode_needs_a_heartbeat() -> None:
     pilot = Pilot()
     assert pilot.command(SET_MODE, TO_OFFBOARD) == TEMPORARILY_REJECTED
-    pilot.world.offboard(Controls(), pilot.world.time)
+    pilot.world.setpoints.take_offboard(Controls(), pilot.world.time)
     assert pilot.command(SET_MODE, TO_OFFBOARD) == TEMPORARILY_REJECTED, "one message is no rate"
     pilot.run(0.3, Setpoint((0.0, 0.0, -3.0)))
     assert pilot.command(SET_MODE, TO_OFFBOARD) == ACCEPTED
     pilot.run(1.5)
     assert pilot.world.mode == HOLD, "lost on the ground"
-    assert not pilot.world.failsafe
+    assert not pilot.world.commander.failsafe.is_active
 
 
 def test_a_heartbeat_with_an_old_time_does_not_count() -> None:
     world = World()
     world.advance(10 * SECOND)
     for number in range(5):
-        world.offboard(Controls(), number * 1000)
+        world.setpoints.take_offboard(Controls(), number * 1000)
     assert world.command(SET_MODE, TO_OFFBOARD) == TEMPORARILY_REJECTED
 
 
@@ -222,11 +217,11 @@ def test_it_lands_when_the_heartbeat_is_lost() -> None:
     pilot.run(0.85)
     assert pilot.world.mode == OFFBOARD
     pilot.run(0.2)
-    assert (pilot.world.mode, pilot.world.failsafe, pilot.world.intention) == (LANDING, True, OFFBOARD)
+    assert (pilot.world.mode, pilot.world.commander.failsafe.is_active, pilot.world.commander.intention) == (LANDING, True, OFFBOARD)
     pilot.run(15.0)
     assert pilot.world.is_landed
     assert not pilot.world.is_armed
-    assert not pilot.world.failsafe
+    assert not pilot.world.commander.failsafe.is_active
 
 
 @pytest.mark.parametrize(
@@ -329,7 +324,7 @@ def test_no_setpoint_breaks_the_world(setpoint: Setpoint, controls: Controls) ->
     pilot = Pilot()
     pilot.command(ARM_DISARM, ARM)
     for time in (0, 1):
-        pilot.world.offboard(controls, time)
+        pilot.world.setpoints.take_offboard(controls, time)
     assert pilot.command(SET_MODE, TO_OFFBOARD) == ACCEPTED
     pilot.run(0.5, setpoint, controls)
     assert all(map(math.isfinite, (*pilot.world.flight.position, *pilot.world.flight.rates)))
