@@ -1,0 +1,1 @@
+"""Flight modes, executors and actions in Python. See docs/flight.md."""

@@ -1,0 +1,73 @@
+"""What a registered executor does: it comes into charge, it runs, it is out of charge."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import Any
+
+from msggen.flight.active import ActiveMode
+from msggen.flight.commands import Commands
+from msggen.flight.executor import Executor
+from msggen.flight.feeds import Feeds
+from msggen.flight.mode import Mode
+from msggen.flight.registration import Ids
+
+
+class Charge:
+    """An executor with the ids that the vehicle has given. It follows the status of the vehicle."""
+
+    def __init__(
+        self,
+        executor: Executor,
+        ids: Ids,
+        commands: Commands,
+        feeds: Feeds,
+        find: Callable[[type[Mode] | Mode], ActiveMode],
+    ) -> None:
+        self.executor, self.ids, self.commands, self.feeds, self.find = executor, ids, commands, feeds, find
+        self._task: asyncio.Task[None] | None = None
+        self._has_run = False
+        """Whether it has ended since it came into charge."""
+        self._end = feeds["vehicle_status"].call(self._follow)
+        executor._charge = self  # noqa: SLF001 - its own part
+
+    @property
+    def is_in_charge(self) -> bool:
+        """Whether `run` is under way."""
+        return self._task is not None
+
+    def close(self) -> None:
+        """Follow nothing any more."""
+        self._end()
+        self._stop()
+        self.executor._charge = None  # noqa: SLF001 - as above
+
+    def _follow(self, status: Any) -> None:
+        is_armed = status.arming_state == status.ARMING_STATE_ARMED
+        is_in_charge = status.executor_in_charge == self.ids.executor
+        if not is_in_charge:
+            self._stop()
+        elif self._task is None and not self._has_run and (is_armed or self.executor.starts != "armed"):
+            self._has_run = True
+            self._task = asyncio.get_running_loop().create_task(self._run(), name=type(self.executor).__name__)
+        if not is_in_charge or (self.executor.starts == "armed" and not is_armed):
+            self._has_run = False
+
+    def _stop(self) -> None:
+        if self._task is not None:
+            self._task.cancel()
+            self._task = None
+
+    async def _run(self) -> None:
+        try:
+            await self.executor.run()
+        except asyncio.CancelledError:
+            raise
+        except Exception as error:  # noqa: BLE001 - whatever a program raises
+            active = self.find(self.executor.mode)
+            active.has_failed = True
+            context = {"message": f"executor {type(self.executor).__name__} has failed", "exception": error}
+            asyncio.get_running_loop().call_exception_handler(context)
+        finally:
+            self._task = None

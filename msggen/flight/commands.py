@@ -1,0 +1,89 @@
+"""Commands to the vehicle: VehicleCommand with its acknowledgement.
+
+Numbers are those of VehicleCommand, which have been the same since v1.15.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any, Final
+
+from msggen.flight.connection import Connection, Topics, filled
+from msggen.flight.errors import NoAnswerError, RefusedError
+from msggen.flight.feeds import Feeds
+
+ARM_DISARM: Final = 400
+RETURN: Final = 20
+LAND: Final = 21
+TAKEOFF: Final = 22
+SET_NAV_STATE: Final = 100_001
+"""VEHICLE_CMD_COMPONENT_ARM_DISARM, _NAV_RETURN_TO_LAUNCH, _NAV_LAND, _NAV_TAKEOFF and _SET_NAV_STATE."""
+_NAMES: Final = {
+    ARM_DISARM: "arm or disarm",
+    RETURN: "return",
+    LAND: "land",
+    TAKEOFF: "take off",
+    SET_NAV_STATE: "mode",
+}
+COMPANION: Final = 191
+"""The component id of a companion computer in MAVLink: PX4 takes commands of components below 1000 as a user's."""
+EXECUTOR: Final = 1000
+"""COMPONENT_MODE_EXECUTOR_START: executor 1 sends commands as component 1001."""
+_ACCEPTED, _IN_PROGRESS = 0, 5
+_TRIES = 3
+_PATIENCE = 0.3
+"""How long an acknowledgement is waited for, in s. PX4 v1.18 takes 4 to 17 ms."""
+
+
+class Commands:
+    """Sends commands of a user, or of an executor with an id."""
+
+    def __init__(self, connection: Connection, feeds: Feeds) -> None:
+        self._connection, self._feeds = connection, feeds
+        self._topics = Topics(connection.package)
+
+    async def send(self, number: int, *parameters: float, executor: int = 0, what: str = "") -> None:
+        """Send a command until the vehicle answers. Parameters that are not given are NaN.
+
+        Raises RefusedError with what the vehicle shows, and NoAnswerError after three tries.
+        """
+        topic = "vehicle_command_mode_executor" if executor else "vehicle_command"
+        source = EXECUTOR + executor if executor else COMPANION
+        values = [*parameters, *[math.nan] * (7 - len(parameters))]
+        message = filled(
+            self._topics.incoming(topic),
+            command=number,
+            target_system=0,
+            target_component=0,
+            source_system=1,
+            source_component=source,
+            from_external=True,
+            **{f"param{place}": value for place, value in enumerate(values, 1)},
+        )
+        what = what or _NAMES.get(number, f"command {number}")
+
+        def is_answer(answer: Any) -> bool:
+            is_mine = answer.command == number and answer.target_component == source
+            return bool(is_mine and answer.result != _IN_PROGRESS)
+
+        for _ in range(_TRIES):
+            self._connection.publish(topic, message)
+            try:
+                answer = await self._feeds["vehicle_command_ack"].following(is_answer, _PATIENCE)
+            except TimeoutError:
+                continue
+            if answer.result != _ACCEPTED:
+                raise RefusedError(what, answer.result, [*self._reasons()])
+            return
+        raise NoAnswerError(f"{what}: the vehicle has not answered {_TRIES} times within {_PATIENCE} s")
+
+    def _reasons(self) -> Iterable[str]:
+        """Yield why the vehicle refuses, as far as it shows that."""
+        flags, status = self._feeds["failsafe_flags"].latest, self._feeds["vehicle_status"].latest
+        if status is not None and not status.pre_flight_checks_pass:
+            yield "the preflight checks of the present mode fail"
+        for field in flags.__msg__.fields if flags is not None else ():
+            ends = ("_invalid", "_missing", "_lost", "_unhealthy")
+            if field.name.endswith(ends) and getattr(flags, field.name) is True:
+                yield field.name

@@ -1,0 +1,116 @@
+"""A vehicle and the modes and executors of a program, from registration to the end."""
+
+from __future__ import annotations
+
+import asyncio
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+from msggen.flight.active import ActiveMode
+from msggen.flight.charge import Charge
+from msggen.flight.checks import Answers
+from msggen.flight.commands import Commands
+from msggen.flight.connection import Connection
+from msggen.flight.errors import FlightError, NoAnswerError, RegistrationError
+from msggen.flight.executor import Executor
+from msggen.flight.feeds import Feeds
+from msggen.flight.mode import Mode
+from msggen.flight.registration import Registrar, Wanted
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
+_HEARD = 5.0
+"""The time in s within which a vehicle publishes its status."""
+_NEEDED = ("vehicle_status", "vehicle_command_ack", "vehicle_local_position", "failsafe_flags", "mode_completed")
+
+
+class Flight:
+    """Modes and executors of a program on a vehicle. To be used with `async with`: at the end, all are unregistered."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+        self._feeds = Feeds(connection)
+        self._modes: dict[type[Mode], ActiveMode] = {}
+        self._charges: list[Charge] = []
+        self._answers: Answers | None = None
+        self.commands = Commands(connection, self._feeds)
+        self._registrar = Registrar(connection, self._feeds)
+
+    async def __aenter__(self) -> Self:
+        for topic in _NEEDED:
+            self._feeds[topic]
+        try:
+            await self._feeds["vehicle_status"].wait(lambda _: True, _HEARD)
+        except TimeoutError:
+            raise NoAnswerError(f"no vehicle_status within {_HEARD:.0f} s") from None
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Stop all, and unregister it."""
+        for charge in self._charges:
+            charge.close()
+        for active in self._modes.values():
+            active.close()
+            self._registrar.unregister(active.ids)
+        if self._answers is not None:
+            self._answers.close()
+        self._charges.clear()
+        self._modes.clear()
+        self._feeds.close()
+
+    async def add(self, *parts: type[Mode | Executor] | Mode | Executor) -> None:
+        """Register modes and executors, each as a class or an object. The mode of an executor is registered with it.
+
+        Raises RegistrationError, UnsupportedError and NoAnswerError.
+        """
+        made = [each() if isinstance(each, type) else each for each in parts]
+        executors = {each.mode: each for each in made if isinstance(each, Executor)}
+        modes: dict[type[Mode], Mode] = {type(each): each for each in made if isinstance(each, Mode)}
+        for owned in executors:
+            modes.setdefault(owned, owned())
+        for cls, mode in modes.items():
+            await self._register(mode, executors.get(cls))
+
+    async def _register(self, mode: Mode, executor: Executor | None) -> None:
+        if any(each.mode.name == mode.name for each in self._modes.values()):
+            raise RegistrationError(f"a mode of the name {mode.name!r} is registered already")
+        is_immediate = executor is not None and executor.starts == "registered"
+        ids = await self._registrar.register(
+            Wanted(
+                mode.name,
+                executor=executor is not None,
+                replaces=mode.replaces,
+                is_immediate=is_immediate,
+                is_selectable=mode.is_selectable,
+            )
+        )
+        active = ActiveMode(mode, ids, self._connection, self._feeds)
+        self._modes[type(mode)] = active
+        if self._answers is None:
+            self._answers = Answers(self._connection, self._feeds)
+        self._answers.add(ids.check, active.verdict)
+        if executor is not None:
+            self._charges.append(Charge(executor, ids, self.commands, self._feeds, self.find))
+        await active.configuration.check(mode.setpoints)
+
+    def find(self, mode: type[Mode] | Mode) -> ActiveMode:
+        """Return a mode that is registered. Raises FlightError."""
+        found = self._modes.get(mode if isinstance(mode, type) else type(mode))
+        if found is None:
+            raise FlightError(f"mode {mode.name!r} is not registered: `await flight.add(...)` registers it")
+        return found
+
+    @property
+    def feeds(self) -> Feeds:
+        """The messages of the vehicle."""
+        return self._feeds
+
+    async def run(self) -> None:
+        """Go on until the program is cancelled."""
+        await asyncio.Event().wait()

@@ -1,0 +1,217 @@
+"""A flight mode of a program: what it flies while it is selected."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from msggen.flight.checks import Problem
+from msggen.flight.connection import filled
+from msggen.flight.errors import FlightError, NoAnswerError, UnsupportedError
+from msggen.flight.requirements import Requirement
+from msggen.flight.setpoints import ATTITUDE, GOTO, RATES, TRAJECTORY, Kind
+from msggen.flight.space import Frame, Vector, turned, turned_heading, wrapped
+
+if TYPE_CHECKING:
+    from msggen.flight.active import ActiveMode
+
+_FREE = (math.nan, math.nan, math.nan)
+_FRESH = 0.5
+"""The age in s up to which an estimate counts."""
+_SLOW = 0.5
+"""The speed in m/s below which a place is reached."""
+_TURNED = math.radians(10)
+
+
+class Mode:
+    """A flight mode. A subclass has the name, and the method `fly`.
+
+    `name` is what pilots read; PX4 keeps the slot of a mode by its name, so a switch on a transmitter finds it again.
+    """
+
+    name: ClassVar[str]
+    requires: ClassVar[Requirement] = Requirement.NONE
+    """What the mode needs, besides what its setpoints need."""
+    setpoints: ClassVar[tuple[Kind, ...]] = (GOTO, TRAJECTORY)
+    """The kinds of setpoints that it sends."""
+    frame: ClassVar[Frame] = "ned"
+    """The frame of its places and velocities."""
+    replaces: ClassVar[int | None] = None
+    """The nav_state of the mode of PX4 that it replaces, such as 5 for Return."""
+    is_selectable: ClassVar[bool] = True
+    """Whether a user can select it. Others are for executors. Needs PX4 v1.18."""
+    flies_disarmed: ClassVar[bool] = False
+    """Whether `fly` also runs while the vehicle is disarmed."""
+    _active: ActiveMode | None = None
+
+    def __init_subclass__(cls, name: str = "", **options: Any) -> None:
+        super().__init_subclass__(**options)
+        cls.name = name or cls.__name__
+
+    async def fly(self) -> None:
+        """Fly, from when the mode is selected and the vehicle armed. It is cancelled when the mode is left.
+
+        If it returns, the mode is completed, and the vehicle holds its place. If it raises an exception, the mode has
+        failed: PX4 is told, and returns home unless an executor goes on.
+        """
+        raise NotImplementedError
+
+    def problems(self) -> Sequence[Problem]:
+        """Return conditions of its own that are not met. It is called about three times a second, and returns at once.
+
+        With any, PX4 does not enter the mode, and leaves it.
+        """
+        return ()
+
+    # Where the vehicle is
+
+    async def position(self) -> Vector:
+        """Return the place of the vehicle in m, from the origin of its local frame. Raises NoAnswerError."""
+        estimate = await self._estimate()
+        return turned((estimate.x, estimate.y, estimate.z), self.frame)
+
+    async def velocity(self) -> Vector:
+        """Return the velocity in m/s. Raises NoAnswerError."""
+        estimate = await self._estimate()
+        return turned((estimate.vx, estimate.vy, estimate.vz), self.frame)
+
+    async def heading(self) -> float:
+        """Return the heading in rad: from north clockwise, or from east counter-clockwise in ENU."""
+        return turned_heading((await self._estimate()).heading, self.frame)
+
+    async def _estimate(self) -> Any:
+        feed = self._own.feeds["vehicle_local_position"]
+        if feed.latest is not None and feed.age < _FRESH and _is_valid(feed.latest):
+            return feed.latest
+        try:
+            return await feed.following(_is_valid, timeout=1.0)
+        except TimeoutError:
+            raise NoAnswerError("the vehicle has no valid local position") from None
+
+    # Setpoints
+
+    async def goto(  # noqa: PLR0913 - keywords, each of which has a default
+        self,
+        place: Sequence[float],
+        *,
+        heading: float | None = None,
+        heading_deg: float | None = None,
+        max_speed: float | None = None,
+        max_climb: float | None = None,
+        max_turn_rate: float | None = None,
+        within: float = 0.5,
+    ) -> None:
+        """Fly to a place in m, and return when it is reached: nearer than `within` m, slower than 0.5 m/s.
+
+        Limits in m/s and rad/s only tighten those of the vehicle. The vehicle goes on holding the place afterwards.
+        """
+        north, east, down = turned(_three(place), self.frame)
+        yaw = self._heading(heading, heading_deg)
+        self._own.send(
+            GOTO,
+            position=(north, east, down),
+            flag_control_heading=yaw is not None,
+            heading=yaw or 0.0,
+            flag_set_max_horizontal_speed=max_speed is not None,
+            max_horizontal_speed=max_speed or 0.0,
+            flag_set_max_vertical_speed=max_climb is not None,
+            max_vertical_speed=max_climb or 0.0,
+            flag_set_max_heading_rate=max_turn_rate is not None,
+            max_heading_rate=max_turn_rate or 0.0,
+        )
+
+        def is_reached(estimate: Any) -> bool:
+            is_near = math.dist((estimate.x, estimate.y, estimate.z), (north, east, down)) < within
+            is_slow = math.hypot(estimate.vx, estimate.vy, estimate.vz) < _SLOW
+            return is_near and is_slow and (yaw is None or abs(wrapped(estimate.heading - yaw)) < _TURNED)
+
+        await self._own.feeds["vehicle_local_position"].following(is_reached)
+
+    def trajectory(  # noqa: PLR0913 - keywords, each of which has a default
+        self,
+        *,
+        position: Sequence[float] = _FREE,
+        velocity: Sequence[float] = _FREE,
+        acceleration: Sequence[float] = _FREE,
+        heading: float | None = None,
+        heading_deg: float | None = None,
+        turn_rate: float = math.nan,
+    ) -> None:
+        """Send a place, a velocity or an acceleration, from now on until the next setpoint. NaN: not controlled.
+
+        Each axis needs one of them; a velocity beside a position is added to it. `turn_rate` is in rad/s.
+        """
+        axes = [turned(_three(each), self.frame) for each in (position, velocity, acceleration)]
+        if any(all(math.isnan(each[axis]) for each in axes) for axis in range(3)):
+            raise ValueError("each axis needs a position, a velocity or an acceleration")
+        yaw = self._heading(heading, heading_deg)
+        rate = turn_rate if self.frame == "ned" else -turn_rate
+        self._own.send(
+            TRAJECTORY,
+            position=axes[0],
+            velocity=axes[1],
+            acceleration=axes[2],
+            jerk=_FREE,
+            yaw=math.nan if yaw is None else yaw,
+            yawspeed=rate,
+        )
+
+    def attitude(self, quaternion: Sequence[float], thrust: float, *, turn_rate: float = 0.0) -> None:
+        """Send an attitude from now on: a quaternion w, x, y, z from FRD to NED, and the thrust upwards from 0 to 1."""
+        w, x, y, z = map(float, quaternion)
+        self._own.send(ATTITUDE, q_d=(w, x, y, z), thrust_body=(0.0, 0.0, -_share(thrust)), yaw_sp_move_rate=turn_rate)
+
+    def rates(self, roll: float, pitch: float, yaw: float, thrust: float) -> None:
+        """Send rates in rad/s in FRD from now on, and the thrust upwards from 0 to 1."""
+        self._own.send(RATES, roll=roll, pitch=pitch, yaw=yaw, thrust_body=(0.0, 0.0, -_share(thrust)))
+
+    async def hold(self, seconds: float = 0.0) -> None:
+        """Hold the place where the vehicle is now, for a time in s and afterwards."""
+        self._own.hold()
+        await asyncio.sleep(seconds)
+
+    def _heading(self, heading: float | None, heading_deg: float | None) -> float | None:
+        """Return a heading in NED."""
+        if heading is not None and heading_deg is not None:
+            raise ValueError("expected heading or heading_deg, got both")
+        found = math.radians(heading_deg) if heading_deg is not None else heading
+        return None if found is None else turned_heading(found, self.frame)
+
+    @property
+    def _own(self) -> ActiveMode:
+        if self._active is None:
+            raise FlightError(f"mode {self.name!r} is not registered: `await flight.add(...)` registers it")
+        return self._active
+
+
+def needs_of(mode: Mode) -> Requirement:
+    """Return what a mode needs, with what its setpoints need."""
+    found = mode.requires
+    for kind in mode.setpoints:
+        found |= kind.requires
+    return found
+
+
+def message_of(cls: Any, kind: Kind, mode: Mode, **values: Any) -> Any:
+    """Return the message of a setpoint. Raises UnsupportedError if the mode does not declare its kind."""
+    if kind not in mode.setpoints:
+        known = ", ".join(each.name for each in mode.setpoints)
+        raise UnsupportedError(f"mode {mode.name!r} sends {known} setpoints: add {kind.name} to its `setpoints`")
+    return filled(cls, **values)
+
+
+def _is_valid(estimate: Any) -> bool:
+    return bool(estimate.xy_valid and estimate.z_valid and estimate.v_xy_valid and estimate.v_z_valid)
+
+
+def _three(values: Sequence[float]) -> tuple[float, float, float]:
+    x, y, z = map(float, values)
+    return x, y, z
+
+
+def _share(thrust: float) -> float:
+    if not 0.0 <= thrust <= 1.0:
+        raise ValueError(f"expected a thrust from 0 to 1, got {thrust:g}")
+    return thrust
