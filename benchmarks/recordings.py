@@ -23,6 +23,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -69,9 +70,9 @@ def _sizes(index: Any) -> tuple[int, int]:
     return index.compressed_size, index.uncompressed_size
 
 
-def ours(path: str) -> None:
+def ours(path: str, *, verify: bool = True) -> None:
     """Read all topics as structured arrays."""
-    with recordings.open(path) as log:
+    with recordings.open(path, verify=verify) as log:
         log.load()
 
 
@@ -80,12 +81,6 @@ def our_columns(path: str) -> None:
     with recordings.open(path) as log:
         for samples in log.load().values():
             samples.columns()
-
-
-def unverified(path: str) -> None:
-    """Read all topics as structured arrays, without a comparison of checksums."""
-    with recordings.open(path, verify=False) as log:
-        log.load()
 
 
 def tables(path: str) -> None:
@@ -111,11 +106,6 @@ def one_topic(path: str, *, verify: bool = True) -> None:
     """Read a topic."""
     with recordings.open(path, verify=verify) as log:
         log.samples("VehicleOdometry")
-
-
-def one_unverified_topic(path: str) -> None:
-    """Read a topic, without a comparison of checksums."""
-    one_topic(path, verify=False)
 
 
 def ten_seconds(path: str) -> None:
@@ -176,11 +166,11 @@ FLOOR = "floor: read and decompress"
 ON_MCAP: Readers = {
     FLOOR: (floor, True),
     "msggen, structured arrays": (ours, True),
-    "msggen, the same without checksums": (unverified, True),
+    "msggen, the same without checksums": (partial(ours, verify=False), True),
     "msggen, columns": (our_columns, True),
     "msggen, tables in a loop over the topics": (tables, True),
     "msggen, one topic": (one_topic, True),
-    "msggen, one topic without checksums": (one_unverified_topic, True),
+    "msggen, one topic without checksums": (partial(one_topic, verify=False), True),
     "msggen, 10 s of one topic": (ten_seconds, True),
     "msggen, counts and times of topics": (summary, True),
     "msggen, `verify` alone": (checksums, True),

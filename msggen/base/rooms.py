@@ -94,7 +94,15 @@ ROOMS: Mapping[str, tuple[str, ...]] = MappingProxyType(
             "recordings.columns",
             "recordings.log",
         ),
-        "recordings.live": ("live", "recordings.decode", "recordings.topics", "recordings.log", "recordings.writer"),
+        "recordings.live": (
+            "base",
+            "definitions",
+            "live",
+            "recordings.decode",
+            "recordings.topics",
+            "recordings.log",
+            "recordings.writer",
+        ),
         "recordings.fleet": (
             "base",
             "recordings.source",

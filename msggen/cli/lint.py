@@ -50,8 +50,7 @@ def _lint(options: argparse.Namespace) -> int:
     rules, ignored = selected_rules("lint", options, settings)
     sources = sources_of(options, settings)
     if sources.embedded and not (options.px4 or settings.px4 or options.msg_dir or settings.msg_dir):
-        files = [os.path.abspath(each) for each in options.messages if os.path.isfile(each)]
-        named = [os.path.relpath(os.path.dirname(each)) for each in files]
+        named = [os.path.dirname(each) or os.curdir for each in options.messages if os.path.isfile(each)]
         folders = (each for each in (*options.messages, *named, os.curdir) if os.path.isdir(each))
         near = next((each for each in folders if find_definitions(Folder(each), "msg", ".msg", "", is_flat=False)), "")
         hint = f", did you mean --msg-dir {near}?" if near else ": name them with --px4 or --msg-dir"

@@ -10,6 +10,7 @@ from msggen.base.diagnostics import counted, few, input_error, printable
 from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
 from msggen.cli.packages import check_reading
+from msggen.cli.reading import read_errors
 from msggen.cli.record import add_topics, check_packages
 from msggen.cli.status import Status
 from msggen.cli.values import KEY, local_path, non_empty, positive, seconds
@@ -96,14 +97,9 @@ def _play(options: argparse.Namespace) -> int:
 
 def _open(options: argparse.Namespace) -> Log:
     from msggen.recordings.log import opening
-    from msggen.recordings.source.source import RecordingError
 
-    try:
+    with read_errors(options.file):
         return opening.open(options.file)
-    except RecordingError as error:
-        raise input_error(options.file, "R102", str(error).removeprefix(f"{options.file} "), 0) from None
-    except OSError as error:
-        raise input_error(options.file, "R102", f"cannot be read: {error.strerror}", 0) from None
 
 
 def _choice(options: argparse.Namespace, recording: Log) -> Choice:

@@ -14,7 +14,7 @@ from msggen.base.exit_codes import DONE
 from msggen.cli.chosen_types import Types, folder_types, given_types, release_types
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
 from msggen.cli.packages import topics_of
-from msggen.cli.sim_log import check_ulog, contents_of, endpoint_topics, fly_alone, open_log, told
+from msggen.cli.sim_log import check_ulog, contents_of, endpoint_topics, fly_alone, new_log
 from msggen.cli.status import Status
 from msggen.cli.values import Deferred, finite, local_path, non_empty, positive, share, whole
 from msggen.cli.watching import watching
@@ -166,8 +166,7 @@ def _sim(options: argparse.Namespace) -> int:
     if options.log and options.address is None:
         return fly_alone(options, package, label, next(_options_of_vehicles(options)))
     options.address = options.address or DEFAULT
-    log = open_log(options, endpoint_topics(package), label) if options.log else None
-    with told(options.log), log or nullcontext():
+    with new_log(options, endpoint_topics(package), label) if options.log else nullcontext() as log:
         return _connected(options, package, label, log)
 
 

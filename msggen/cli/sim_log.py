@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from msggen.base.diagnostics import input_error
+from msggen.base.diagnostics import InputError, input_error
 from msggen.base.exit_codes import DONE
 from msggen.base.recording_formats import FORMATS
 from msggen.cli.options import check_parent
@@ -40,18 +40,25 @@ def endpoint_topics(package: ModuleType) -> Mapping[str, Any]:
     return {each.uorb_topic: each.message for each in topics_of(package).ENDPOINTS}
 
 
-def open_log(options: argparse.Namespace, topics: Mapping[str, Any], label: str) -> UlogWriter:
-    """Create the file. Raises an InputError."""
+@contextmanager
+def new_log(options: argparse.Namespace, topics: Mapping[str, Any], label: str) -> Iterator[UlogWriter]:
+    """Create the file, and close it at the end. Raises an InputError, also if it cannot be written further."""
     from msggen.live.sim.alone import BOOT
     from msggen.live.sim.parameters import PARAMETERS
-    from msggen.recordings.live.ulog import UlogWriter, Vehicle
+    from msggen.recordings.live.ulog import UlogError, UlogWriter, Vehicle
 
+    path = options.log
     try:
-        return UlogWriter(options.log, BOOT, topics, PARAMETERS, Vehicle(options.key, label))
+        log = UlogWriter(path, BOOT, topics, PARAMETERS, Vehicle(options.key, label))
     except FileExistsError:
-        raise _taken(options.log) from None
-    except OSError as error:
-        raise _unwritable(options.log, str(error.strerror)) from None
+        raise _taken(path) from None
+    except (OSError, UlogError) as error:
+        raise _unwritable(path, error) from None
+    try:
+        with log:
+            yield log
+    except UlogError as error:
+        raise _unwritable(path, error) from None
 
 
 def fly_alone(options: argparse.Namespace, package: ModuleType, label: str, vehicle: Options) -> int:
@@ -60,22 +67,11 @@ def fly_alone(options: argparse.Namespace, package: ModuleType, label: str, vehi
 
     flight = LoneFlight(package, vehicle, time.time_ns() // 1000)
     seconds = getattr(options, "for") or _LONGEST  # a keyword
-    with told(options.log), open_log(options, flight.topics, label) as log:
+    with new_log(options, flight.topics, label) as log:
         flight.run(log, BOOT + round(seconds * 1e6))
     if not options.quiet:
         print(f"{label}: a flight of {(flight.time - BOOT) / 1e6:.1f} s, to {contents_of(log)}")
     return DONE
-
-
-@contextmanager
-def told(path: str | None) -> Iterator[None]:
-    """Raise an InputError if the file cannot be written further."""
-    from msggen.recordings.live.ulog import UlogError
-
-    try:
-        yield
-    except UlogError as error:
-        raise _unwritable(path or "", str(error)) from None
 
 
 def contents_of(log: UlogWriter) -> str:
@@ -83,9 +79,10 @@ def contents_of(log: UlogWriter) -> str:
     return f"{log.path}: {log.samples:,} samples, {number_of_bytes(log.size)}"
 
 
-def _taken(path: str) -> Exception:
+def _taken(path: str) -> InputError:
     return input_error(path, "R101", "there is such a file already: choose another name, or remove it", 0)
 
 
-def _unwritable(path: str, reason: str) -> Exception:
+def _unwritable(path: str, error: Exception) -> InputError:
+    reason = error.strerror if isinstance(error, OSError) else error
     return input_error(path, "R101", f"cannot be written: {reason}", 0)

@@ -17,6 +17,7 @@ from msggen.cli.chosen_types import is_given, known_types
 from msggen.cli.link import add_link, connection
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
 from msggen.cli.packages import check_reading, missing_extra
+from msggen.cli.reading import read_errors
 from msggen.cli.values import local_path, non_empty, whole
 from msggen.cli.watching import rounds, watching
 from msggen.generate.cache import package_of
@@ -116,14 +117,11 @@ def _packages(options: argparse.Namespace) -> Iterator[ModuleType]:
 
 def _recording(path: str) -> Log:
     from msggen.recordings.log import opening
-    from msggen.recordings.source.source import RecordingError
-    from msggen.show.view.recording import UnviewableRecordingError, channels_of
+    from msggen.show.view.recording import channels_of
 
-    try:
+    with read_errors(path):
         recording = opening.open(path)
         channels_of(recording)
-    except (RecordingError, UnviewableRecordingError) as error:
-        raise input_error(path, "R102", str(error).removeprefix(f"{path} "), 0) from None
     return recording
 
 

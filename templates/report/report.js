@@ -6,6 +6,7 @@
   const whole = [0, data.duration > 0 ? data.duration : 1];
   const shortest = Math.max(whole[1] / 1e5, 1e-3);
   const view = { low: whole[0], high: whole[1] };
+  const isWhole = () => view.low <= whole[0] && view.high >= whole[1];
   const plots = new Map(); // by the element of the chart
   const visible = new Set();
   const find = (selector) => document.querySelector(selector);
@@ -46,9 +47,8 @@
     root.style.setProperty("--scale", 100 / (view.high - view.low));
     for (const element of visible) fit(plots.get(element));
     drawInterval();
-    const isWhole = view.low <= whole[0] && view.high >= whole[1];
     const digits = view.high - view.low < 10 ? 2 : view.high - view.low < 600 ? 1 : 0;
-    find("#shown-time").textContent = isWhole
+    find("#shown-time").textContent = isWhole()
       ? "Whole log, " + clock(whole[1], 1)
       : clock(view.low, digits) + " to " + clock(view.high, digits);
   }
@@ -111,6 +111,8 @@
 
   // charts
 
+  const heightOf = (width) => (width < 500 ? 190 : 220);
+
   function make(element) {
     const chart = data.charts[Number(element.dataset.chart)];
     const tables = chart.tables.map(([when, values]) => [times(when), ...values.map(numbers)]);
@@ -121,7 +123,7 @@
     const plot = new uPlot(
       {
         width: element.clientWidth,
-        height: element.clientWidth < 500 ? 190 : 220,
+        height: heightOf(element.clientWidth),
         scales: { x: { time: false, min: view.low, max: view.high }, y: { range: (self, low, high) => around(low, high) } },
         axes: [
           { ...axis, space: 70, size: 34, values: (self, splits) => splits.map((each) => clock(each, digitsOf(splits))) },
@@ -268,13 +270,12 @@
   function drawInterval() {
     const path = find("#track-interval");
     if (!track || !path) return;
-    const isWhole = view.low <= whole[0] && view.high >= whole[1];
     const first = Math.max(index(view.low), 0);
     const last = index(view.high);
     const points = [];
     for (let at = first; at <= last; at++) points.push(place(at));
-    path.setAttribute("d", isWhole || !points.length ? "" : "M" + points.join("L"));
-    find("#track").classList.toggle("is-part", !isWhole);
+    path.setAttribute("d", isWhole() || !points.length ? "" : "M" + points.join("L"));
+    find("#track").classList.toggle("is-part", !isWhole());
   }
 
   function point(time) {
@@ -310,7 +311,7 @@
   function resize(width) {
     for (const [element, plot] of plots) {
       const wide = width || element.clientWidth;
-      if (wide && wide !== plot.width) plot.setSize({ width: wide, height: wide < 500 ? 190 : 220 });
+      if (wide && wide !== plot.width) plot.setSize({ width: wide, height: heightOf(wide) });
     }
   }
   addEventListener("resize", () => resize());

@@ -56,7 +56,7 @@ def test_a_file_is_written_and_replaced(here: Path, capsys: pytest.CaptureFixtur
         (["flight.mcap", "-o", "no/a.html"], "no"),
         (
             ["other.mcap"],
-            "there are no samples of topics that a report shows, such as vehicle_local_position, vehicle_a",
+            "other.mcap: R102 there are no samples of topics that a report shows, such as vehicle_local_position, ",
         ),
         (["missing.mcap"], "missing.mcap: R102 cannot be read: No such file or directory"),
         (["text.txt"], "text.txt: R102 is not a recording: "),

@@ -81,6 +81,8 @@ def test_a_code_of_the_store_is_told(server: ObjectServer) -> None:
     check_failed(run(INFO), "access is forbidden (403 InvalidAccessKeyId): these credentials may not do this")
     server.fault, server.code = "404", "NoSuchBucket"
     check_failed(run(INFO), "there is no such bucket")
+    server.fault, server.code = "404", "NoSuchUpload"
+    check_failed(run(INFO), "the server answers with an error (404 NoSuchUpload)")
     server.fault, server.code = "301", "PermanentRedirect"
     check_failed(run(INFO), "the bucket is in another region (301): set AWS_REGION")
 
@@ -162,3 +164,29 @@ def test_ctrl_c_ends_a_command_whose_store_stalls(server: ObjectServer) -> None:
         _, told = process.communicate(timeout=30)
     assert "Traceback" not in told
     assert process.returncode == 130
+
+
+ADDRESS = "http://user:hidden@hidden@127.0.0.1:9/flight.mcap?signature=hidden"
+
+
+@pytest.mark.parametrize("words", [["show", ADDRESS], ["info", ADDRESS], ["merge", ADDRESS, ADDRESS]])
+def test_no_error_shows_a_password_or_a_signature(
+    words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hasten(monkeypatch)
+    monkeypatch.chdir(tmp_path)
+    outcome = run(["log", *words])
+    assert outcome.code == FAILED
+    assert "http://127.0.0.1:9/flight.mcap" in outcome.stderr
+    assert "hidden" not in outcome.stderr
+
+
+def test_an_error_of_the_temporary_folder_is_without_the_query(
+    server: ObjectServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(**_: Any) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("tempfile.mkdtemp", full)
+    outcome = run(["log", "info", f"{server.url}/bucket/a.mcap?signature=hidden"])
+    assert outcome.stderr == f"{server.url}/bucket/a.mcap: R102 cannot be read: No space left on device\n1 error\n"

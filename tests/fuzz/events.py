@@ -10,10 +10,12 @@ import json
 import lzma
 import struct
 from collections.abc import Callable, Mapping
+from math import isfinite
 from pathlib import Path
 from random import Random
-from typing import Any, NamedTuple
+from typing import Any
 
+from fuzz.structures import Case
 from msggen import recordings
 from msggen.recordings import RecordingError
 from msggen.recordings.convert import convert
@@ -37,21 +39,13 @@ UNITS = (
 KEYS = ("1", "5", "0", "-1", "256", "9" * 5000, "", "x", "\uff11", "default", "components", "events", "__proto__")
 
 
-class Case(NamedTuple):
-    """The compressed metadata and the events of a log, or the text of samples of the topic of decoded events."""
-
-    kind: str
-    seed: int
-
-
 def case(chance: Random) -> Case:
-    return Case(chance.choice(sorted(KINDS)), chance.randrange(1 << 32))
+    return Case.of(KINDS, chance)
 
 
 def check(case: Case) -> None:
-    chance = Random(case.seed)  # noqa: S311 - no secret
     with scratch_folder() as folder:
-        KINDS[case.kind](folder, chance)
+        KINDS[case.kind](folder, case.chance)
 
 
 # metadata
@@ -164,20 +158,12 @@ def _check_copy(log: recordings.Log, events: list[Event], folder: Path) -> None:
 
 
 def _told(events: Any) -> list[str]:
-    """Return events as text: NaN is the same as NaN."""
-    return [repr((*each[:9], dict(each.arguments))) for each in _without_infinity(events)]
+    """Return events as text. JSON has one value for all numbers that are not finite, so they are the same."""
+    return [repr((*each[:9], {name: _finite(value) for name, value in each.arguments.items()})) for each in events]
 
 
-def _without_infinity(events: Any) -> list[Event]:
-    """Return events with NaN for numbers that are not finite, as JSON has one for all of them."""
-    return [
-        each._replace(
-            arguments={
-                name: value if abs(value) < float("inf") else float("nan") for name, value in each.arguments.items()
-            }
-        )
-        for each in events
-    ]
+def _finite(value: float) -> float | None:
+    return value if isfinite(value) else None
 
 
 def _checked(events: Any) -> list[Event]:
@@ -240,3 +226,4 @@ KINDS: Mapping[str, Callable[[Path, Random], None]] = {
     "damaged": lambda folder, chance: _check_log(folder, chance, _damaged(chance)),
     "topic": _check_topic,
 }
+"""The checks of metadata that is changed or damaged, and of a topic of decoded events."""

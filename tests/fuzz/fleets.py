@@ -304,7 +304,7 @@ def _change(chance: Random, work: Path, outside: Path) -> None:
         "",
         "../outside/file",
         "x.stage/new/link/file",
-        name_of_stage(work),
+        _empty_stage(work),
     )
     file = {"rows": 1, "size": 1, "logs": "0"}
     change: dict[str, object] = {
@@ -322,8 +322,8 @@ def _change(chance: Random, work: Path, outside: Path) -> None:
     path.write_text(json.dumps(change))
 
 
-def name_of_stage(work: Path) -> str:
-    """Make a stage that is a link, and return a file in it."""
+def _empty_stage(work: Path) -> str:
+    """Make a stage without files, and return the path that one in it would have."""
     stage = work / "fleet" / "_msggen" / "000007-00000000.stage"
     (stage / "new").mkdir(parents=True, exist_ok=True)
     return f"{stage.name}/new/0.parquet"

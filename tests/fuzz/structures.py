@@ -10,7 +10,7 @@ import json
 import os
 import sqlite3
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import closing, suppress
 from pathlib import Path
 from random import Random
@@ -40,23 +40,32 @@ SAMPLE = b"\0\1\0\0\7"
 
 
 class Case(NamedTuple):
-    """A recording of a kind, which a seed builds."""
+    """Something of a kind, which a seed builds."""
 
     kind: str
     seed: int
 
+    @classmethod
+    def of(cls, kinds: Iterable[str], chance: Random) -> Case:
+        """Return a random case of one of some kinds."""
+        return cls(chance.choice(sorted(kinds)), chance.randrange(1 << 32))
+
+    @property
+    def chance(self) -> Random:
+        """What the seed gives."""
+        return Random(self.seed)  # noqa: S311 - no secret
+
 
 def case(chance: Random) -> Case:
-    return Case(chance.choice(sorted(KINDS)), chance.randrange(1 << 32))
+    return Case.of(KINDS, chance)
 
 
 def check(case: Case) -> None:
-    chance = Random(case.seed)  # noqa: S311 - no secret
     before = os.environ.get("MSGGEN_MAX_CONTENT")
     os.environ["MSGGEN_MAX_CONTENT"] = str(LIMIT)
     try:
         with scratch_folder() as folder:
-            KINDS[case.kind](folder / case.kind, chance)
+            KINDS[case.kind](folder / case.kind, case.chance)
             _read(folder / case.kind)
             for words in (["info"], ["info", "--json"], ["convert", "-o", "made", "--format", "csv"]):
                 outcome = run(["log", words[0], case.kind, *words[1:]])

@@ -478,7 +478,7 @@ def test_errors_of_msggen_itself_are_reported_too(logs: Path, tmp_path: Path, mo
     def fail(*_: object, **__: object) -> None:
         raise TypeError("a bug")
 
-    monkeypatch.setattr("msggen.recordings.fleet.layout.vehicle_of", fail)
+    monkeypatch.setattr("msggen.recordings.fleet.batch.vehicle_of", fail)
     summary = update(str(logs), str(tmp_path / "fleet"))
     assert [each.error for each in summary.failed] == ["unexpected error: TypeError: a bug"] * 3
     assert parquet_in(tmp_path / "fleet") == {}

@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import pyarrow as pa
 import pyarrow.dataset as ds
@@ -20,6 +20,7 @@ from hypothesis import strategies as st
 from msggen.recordings.fleet import Keys, compact, compaction, parts, update
 from msggen.recordings.fleet.parts import Run, write_parts
 from msggen.recordings.fleet.records import FleetError
+from msggen.recordings.fleet.runs import opened
 from support.fleet_logs import VEHICLES, flight
 from support.fleet_recordings import parquet_in, rows_of, write_flight
 from support.log_files import Written, write_log
@@ -246,6 +247,18 @@ def test_a_damaged_file_is_named(damaged: Path, fleet: Path) -> None:
     damaged.unlink()
     assert len(update(str(fleet.parent / "logs"), str(fleet)).converted) == 1
     assert compact(str(fleet)).files == 5
+
+
+def test_a_damaged_file_is_closed(damaged: Path) -> None:
+    handles: list[IO[bytes]] = []
+
+    def opening(_: str) -> IO[bytes]:
+        handles.append(damaged.open("rb"))
+        return handles[-1]
+
+    with opened(opening) as files, pytest.raises(FleetError, match="the file is damaged"):
+        files.schema("a.parquet")
+    assert [each.closed for each in handles] == [True]
 
 
 def test_other_files_stay(fleet: Path) -> None:

@@ -93,6 +93,19 @@ def test_a_run_that_has_lost_its_lock_writes_nothing(
     assert {key: data for key, data in after.items() if ".stage/" not in key} == before
 
 
+@pytest.mark.skipif(not hasattr(time, "CLOCK_BOOTTIME"), reason="the clock of Linux that goes on in a sleep")
+def test_a_lock_is_not_trusted_after_a_sleep_of_the_computer(bucket: Bucket, monkeypatch: pytest.MonkeyPatch) -> None:
+    clock, slept = time.clock_gettime, {time.CLOCK_BOOTTIME: 100.0}  # time.monotonic stands still meanwhile
+    own = Lease(Store(FLEET), f"{FLEET}/lock")
+    with own.held(lambda _: None):
+        bucket.client.put_object(Bucket="bucket", Key="fleets/own/lock", Body=OTHER)
+        own.check()
+        monkeypatch.setattr(time, "clock_gettime", lambda which: clock(which) + slept.get(which, 0.0))
+        with pytest.raises(StoreError, match="another run has taken the lock"):
+            own.check()
+    assert bucket.save() == {"fleets/own/lock": OTHER}
+
+
 def test_a_store_that_ignores_conditions_is_an_error(
     bucket: Bucket, logs: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

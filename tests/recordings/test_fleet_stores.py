@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +15,10 @@ from msggen.recordings.fleet import compact, files, pools, run, update
 from msggen.recordings.fleet.records import FleetError
 from msggen.recordings.source.source import RecordingError
 from msggen.recordings.stores.errors import StoreError
+from support.databases import Stored, write_database
 from support.fleet_recordings import rows_of
 from support.fleet_stores import FLEET, Bucket, change
+from support.recordings import START
 
 pytest_plugins = ["support.fleet_fixtures"]
 pytestmark = pytest.mark.timeout(600)
@@ -63,6 +67,19 @@ def test_recordings_in_a_store_become_a_fleet_in_a_folder(bucket: Bucket, logs: 
     assert not any("notes" not in each for each in bucket.proxy.requests if "ulg" in each)
 
 
+def test_the_log_of_a_database_that_was_not_closed_is_read_in_a_fleet_from_a_store(
+    bucket: Bucket, tmp_path: Path
+) -> None:
+    (tmp_path / "logs").mkdir()
+    rows = [(1, START + number, b"\0\1\0\0" + bytes([number]) * 8) for number in range(10)]
+    topics = [Stored(1, "/a", "our_msgs/msg/Foo", "uint64 timestamp\n")]
+    path = write_database(tmp_path / "logs" / "flight.db3", topics, rows, journal="WAL")
+    with closing(sqlite3.connect(path, isolation_level=None)) as base:
+        base.execute("DELETE FROM messages WHERE id > 7")
+        bucket.put(tmp_path / "logs", "logs")
+    assert update(LOGS, FLEET).document()["rows"] == 7
+
+
 def test_a_folder_of_rosbag2_in_a_store_is_one_recording(bucket: Bucket, px4_types: Any, tmp_path: Path) -> None:
     from support.fleet_recordings import write_flight
 
@@ -96,6 +113,14 @@ def test_a_folder_that_is_no_fleet_is_an_error(bucket: Bucket, logs: Path) -> No
     with pytest.raises(StoreError, match=r"^s3://nobucket[^:]*: there is no such bucket$"):
         update(str(logs), "s3://nobucket/fleet")
     assert not [key for key in bucket.names() if "_msggen" in key]
+
+
+def test_a_list_of_files_needs_no_temporary_folder(
+    bucket: Bucket, logs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    update(str(logs), FLEET)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "missing"))
+    assert files(FLEET, "battery_status") == [f"s3://bucket/{key}" for key in bucket.names("fleets/own/battery_status")]
 
 
 def test_a_fleet_can_be_copied_to_a_store_and_back(bucket: Bucket, logs: Path, tmp_path: Path) -> None:

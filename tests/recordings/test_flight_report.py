@@ -6,6 +6,7 @@ import json
 import math
 import re
 import struct
+import tracemalloc
 from base64 import b64decode
 from collections.abc import Sequence
 from contextlib import suppress
@@ -278,6 +279,36 @@ def test_jumps_of_the_estimate_are_no_distance(tmp_path: Path, px4_types: Any) -
     assert any("jumped 1 time" in each.text for each in findings_of(recorded, timeline_of(recorded)))
 
 
+def test_a_clock_that_jumps_by_years_needs_no_memory_for_them(tmp_path: Path, px4_types: Any) -> None:
+    local = px4_types.VehicleLocalPosition
+    samples = [
+        ("/fmu/out/vehicle_local_position", step + (1e8 if step >= 10 else 0), local(x=float(step), xy_valid=True))
+        for step in range(20)
+    ]
+    recorded = recorded_of(write_recording(tmp_path / "clock.mcap", samples))
+    track = track_of(recorded)
+    tracemalloc.start()
+    try:
+        assert {each.name: each.value for each in figures_of(recorded, track)}["Distance"] == "19.0 m"
+        assert tracemalloc.get_traced_memory()[1] < 1 << 20
+    finally:
+        tracemalloc.stop()
+
+
+def test_jumps_between_two_flights_are_not_told(tmp_path: Path, px4_types: Any) -> None:
+    status, local = px4_types.VehicleStatus, px4_types.VehicleLocalPosition
+    samples = [
+        ("/fmu/out/vehicle_status", float(step), status(arming_state=1 + (step < 5 or step >= 15)))
+        for step in range(20)
+    ]
+    samples += [
+        ("/fmu/out/vehicle_local_position", step + 0.5, local(heading_reset_counter=int(step >= 10)))
+        for step in range(20)
+    ]
+    recorded = recorded_of(write_recording(tmp_path / "turned.mcap", samples))
+    assert not findings_of(recorded, timeline_of(recorded))
+
+
 def test_the_track_can_be_of_latitudes_and_longitudes(tmp_path: Path, px4_types: Any) -> None:
     position = px4_types.VehicleGlobalPosition
     samples = [
@@ -359,6 +390,30 @@ def test_values_beyond_their_limits_are_findings(  # noqa: PLR0913, PLR0917
     found = [each.text for each in findings_of(recorded, timeline_of(recorded))]
     assert len(found) == (0 if expected is None else 12 if topic == "actuator_motors" else 1), found
     assert expected is None or found[0].startswith(expected)
+
+
+def test_vibration_is_told_from_when_the_vehicle_was_armed(tmp_path: Path, px4_types: Any) -> None:
+    shaken, status = px4_types.VehicleImuStatus(accel_vibration_metric=6.0), px4_types.VehicleStatus
+    samples = [("/fmu/out/vehicle_imu_status", step / 10, shaken) for step in range(50)]
+    samples += [("/fmu/out/vehicle_status", step, status(arming_state=1 + (step > 2))) for step in range(5)]
+    recorded = recorded_of(write_recording(tmp_path / "shaken.mcap", samples))
+    (found,) = [each for each in findings_of(recorded, timeline_of(recorded)) if "vibration" in each.text]
+    assert (found.level, found.time) == ("warning", 3.0)
+
+
+def test_the_time_between_two_flights_does_not_count(tmp_path: Path, px4_types: Any) -> None:
+    status, motors = px4_types.VehicleStatus, px4_types.ActuatorMotors
+    armed = [2 <= step < 6 or 20 <= step < 24 for step in range(30)]
+    samples = [
+        ("/fmu/out/vehicle_status", float(step), status(arming_state=1 + each)) for step, each in enumerate(armed)
+    ]
+    samples += [
+        ("/fmu/out/actuator_motors", step + 0.5, motors(control=(1.0 if each else math.nan, *[math.nan] * 11)))
+        for step, each in enumerate(armed)
+    ]
+    recorded = recorded_of(write_recording(tmp_path / "two.mcap", samples))
+    (found,) = findings_of(recorded, timeline_of(recorded))
+    assert (found.text, found.time) == ("motor 1 was at its limit for 8.0 s, 100 % of the time armed", 2.5)
 
 
 def test_a_lost_fix_is_a_finding(tmp_path: Path, px4_types: Any) -> None:

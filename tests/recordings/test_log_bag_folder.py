@@ -480,7 +480,7 @@ def test_content_that_is_too_large_is_refused(tmp_path: Path, monkeypatch: pytes
     path.write_bytes(zstandard.compress(bytes(50 << 20)))
     with pytest.raises(CompressionError, match=r"more than 1048576 bytes .*; MSGGEN_MAX_CONTENT sets"):
         decompress_file(str(path), str(tmp_path / "x"), Room(path.stat().st_size))
-    with pytest.raises(CompressionError, match="a sample of"):
+    with pytest.raises(CompressionError, match="a sample of 52428800 bytes, more than 1048576"):
         decompress_frame(path.read_bytes(), 1 << 20)
 
 

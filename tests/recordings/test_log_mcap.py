@@ -28,7 +28,8 @@ from msggen.recordings.source.source import Contents, Problem, RecordingError
 from support.examples import examples
 from support.log_files import Written, write_log
 from support.mcap_reference import Message, flat, messages
-from support.random_mcap import NAMES, START, WAYS, recording
+from support.random_mcap import NAMES, WAYS, recording
+from support.recordings import START
 from support.scratch import scratch_folder
 
 

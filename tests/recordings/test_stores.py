@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import os
+import sqlite3
 import struct
 import tempfile
 from collections.abc import Iterator
@@ -28,7 +29,8 @@ from support.databases import Stored, write_database
 from support.examples import examples
 from support.log_files import Written, write_log
 from support.object_server import FAULTS, ObjectServer, hasten, object_server, set_credentials
-from support.random_mcap import START, WAYS, recording
+from support.random_mcap import WAYS, recording
+from support.recordings import START
 from support.scratch import scratch_folder
 from support.ulog import write_ulog
 
@@ -259,6 +261,28 @@ def test_a_database_and_compressed_files_are_the_same_in_a_store(
     local, remote = both(server, (tmp_path / "flight.db3").read_bytes(), "flight.db3")
     assert local == remote
     assert local[0]
+
+
+@pytest.mark.parametrize("name", ["flight.db3", "flight"])
+@pytest.mark.parametrize(("log", "journal"), [("-wal", "WAL"), ("-journal", "DELETE")])
+def test_the_log_of_a_database_that_was_not_closed_is_read_in_a_store(
+    server: ObjectServer, tmp_path: Path, log: str, journal: str, name: str
+) -> None:
+    rows = [(1, START + number, bytes(3000)) for number in range(100)]
+    path = write_database(tmp_path / "flight_0.db3", [Stored(1, "/a", "a/msg/A")], rows, journal=journal)
+    base = sqlite3.connect(path, isolation_level=None)
+    base.execute("PRAGMA cache_size = 2")
+    base.execute("BEGIN")
+    base.execute("UPDATE messages SET timestamp = 7, data = zeroblob(2000)")
+    if journal == "WAL":
+        base.execute("COMMIT")
+    place = f"/bucket/{name}" if name == "flight.db3" else "/bucket/flight/flight_0.db3"
+    for suffix in ("", log):
+        server.files[place + suffix] = (tmp_path / f"flight_0.db3{suffix}").read_bytes()
+    base.close()
+    with recordings.open(f"s3://bucket/{name}") as found:
+        assert {int(each) for _, part in found.undecoded() for each in part.sizes} == {2000 if log == "-wal" else 3000}
+        assert any("was not closed" in problem.text for problem in found.problems)
 
 
 def test_a_server_of_http_is_read_in_ranges(server: ObjectServer, px4_types: Any, tmp_path: Path) -> None:

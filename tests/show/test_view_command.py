@@ -76,7 +76,8 @@ def test_errors_are_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert main(["view", str(path)]) == FAILED
     assert capsys.readouterr().err.startswith(f"{path}: R102 is not a recording")
     assert main(["view", str(tmp_path / "absent.mcap")]) == FAILED
-    assert capsys.readouterr().err == f"msggen: {tmp_path / 'absent.mcap'}: No such file or directory\n"
+    text = "R102 cannot be read: No such file or directory"
+    assert capsys.readouterr().err.splitlines()[0] == f"{tmp_path / 'absent.mcap'}: {text}"
 
 
 def test_the_time_ends_the_command(px4_types: ModuleType, capsys: pytest.CaptureFixture[str]) -> None:

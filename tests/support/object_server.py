@@ -60,12 +60,17 @@ class ObjectServer:
         return sum(each.sent for each in self.requests)
 
 
-class _Handler(BaseHTTPRequestHandler):
+class QuietHandler(BaseHTTPRequestHandler):
+    """A handler of HTTP/1.1 that prints nothing."""
+
     protocol_version = "HTTP/1.1"
-    has: ObjectServer
 
     def log_message(self, *_: object) -> None:
         """Print nothing."""
+
+
+class _Handler(QuietHandler):
+    has: ObjectServer
 
     def do_HEAD(self) -> None:
         self._answer()
@@ -93,7 +98,7 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _answer(self) -> None:
         fault = self._fails()
-        if "?list-type=2" in self.path and not fault.isdecimal():
+        if "list-type=2" in self.path and not fault.isdecimal():
             self._send(200, self._listed(), {})
             return
         data = self.has.files.get(self.path.partition("?")[0])
@@ -166,20 +171,25 @@ class _Server(ThreadingHTTPServer):
 
 
 @contextmanager
+def serving(handler: type[QuietHandler], ended: threading.Event) -> Iterator[str]:
+    """Run a server in threads, and yield its URL. At the end, set `ended`, for which a handler may wait."""
+    with _Server(("127.0.0.1", 0), handler) as server:
+        thread = threading.Thread(target=server.serve_forever, args=(0.02,), daemon=True)  # `atexit` may end it
+        thread.start()
+        try:
+            yield f"http://127.0.0.1:{server.server_port}"
+        finally:
+            ended.set()
+            server.shutdown()
+            thread.join()
+
+
+@contextmanager
 def object_server() -> Iterator[ObjectServer]:
     """Run a server in threads."""
     has = ObjectServer()
-    handler = type("Handler", (_Handler,), {"has": has})
-    with _Server(("127.0.0.1", 0), handler) as server:
-        has.url = f"http://127.0.0.1:{server.server_port}"
-        thread = threading.Thread(target=server.serve_forever, args=(0.02,))
-        thread.start()
-        try:
-            yield has
-        finally:
-            has.ended.set()
-            server.shutdown()
-            thread.join()
+    with serving(type("Handler", (_Handler,), {"has": has}), has.ended) as has.url:
+        yield has
 
 
 def set_credentials(patch: pytest.MonkeyPatch, endpoint: str) -> None:

@@ -9,7 +9,8 @@ from typing import Any
 from mcap.writer import CompressionType, IndexType
 from mcap.writer import Writer as McapWriter
 
-START = 1_790_000_000_000_000_000
+from support.recordings import START
+
 NAMES = ("VehicleStatus", "SensorGps", "EscStatus", "FailsafeFlags")
 TEXTS = "string text\nint32[] numbers\nPoint[] points\nPoint[2] two\nuint16[<=3] few\nfloat64 last\n"
 TEXTS += "=" * 80 + "\nMSG: our_msgs/Point\nfloat32 x\nuint8 y\n"

@@ -138,32 +138,28 @@ def write_ulog(path: Path, package: Any, texts: Mapping[str, str] | None = None)
     writer.parameter(changed.get("parameter", "MPC_Z_VEL_MAX_UP"), 2, default=3)
     samples = sorted(messages_of(package), key=lambda sample: sample[1])
     names = {name: type(message).__name__ for name, _, message in samples}
-    for number, (name, cls) in enumerate(names.items()):
-        formats = formats_of(f"px4_msgs/msg/{cls}", definition_in("v1.18", cls))
-        for inner, fields in formats.items():
-            writer.format(inner, fields)
-        writer.subscribe(number, name)
-        assert snake(cls) in formats
     numbers = {name: number for number, name in enumerate(names)}
-    formats = {
-        cls: formats_of(f"px4_msgs/msg/{cls}", definition_in("v1.18", cls))[snake(cls)] for cls in names.values()
-    }
+    formats: dict[str, str] = {}
+    for name, cls in names.items():
+        found = formats_of(f"px4_msgs/msg/{cls}", definition_in("v1.18", cls))
+        for inner, fields in found.items():
+            writer.format(inner, fields)
+        writer.subscribe(numbers[name], name)
+        formats[name] = found[snake(cls)]
     for topic, time, message in samples:
         if topic == "vehicle_status" and time == FAILSAFE:
             writer.text(4, round(time * 1e6), changed.get("text", "Connection to ground station lost"))
             writer.parameter("MPC_XY_VEL_MAX", 6.0)
-        writer.sample(numbers[topic], packed(message, formats[type(message).__name__]))
+        writer.sample(numbers[topic], packed(message, formats[topic]))
     writer.dropout(120)
     return writer.write(path)
 
 
 def packed(message: Any, fields: str) -> bytes:
     """Return a message without others in it as a sample of a ULog."""
-    codes = {"float": "f", "double": "d", "bool": "?", "char": "B"}
-    codes |= {
-        f"{sign}int{bits}_t": code for bits, code in ((8, "b"), (16, "h"), (32, "i"), (64, "q")) for sign in ("",)
-    }
-    codes |= {f"u{name}": code.upper() for name, code in codes.items() if name.startswith("int")}
+    signed = {"int8_t": "b", "int16_t": "h", "int32_t": "i", "int64_t": "q"}
+    codes = {f"u{name}": code.upper() for name, code in signed.items()} | signed
+    codes |= {"float": "f", "double": "d", "bool": "?", "char": "B"}
     content = b""
     for field in fields.split(";"):
         type_, _, name = field.partition(" ")

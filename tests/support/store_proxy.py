@@ -6,8 +6,9 @@ import http.client
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from urllib.parse import urlsplit
+
+from support.object_server import QuietHandler, serving
 
 FAULTS = {
     "500": r"the server answers with an error \(500\)",
@@ -38,14 +39,10 @@ class Proxy:
         self.fails = fails
 
 
-class _Handler(BaseHTTPRequestHandler):
-    protocol_version = "HTTP/1.1"
+class _Handler(QuietHandler):
     disable_nagle_algorithm = True
     proxy: Proxy
     target: str
-
-    def log_message(self, *_: object) -> None:
-        """Print nothing."""
 
     def _pass(self) -> None:
         body = self.rfile.read(int(self.headers.get("Content-Length") or 0))
@@ -88,24 +85,9 @@ class _Handler(BaseHTTPRequestHandler):
             self.wfile.write(body)
 
 
-class _Server(ThreadingHTTPServer):
-    daemon_threads = True
-
-    def handle_error(self, *_: object) -> None:
-        """Pass over clients that have left."""
-
-
 @contextmanager
 def store_proxy(target: str) -> Iterator[Proxy]:
     """Run a proxy in threads."""
     proxy = Proxy()
-    with _Server(("127.0.0.1", 0), type("Handler", (_Handler,), {"proxy": proxy, "target": target})) as server:
-        proxy.url = f"http://127.0.0.1:{server.server_port}"
-        thread = threading.Thread(target=server.serve_forever, args=(0.02,), daemon=True)
-        thread.start()
-        try:
-            yield proxy
-        finally:
-            proxy.ended.set()
-            server.shutdown()
-            thread.join()
+    with serving(type("Handler", (_Handler,), {"proxy": proxy, "target": target}), proxy.ended) as proxy.url:
+        yield proxy

@@ -63,12 +63,12 @@ def _check_replaceable(paths: Iterable[str]) -> None:
                 raise input_error(path, "S104", "not a regular file: move it, or choose another output", 0)
 
 
-def write_if_changed(path: str, text: str, *, flushed: bool = True) -> None:
-    """Write `text` to `path` if the file differs. `flushed` is as for `written_aside`.
+def write_if_changed(path: str, content: str | bytes, *, flushed: bool = True) -> None:
+    """Write a text or bytes to `path` if the file differs. `flushed` is as for `written_aside`.
 
     Raises InputError if a temporary name is taken, and OSError.
     """
-    data = os.fsencode(text)
+    data = os.fsencode(content)
     with suppress(OSError):
         if read_bytes(path, follow=False) == data:
             return

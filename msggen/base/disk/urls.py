@@ -13,7 +13,7 @@ STORES = ("s3", "gs", "az")
 """The schemes of stores, which recordings are read from and written to."""
 _SERVERS = ("https", "http")
 """The schemes of servers, which recordings are only read from."""
-_CREDENTIALS = re.compile(r"(?<=://)[^/@]*@|\?.*", re.DOTALL)
+_CREDENTIALS = re.compile(r"(?<=://)[^/?#]*@|\?.*", re.DOTALL)
 """What can be secret in the URL of a server: a user, and a query, which can have a signature."""
 
 

@@ -5,14 +5,7 @@ from __future__ import annotations
 import argparse
 
 from msggen.base.recording_formats import MCAP
-from msggen.cli.log.arguments import (
-    CODES,
-    add_file,
-    add_output,
-    add_topics,
-    check_times,
-    chosen_topics,
-)
+from msggen.cli.log.arguments import CODES, add_file, add_output, add_topics, check_times, chosen_topics
 from msggen.cli.log.opening import code_of, opened, written
 from msggen.cli.log.targets import check_mcap, named_stem
 from msggen.cli.options import Commands, add_command

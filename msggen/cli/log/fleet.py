@@ -15,12 +15,13 @@ from msggen.base.diagnostics import counted, few, input_error, printable
 from msggen.base.disk.urls import is_address, is_in_store
 from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.base.recording_formats import format_named
-from msggen.cli.log.opening import counted_samples, store_failed
+from msggen.cli.log.opening import counted_samples
 from msggen.cli.log.progress import Show, progress_bar
 from msggen.cli.log.targets import check_folder
 from msggen.cli.options import refuse
-from msggen.cli.packages import missing_extra
+from msggen.cli.packages import check_reading, missing_extra
 from msggen.cli.printing import number_of_bytes
+from msggen.cli.reading import store_errors
 from msggen.cli.values import non_empty, whole
 from msggen.recordings.files.paths import is_bag
 from msggen.show.report.json import dump
@@ -84,17 +85,11 @@ def is_fleet(path: str) -> bool:
 
 
 def _is_folder_in_store(address: str) -> bool:
-    try:
-        from msggen.recordings.fleet.listing import is_folder
-        from msggen.recordings.stores.errors import StoreError
-    except ImportError as error:
-        raise missing_extra(error, "recordings", "R102") from None
-    try:
+    check_reading("R102")
+    from msggen.recordings.fleet.listing import is_folder
+
+    with store_errors("R102"):
         return is_folder(address)
-    except StoreError as error:
-        raise store_failed(error, "R102") from None
-    except ModuleNotFoundError as error:
-        raise missing_extra(error, "stores", "R102") from None
 
 
 def convert_fleet(options: argparse.Namespace) -> int:
@@ -155,16 +150,12 @@ def _updated(options: argparse.Namespace, fleet: str) -> Summary:
 def fleet_errors(fleet: str) -> Iterator[None]:
     """Raise InputError for errors of a fleet, and of a store."""
     from msggen.recordings.fleet.records import FleetError
-    from msggen.recordings.stores.errors import StoreError
 
     try:
-        yield
+        with store_errors("R150"):
+            yield
     except FleetError as error:
         raise input_error(fleet, "R150", str(error), 0) from None
-    except StoreError as error:
-        raise store_failed(error, "R150") from None
-    except ModuleNotFoundError as error:
-        raise missing_extra(error, "stores", "R150") from None
 
 
 def _show(show: Show, progress: Progress) -> None:
@@ -181,7 +172,8 @@ def print_waiting(fleet: str, process: str) -> None:
 
 def _print_names(summary: Summary, fleet: str, *, quiet: bool) -> None:
     """Print to stderr which recordings are not in the fleet, or only in part, and the new copies."""
-    from msggen.recordings.fleet.ledger import REPORT, STATE
+    from msggen.recordings.fleet.folder import STATE
+    from msggen.recordings.fleet.ledger import REPORT
     from msggen.recordings.fleet.records import original_of
 
     failed = [f"{_shown_path(each.path)}: {_reason(each)}" for each in summary.failed]

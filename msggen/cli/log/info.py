@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator, Sequence
-from datetime import datetime, timezone
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from msggen.base.diagnostics import counted, printable
@@ -13,12 +12,7 @@ from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.base.recording_formats import FORMATS
 from msggen.cli.log.arguments import CODES, add_file
 from msggen.cli.log.fields import field_objects, print_fields
-from msggen.cli.log.opening import (
-    counted_samples,
-    opened,
-    print_problems,
-    problem_object,
-)
+from msggen.cli.log.opening import counted_samples, opened, print_problems, problem_object
 from msggen.cli.log.progress import busy_bar
 from msggen.cli.options import Commands, add_command, add_shared
 from msggen.cli.printing import number_of_bytes
@@ -27,6 +21,8 @@ from msggen.cli.values import non_empty
 from msggen.show.report.json import dump
 
 if TYPE_CHECKING:
+    from datetime import datetime
+
     from msggen.recordings import Log, Topic
     from msggen.recordings.source.facts import Facts
     from msggen.recordings.source.source import Checksums, Contents
@@ -71,11 +67,11 @@ def _info(options: argparse.Namespace) -> int:
         if options.topic:
             _print_topic(options, log, *rows)
         elif options.json:
-            made = _object(log.path, log, rows)
+            made = _object(log, rows)
             print(dump(made if checksums is None else {**made, "checksums": checksums._asdict()}))
         else:
             print_problems(options, log.problems)
-            for name, text in (*_rows(log.path, log), *_rows_on_contents(log, checksums)):
+            for name, text in (*_rows(log), *_rows_on_contents(log, checksums)):
                 print(f"{name:<11} {printable(text)}")
             if not has_gaps:
                 where = "a store" if is_address(log.path) else "this many chunks"
@@ -119,12 +115,11 @@ def _rows_on_contents(log: Log, checksums: Checksums | None) -> Iterator[tuple[s
         yield "problems", counted(len(log.problems), "problem") + ", on stderr"
 
 
-def _rows(path: str, log: Log) -> Iterator[tuple[str, str]]:
+def _rows(log: Log) -> Iterator[tuple[str, str]]:
     format_ = FORMATS[log.kind].name if log.kind in FORMATS else log.kind
-    yield "file", f"{path}, {format_}, {number_of_bytes(log.size)}"
-    start = _start(log)
+    yield "file", f"{log.path}, {format_}, {number_of_bytes(log.size)}"
+    start, end = _times(log)
     yield "start", f"{start:%Y-%m-%d %H:%M:%S} UTC" if start else "unknown: the recording has no time of day"
-    end = _time_of_day(log, log.end)
     if start and end:
         yield "end", f"{end:%Y-%m-%d %H:%M:%S} UTC"
     yield "duration", f"{log.duration:.3f} s"
@@ -195,19 +190,12 @@ def _dropouts(durations: Sequence[float]) -> str:
     return f"{len(durations)}, {sum(durations):.3f} s: mean {mean:.3f} s, longest {max(durations):.3f} s"
 
 
-def _start(log: Log) -> datetime | None:
-    """Return when the recording begins, None if it does not tell."""
-    return _time_of_day(log, log.start)
+def _times(log: Log) -> tuple[datetime | None, datetime | None]:
+    """Return when the recording begins and ends, each None if it does not tell."""
+    from msggen.recordings.log.origin import time_of_day
 
-
-def _time_of_day(log: Log, time: int) -> datetime | None:
-    """Return a log time in UTC, None if the recording does not tell it."""
-    if log.utc_offset is None or log.end == 0:
-        return None
-    try:
-        return datetime.fromtimestamp((time + log.utc_offset) // 10**9, timezone.utc)
-    except (OverflowError, ValueError, OSError):
-        return None
+    offset = log.utc_offset if log.end else None
+    return time_of_day(log.start, offset), time_of_day(log.end, offset)
 
 
 def _print_topic(options: argparse.Namespace, log: Log, row: _Row) -> None:
@@ -300,12 +288,12 @@ def _sample_size(topic: Topic) -> int | None:
     return layout.size if layout else None
 
 
-def _object(path: str, log: Log, rows: Sequence[_Row]) -> dict[str, Any]:
-    start, end = _start(log), _time_of_day(log, log.end)
+def _object(log: Log, rows: Sequence[_Row]) -> dict[str, Any]:
+    start, end = _times(log)
     facts = log.facts
     contents = log.contents
     made: dict[str, Any] = {
-        "file": path,
+        "file": log.path,
         "format": log.kind,
         "bytes": log.size,
         "start": f"{start:%Y-%m-%dT%H:%M:%SZ}" if start else None,

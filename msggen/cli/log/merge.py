@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
-from msggen.base.disk.urls import is_address
+from msggen.base.disk.urls import is_address, shown_address
 from msggen.base.recording_formats import MCAP
 from msggen.cli.log.arguments import CODES, KINDS, add_output
 from msggen.cli.log.opening import code_of, opened, written
@@ -44,7 +44,7 @@ def _merge(options: argparse.Namespace) -> int:
         options.parser.error("expected several recordings, found one")
     twice = [path for path, count in Counter(map(_place, options.files)).items() if count > 1]
     if twice:
-        name = twice[0] if is_address(twice[0]) else os.path.relpath(twice[0])
+        name = shown_address(twice[0]) if is_address(twice[0]) else os.path.relpath(twice[0])
         options.parser.error(f"{name} is named twice: its samples would be written twice")
     with ExitStack() as stack:
         logs = [stack.enter_context(opened(options, path)) for path in options.files]

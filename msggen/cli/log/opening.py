@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, BinaryIO
 
-from msggen.base.diagnostics import InputError, counted, input_error, printable
+from msggen.base.diagnostics import counted, input_error, printable
 from msggen.base.disk.names import path_hint
 from msggen.base.disk.urls import is_address, shown_address
 from msggen.base.exit_codes import DONE, FINDINGS
@@ -20,6 +20,7 @@ from msggen.cli.log.targets import STDIN
 from msggen.cli.options import check_parent
 from msggen.cli.packages import check_reading, missing_extra
 from msggen.cli.printing import number_of_bytes
+from msggen.cli.reading import store_errors, store_failed
 from msggen.show.report.json import dump
 
 if TYPE_CHECKING:
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     from msggen.recordings import Log, Problem
     from msggen.recordings.convert import Converted
     from msggen.recordings.definitions.lent import Nearby
-    from msggen.recordings.stores.errors import StoreError
 
 
 @contextmanager
@@ -39,28 +39,22 @@ def opened(options: argparse.Namespace, path: str) -> Iterator[Log]:
     """
     check_reading("R102")
     shown = shown_address(path)
-    try:
-        from msggen import recordings
-        from msggen.recordings import RecordingError
-        from msggen.recordings.source.source import UnknownFieldError
-        from msggen.recordings.stores.errors import StoreError
+    from msggen import recordings
+    from msggen.recordings import RecordingError
+    from msggen.recordings.source.source import UnknownFieldError
+    from msggen.recordings.stores.errors import StoreError
 
-    except ImportError as error:
-        raise missing_extra(error, "recordings", "R102") from None
     try:
-        with busy_bar(options, f"opening {shown}"):
+        with store_errors("R102"), busy_bar(options, f"opening {shown}"):
             keeps = getattr(options, "keep_damaged", False)
             log = recordings.open(_source(options, path), _nearby(options), keep_damaged=keeps)
     except RecordingError as error:
-        raise input_error(shown, "R102", _without_path(str(error), shown_address(_shown(path))), 0) from None
-    except StoreError as error:
-        raise store_failed(error, "R102") from None
-    except ModuleNotFoundError as error:
-        raise missing_extra(error, "stores", "R102") from None
+        text = str(error).removeprefix(f"{shown_address(_shown(path))} ")
+        raise input_error(shown, "R102", text, 0) from None
     except OSError as error:
         is_missing = isinstance(error, FileNotFoundError)
         near = swapped_hint(options, path) or path_hint(path, is_meant=os.path.exists) if is_missing else ""
-        raise input_error(path, "R102", f"cannot be read: {error.strerror}{near}", 0) from None
+        raise input_error(shown, "R102", f"cannot be read: {error.strerror}{near}", 0) from None
     if is_address(path) and path == getattr(options, "file", None):
         options.file = log.path
     with log:
@@ -98,16 +92,6 @@ def _nearby(options: argparse.Namespace) -> Nearby | None:
 
     find: Callable[[argparse.Namespace], tuple[ModuleType, str] | None] | None = getattr(options, "nearby", None)
     return None if find is None else Nearby(lambda: find(options))
-
-
-def store_failed(error: StoreError, code: str) -> InputError:
-    """Return the error about an object in a store."""
-    return input_error(str(error.filename), code, str(error.strerror), 0)
-
-
-def _without_path(text: str, path: str) -> str:
-    """Return an error without the path that is printed before it."""
-    return text.removeprefix(f"{path} ")
 
 
 def written(options: argparse.Namespace, path: str, write: Callable[[Callable[[float], None]], Converted]) -> Converted:

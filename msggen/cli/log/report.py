@@ -42,10 +42,14 @@ def _report(options: argparse.Namespace) -> int:
         refuse(options, f"argument -o/--output: expected a name that ends in {_ENDING}, found '{output}'")
     check_parent(output)
     with opened(options, options.file) as log:
+        from msggen.recordings import RecordingError
         from msggen.recordings.report.page import report
 
-        with busy_bar(options, f"reading {options.file}"):
-            page = report(log).encode()
+        try:
+            with busy_bar(options, f"reading {options.file}"):
+                page = report(log).encode()
+        except RecordingError as error:
+            raise input_error(options.file, "R102", str(error), 0) from None
         if not options.quiet:
             print_notes(options, log.notes)
         print_problems(options, log.problems)

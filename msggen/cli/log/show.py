@@ -12,6 +12,7 @@ from math import inf
 from typing import TYPE_CHECKING
 
 from msggen.base.diagnostics import printable, suggestion
+from msggen.base.disk.urls import shown_address
 from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.base.foreign import Styled, safe_json
 from msggen.cli.log.arguments import CODES, add_fields, add_file, add_times, asked_time, check_times
@@ -107,9 +108,8 @@ def _check(options: argparse.Namespace) -> None:
     if options.topic and options.texts:
         refuse(options, f"argument TOPIC: not with --texts, which prints all lines of the log, found '{options.topic}'")
     if not (options.topic or options.params or options.texts):
-        refuse(
-            options, f"expected one of TOPIC, --params and --texts: `msggen log info {options.file}` lists the topics"
-        )
+        command = f"msggen log info {shown_address(options.file)}"
+        refuse(options, f"expected one of TOPIC, --params and --texts: `{command}` lists the topics")
     _check_csv(options)
     if options.topic:
         return

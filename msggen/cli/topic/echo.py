@@ -16,6 +16,7 @@ from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.cli.link import Connection, add_link, connection, for_people
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, refuse
 from msggen.cli.packages import check_reading
+from msggen.cli.reading import read_errors
 from msggen.cli.topic.naming import SPELLINGS, heard, named
 from msggen.cli.topic.printer import Printer, check_fields, condition_of
 from msggen.cli.values import local_path, non_empty, positive
@@ -105,16 +106,12 @@ def _event_texts(path: str) -> EventTexts:
     check_reading("R102")
     from msggen.recordings.decode.event_metadata import EventMetadataError
     from msggen.recordings.log.event_texts import event_texts
-    from msggen.recordings.source.source import RecordingError
 
     try:
-        return event_texts(path)
+        with read_errors(path):
+            return event_texts(path)
     except EventMetadataError as error:
         raise input_error(path, "R102", f"the metadata of events {error}", 0) from None
-    except RecordingError as error:
-        raise input_error(path, "R102", str(error).removeprefix(f"{path} "), 0) from None
-    except OSError as error:
-        raise input_error(path, "R102", f"cannot be read: {error.strerror}", 0) from None
 
 
 def _read_words(options: argparse.Namespace) -> None:

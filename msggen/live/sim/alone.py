@@ -109,7 +109,7 @@ class LoneFlight:
             self._send_setpoints(log, *self._goal)
         scene = Scene(self.world, self._noise, Clocks(remote=self._utc + self.time - BOOT))
         for publication in self._schedule.take(self.time):
-            log.add(self.time, publication.topic, publication.filler.make(scene, self.time))
+            log.add(publication.topic, publication.filler.make(scene, self.time))
 
     def _send_setpoints(self, log: FlightLog, north: float, east: float) -> None:
         free = (NAN, NAN, NAN)
@@ -135,7 +135,7 @@ class LoneFlight:
                 self._sent[topic] = self.time
                 message = self._inputs[topic].message(timestamp=self.time, **values)
                 take(message, self.time)
-                log.add(self.time, topic, message)
+                log.add(topic, message)
 
     def _command(self, log: FlightLog, number: int, **parameters: float) -> None:
         values = [parameters.get(f"param{place}", NAN) for place in range(1, 8)]
@@ -144,7 +144,7 @@ class LoneFlight:
             log.text(self.time, f"command {number} refused: {self.world.reason}")
         filler = self._inputs.get("vehicle_command")
         if filler:
-            log.add(self.time, "vehicle_command", filler.message(timestamp=self.time, command=number, **parameters))
+            log.add("vehicle_command", filler.message(timestamp=self.time, command=number, **parameters))
         answer = self.topics.get("vehicle_command_ack")
         if answer:
-            log.add(self.time, "vehicle_command_ack", answer(timestamp=self.time, command=number, result=result))
+            log.add("vehicle_command_ack", answer(timestamp=self.time, command=number, result=result))

@@ -74,7 +74,7 @@ class NearVehicle:
 
     def _receive(self, topic: str, message: Any) -> None:
         if self._log is not None:
-            self._log.add(self.time, topic, message)
+            self._log.add(topic, message)
         time = min(message.timestamp, self.time) or self.time
         if topic in {"vehicle_command", "vehicle_command_mode_executor"}:
             self._carry_out(message)
@@ -100,6 +100,6 @@ class NearVehicle:
 
     def _send(self, topic: str, message: Any) -> None:
         if self._log is not None:
-            self._log.add(self.time, topic, message)
+            self._log.add(topic, message)
         for take in [*self._takers[topic]]:
             take(type(message).decode(message.encode()))

@@ -30,13 +30,13 @@ _SPREAD = 200
 
 
 class FlightLog(Protocol):
-    """What takes the messages of a flight, such as a ULog. Times are in us since boot."""
+    """What takes the messages of a flight, such as a ULog."""
 
-    def add(self, time: int, topic: str, message: Any) -> None:
+    def add(self, topic: str, message: Any) -> None:
         """Take a message of a topic, which is named as in uORB. Its timestamps are since boot."""
 
     def text(self, time: int, text: str) -> None:
-        """Take a line for people."""
+        """Take a line for people, at a time since boot in us."""
 
 
 class Publication(NamedTuple):

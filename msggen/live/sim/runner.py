@@ -107,8 +107,10 @@ class Runner:
             self._thread.join()
             self._thread = None
         if self._transports:
-            self._leave()
-            self._release()
+            try:
+                self._leave()
+            finally:
+                self._release()
 
     def _run(self) -> None:
         try:

@@ -255,7 +255,7 @@ class SimulatedVehicle:
     def _publish(self, publication: Publication, message: Any) -> None:
         """Send a message, with its times in the agent's clock (docs/time.md)."""
         if self._log is not None:
-            self._log.add(self._now, publication.topic, message)
+            self._log.add(publication.topic, message)
         offset = self._client.offset + round(self.options.misbehaviour.clock_off * 1e6)
         message.timestamp = max(0, message.timestamp + offset)
         if publication.filler.is_sampled:
@@ -307,7 +307,7 @@ class SimulatedVehicle:
             found.handler(message, self._local(message.timestamp))
         if self._log is not None:
             message.timestamp = self._local(message.timestamp)
-            self._log.add(self._now, found.topic, message)
+            self._log.add(found.topic, message)
 
     def _local(self, timestamp: int) -> int:
         """Return the time of a message in the vehicle's clock. 0 and times to come count as now, as in PX4."""

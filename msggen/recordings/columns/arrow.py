@@ -8,13 +8,12 @@ The metadata of a field has `unit`, `frame` and `enum` as far as they are known 
 from __future__ import annotations
 
 import json
-import re
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from msggen.definitions.model import ArrayKind, FieldType, Message
 from msggen.definitions.primitives import PRIMITIVES
-from msggen.recordings.columns.annotations import Annotation, annotation_of
+from msggen.recordings.columns.annotations import Annotation, annotation_of, without_indices
 from msggen.recordings.decode.schemas import read_schema
 
 if TYPE_CHECKING:
@@ -29,8 +28,6 @@ if TYPE_CHECKING:
 
     Clocks = tuple[NDArray[np.int64], NDArray[np.int64] | None]
     """Log times, and publish times if the format has them."""
-
-_INDEX = re.compile(r"\[\d+\]")
 
 
 def table_of(topic: Topic, columns: Mapping[str, Any], clocks: Clocks | None = None, utc_offset: int | None = 0) -> Any:
@@ -69,7 +66,7 @@ def _column(topic: Topic, name: str, values: Any, types: Mapping[str, Any]) -> t
     import pyarrow as pa
 
     is_object = values.dtype == object
-    type_ = types[_INDEX.sub("", name)] if is_object else pa.from_numpy_dtype(values.dtype)
+    type_ = types[without_indices(name)] if is_object else pa.from_numpy_dtype(values.dtype)
     return _field(topic, name, type_), _of_objects(values.tolist(), type_) if is_object else pa.array(values, type_)
 
 

@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 
 __all__ = ["EVERYTHING", "FORMATS", "TABLES", "TABLE_SUFFIXES", "Converted", "Selection", "convert", "join"]
 
-FORMATS = ("parquet", "arrow", "csv", "mcap", "rosbag2")
-"""The formats that are written. `mcap` is a file, and the others are folders, also of tables of several topics."""
 TABLES = ("parquet", "arrow", "csv")
 """The formats with a file for each topic."""
+FORMATS = (*TABLES, "mcap", "rosbag2")
+"""The formats that are written. `mcap` is a file, and the others are folders, also of tables of several topics."""
 TABLE_SUFFIXES = MappingProxyType({".parquet": "parquet", ".arrow": "arrow", ".feather": "arrow", ".csv": "csv"})
 """The formats of tables by the suffixes of files."""
 

@@ -101,9 +101,9 @@ def write_contents(
     share.end()
     problems = [
         Problem(f"{topic.label} is left out: ROS 2 does not allow its names", samples=topic.count, topic=topic.name)
-        for log in logs
-        for topic in _chosen(log, selection.topics)
-        if log.kind == "ulog" and topic.count and not topic.definition
+        for each in inputs
+        for topic in each.topics
+        if each.log.kind == "ulog" and topic.count and not topic.definition
     ]
     notes += [note for each in inputs if each.lent for note in each.log.notes]
     notes += channels.notes

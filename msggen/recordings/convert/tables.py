@@ -195,8 +195,8 @@ class _Tables:
 
     @property
     def files(self) -> list[str]:
-        """The files, in the order in which they were begun."""
-        return sorted(self._paths[key] for key in self._writers)
+        """The files that were begun."""
+        return [self._paths[key] for key in self._writers]
 
     def add(self, samples: Samples) -> None:
         """Add samples of a topic, and write the topic with the most bytes if too many wait."""

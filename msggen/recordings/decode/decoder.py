@@ -78,10 +78,7 @@ class Decoder:
         """Return the first two bytes of the samples as numbers, with those of unknown encapsulations 0xFFFF."""
         kinds = np.full(len(part.starts), _UNKNOWN, np.uint16)
         has_header = part.sizes >= HEADER
-        whole = has_header.all()
-        kinds[...] = at(part.buffer, "<u2")[part.starts] if whole else _UNKNOWN
-        if not whole:
-            kinds[has_header] = at(part.buffer, "<u2")[part.starts[has_header]]
+        kinds[has_header] = at(part.buffer, "<u2")[part.starts[has_header]]
         return kinds
 
     def _mixed(self, part: Part, kinds: NDArray[np.uint16], layout: Layout, missing: Missing | None) -> Decoded:

@@ -52,11 +52,10 @@ class Lender(NamedTuple):
 
 
 class Nearby(NamedTuple):
-    """Definitions that are tried beside those of the releases, if any are needed: `find` returns a package and its name
-    for people, or None.
-    """
+    """Definitions that are tried beside those of the releases, if any are needed."""
 
     find: Callable[[], tuple[ModuleType, str] | None]
+    """Returns a package and its name for people, or None."""
 
 
 class Lent(NamedTuple):

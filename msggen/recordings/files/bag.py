@@ -41,13 +41,7 @@ def open_folder(path: str, open_file: Open) -> list[Source]:
         wrong = "is missing" if _is_below(path, name) else "is not in the folder of the recording, and is not read"
         problems.append(Problem(f"{name}, which {METADATA} names, {wrong}", samples=count))
     if not named and not further:
-        if not os.path.lexists(os.path.join(path, METADATA)):
-            raise RecordingError(
-                f"{path} is not a recording: a folder without {METADATA}, {' and '.join(STORAGES.values())}"
-            )
-        text = "; ".join(problem.text for problem in problems)
-        expected = either(sorted(STORAGES.values()))
-        raise RecordingError(f"{path} is not a recording: {text}, and there is no file {expected}")
+        raise _without_files(path, problems)
     room = Room(sum(map(os.path.getsize, (*named, *further))))
     sources = list(_opened(named, open_file, metadata, problems, room))
     is_whole = not missing and len(sources) == len(named)
@@ -63,6 +57,16 @@ def open_folder(path: str, open_file: Open) -> list[Source]:
         problems += _differing(metadata, sources, is_whole=is_whole and not further)
     sources[0].problems[:0] = problems
     return sources
+
+
+def _without_files(folder: str, problems: Sequence[Problem]) -> RecordingError:
+    """Return the error for a folder in which there is no file to open."""
+    if not os.path.lexists(os.path.join(folder, METADATA)):
+        text = f"a folder without {METADATA}, {' and '.join(STORAGES.values())}"
+    else:
+        found = "; ".join(problem.text for problem in problems)
+        text = f"{found}, and there is no file {either(sorted(STORAGES.values()))}"
+    return RecordingError(f"{folder} is not a recording: {text}")
 
 
 def _opened(

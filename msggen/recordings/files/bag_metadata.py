@@ -68,7 +68,7 @@ def _read_metadata(text: bytes) -> Metadata:
     content: Any = document.get("rosbag2_bagfile_information") if isinstance(document, dict) else None
     if not isinstance(content, dict):
         raise ValueError("it has no 'rosbag2_bagfile_information'")  # noqa: TRY004 - of the content
-    storage = _word(content.get("storage_identifier", ""))
+    storage = _word(content.get("storage_identifier") or "")
     if storage and storage not in STORAGES:
         raise RecordingError(f"{METADATA}: the storage {storage!r} is not known, expected {either([*STORAGES])}")
     mode, format_ = (_word(content.get(f"compression_{each}") or "").lower() for each in ("mode", "format"))

@@ -35,18 +35,18 @@ class Checks:
     """Which chunks of a file match their CRCs. Each is compared once, however often it is read."""
 
     def __init__(self, verification: Verification) -> None:
-        self.verification = verification
+        self._verification = verification
         self._known: dict[int, str] = {}
         """What is wrong with chunks, by their offsets, "" for those that match."""
 
     @property
     def leaves_out(self) -> bool:
         """Whether chunks and attachments that do not match are left out."""
-        return self.verification.is_on and not self.verification.keeps_damaged
+        return self._verification.is_on and not self._verification.keeps_damaged
 
     def passes(self, chunk: Chunk, crc: int, data: Any) -> bool:
         """Whether the records of a chunk match its CRC, as far as that has one and is to be compared."""
-        return not (self.verification.is_on and crc) or self.compare(chunk, crc, data)
+        return not (self._verification.is_on and crc) or self.compare(chunk, crc, data)
 
     def compare(self, chunk: Chunk, crc: int, data: Any) -> bool:
         """Compare the records of a chunk with its CRC, and return whether they match."""
@@ -72,4 +72,4 @@ class Checks:
 
     def accepts(self, content: memoryview, crc: int) -> bool:
         """Whether bytes match their CRC, as far as they have one and it is to be compared."""
-        return not (self.verification.is_on and crc) or crc32(content) == crc
+        return not (self._verification.is_on and crc) or crc32(content) == crc

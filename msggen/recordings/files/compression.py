@@ -315,7 +315,7 @@ def decompress_frame(data: bytes, limit: int) -> bytes:
             return zstandard.ZstdDecompressor().decompress(data)
     except (zstandard.ZstdError, MemoryError) as error:  # a wrong checksum shows when all is decompressed
         raise CompressionError(str(error), size) from None
-    raise CompressionError(f"a sample of {size} bytes")
+    raise CompressionError(f"a sample of {size} bytes, more than {limit}")
 
 
 def _unsized(data: bytes, limit: int) -> bytes:

@@ -19,7 +19,7 @@ _LARGEST_STEP = 32 << 20
 
 
 def in_steps(mapped: MappedFile, groups: Sequence[Group]) -> Iterator[Sequence[Group]]:
-    """Yield groups, as many at a time as are fetched together. Those that are there are one step."""
+    """Yield groups, as many at a time as are fetched together: all of a file that is here."""
     begin, most = 0, 0
     while begin < len(groups):
         end = len(groups)

@@ -89,9 +89,8 @@ def searched(data: Octets, region: Chunk | Loose, wanted: Collection[int], descr
         for number, places in _by_channel(data, starts, region.start, described):
             if number in wanted:
                 heads = at(data, HEAD_BYTES)[places].view(HEADS)
-                sizes = (
-                    lengths_of(at(data, "<u8")[places]) - HEAD
-                )  # as the walk has them: the upper byte may be damaged
+                # as the walk has them: the upper byte may be damaged
+                sizes = lengths_of(at(data, "<u8")[places]) - HEAD
                 yield Part(number, data, places + HEAD, sizes, times_of(heads["log"]), times_of(heads["publish"]))
 
 

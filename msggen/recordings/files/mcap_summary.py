@@ -61,25 +61,14 @@ def read_summary(mapped: MappedFile, described: Described) -> Summary:
     size = len(data)
     is_partial = mapped.is_partial
     mapped.need([(size - _TAIL, size)])
-    if size < len(MAGIC) + _END or data[-len(MAGIC) :] != MAGIC:
+    footer = _footer_of(data)
+    if footer is None:
         return Summary(None, {})
-    opcode, _, start_of_summary, _, crc = _FOOTER.unpack_from(data, size - _END)
+    opcode, start_of_summary, crc = footer
     if opcode != FOOTER or not len(MAGIC) <= start_of_summary < size - _END:
         return Summary(None, {}, is_damaged=opcode != FOOTER or start_of_summary != 0)
     mapped.need([(start_of_summary, size)])
-    chunks: list[Chunk] = []
-    counts: dict[int, int] = {}
-    chunk_count = message_count = -1
-    for opcode, start, length in steps(data, start_of_summary, size - len(MAGIC)):
-        try:
-            if opcode == CHUNK_INDEX:
-                chunks.append(_indexed_chunk(data, start, length))
-            elif opcode == STATISTICS:
-                message_count, chunk_count, counts = statistics_of(bytes(data[start : start + length]))
-            else:
-                described.take(data, opcode, start, length)
-        except (struct.error, ValueError):
-            break
+    chunks, (message_count, chunk_count, counts) = _records_of(data, start_of_summary, described)
     index_count = sum(len(chunk.indexes) for chunk in chunks)
     if sum(chunk.index_size for chunk in chunks) != index_count * INDEX_FRONT + message_count * ENTRY:
         if is_partial:
@@ -101,6 +90,33 @@ def read_summary(mapped: MappedFile, described: Described) -> Summary:
     return Summary(None, counts, is_damaged=not (is_right and _is_whole(data, start_of_summary)))
 
 
+def _footer_of(data: memoryview) -> tuple[int, int, int] | None:
+    """Return what is in the place of a footer: opcode, offset of the summary, CRC. None if a file does not end."""
+    if len(data) < len(MAGIC) + _END or data[-len(MAGIC) :] != MAGIC:
+        return None
+    opcode, _, start_of_summary, _, crc = _FOOTER.unpack_from(data, len(data) - _END)
+    return opcode, start_of_summary, crc
+
+
+def _records_of(
+    data: memoryview, start_of_summary: int, described: Described
+) -> tuple[list[Chunk], tuple[int, int, dict[int, int]]]:
+    """Return the chunks and the statistics, up to a record that is wrong. `described` takes schemas and channels."""
+    chunks: list[Chunk] = []
+    statistics: tuple[int, int, dict[int, int]] = -1, -1, {}
+    for opcode, start, length in steps(data, start_of_summary, len(data) - len(MAGIC)):
+        try:
+            if opcode == CHUNK_INDEX:
+                chunks.append(_indexed_chunk(data, start, length))
+            elif opcode == STATISTICS:
+                statistics = statistics_of(bytes(data[start : start + length]))
+            else:
+                described.take(data, opcode, start, length)
+        except (struct.error, ValueError):
+            break
+    return chunks, statistics
+
+
 def differing_sections(file: Octets) -> Iterator[str]:
     """Yield which of the two sections of a whole file differ from the CRCs that they have."""
     for name, begins, stop, crc in _sections(file.data):
@@ -110,10 +126,11 @@ def differing_sections(file: Octets) -> Iterator[str]:
 
 def _sections(data: memoryview) -> Iterator[tuple[str, Sequence[int], int, int]]:
     """Yield the name of each section, where it may begin, where it ends, and its CRC."""
-    end = len(data) - _END
-    if end < len(MAGIC) or data[-len(MAGIC) :] != MAGIC:
+    footer = _footer_of(data)
+    if footer is None:
         return
-    opcode, _, start_of_summary, _, crc = _FOOTER.unpack_from(data, end)
+    end = len(data) - _END
+    opcode, start_of_summary, crc = footer
     if opcode != FOOTER or not (start_of_summary == 0 or len(MAGIC) <= start_of_summary <= end):
         return
     if start_of_summary:

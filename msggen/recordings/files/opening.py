@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
+from contextlib import contextmanager
 from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING
@@ -15,7 +16,7 @@ from msggen.recordings.files.compression import CompressionError, Room, decompre
 from msggen.recordings.source.source import VERIFIED, Problem, RecordingError, Source, Verification
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
 
 def open_sources(path: str, verification: Verification = VERIFIED) -> list[Source]:
@@ -57,25 +58,35 @@ def _open_file(
 
 def _open_compressed(path: str, room: Room, open_plain: Callable[[str], Source]) -> Source:
     """Return a compressed file, which is decompressed to a folder. Raises RecordingError, and OSError."""
-    folder = tempfile.TemporaryDirectory(prefix="msggen-", ignore_cleanup_errors=True)
-    target = os.path.join(folder.name, unpacked(os.path.basename(path)))
-    try:
-        cut = decompress_file(path, target, room)
-        source = open_plain(target)
-    except RecordingError as error:
-        folder.cleanup()
-        raise RecordingError(str(error).replace(target, path)) from None
-    except CompressionError as error:
-        folder.cleanup()
-        raise RecordingError(f"{path} cannot be decompressed: {error}") from None
-    except BaseException:
-        folder.cleanup()
-        raise
+    with temporary_copy(path, unpacked(os.path.basename(path))) as (copy, remove):
+        try:
+            cut = decompress_file(path, copy, room)
+        except CompressionError as error:
+            raise RecordingError(f"{path} cannot be decompressed: {error}") from None
+        source = open_plain(copy)
     if cut:
         source.problems.insert(0, Problem(f"the compressed file is damaged or cut off: {cut}"))
     source.path = path
-    source.close_with(folder.cleanup)
+    source.close_with(remove)
     return source
+
+
+@contextmanager
+def temporary_copy(shown: str, name: str) -> Iterator[tuple[str, Callable[[], None]]]:
+    """Yield the path for a copy of a recording in a folder of its own, and what removes it.
+
+    It is removed here if it cannot be opened. A RecordingError has `shown` in the place of the path.
+    """
+    folder = tempfile.TemporaryDirectory(prefix="msggen-", ignore_cleanup_errors=True)
+    path = os.path.join(folder.name, name)
+    try:
+        yield path, folder.cleanup
+    except RecordingError as error:
+        folder.cleanup()
+        raise RecordingError(str(error).replace(path, shown)) from None
+    except BaseException:
+        folder.cleanup()
+        raise
 
 
 def _open_plain(path: str, *, room: Room, verification: Verification, is_by_sample: bool) -> Source:

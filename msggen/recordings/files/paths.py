@@ -11,6 +11,8 @@ from msggen.base.recording_formats import format_named, unpacked
 
 METADATA = "metadata.yaml"
 """The file that rosbag2 writes into the folder of a recording when it ends."""
+LOGS = {"-wal": 32, "-journal": 28}
+"""What the names of a database's logs of transactions end in, and their sizes in bytes if they are empty."""
 _MARK = b"rosbag2_bagfile_information"
 _LARGEST = 1 << 16
 """The bytes that are read of a metadata.yaml, which begins with the mark."""

@@ -6,11 +6,10 @@ import errno
 import io
 import os
 import stat
-import tempfile
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from msggen.recordings.files.compression import MAX_CONTENT, told_limit
-from msggen.recordings.files.opening import check_front, open_sources
+from msggen.recordings.files.opening import check_front, open_sources, temporary_copy
 from msggen.recordings.source.source import VERIFIED, RecordingError, Source, Verification
 
 if TYPE_CHECKING:
@@ -27,13 +26,6 @@ class Readable(Protocol):
 
     def read(self, size: int, /) -> bytes | None:
         """Return up to `size` bytes, none at the end."""
-
-
-class Spooled(NamedTuple):
-    """A copy of a recording in a folder of its own."""
-
-    path: str
-    folder: tempfile.TemporaryDirectory[str]
 
 
 def name_of(file: Readable) -> str:
@@ -58,45 +50,34 @@ def path_of(file: Readable) -> str | None:
     return name if is_same else None
 
 
-def open_stream(file: Readable, name: str, verification: Verification = VERIFIED) -> tuple[list[Source], Spooled]:
+def open_stream(file: Readable, name: str, verification: Verification = VERIFIED) -> list[Source]:
     """Copy the rest of a file object to a temporary file, and open that. The file object stays open.
 
     Raises RecordingError, TypeError for a file in text mode, and OSError.
     """
     if isinstance(file, io.TextIOBase):  # its read() fails on most recordings, as they are not UTF-8
         raise _in_text_mode(name, "str")
-    folder = tempfile.TemporaryDirectory(prefix="msggen-", ignore_cleanup_errors=True)
-    spooled = Spooled(os.path.join(folder.name, "recording"), folder)
-    try:
-        with open(spooled.path, "xb") as target:
+    with temporary_copy(name, "recording") as (copy, remove):
+        with open(copy, "xb") as target:
             target.writelines(_pieces(file, name))
-        return open_sources(spooled.path, verification), spooled
-    except RecordingError as error:
-        folder.cleanup()
-        raise RecordingError(str(error).replace(spooled.path, name)) from None
-    except BaseException:
-        folder.cleanup()
-        raise
+        sources = open_sources(copy, verification)
+    sources[0].close_with(remove)
+    return sources
 
 
 def _pieces(file: Readable, name: str) -> Iterator[bytes]:
     """Yield what is left of a file object, if it begins as a recording does and is not too large."""
     limit, size = told_limit(), 0
-    front = b""
-    while data := _read(file, name):
+    data = b""
+    while len(data) < _LONGEST_FRONT and (step := _read(file, name)):  # a pipe can give few bytes at a time
+        data += step
+    check_front(name, data)
+    while data:
         size += len(data)
         if limit is not None and size > limit:
             raise RecordingError(f"{name} has more than {limit} bytes; {MAX_CONTENT} sets another limit")
-        if size <= _LONGEST_FRONT:  # a pipe can give few bytes at a time
-            front += data
-            continue
-        if size - len(data) <= _LONGEST_FRONT:
-            data = front + data
-            check_front(name, data)
         yield data
-    if size <= _LONGEST_FRONT:
-        check_front(name, front)
-        yield front
+        data = _read(file, name)
 
 
 def _read(file: Readable, name: str) -> bytes:

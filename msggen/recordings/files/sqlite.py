@@ -13,6 +13,8 @@ from urllib.parse import quote
 
 import numpy as np
 
+from msggen.recordings.files.paths import LOGS
+
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
@@ -32,8 +34,6 @@ _LEAST_STEPS, _STEPS_PER_BYTE = 1_000_000, 50
 """The most steps of a statement: so many, and further ones for each byte of the file. A row takes some ten."""
 _COLUMN = re.compile(r"""\s*["'`\[]?(\w+)["'`\]]?""")
 _TABLE = re.compile(r"[^(]*\((?P<columns>[^()]*)\)\s*$")
-_LEAST_LOG = {"-wal": 32, "-journal": 28}
-"""The names of the logs of transactions, and the sizes of their headers: a log of this size is empty."""
 
 
 ERRORS = (sqlite3.Error, UnicodeDecodeError, OverflowError)
@@ -196,7 +196,7 @@ def columns_of(statement: str) -> list[Column] | None:
 
 def has_log(path: str) -> bool:
     """Whether there may be transactions that are not in the file: it was not closed."""
-    return any(_size(path + suffix) > least for suffix, least in _LEAST_LOG.items())
+    return any(_size(path + suffix) > least for suffix, least in LOGS.items())
 
 
 def settle(path: str) -> tempfile.TemporaryDirectory[str]:
@@ -208,7 +208,7 @@ def settle(path: str) -> tempfile.TemporaryDirectory[str]:
     try:
         copy = os.path.join(folder.name, os.path.basename(path))
         shutil.copyfile(path, copy)
-        for suffix in _LEAST_LOG:
+        for suffix in LOGS:
             if _size(path + suffix):
                 shutil.copyfile(path + suffix, copy + suffix)
         base = sqlite3.connect(copy)

@@ -17,10 +17,10 @@ import numpy as np
 from msggen.base.diagnostics import few
 from msggen.base.disk.urls import is_in_store, shown_address
 from msggen.base.recording_formats import FORMATS, format_named, unpacked
-from msggen.recordings.files.paths import METADATA, is_bag
+from msggen.recordings.files.paths import LOGS, METADATA, is_bag
 from msggen.recordings.source.source import RecordingError
 from msggen.recordings.stores.client import split
-from msggen.recordings.stores.errors import NO_OBJECT, MissingError, StoreError, store_error
+from msggen.recordings.stores.errors import MissingError, NoObjectError, StoreError, store_error
 from msggen.recordings.stores.store import Store, Stored
 
 if TYPE_CHECKING:
@@ -38,8 +38,6 @@ _MOST_FILES = 1000
 """The files of a folder that are looked at."""
 _LARGEST = 1 << 40
 """The most bytes of an object. A server can tell any size, and maps of files have limits."""
-_JOURNAL = "-wal"
-"""What SQLite adds to the name of a database for its journal."""
 
 
 class Folder:
@@ -57,7 +55,6 @@ class Copy:
         if stored.size > _LARGEST:
             raise store_error(stored.address, f"the object has {stored.size} bytes, more than {_LARGEST}")
         self.path = path
-        self.size = stored.size
         self.shown = shown_address(stored.address)
         self._store, self._stored, self._folder = store, stored, folder
         self._has = np.zeros(-(-stored.size // _BLOCK), np.bool_)
@@ -124,8 +121,8 @@ def open_stored(address: str, open_local: Callable[[str], list[Source]]) -> list
         sources = open_local(path)
     except RecordingError as error:
         raise RecordingError(str(error).replace(path, shown)) from None
-    for problems in {id(source.problems): source.problems for source in sources}.values():
-        problems[:] = [each._replace(text=each.text.replace(path, shown)) for each in problems]
+    for source in sources:
+        source.problems[:] = [each._replace(text=each.text.replace(path, shown)) for each in source.problems]
     del copies  # from here on, the files that are open keep them
     return sources
 
@@ -134,18 +131,28 @@ def _copied(store: Store, address: str, folder: Folder) -> tuple[str, Sequence[C
     """Return the path of the copy of a recording, a file or a folder, and the copies of its files."""
     name = shown_address(address).rstrip("/").rpartition("/")[2]
     path = os.path.join(folder.path, local_name(name))
+    missing = MissingError(errno.ENOENT, "there is no such folder", shown_address(address))
     if not _is_folder(address):
         try:
-            stored, front = store.look(address, _FRONT)
-        except MissingError as error:
-            if error.strerror != NO_OBJECT or not (found := _listed(store, address)):
-                raise
-        else:
-            return path, [_begun(Copy(store, stored, folder, path), front)]
-    else:
-        found = _listed(store, address)
-        if not found:
-            raise MissingError(errno.ENOENT, "there is no such folder", shown_address(address))
+            return path, _copies_of_file(store, address, folder, path)
+        except NoObjectError as error:
+            missing = error
+    found = _listed(store, address)
+    if not found:
+        raise missing
+    return path, _copies_of_folder(store, address, found, folder, path)
+
+
+def _copies_of_file(store: Store, address: str, folder: Folder, path: str) -> Sequence[Copy]:
+    """Return a copy at `path`, and those of the logs of transactions beside it: a database may not have been closed."""
+    copy, front = _begun(store, address, folder, path)
+    is_database = front.startswith(FORMATS["db3"].front) and is_in_store(address)
+    logs = [suffix for suffix in LOGS if is_database and store.has(address + suffix)]
+    return [copy, *(_begun(store, address + suffix, folder, path + suffix)[0] for suffix in logs)]
+
+
+def _copies_of_folder(store: Store, address: str, found: Sequence[Stored], folder: Folder, path: str) -> Sequence[Copy]:
+    """Return copies of the files of a recording, in a folder at `path`."""
     os.mkdir(path)
     copies = [
         Copy(store, each, folder, os.path.join(path, local_name(each.address.rpartition("/")[2])))
@@ -163,7 +170,7 @@ def _copied(store: Store, address: str, folder: Folder) -> tuple[str, Sequence[C
     for copy in copies:
         copy.fetch([(0, _FRONT)])
         _complete(copy)
-    return path, copies
+    return copies
 
 
 def _is_folder(address: str) -> bool:
@@ -186,14 +193,18 @@ def _listed(store: Store, address: str) -> Sequence[Stored]:
 
 def _is_of_recording(address: str) -> bool:
     name = address.rpartition("/")[2]
-    return name == METADATA or format_named(name.removesuffix(_JOURNAL)) is not None
+    for suffix in LOGS:
+        name = name.removesuffix(suffix)
+    return name == METADATA or format_named(name) is not None
 
 
-def _begun(copy: Copy, front: bytes) -> Copy:
-    """Return a copy with its first bytes, or all of them."""
+def _begun(store: Store, address: str, folder: Folder, path: str) -> tuple[Copy, bytes]:
+    """Return a copy at `path` that has what is needed to open it, and its first bytes."""
+    stored, front = store.look(address, _FRONT)
+    copy = Copy(store, stored, folder, path)
     copy.begin(front)
     _complete(copy)
-    return copy
+    return copy, front
 
 
 def _complete(copy: Copy) -> None:

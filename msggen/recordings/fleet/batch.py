@@ -8,19 +8,21 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.base.diagnostics import InputError
-from msggen.recordings.fleet.finding import State, at_hand, digest_of
-from msggen.recordings.fleet.folder import STAGE
+from msggen.recordings.fleet.finding import at_hand, digest_of
+from msggen.recordings.fleet.folder import STAGE, staged_name
+from msggen.recordings.fleet.layout import Keys, date_of, is_utc, keys_of, name_of, vehicle_of
+from msggen.recordings.fleet.listing import State
+from msggen.recordings.fleet.parts import Run, write_parts
 from msggen.recordings.fleet.records import Record
+from msggen.recordings.fleet.runs import run_of_arrow
 from msggen.recordings.fleet.storage import storage_of
 from msggen.recordings.stores.errors import StoreError
 
 if TYPE_CHECKING:
-    from msggen.recordings.fleet.layout import Keys
-    from msggen.recordings.fleet.parts import Run
     from msggen.recordings.fleet.storage import Storage
     from msggen.recordings.log.log import Log
     from msggen.recordings.source.source import Problem
@@ -89,10 +91,12 @@ def convert_batch(task: Task) -> Batch:
             runs: list[tuple[str, Run]] = []
             outcomes = []
             for index, path in enumerate(task.paths):
-                outcome, found = _converted(task, folder, path, os.path.join(stage, f"log-{index}"))
+                outcome, found = _converted(task, folder, path, _aside(stage, index))
                 outcomes.append(outcome)
                 runs += found
-            files = list(_files(task, folder, stage, runs))
+            files = write_staged(folder, stage, task.token, task.by, _by_topic(runs))
+            for index in range(len(task.paths)):
+                shutil.rmtree(_aside(stage, index), ignore_errors=True)
         if not files:
             folder.clear(f"{task.token}{STAGE}")
     except StoreError as error:
@@ -102,6 +106,11 @@ def convert_batch(task: Task) -> Batch:
             return Batch(task)
         return Batch(task, [Outcome(path, error=_text_of(error, path)) for path in task.paths])
     return Batch(task, outcomes, files)
+
+
+def _aside(stage: str, index: int) -> str:
+    """Return the folder for the tables of a recording."""
+    return os.path.join(stage, f"log-{index}")
 
 
 def _converted(task: Task, folder: Storage, path: str, aside: str) -> tuple[Outcome, list[tuple[str, Run]]]:
@@ -133,8 +142,6 @@ def _tables(task: Task, folder: Storage, source: _Source, aside: str) -> tuple[R
     """Write a table for each topic of a recording. Return its record, and what the tables are in the fleet."""
     from msggen.recordings.convert.selection import EVERYTHING
     from msggen.recordings.convert.tables import Format, write_tables
-    from msggen.recordings.fleet.layout import date_of, is_utc, name_of, vehicle_of
-    from msggen.recordings.fleet.runs import run_of_arrow
     from msggen.recordings.log import opening
 
     path, copy, state = source
@@ -170,7 +177,6 @@ def _tables(task: Task, folder: Storage, source: _Source, aside: str) -> tuple[R
 def _keys_by_stem(log: Log, values: Mapping[str, str], name: str) -> dict[str, tuple[str, Keys]]:
     """Return the folder and the keys of each topic by the name that its file has without a fleet."""
     from msggen.recordings.convert.names import FACT_TABLES, Place, file_names, place_of
-    from msggen.recordings.fleet.layout import keys_of
 
     topics = log.chosen(None)
     places = {(topic.name, topic.instance): place_of(topic) for topic in topics}
@@ -179,23 +185,23 @@ def _keys_by_stem(log: Log, values: Mapping[str, str], name: str) -> dict[str, t
     return {stem: (place.name, keys_of(place, values, name)) for stem, place in by_stem.items()}
 
 
-def _files(task: Task, folder: Storage, stage: str, runs: Sequence[tuple[str, Run]]) -> Iterator[Written]:
-    """Write the files of all topics, and remove the tables that they are made of. Yield the files."""
-    from msggen.recordings.fleet.parts import write_parts
+def write_staged(
+    folder: Storage, stage: str, token: str, by: Sequence[str], runs: Iterable[tuple[str, Sequence[Run]]]
+) -> list[Written]:
+    """Write runs by topic to files in a stage, and wait until they are kept. Raises OSError."""
+    written = []
+    for index, (topic, members) in enumerate(runs):
+        parts = write_parts(members, os.path.join(stage, f"{index}.parquet"), by)
+        written += [Written(topic, staged_name(token, each.path), each.rows, each.size, each.logs) for each in parts]
+    folder.settle(stage, [each.staged for each in written])
+    return written
 
+
+def _by_topic(runs: Sequence[tuple[str, Run]]) -> list[tuple[str, list[Run]]]:
     by_topic: dict[str, list[Run]] = {}
     for topic, run in runs:
         by_topic.setdefault(topic, []).append(run)
-    written = []
-    for index, (topic, members) in enumerate(sorted(by_topic.items())):
-        for part in write_parts(members, os.path.join(stage, f"{index}.parquet"), task.by):
-            staged = folder.staged(task.token, part.path)
-            written.append(Written(topic, staged, part.rows, part.size, part.logs))
-    for name in os.listdir(stage):
-        if name.startswith("log-"):
-            shutil.rmtree(os.path.join(stage, name))
-    folder.settle(stage, [each.staged for each in written])
-    yield from written
+    return sorted(by_topic.items())
 
 
 def _text_of(error: Exception, path: str) -> str:

@@ -6,17 +6,18 @@ each topic in one step.
 
 from __future__ import annotations
 
-import os
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
-from msggen.recordings.fleet.batch import Batch, Outcome, Written
+from msggen.recordings.fleet.batch import Batch, Outcome, Written, write_staged
 from msggen.recordings.fleet.folder import STAGE, Added
+from msggen.recordings.fleet.layout import topic_of
 from msggen.recordings.fleet.ledger import Change, Ledger
 from msggen.recordings.fleet.planning import Plan, stale_paths
-from msggen.recordings.fleet.ranges import count_of, ranges_of, within
+from msggen.recordings.fleet.ranges import ranges_of, within
 from msggen.recordings.fleet.records import File, Record
+from msggen.recordings.fleet.runs import opened
 
 if TYPE_CHECKING:
     from msggen.recordings.fleet.parts import Run
@@ -68,10 +69,10 @@ def change_of(batch: Batch, ledger: Ledger, held: Held) -> Whole:
         each if each.record is None else each._replace(record=numbered[each.record.log]) for each in batch.outcomes
     ]
     numbers = {name: record.number for name, record in numbered.items()}
-    return Whole(Change(added_of(batch.files, batch.task.token, numbers), (), list(numbered.values())), outcomes)
+    return Whole(Change(_added(batch.files, batch.task.token, numbers), (), list(numbered.values())), outcomes)
 
 
-def added_of(files: Iterable[Written], token: str, numbers: Mapping[str, int]) -> dict[Added, File]:
+def _added(files: Iterable[Written], token: str, numbers: Mapping[str, int]) -> dict[Added, File]:
     """Return files that wait in a stage, with their places. `numbers` are those of recordings by name."""
     counts: Counter[str] = Counter()
     added = {}
@@ -127,38 +128,29 @@ def _copies(plan: Plan, records: dict[int, Record], outcomes: Sequence[Outcome])
 
 def _without(gone: Collection[int], ledger: Ledger) -> tuple[dict[Added, File], list[str]]:
     """Write files without the rows of some recordings. Return them, and the places of those that are replaced."""
-    from msggen.recordings.fleet.runs import opened
-
     places = ledger.places_with(gone) if gone else []
     if not places:
         return {}, []
     names = {ledger.records[number].log for number in gone}
     known = sorted(ledger.records.keys() - gone)
     rest = {place: ranges_of(within(ledger.files[place].logs, known)) for place in places}
-    added = {
-        Added(place, ""): ledger.files[place]._replace(logs=rest[place])
-        for place in places
-        if place not in ledger.found and rest[place]
-    }
-    whole = [place for place in places if place in ledger.found and count_of(rest[place])]
-    numbers = {record.log: number for number, record in ledger.records.items() if number not in gone}
-    if whole:
-        token = ledger.token()
-        with opened(ledger.folder.open) as files, ledger.folder.stage(token) as stage:
-            written: list[Written] = []
-            for index, place in enumerate(whole):
-                runs = [run for run in files.runs(place) if run.keys.log not in names]
-                path = os.path.join(stage, f"{index}.parquet")
-                written += written_of(ledger, token, place.partition("/")[0], runs, path)
-            ledger.folder.settle(stage, [each.staged for each in written])
-        added |= added_of(written, token, numbers)
-    kept = {each.place for each in added}
-    return added, [place for place in places if place not in kept]
+    left = [place for place in places if rest[place]]
+    missing = {place for place in left if place not in ledger.found}
+    added = {Added(place, ""): ledger.files[place]._replace(logs=rest[place]) for place in sorted(missing)}
+    if len(left) > len(missing):
+        with opened(ledger.folder.open) as files:
+            runs = (
+                (topic_of(place), [run for run in files.runs(place) if run.keys.log not in names])
+                for place in left
+                if place not in missing
+            )
+            added |= write_files(ledger, runs)
+    return added, [place for place in places if place not in missing]
 
 
-def written_of(ledger: Ledger, token: str, topic: str, runs: Sequence[Run], path: str) -> Iterator[Written]:
-    """Write runs of a topic to files in a stage, and yield them. Raises OSError."""
-    from msggen.recordings.fleet.parts import write_parts
-
-    for part in write_parts(runs, path, ledger.by):
-        yield Written(topic, ledger.folder.staged(token, part.path), part.rows, part.size, part.logs)
+def write_files(ledger: Ledger, runs: Iterable[tuple[str, Sequence[Run]]]) -> dict[Added, File]:
+    """Write runs by topic to files that wait in a stage. Return them with their places. Raises OSError."""
+    token = ledger.token()
+    with ledger.folder.stage(token) as stage:
+        written = write_staged(ledger.folder, stage, token, ledger.by, runs)
+    return _added(written, token, ledger.numbers())

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from msggen.base.missing import RECORDINGS, installed_by
-from msggen.recordings.fleet.batch import Written
-from msggen.recordings.fleet.changes import added_of, written_of
+from msggen.recordings.fleet.changes import write_files
+from msggen.recordings.fleet.layout import topic_of
 from msggen.recordings.fleet.ledger import Change, Ledger
 from msggen.recordings.fleet.parts import LARGE, shapes_of
 from msggen.recordings.fleet.run import bring_to_layout
-from msggen.recordings.fleet.runs import Files, opened
+from msggen.recordings.fleet.runs import opened
 from msggen.recordings.fleet.storage import absolute
 
 
@@ -35,7 +34,7 @@ def compact(
     progress: Callable[[float, str], None] = lambda *_: None,
     waiting: Callable[[str], None] = lambda _: None,
 ) -> Compacted:
-    """Make large files of the small ones of each topic: files below 32 MB become ones of up to 256 MB.
+    """Make large files of the small ones of each topic: files below 32 MB become files of about 160 MB.
 
     The files of a topic are exchanged in one step, so readers see the earlier ones or the new ones. If this run is
     killed, nothing is lost, and the next run of `update` or `compact` goes on. `progress` is called with the share that
@@ -53,7 +52,7 @@ def compact(
         topics: dict[str, list[str]] = {}
         for place in sorted(ledger.files):
             if ledger.found.get(place, LARGE) < LARGE:
-                topics.setdefault(place.partition("/")[0], []).append(place)
+                topics.setdefault(topic_of(place), []).append(place)
         sizes = {topic: sum(ledger.found[place] for place in places) for topic, places in topics.items()}
         total, done, changed = max(sum(sizes.values()), 1), 0, 0
         for topic, places in topics.items():
@@ -68,23 +67,11 @@ def compact(
 def _compacted(ledger: Ledger, topic: str, places: Sequence[str]) -> bool:
     """Make large files of the small ones of a topic. Return whether there was something to do."""
     with opened(ledger.folder.open) as files:
-        groups = [group for group in _groups(files, places) if len(group) > 1]
+        shapes = shapes_of((files.schema(place), place) for place in places)
+        groups = [group for _, group in shapes if len(group) > 1]
         if not groups:
             return False
-        token = ledger.token()
-        with ledger.folder.stage(token) as stage:
-            written: list[Written] = []
-            for index, group in enumerate(groups):
-                runs = [run for place in group for run in files.runs(place)]
-                written += written_of(ledger, token, topic, runs, os.path.join(stage, f"{index}.parquet"))
-            ledger.folder.settle(stage, [each.staged for each in written])
-    removed = [place for group in groups for place in group]
-    numbers = {record.log: record.number for record in ledger.records.values()}
-    ledger.commit(Change(added_of(written, token, numbers), removed))
+        runs = ((topic, [run for place in group for run in files.runs(place)]) for group in groups)
+        added = write_files(ledger, runs)
+    ledger.commit(Change(added, [place for group in groups for place in group]))
     return True
-
-
-def _groups(files: Files, places: Sequence[str]) -> Iterator[list[str]]:
-    """Yield the places of files whose columns agree."""
-    for _, members in shapes_of((files.schema(place), place) for place in places):
-        yield members

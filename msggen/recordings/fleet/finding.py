@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from msggen.base.disk.urls import is_address
 from msggen.recordings.files.paths import is_always_whole, is_bag, is_named_as_recording
+from msggen.recordings.fleet.listing import State, copied, find_stored, is_listed, listed_state
 
 _BLOCK = 1 << 20
 
@@ -20,13 +21,6 @@ class Found(NamedTuple):
     path: str
     error: str = ""
     """Why it cannot be read: a link to a missing file, or a folder that may not be opened."""
-
-
-class State(NamedTuple):
-    """The size in bytes and the time of change in ns of a recording, of all its files if it is a folder."""
-
-    size: int
-    changed: int
 
 
 class _Folder(NamedTuple):
@@ -48,8 +42,6 @@ def find_recordings(folder: str, *, without: str = "") -> Iterator[Found]:
     The folder `without` is left out. `folder` can be an address in a store.
     """
     if is_address(folder):
-        from msggen.recordings.fleet.listing import find_stored
-
         yield from (Found(address) for address in find_stored(folder, without))
         return
     left_out = _identity(without) if os.path.isdir(without) else None
@@ -97,9 +89,7 @@ def _found(entry: os.DirEntry[str]) -> Iterator[Found]:
 def state_of(path: str) -> State:
     """Return the state of a recording. That of one in a store is as it was listed. Raises OSError."""
     if is_address(path):
-        from msggen.recordings.fleet.listing import listed_state
-
-        return State(*listed_state(path))
+        return listed_state(path)
     stats = [os.stat(each) for each in _files(path)]
     return State(sum(each.st_size for each in stats), max((each.st_mtime_ns for each in stats), default=0))
 
@@ -122,8 +112,6 @@ def digest_of(path: str) -> str:
 def is_there(path: str) -> bool:
     """Whether there is still something at the path of a recording. One in a store is there if no list lacks it."""
     if is_address(path):
-        from msggen.recordings.fleet.listing import is_listed
-
         return is_listed(path)
     return os.path.lexists(path)
 
@@ -134,10 +122,8 @@ def at_hand(path: str) -> Iterator[tuple[str, State]]:
     if not is_address(path):
         yield path, state_of(path)
         return
-    from msggen.recordings.fleet.listing import copied
-
-    with copied(path) as (copy, stated):
-        yield copy, State(*stated)
+    with copied(path) as found:
+        yield found
 
 
 def _files(path: str) -> list[str]:

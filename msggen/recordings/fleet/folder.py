@@ -17,7 +17,7 @@ from typing import IO, NamedTuple
 from msggen.base.disk.files import flush
 from msggen.base.disk.output import check_links, link_in
 from msggen.base.disk.reading import read_bytes
-from msggen.base.disk.staging import clear, locked, make_folder, make_stage, staging_folder, written_aside
+from msggen.base.disk.staging import clear, locked, make_folder, make_stage, staging_folder, write_if_changed
 from msggen.base.disk.swap import can_swap, flush_tree, keep_newer, link_or_copy, mirror, swap_folders
 from msggen.recordings.fleet.layout import is_place
 
@@ -50,6 +50,11 @@ class Changed(NamedTuple):
     added: list[Added]
     removed: list[str]
     """The places of files."""
+
+
+def staged_name(token: str, path: str) -> str:
+    """Return the path of a file in a stage as one in the folder of the state."""
+    return f"{token}{STAGE}/{_CONTENT}/{os.path.basename(path)}"
 
 
 class Folder:
@@ -111,11 +116,7 @@ class Folder:
     def write(self, name: str, data: bytes, *, flushed: bool = True) -> None:
         """Write a file of the state as a whole, if it differs. `/` at the front: of the fleet. Raises OSError."""
         path = os.path.join(self.path, name[1:]) if name.startswith("/") else os.path.join(self.state, name)
-        with suppress(OSError):
-            if read_bytes(path, follow=False) == data:
-                return
-        with written_aside({path: data}, flushed=flushed) as move_into_place:
-            move_into_place()
+        write_if_changed(path, data, flushed=flushed)
 
     def delete(self, name: str) -> None:
         """Remove a file of the state, if it is there and no folder."""
@@ -163,17 +164,9 @@ class Folder:
             self.clear(token + STAGE)
             raise
 
-    def staged(self, token: str, path: str) -> str:
-        """Return a path in a stage as one in the folder of the state."""
-        return f"{token}{STAGE}/{_CONTENT}/{os.path.basename(path)}"
-
     def settle(self, stage: str, staged: Sequence[str]) -> None:
         """Wait until files of a stage are on the disk."""
         flush([*(os.path.join(self.state, each) for each in staged), stage])
-
-    def stages(self) -> list[str]:
-        """Return the names of stages that are there."""
-        return [name for name in self.names() if name.endswith(STAGE)]
 
     def clear(self, name: str) -> None:
         """Remove a stage. A process of a run that was killed may still write there: the next run removes the rest."""

@@ -78,11 +78,16 @@ def is_place(name: object) -> bool:
     return isinstance(name, str) and _PLACE.fullmatch(name) is not None
 
 
+def topic_of(place: str) -> str:
+    """Return the folder of the topic that a file is in."""
+    return place.partition("/")[0]
+
+
 def is_fact(place: str) -> bool:
     """Whether a file has what ULogs have beside their topics."""
     from msggen.recordings.convert.names import FACT_TABLES
 
-    return place.partition("/")[0] in FACT_TABLES
+    return topic_of(place) in FACT_TABLES
 
 
 def is_token(name: object) -> bool:

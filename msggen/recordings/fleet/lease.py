@@ -28,6 +28,8 @@ _TRUSTED = 30.0
 """The seconds after a renewal in which the run may write."""
 _POLL = 1.0
 """The seconds between looks at the lock of another run."""
+_CLOCK: int | None = getattr(time, "CLOCK_BOOTTIME", getattr(time, "CLOCK_MONOTONIC", None))
+"""That of Linux, or of macOS. Windows has neither, and does not need one."""
 _held: set[str] = set()
 """The owners whose locks this process has."""
 
@@ -60,12 +62,12 @@ class Lease:
 
     def check(self) -> None:
         """Raise StoreError if another run may have taken the lock, as after a long sleep of this computer."""
-        if time.monotonic() - self._renewed > _TRUSTED:
+        if _now() - self._renewed > _TRUSTED:
             self._renew()
 
     def _take(self, waiting: Callable[[str], None]) -> None:
         seen: Content | None = None
-        since = time.monotonic()
+        since = _now()
         is_told = False
         while True:
             with suppress(ChangedError):
@@ -76,8 +78,8 @@ class Lease:
             if found is None:
                 continue
             if seen is None or found.version != seen.version:
-                seen, since = found, time.monotonic()
-            if _is_dead(found.data) or time.monotonic() - since > _LIFE:
+                seen, since = found, _now()
+            if _is_dead(found.data) or _now() - since > _LIFE:
                 with suppress(ChangedError):
                     self._keep(self._store.save(self._address, self._text(), over=found.version))
                     return
@@ -110,7 +112,7 @@ class Lease:
 
     def _release(self) -> None:
         with self._lock:
-            if self._content is not None and time.monotonic() - self._renewed < _TRUSTED:
+            if self._content is not None and _now() - self._renewed < _TRUSTED:
                 self._store.delete([self._address])
 
     def _text(self) -> bytes:
@@ -118,7 +120,12 @@ class Lease:
         return f"{self._owner}\n{self._count}\n".encode(errors="replace")
 
     def _keep(self, content: Content) -> None:
-        self._content, self._renewed = content, time.monotonic()
+        self._content, self._renewed = content, _now()
+
+
+def _now() -> float:
+    """Return the time in s of a clock that goes on while the computer sleeps: that of `time.monotonic` may not."""
+    return time.clock_gettime(_CLOCK) if _CLOCK is not None else time.monotonic()
 
 
 def _is_dead(data: bytes) -> bool:

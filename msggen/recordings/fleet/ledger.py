@@ -16,7 +16,7 @@ from contextlib import contextmanager
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from msggen.recordings.fleet.folder import STAGE, STATE, Added, Changed
+from msggen.recordings.fleet.folder import STAGE, Added, Changed
 from msggen.recordings.fleet.layout import (
     KEYS,
     PLACE_OF_VERSION_3,
@@ -27,6 +27,7 @@ from msggen.recordings.fleet.layout import (
     is_place,
     is_token,
     token_of,
+    topic_of,
 )
 from msggen.recordings.fleet.ranges import count_of, has, ranges_of, within
 from msggen.recordings.fleet.records import (
@@ -41,14 +42,13 @@ from msggen.recordings.fleet.records import (
     read_json,
     record_of,
 )
+from msggen.recordings.fleet.runs import opened
 from msggen.recordings.fleet.storage import storage_of
 from msggen.recordings.source.source import RecordingError
 from msggen.recordings.stores.errors import StoreError
 
 if TYPE_CHECKING:
     from msggen.recordings.fleet.storage import Storage
-
-__all__ = ["REPORT", "STATE", "Change", "FleetError", "Ledger"]
 
 LAYOUT = "layout.json"
 REPORT = "report.json"
@@ -166,7 +166,7 @@ class Ledger:
 
     def finish(self) -> None:
         """Write all records and files, after which the changes are not needed any more. Raises OSError."""
-        self.folder.flush(sorted({place.partition("/")[0] for place in self.files}))
+        self.folder.flush(sorted({topic_of(place) for place in self.files}))
         self.folder.write(_LEDGER, "".join(f"{line}\n" for line in self._lines()).encode())
         self.folder.publish(self.found)
         for name in self._pending():  # in this order: the later ones may remove what the first ones add
@@ -185,6 +185,10 @@ class Ledger:
         gone = [file for place, file in self.files.items() if place not in self.found]
         known = sorted(self.records)
         return {number for file in gone for number in within(file.logs, known)}
+
+    def numbers(self) -> dict[str, int]:
+        """Return the numbers of the recordings by name."""
+        return {record.log: number for number, record in self.records.items()}
 
     def places_with(self, numbers: Collection[int]) -> list[str]:
         """Return the places of the files that have rows of some recordings, also of those that are missing."""
@@ -223,7 +227,7 @@ class Ledger:
 
     def _clear_stages(self) -> None:
         """Remove the stages that no change needs."""
-        stages = self.folder.stages()
+        stages = [name for name in self.folder.names() if name.endswith(STAGE)]
         if stages:
             needed = {each.staged.partition("/")[0] for change in self._waiting() for each in change.added}
             for stage in stages:
@@ -246,7 +250,7 @@ class Ledger:
             if place not in self.found and (rest := within(file.logs, known)):
                 self.files[place] = file._replace(logs=ranges_of(rest))
         places = [place for place in self.found if place not in self.files and is_place(place)]
-        numbers = {record.log: record.number for record in self.records.values()}
+        numbers = self.numbers()
         for place, rows in _rows_in(self.folder, places):
             for keys, count in rows.items():
                 if keys.log not in numbers:
@@ -262,9 +266,9 @@ class Ledger:
         """Change the folders of the topics, and what is known of them. It does not matter if that was done before."""
         topics: dict[str, Changed] = {}
         for each in change.added:
-            topics.setdefault(each.place.partition("/")[0], Changed([], [])).added.append(each)
+            topics.setdefault(topic_of(each.place), Changed([], [])).added.append(each)
         for place in change.removed:
-            topics.setdefault(place.partition("/")[0], Changed([], [])).removed.append(place)
+            topics.setdefault(topic_of(place), Changed([], [])).removed.append(place)
         for place in change.removed:
             self.files.pop(place, None)
             self.found.pop(place, None)
@@ -288,8 +292,6 @@ def _rows_in(folder: Storage, places: Sequence[str]) -> Iterator[tuple[str, Mapp
     """Yield the number of rows by keys of files, without those that cannot be read."""
     if not places:
         return
-    from msggen.recordings.fleet.runs import opened
-
     with opened(folder.open) as files:
         for place in places:
             try:

@@ -9,22 +9,39 @@ import errno
 import hashlib
 import os
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
+from typing import NamedTuple
 
-from msggen.recordings.files.paths import METADATA, is_always_whole, is_bag_of, is_marked, is_named_as_recording
+from msggen.base.recording_formats import FORMATS, format_named
+from msggen.recordings.files.paths import (
+    LOGS,
+    METADATA,
+    is_always_whole,
+    is_bag_of,
+    is_marked,
+    is_named_as_recording,
+)
 from msggen.recordings.files.stored import local_name
 from msggen.recordings.source.source import RecordingError
 from msggen.recordings.stores.client import split
-from msggen.recordings.stores.errors import NO_OBJECT, MissingError
+from msggen.recordings.stores.errors import NoObjectError
 from msggen.recordings.stores.store import Store, Stored
+
+
+class State(NamedTuple):
+    """What tells whether a recording has changed. That of a folder is of all its files."""
+
+    size: int
+    """In bytes."""
+    changed: int
+    """The time of change in ns or, in a store, a number that is another one for each version."""
+
 
 _DIGITS = 15
 """The hexadecimal digits of a digest that a number of a state has."""
-_Stated = tuple[int, int]
-"""The size of a recording, and a number that is another one for each version."""
-_lists: dict[str, dict[str, _Stated]] = {}
+_lists: dict[str, dict[str, State]] = {}
 """The recordings below the folders that were listed last, by their addresses."""
 
 
@@ -40,7 +57,7 @@ def find_stored(folder: str, without: str = "") -> list[str]:
         parent, _, name = each.address.rpartition("/")
         if not f"{parent}/".startswith(f"{without}/"):
             folders.setdefault(parent, {})[name] = each
-    found: dict[str, _Stated] = {}
+    found: dict[str, State] = {}
     for parent, objects in folders.items():
         is_one = _is_bag(store, parent, objects)
         if is_one:
@@ -58,17 +75,16 @@ def is_folder(address: str) -> bool:
     if not address.endswith("/") and store.canonical(address).count("/") > 2:  # noqa: PLR2004 - s3://bucket
         try:
             store.look(address)
-        except MissingError as error:
-            if error.strerror != NO_OBJECT:
-                raise
+        except NoObjectError:
+            pass
         else:
             return False
     folder = store.canonical(address)
-    objects = {each.address.rpartition("/")[2]: each for each in store.folder(folder)}
+    objects = _by_name(store.folder(folder))
     return not _is_bag(store, folder, objects) and store.has_below(folder)
 
 
-def listed_state(address: str) -> _Stated:
+def listed_state(address: str) -> State:
     """Return the state of a recording as it was listed. Raises FileNotFoundError if it was not."""
     for found in _lists.values():
         if address in found:
@@ -83,16 +99,17 @@ def is_listed(address: str) -> bool:
 
 
 @contextmanager
-def copied(address: str) -> Iterator[tuple[str, _Stated]]:
+def copied(address: str) -> Iterator[tuple[str, State]]:
     """Yield the path of a copy of a recording, and its state. Errors have its address. Raises OSError."""
     store = _store(split(address)[0], _environment())
     with tempfile.TemporaryDirectory(prefix="msggen-", ignore_cleanup_errors=True) as folder:
         copy = os.path.join(folder, local_name(address.rpartition("/")[2]))
         try:
             parts = [store.fetch(address, copy)]
-        except MissingError as error:
-            listed = _parts({each.address.rpartition("/")[2]: each for each in store.folder(address)})
-            if error.strerror != NO_OBJECT or not listed:
+            _fetch_logs(store, address, copy)
+        except NoObjectError:
+            listed = _parts(_by_name(store.folder(address)))
+            if not listed:
                 raise
             os.mkdir(copy)
             parts = [_fetched(store, each.address, copy) for each in listed]
@@ -129,7 +146,19 @@ def _parts(objects: Mapping[str, Stored]) -> list[Stored]:
     return [each for name, each in sorted(objects.items()) if not is_always_whole(name)]
 
 
-def _state(parts: Sequence[Stored]) -> _Stated:
-    """Return the size of the files of a recording, and a number for their versions."""
+def _fetch_logs(store: Store, address: str, copy: str) -> None:
+    """Fetch the logs of transactions beside a database: it may not have been closed."""
+    if format_named(address) is FORMATS["db3"]:
+        for suffix in LOGS:
+            if store.has(address + suffix):
+                store.fetch(address + suffix, copy + suffix)
+
+
+def _by_name(objects: Iterable[Stored]) -> dict[str, Stored]:
+    return {each.address.rpartition("/")[2]: each for each in objects}
+
+
+def _state(parts: Sequence[Stored]) -> State:
+    """Return the state of a recording that has these files."""
     told = repr([each.tag or str(each.modified) for each in parts])
-    return sum(each.size for each in parts), int(hashlib.sha256(told.encode()).hexdigest()[:_DIGITS], 16)
+    return State(sum(each.size for each in parts), int(hashlib.sha256(told.encode()).hexdigest()[:_DIGITS], 16))

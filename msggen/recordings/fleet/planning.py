@@ -8,8 +8,9 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.recordings.fleet.batch import Task
-from msggen.recordings.fleet.finding import State, digest_of, state_of
+from msggen.recordings.fleet.finding import digest_of, state_of
 from msggen.recordings.fleet.layout import DIGITS
+from msggen.recordings.fleet.listing import State
 
 if TYPE_CHECKING:
     from msggen.recordings.fleet.ledger import Ledger
@@ -123,17 +124,10 @@ def _digest(path: str) -> str:
 
 
 def _state(path: str) -> State | None:
+    """Return the state of a recording, None if it cannot be read."""
     try:
         return state_of(path)
-    except OSError:  # likewise
-        return None
-
-
-def current_state(path: str) -> State | None:
-    """Return the state of a path that a record has, None if it is not there."""
-    try:
-        return state_of(path)
-    except (OSError, ValueError):  # half a surrogate is in no path
+    except (OSError, ValueError):  # a record can have half a surrogate, which is in no path
         return None
 
 
@@ -145,7 +139,7 @@ def stale_paths(records: Sequence[Record]) -> dict[int, set[str]]:
             owners.setdefault(path, []).append(record)
     stale: dict[int, set[str]] = {}
     for path, found in owners.items():
-        current = [each for each in found if len(found) > 1 and each.paths[path] == current_state(path)]
+        current = [each for each in found if len(found) > 1 and each.paths[path] == _state(path)]
         for each in found if current else ():
             if each is not current[0]:
                 stale.setdefault(each.number, set()).add(path)

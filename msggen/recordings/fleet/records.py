@@ -6,8 +6,9 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from msggen.recordings.fleet.finding import State, is_there
+from msggen.recordings.fleet.finding import is_there
 from msggen.recordings.fleet.layout import KEYS, ORIGINS, is_place
+from msggen.recordings.fleet.listing import State
 from msggen.recordings.fleet.ranges import Ranges, from_text, is_text, text_of
 from msggen.recordings.source.source import RecordingError
 

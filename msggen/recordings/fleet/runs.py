@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from itertools import pairwise
 from typing import IO, TYPE_CHECKING, Any, NamedTuple
@@ -133,9 +133,11 @@ class Files:
             return self._open[name][1]
         while len(self._open) >= _OPEN:
             self._open.popitem(last=False)[1][0].close()
-        file = self._opening(name)
-        with _told(name):
-            self._open[name] = file, parquet.ParquetFile(file)
+        with ExitStack() as stack:
+            file = stack.enter_context(self._opening(name))
+            with _told(name):
+                self._open[name] = file, parquet.ParquetFile(file)
+            stack.pop_all()
         return self._open[name][1]
 
     def _read(self, group: _Group) -> Any:

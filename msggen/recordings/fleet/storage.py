@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from msggen.base.disk.urls import is_address, is_in_store
 from msggen.recordings.fleet.folder import Folder
+from msggen.recordings.fleet.layout import topic_of
 
 if TYPE_CHECKING:
     from msggen.recordings.fleet.stored import StoredFolder
@@ -29,9 +30,8 @@ def files(fleet: str, topic: str) -> list[str]:
     `topic` is the name of a folder in the fleet. Raises OSError.
     """
     storage = storage_of(fleet)
-    if storage.is_in_store:
-        return [f"{storage.path}/{place}" for place in storage.files() if place.partition("/")[0] == topic]
-    return [os.path.join(fleet, place) for place in storage.files() if place.partition("/")[0] == topic]
+    places = [place for place in storage.files() if topic_of(place) == topic]
+    return [f"{storage.path}/{each}" if storage.is_in_store else os.path.join(fleet, each) for each in places]
 
 
 def absolute(path: str) -> str:

@@ -15,8 +15,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from typing import IO, TYPE_CHECKING
 
-from msggen.recordings.fleet.folder import FILES, RUN, STAGE, STATE, Changed
-from msggen.recordings.fleet.layout import is_place
+from msggen.recordings.fleet.folder import FILES, RUN, STATE, Changed
+from msggen.recordings.fleet.layout import is_place, topic_of
 from msggen.recordings.fleet.lease import Lease
 from msggen.recordings.stores.store import Store
 
@@ -33,7 +33,8 @@ class StoredFolder:
         self._store = Store(address)
         self.path = self._store.canonical(address)
         self.state = f"{self.path}/{STATE}"
-        self._scratch = tempfile.TemporaryDirectory(prefix="msggen-", ignore_cleanup_errors=True)
+        self._scratch = ""
+        """The folder for copies of files of topics, as long as the lock is held."""
         self._lease = Lease(self._store, f"{self.state}/{RUN}")
         self._versions: dict[str, UpdateVersion] = {}
         """Which versions of files of the state were read. They are replaced only if nobody else has."""
@@ -49,7 +50,7 @@ class StoredFolder:
     @contextmanager
     def locked(self, waiting: Callable[[str], None]) -> Iterator[None]:
         """Hold the lock of the fleet. If another run has it, call `waiting` with its name, and wait."""
-        with self._scratch, self._lease.held(waiting):
+        with _temporary_folder() as self._scratch, self._lease.held(waiting):
             yield
 
     # the state: small files
@@ -109,7 +110,7 @@ class StoredFolder:
         return open(copy, "rb")
 
     def _copy(self, place: str) -> str:
-        return os.path.join(self._scratch.name, *place.split("/"))
+        return os.path.join(self._scratch, *place.split("/"))
 
     def check(self, topics: Iterable[str]) -> None:
         """Do nothing: a store has no links."""
@@ -117,21 +118,13 @@ class StoredFolder:
     @contextmanager
     def stage(self, _: str) -> Iterator[str]:
         """Yield a new folder of this computer for files of a change, which `settle` puts into the store."""
-        with tempfile.TemporaryDirectory(prefix="msggen-", ignore_cleanup_errors=True) as folder:
+        with _temporary_folder() as folder:
             yield folder
-
-    def staged(self, token: str, path: str) -> str:
-        """Return a path in a stage as one in the folder of the state."""
-        return f"{token}{STAGE}/new/{os.path.basename(path)}"
 
     def settle(self, stage: str, staged: Sequence[str]) -> None:
         """Put files of a stage into the store."""
         for each in staged:
             self._store.replace(os.path.join(stage, os.path.basename(each)), f"{self.state}/{each}")
-
-    def stages(self) -> list[str]:
-        """Return the names of stages that are there."""
-        return [name for name in self.names() if name.endswith(STAGE)]
 
     def clear(self, name: str) -> None:
         """Remove a stage."""
@@ -174,10 +167,14 @@ class StoredFolder:
         """Do nothing: what a store has acknowledged, it has."""
 
 
+def _temporary_folder() -> tempfile.TemporaryDirectory[str]:
+    return tempfile.TemporaryDirectory(prefix="msggen-", ignore_cleanup_errors=True)
+
+
 def _document(files: Iterable[str]) -> bytes:
     topics: dict[str, list[str]] = {}
     for place in sorted(files):
-        topics.setdefault(place.partition("/")[0], []).append(place)
+        topics.setdefault(topic_of(place), []).append(place)
     return (json.dumps({"topics": topics}) + "\n").encode()
 
 

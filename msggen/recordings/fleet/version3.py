@@ -13,8 +13,8 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from msggen.recordings.fleet.changes import added_of, written_of
-from msggen.recordings.fleet.layout import PLACE_OF_VERSION_3, Keys
+from msggen.recordings.fleet.changes import write_files
+from msggen.recordings.fleet.layout import PLACE_OF_VERSION_3, Keys, topic_of
 from msggen.recordings.fleet.ledger import Change
 from msggen.recordings.fleet.records import Record, read_json, record_of
 from msggen.recordings.fleet.runs import opened
@@ -37,18 +37,18 @@ class _Old(NamedTuple):
 def upgrade(ledger: Ledger) -> None:
     """Give a fleet of version 3 the present layout. Raises FleetError for a damaged file, and OSError."""
     every = list(_records(ledger))
-    known = {record.log for record in ledger.records.values()}
+    known = ledger.numbers()
     new = list(_new_records(ledger, [each for each in every if each.record.log not in known]))
     if new:
         ledger.commit(Change(records=new))
-    numbers = {record.log: record.number for record in ledger.records.values()}
+    numbers = ledger.numbers()
     topics: dict[str, dict[str, Keys]] = {}
     for record, places in every:
         for place in places:
             if record.log in numbers and ledger.folder.has(place):
-                topics.setdefault(place.partition("/")[0], {})[place] = _keys(record, place)
+                topics.setdefault(topic_of(place), {})[place] = _keys(record, place)
     for topic, files in sorted(topics.items()):
-        _upgrade_topic(ledger, topic, files, numbers)
+        _upgrade_topic(ledger, topic, files)
     ledger.finish()
     ledger.write_layout()
 
@@ -62,13 +62,11 @@ def remove_records(ledger: Ledger) -> None:
             os.rmdir(os.path.join(ledger.folder.state, _LOGS))
 
 
-def _upgrade_topic(ledger: Ledger, topic: str, places: Mapping[str, Keys], numbers: Mapping[str, int]) -> None:
-    token = ledger.token()
-    with ledger.folder.stage(token) as stage, opened(ledger.folder.open) as files:
+def _upgrade_topic(ledger: Ledger, topic: str, places: Mapping[str, Keys]) -> None:
+    with opened(ledger.folder.open) as files:
         runs = [files.whole(place, keys) for place, keys in sorted(places.items())]
-        written = list(written_of(ledger, token, topic, runs, os.path.join(stage, "0.parquet")))
-        ledger.folder.settle(stage, [each.staged for each in written])
-    ledger.commit(Change(added_of(written, token, numbers), list(places)))
+        added = write_files(ledger, [(topic, runs)])
+    ledger.commit(Change(added, list(places)))
 
 
 def _records(ledger: Ledger) -> Iterator[_Old]:

@@ -13,28 +13,21 @@ from importlib import import_module
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from msggen.base.recording_formats import FORMATS
+from msggen.definitions.model import snake_case
+from msggen.definitions.primitives import PRIMITIVES, Primitive
+
 if TYPE_CHECKING:
     from typing_extensions import Self
 
-MAGIC = b"ULog\x01\x12\x35\x01"
+_FRONT = FORMATS["ulog"].front + b"\1"
+"""The first bytes, with the version of the format."""
 _HEAD = struct.Struct("<HB")
 _INFO = 6
 """The level of texts."""
+_CHARACTER = "char"
 _RELEASED = 255
 """The last byte of the number of a release, as no alpha, beta or release candidate."""
-_TYPES: Mapping[str, tuple[str, str, int]] = {
-    "bool": ("bool", "?", 1),
-    "byte": ("uint8_t", "B", 1),
-    "char": ("char", "c", 1),
-    "float32": ("float", "f", 4),
-    "float64": ("double", "d", 8),
-    **{
-        f"{sign}int{bits}": (f"{sign}int{bits}_t", code.upper() if sign else code, bits // 8)
-        for bits, code in ((8, "b"), (16, "h"), (32, "i"), (64, "q"))
-        for sign in ("", "u")
-    },
-}
-"""The types of fields: their names in a ULog, their codes for `struct`, and their sizes."""
 
 
 class _Part(NamedTuple):
@@ -106,7 +99,7 @@ class UlogWriter:
         self._numbers: dict[str, int] = {}
         descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
         self._file = os.fdopen(descriptor, "wb")
-        self._put(MAGIC + struct.pack("<Q", start))
+        self._put(_FRONT + struct.pack("<Q", start))
         self._write("B", bytes(40))
         for key, text in (("sys_name", "PX4"), ("ver_hw", "MSGGEN_SIM"), ("sys_uuid", f"{vehicle.number:036}")):
             self._information(f"char[{len(text)}] {key}", text.encode())
@@ -125,9 +118,8 @@ class UlogWriter:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def add(self, time: int, topic: str, message: Any) -> None:
+    def add(self, topic: str, message: Any) -> None:
         """Write a message of a topic, unless the file has no such topic. Raises UlogError."""
-        del time  # that of the message counts
         found = self._formats.get(topic)
         if found is None:
             return
@@ -171,19 +163,18 @@ def _format_of(cls: Any) -> _Format:
     nested: list[_Format] = []
     for field in cls.__msg__.fields:
         count = field.length or 0
-        if field.base in _TYPES:
-            name, code, size = _TYPES[field.base]
-            part = _Part(
-                _spelled(name, count, field.name), _repeated(code, count), _plain(field.attribute, code, count)
-            )
-            fields.append((size, size * (count or 1), part))
+        if field.base in PRIMITIVES:
+            type_ = PRIMITIVES[field.base]
+            text = _spelled(type_.cpp_type.removeprefix("std::"), count, field.name)
+            part = _Part(text, _code_of(type_, count), _plain(field.attribute, type_, count))
+            fields.append((type_.size, type_.size * (count or 1), part))
         else:
             inner = _format_of(nested_class(cls, field.base))
             nested.append(inner)
             text = _spelled(inner.name, count, field.name)
             part = _Part(text, inner.code * (count or 1), _of_messages(field.attribute, inner, count))
             fields.append((0, inner.size * (count or 1), part))
-    return _Format(_snake(cls.__name__), *_in_struct(fields), tuple(nested))
+    return _Format(snake_case(cls.__name__), *_in_struct(fields), tuple(nested))
 
 
 def _in_struct(fields: list[tuple[int, int, _Part]]) -> tuple[tuple[_Part, ...], int]:
@@ -213,15 +204,15 @@ def _spelled(type_: str, count: int, name: str) -> str:
     return f"{type_}[{count}] {name}" if count else f"{type_} {name}"
 
 
-def _repeated(code: str, count: int) -> str:
-    """Return the code of an array. One of characters is one value for `struct`."""
-    return f"{count or 1}s" if code == "c" else code * (count or 1)
+def _code_of(type_: Primitive, count: int) -> str:
+    """Return the code of a field for `struct`. Characters are one value."""
+    return f"{count or 1}s" if type_.name == _CHARACTER else type_.code * (count or 1)
 
 
-def _plain(attribute: str, code: str, count: int) -> Callable[[Any], list[Any]]:
+def _plain(attribute: str, type_: Primitive, count: int) -> Callable[[Any], list[Any]]:
     """Return what takes the values of a field of a primitive type out of a message."""
     get = attrgetter(attribute)
-    if code == "c":
+    if type_.name == _CHARACTER:
         return lambda message: [_characters(get(message))]
     if count:
         return lambda message: list(get(message))
@@ -239,10 +230,6 @@ def _of_messages(attribute: str, inner: _Format, count: int) -> Callable[[Any], 
     if count:
         return lambda message: [value for each in get(message) for value in inner.values(each)]
     return lambda message: inner.values(get(message))
-
-
-def _snake(name: str) -> str:
-    return re.sub(r"(?<!^)(?=[A-Z])", "_", name).lower()
 
 
 def _number_of(release: str) -> int | None:

@@ -16,7 +16,7 @@ BOUND = 256 << 20
 _RUN = 3
 """How many topics in the order of `Log.keys` make a loop.
 
-Nothing can be asked for before the first topic, so it counts as two, and as a loop if the keys were listed before.
+The first topic counts as two, because none precedes it. If the keys were listed before, it makes a loop alone.
 """
 
 

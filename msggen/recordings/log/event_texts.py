@@ -43,7 +43,7 @@ def event_texts(path: str) -> EventTexts:
     if metadata is None or not _is_metadata(metadata):
         with opening.open(path) as log:
             metadata = metadata_in(log.information)
-    read_definitions(metadata, ())
+        read_definitions(metadata, ())
     return EventTexts(metadata)
 
 

@@ -48,7 +48,6 @@ if TYPE_CHECKING:
 
     from msggen.recordings.definitions.comparison import Compared
     from msggen.recordings.definitions.release import Release
-    from msggen.recordings.files.spooled import Spooled
     from msggen.recordings.log.align import Aligned, Direction
 
     MessageT = TypeVar("MessageT")
@@ -71,15 +70,8 @@ class Log:
     all their names: `/fmu/out/vehicle_status_v4`, `vehicle_status`, `VehicleStatus`.
     """
 
-    def __init__(
-        self,
-        sources: Sequence[Source],
-        lender: Lender | Nearby | None = None,
-        path: str = "",
-        spooled: Spooled | None = None,
-    ) -> None:
+    def __init__(self, sources: Sequence[Source], lender: Lender | Nearby | None = None, path: str = "") -> None:
         self._reader = Reader(sources, lender, path or sources[0].path)
-        self._spooled = spooled
 
     def __enter__(self) -> Self:
         """Return the log."""
@@ -94,8 +86,6 @@ class Log:
         self._reader.close()
         if "_ahead" in self.__dict__:
             self._ahead.clear()
-        if self._spooled is not None:
-            self._spooled.folder.cleanup()
 
     # what there is
 
@@ -162,7 +152,7 @@ class Log:
     def texts(self) -> Sequence[Text]:
         """The lines of the vehicle's log in a ULog, and its events that users read. `facts` has the lines alone.
 
-        Events are read at the first use, before the log is closed.
+        The first use reads the events, and so comes before the log is closed.
         """
         return with_events(self.facts.texts, self.events)
 
@@ -424,8 +414,8 @@ class Log:
         """Yield the samples of several topics as CDR, by log time. Default: all topics in CDR.
 
         Topics without a definition are among them. Those of a ULog are encoded in little-endian XCDR1 by their own
-        definition, `Topic.definition`, whose fields are in the order of uORB's struct. Files of some size are not held
-        in memory, and a file is begun when its first sample is reached. Raises RecordingError for topics in another
+        definition, `Topic.definition`, whose fields are in the order of uORB's struct. Samples are read piece by piece;
+        of several files, each is begun when its first sample is reached. Raises RecordingError for topics in another
         encoding, for those of a ULog with names that ROS 2 does not allow, and for a recording that has only such.
         """
         chosen = [topic for topic in self.topics if topic.has_cdr] if topics is None else self._named(topics)

@@ -53,8 +53,7 @@ def open(  # noqa: A001 - users write recordings.open
     from msggen.recordings.files.spooled import name_of, open_stream
 
     file = cast("Readable", path)
-    sources, spooled = open_stream(file, name_of(file), verification)
-    return Log(sources, lender, name_of(file), spooled)
+    return Log(open_stream(file, name_of(file), verification), lender, name_of(file))
 
 
 def _place_of(path: Any) -> str | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import datetime, timezone
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -74,6 +75,16 @@ def utc_offset_of(
     if isinstance(boot, int) and _YEAR_2001 < boot < _LARGEST:
         return boot * 1000
     return gps_offset()
+
+
+def time_of_day(time: int, utc_offset: int | None) -> datetime | None:
+    """Return a log time in UTC, None if it is not known."""
+    if utc_offset is None:
+        return None
+    try:
+        return datetime.fromtimestamp((time + utc_offset) // 10**9, timezone.utc)
+    except (OverflowError, ValueError, OSError):
+        return None
 
 
 def gps_offset_of(topics: Sequence[Topic], samples_of: Callable[[Topic], Samples]) -> int | None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from msggen.recordings.report.attitude import angle_of
-from msggen.recordings.report.plans import GROUPS, LANES, Field, Group, Lanes, Plan
+from msggen.recordings.report.plans import AID_SOURCES, GROUPS, LANES, Field, Group, Lanes, Plan
 from msggen.recordings.report.recorded import Column, Recorded, spans
 
 if TYPE_CHECKING:
@@ -148,12 +148,8 @@ def _lines_of(recorded: Recorded, plan: Plan, field: Field) -> list[Line]:
 def _of_first(recorded: Recorded, field: Field, topic: str, name: str) -> Iterator[tuple[str, Column]]:
     """Yield a field of the first instance, without the values that cannot be used."""
     column = recorded.column(topic, name) or angle_of(recorded, topic, name)
-    if column is None:
-        return
-    valid = recorded.column(topic, field.valid) if field.valid else None
-    if valid is not None:
-        column = column._replace(values=np.where(valid.at(column.times) > 0, column.values, np.nan))
-    yield field.label, column
+    if column is not None:
+        yield field.label, column.where(recorded.column(topic, field.valid))
 
 
 def _of_all(recorded: Recorded, field: Field, topic: str, name: str) -> Iterator[tuple[str, Column]]:
@@ -206,7 +202,7 @@ def _flags(recorded: Recorded, lanes: Lanes) -> Flags | None:
             column = recorded.column(topic, flag) if flag.startswith(lanes.flags or ("",)) else None
             if column is None or not column.values.any() or (lanes.is_changing and column.values.all()):
                 continue
-            name = topic.removeprefix("estimator_aid_src_") if flag == "innovation_rejected" else flag
+            name = topic.removeprefix(AID_SOURCES) if flag == "innovation_rejected" else flag
             rows.append(Row(name, spans(column, column.values > 0, recorded.duration)))
     return Flags(lanes.title, rows[:_MOST_ROWS], max(len(rows) - _MOST_ROWS, 0)) if rows else None
 

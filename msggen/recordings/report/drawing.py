@@ -23,6 +23,8 @@ _SMALLEST = 2.0
 """The smallest side of a drawing in m."""
 _NARROWEST = 0.5
 """The smallest height of a drawing, and the smallest width, as shares of the other one."""
+_UNKNOWN = 8
+"""The colour of stretches whose mode is not known."""
 _LINES = 8
 """About how many lines the grid has on the longer side."""
 
@@ -95,7 +97,7 @@ def _paths(
             continue
         points = "L".join(map(_point, right[first : last + 1], down[first : last + 1]))
         name = timeline.mode_at(begin)
-        yield Path(name or "flight mode not known", timeline.colours.get(name, 8), f"M{points}")
+        yield Path(name or "flight mode not known", timeline.colours.get(name, _UNKNOWN), f"M{points}")
 
 
 def _point(right: float, down: float) -> str:

@@ -8,11 +8,12 @@ from typing import NamedTuple
 import numpy as np
 
 from msggen.base.diagnostics import counted, few
+from msggen.recordings.report.flight import HAS_FIX, batteries_of
 from msggen.recordings.report.recorded import Column, Recorded, spans
 from msggen.recordings.report.timeline import Timeline
 
 VIBRATION = 4.9, 9.8
-"""Half of the earth's acceleration, and all of it, in m/s²: above, an accelerometer's vibration is high, or severe."""
+"""Half of the earth's acceleration, and all of it, in m/s², from which vibration is high, or severe."""
 LOW_BATTERY = 0.15
 HIGH_LOAD = 0.9
 SATURATED = 0.99
@@ -22,7 +23,6 @@ _LONG = 1.0
 """The time in s from which a limit that is exceeded counts."""
 _MOST_FAILSAFES = 5
 """The failsafes that are findings of their own."""
-_HAS_FIX = 3
 _SEVERE = ("emergency", "alert", "critical", "error")
 
 
@@ -49,12 +49,10 @@ def _of_file(recorded: Recorded, _: Timeline) -> Iterator[Finding]:
     if "hardfault_plain" in log.information:
         yield Finding("error", "the firmware crashed before this log: it has the text of a hard fault")
     if log.dropouts:
-        lost = sum(each.duration for each in log.dropouts) / 1e9
-        longest = max(each.duration for each in log.dropouts) / 1e9
-        text = (
-            f"{counted(len(log.dropouts), 'dropout')} of the logger: {lost:.2f} s are missing, at most {longest:.2f} s"
-        )
-        yield Finding("warning", f"{text} at a time", (log.dropouts[0].time - log.start) / 1e9)
+        seconds = [each.duration / 1e9 for each in log.dropouts]
+        lost = f"{sum(seconds):.2f} s are missing, at most {max(seconds):.2f} s at a time"
+        text = f"{counted(len(seconds), 'dropout')} of the logger: {lost}"
+        yield Finding("warning", text, (log.dropouts[0].time - log.start) / 1e9)
 
 
 def _of_failsafes(_: Recorded, timeline: Timeline) -> Iterator[Finding]:
@@ -97,13 +95,12 @@ def _of_texts(_: Recorded, timeline: Timeline) -> Iterator[Finding]:
 
 def _of_vibration(recorded: Recorded, _: Timeline) -> Iterator[Finding]:
     for instance in recorded.instances("vehicle_imu_status"):
-        metric = recorded.column("vehicle_imu_status", "accel_vibration_metric", instance)
-        worst = _largest(recorded, metric)
-        if metric is not None and worst is not None and worst >= VIBRATION[0]:
+        metric = recorded.while_armed("vehicle_imu_status", "accel_vibration_metric", instance)
+        worst = metric.finite.max() if metric else 0.0
+        if metric and worst >= VIBRATION[0]:
             level, word = ("error", "severe") if worst >= VIBRATION[1] else ("warning", "high")
-            yield Finding(
-                level, f"{word} vibration of IMU {instance}: up to {worst:.1f} m/s²", _first(metric, VIBRATION[0])
-            )
+            text = f"{word} vibration of IMU {instance}: up to {worst:.1f} m/s²"
+            yield Finding(level, text, _first(metric, VIBRATION[0]))
         clips = [recorded.column("vehicle_imu_status", f"accel_clipping[{axis}]", instance) for axis in range(3)]
         grown = sum(each.values[-1] - each.values[0] for each in clips if each is not None and len(each.values))
         if grown > 0:
@@ -111,11 +108,8 @@ def _of_vibration(recorded: Recorded, _: Timeline) -> Iterator[Finding]:
 
 
 def _of_battery(recorded: Recorded, _: Timeline) -> Iterator[Finding]:
-    for instance in recorded.instances("battery_status"):
-        connected = recorded.column("battery_status", "connected", instance)
+    for instance in batteries_of(recorded):
         share = recorded.column("battery_status", "remaining", instance)
-        if connected and not connected.values.any():
-            continue
         known = share._replace(values=np.where(share.values >= 0, share.values, np.nan)) if share else None
         if known and len(known.finite) and known.finite.min() < LOW_BATTERY:
             text = f"the battery fell to {known.finite.min() * 100:.0f} %"
@@ -140,11 +134,12 @@ def _of_estimator(recorded: Recorded, _: Timeline) -> Iterator[Finding]:
         ("heading_reset_counter", "heading"),
     ):
         column = recorded.column("vehicle_local_position", counter)
-        column = column.within(recorded.armed) if column else None
-        jumps = np.flatnonzero(np.diff(column.values)) if column else np.empty(0, np.intp)
-        if column and len(jumps):
+        if column is None:
+            continue
+        jumps = column.times[1:][(np.diff(column.values) != 0) & column.is_within(recorded.armed)[1:]]
+        if len(jumps):
             text = f"the estimate of the {word} jumped {counted(len(jumps), 'time')} while armed"
-            yield Finding("info", text, float(column.times[jumps[0] + 1]))
+            yield Finding("info", text, float(jumps[0]))
 
 
 def _of_gps(recorded: Recorded, _: Timeline) -> Iterator[Finding]:
@@ -152,10 +147,10 @@ def _of_gps(recorded: Recorded, _: Timeline) -> Iterator[Finding]:
         fix = recorded.column(topic, "fix_type")
         if fix is None:
             continue
-        had = np.flatnonzero(fix.values >= _HAS_FIX)
+        had = np.flatnonzero(fix.values >= HAS_FIX)
         if len(had):  # a vehicle indoors never has one
             later = fix._replace(times=fix.times[had[0] :], values=-fix.values[had[0] :])
-            seconds, begin = _beyond(recorded, later, -_HAS_FIX)
+            seconds, begin = _beyond(recorded, later, -HAS_FIX)
             if seconds > 0:
                 yield Finding("warning", f"the GPS had no fix for {seconds:.1f} s", begin)
         jammed = recorded.column(topic, "jamming_state")
@@ -200,12 +195,6 @@ _RULES: Sequence[Callable[[Recorded, Timeline], Iterator[Finding]]] = (
 )
 
 
-def _largest(recorded: Recorded, column: Column | None) -> float | None:
-    """Return the largest value while armed, None if there is none."""
-    found = column.within(recorded.armed).finite if column else ()
-    return float(np.max(found)) if len(found) else None
-
-
 def _first(column: Column, limit: float) -> float | None:
     """Return when a value first exceeds a limit."""
     found = np.flatnonzero(column.values > limit)
@@ -214,8 +203,8 @@ def _first(column: Column, limit: float) -> float | None:
 
 def _beyond(recorded: Recorded, column: Column | None, limit: float) -> tuple[float, float | None]:
     """Return for how long a value exceeds a limit while armed, in s, and from when on."""
-    found = column.within(recorded.armed) if column else None
-    if not found or not len(found.times):
+    if column is None or not len(column.times):
         return 0.0, None
-    stretches = spans(found, found.values > limit, float(found.times[-1]))
+    mask = (column.values > limit) & column.is_within(recorded.armed)
+    stretches = spans(column, mask, float(column.times[-1]))
     return sum(end - begin for begin, end in stretches), stretches[0][0] if stretches else None

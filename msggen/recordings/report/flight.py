@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import chain
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -21,7 +22,8 @@ _FARTHEST = 2e7
 """Half of the way around the earth in m. A position that is farther away, or no number, is none."""
 _STEP = 1.0
 """The time in s between the positions whose distances are summed: noise would add to shorter ones."""
-_HAS_FIX = 3
+HAS_FIX = 3
+"""The smallest `fix_type` with a position in three dimensions."""
 
 
 class Track(NamedTuple):
@@ -44,35 +46,27 @@ class Figure(NamedTuple):
 
 def track_of(recorded: Recorded) -> Track | None:
     """Return the track, None if the recording does not have positions."""
-    for north, east, valid in (
-        ("vehicle_local_position.x", "vehicle_local_position.y", "xy_valid"),
-        ("vehicle_odometry.position[0]", "vehicle_odometry.position[1]", ""),
-    ):
-        found = _plane(recorded, north, east, valid)
-        if found is not None:
-            return found
-    for topic, latitude, longitude, scale in (
+    planes = (
+        ("vehicle_local_position", "x", "y", "xy_valid"),
+        ("vehicle_odometry", "position[0]", "position[1]", ""),
+    )
+    globes = (
         ("vehicle_global_position", "lat", "lon", 1.0),
         ("sensor_gps", "latitude_deg", "longitude_deg", 1.0),
         ("vehicle_gps_position", "latitude_deg", "longitude_deg", 1.0),
         ("sensor_gps", "lat", "lon", 1e-7),
         ("vehicle_gps_position", "lat", "lon", 1e-7),
-    ):
-        found = _globe(recorded, topic, latitude, longitude, scale)
-        if found is not None:
-            return found
-    return None
+    )
+    found = chain((_plane(recorded, *each) for each in planes), (_globe(recorded, *each) for each in globes))
+    return next(filter(None, found), None)
 
 
-def _plane(recorded: Recorded, north: str, east: str, valid: str) -> Track | None:
-    topic, _, field = north.partition(".")
-    x, y = recorded.column(topic, field), recorded.column(topic, east.partition(".")[2])
+def _plane(recorded: Recorded, topic: str, north: str, east: str, valid: str) -> Track | None:
+    x, y = recorded.column(topic, north), recorded.column(topic, east)
     if x is None or y is None:
         return None
+    x = x.where(recorded.column(topic, valid))
     mask = (np.abs(x.values) < _FARTHEST) & (np.abs(y.values) < _FARTHEST)
-    flag = recorded.column(topic, valid) if valid else None
-    if flag is not None:
-        mask &= flag.at(x.times) > 0
     if not mask.any():
         return None
     return Track(x.times[mask], y.values[mask], x.values[mask], topic)
@@ -86,7 +80,7 @@ def _globe(recorded: Recorded, topic: str, latitude: str, longitude: str, scale:
     mask = (np.abs(north) <= _QUARTER) & (np.abs(east) <= 2 * _QUARTER) & ((north != 0) | (east != 0))
     fix = recorded.column(topic, "fix_type")
     if fix is not None:
-        mask &= fix.at(lat.times) >= _HAS_FIX
+        mask &= fix.at(lat.times) >= HAS_FIX
     if not mask.any():
         return None
     north, east = np.radians(north[mask]), np.radians(east[mask])
@@ -109,16 +103,16 @@ def _of_motion(recorded: Recorded, track: Track | None) -> Iterator[Figure]:
         distance, farthest = _distances(recorded, track)
         yield Figure("Distance", _length(distance), "over ground")
         yield Figure("Farthest", _length(farthest), "from the start")
-    down = _armed(recorded, ("vehicle_local_position.z", "vehicle_odometry.position[2]"), "z_valid")
+    down = _first_of(recorded, ("vehicle_local_position.z", "vehicle_odometry.position[2]"), "z_valid")
     if down is not None:
         first = float(down.finite[0])
         yield Figure("Highest", f"{first - float(down.finite.min()):.1f} m", "above the start")
-    north = _armed(recorded, ("vehicle_local_position.vx", "vehicle_odometry.velocity[0]"), "v_xy_valid")
-    east = _armed(recorded, ("vehicle_local_position.vy", "vehicle_odometry.velocity[1]"), "v_xy_valid")
+    north = _first_of(recorded, ("vehicle_local_position.vx", "vehicle_odometry.velocity[0]"), "v_xy_valid")
+    east = _first_of(recorded, ("vehicle_local_position.vy", "vehicle_odometry.velocity[1]"), "v_xy_valid")
     if north is not None and east is not None and len(north.values) == len(east.values):
         speed = np.hypot(north.values, east.values)
         yield Figure("Fastest", f"{np.nanmax(speed):.1f} m/s", "over ground")
-    vertical = _armed(recorded, ("vehicle_local_position.vz", "vehicle_odometry.velocity[2]"), "v_z_valid")
+    vertical = _first_of(recorded, ("vehicle_local_position.vz", "vehicle_odometry.velocity[2]"), "v_z_valid")
     if vertical is not None:
         up, down_speed = max(-float(vertical.finite.min()), 0.0), max(float(vertical.finite.max()), 0.0)
         yield Figure("Climb and descent", f"{up:.1f}, {down_speed:.1f} m/s", "fastest")
@@ -129,46 +123,35 @@ def _of_motion(recorded: Recorded, track: Track | None) -> Iterator[Figure]:
 
 
 def _of_battery(recorded: Recorded) -> Iterator[Figure]:
-    for instance in recorded.instances("battery_status"):
-        connected = recorded.column("battery_status", "connected", instance)
-        if connected is not None and not connected.values.any():
-            continue
+    for instance in batteries_of(recorded):
         number = f" {instance}" if instance else ""
         used, notes = [], []
-        share = _while_armed(recorded, "remaining", instance)
+        share = recorded.while_armed("battery_status", "remaining", instance)
         if share is not None and share.finite[0] >= 0:
             used.append(f"{share.finite[0] * 100:.0f} to {share.finite[-1] * 100:.0f} %")
-        spent = _while_armed(recorded, "discharged_mah", instance)
+        spent = recorded.while_armed("battery_status", "discharged_mah", instance)
         if spent is not None and spent.finite[-1] > spent.finite[0]:
             notes.append(f"{spent.finite[-1] - spent.finite[0]:.0f} mAh")
-        volts = _while_armed(recorded, "voltage_v", instance)
+        volts = recorded.while_armed("battery_status", "voltage_v", instance)
         if volts is not None:
             notes.append(f"at least {volts.finite.min():.2f} V")
         if used or notes:
             yield Figure(f"Battery{number}", used[0] if used else notes.pop(0), ", ".join(notes))
 
 
-def _while_armed(recorded: Recorded, field: str, instance: int) -> Column | None:
-    """Return a field of a battery while the vehicle was armed, None without any number."""
-    found = recorded.column("battery_status", field, instance)
-    found = found.within(recorded.armed) if found is not None else None
-    return found if found is not None and len(found.finite) else None
+def batteries_of(recorded: Recorded) -> Iterator[int]:
+    """Yield the instances of `battery_status` that are not known to be without a battery."""
+    for instance in recorded.instances("battery_status"):
+        connected = recorded.column("battery_status", "connected", instance)
+        if connected is None or connected.values.any():
+            yield instance
 
 
-def _armed(recorded: Recorded, paths: Sequence[str], valid: str) -> Column | None:
-    """Return the first of some fields while the vehicle was armed, NaN where it cannot be used."""
-    for path in paths:
-        topic, _, field = path.partition(".")
-        found = recorded.column(topic, field)
-        if found is None:
-            continue
-        flag = recorded.column(topic, valid)
-        if flag is not None:
-            found = found._replace(values=np.where(flag.at(found.times) > 0, found.values, np.nan))
-        found = found.within(recorded.armed)
-        if len(found.finite):
-            return found
-    return None
+def _first_of(recorded: Recorded, paths: Sequence[str], valid: str) -> Column | None:
+    """Return the first field that the recording has while the vehicle was armed, NaN where it cannot be used."""
+    names = (path.partition(".") for path in paths)
+    found = (recorded.while_armed(topic, field, valid=valid) for topic, _, field in names)
+    return next(filter(None, found), None)
 
 
 def _distances(recorded: Recorded, track: Track) -> tuple[float, float]:
@@ -180,8 +163,8 @@ def _distances(recorded: Recorded, track: Track) -> tuple[float, float]:
         if not len(chosen):
             continue
         times = track.times[chosen]
-        at = chosen[np.unique(np.searchsorted(times, np.arange(times[0], times[-1], _STEP)))]
-        at = np.append(at, chosen[-1])
+        _, firsts = np.unique((times - times[0]) // _STEP, return_index=True)
+        at = np.append(chosen[firsts], chosen[-1])
         steps = np.hypot(np.diff(track.east[at]), np.diff(track.north[at]))
         if resets is not None:  # a jump of the estimate is no flight
             steps = steps[np.diff(resets.at(track.times[at])) == 0]

@@ -42,8 +42,6 @@ if TYPE_CHECKING:
 
 _MOST_MARKS = 2000
 """The texts and events in the table."""
-
-
 _MOST_PROBLEMS = 100
 """The problems in the list."""
 
@@ -98,7 +96,7 @@ class Page:
 
     recorded: Recorded
     timeline: Timeline
-    found: Charts
+    charts: Charts
     flown: Track | None
 
     @property
@@ -155,13 +153,11 @@ class Page:
     @cached_property
     def modes(self) -> list[Bar]:
         """The flight modes over time."""
-        stretches = self.timeline.modes
-        spans = {name: [(each.begin, each.end) for each in stretches if each.name == name] for name in self._colours}
-        return [Bar(name, bars(spans[name], self.width), colour) for name, colour in self._colours.items()]
-
-    @cached_property
-    def _colours(self) -> dict[str, int]:
-        return self.timeline.colours
+        spans: dict[str, list[tuple[float, float]]] = {}
+        for each in self.timeline.modes:
+            spans.setdefault(each.name, []).append((each.begin, each.end))
+        colours = self.timeline.colours
+        return [Bar(name, bars(found, self.width), colours[name]) for name, found in spans.items()]
 
     @property
     def failsafes(self) -> str:
@@ -172,7 +168,7 @@ class Page:
     def sections(self) -> list[SectionView]:
         """The charts, by heading."""
         found, number = [], 0
-        for section in self.found.sections:
+        for section in self.charts.sections:
             views = [_view(number + place, chart) for place, chart in enumerate(section.charts)]
             flags = [
                 FlagsView(each.title, [Bar(row.name, bars(row.spans, self.width)) for row in each.rows], each.left_out)
@@ -224,7 +220,7 @@ class Page:
     @property
     def missing(self) -> str:
         """The charts that the recording has no values for."""
-        return "; ".join(self.found.missing)
+        return "; ".join(self.charts.missing)
 
     @property
     def notes(self) -> list[str]:
@@ -265,7 +261,7 @@ class Page:
     @cached_property
     def data(self) -> Markup:
         """The data of the charts: JSON without characters of HTML."""
-        return Markup(data_of(self.recorded.duration, self.timeline, self.found.sections, self.flown))  # noqa: S704
+        return Markup(data_of(self.recorded.duration, self.timeline, self.charts.sections, self.flown))  # noqa: S704
 
     @property
     def script_hashes(self) -> Markup:
@@ -281,11 +277,11 @@ def report(log: Log) -> str:
     """Return a report on a recording as one HTML page. Raises RecordingError if it has nothing to draw."""
     with np.errstate(all="ignore"):  # damaged samples have values of any size
         recorded = Recorded(log, is_needed)
-        found = charts_of(recorded)
-        if not found.sections:
+        charts = charts_of(recorded)
+        if not charts.sections:
             names = "vehicle_local_position, vehicle_attitude, vehicle_status, battery_status or sensor_combined"
             raise RecordingError(f"there are no samples of topics that a report shows, such as {names}")
-        page = Page(recorded, timeline_of(recorded), found, track_of(recorded))
+        page = Page(recorded, timeline_of(recorded), charts, track_of(recorded))
         return _template().render(page=page)
 
 

@@ -47,11 +47,22 @@ class Column(NamedTuple):
         index = np.searchsorted(self.times, times, side="right") - 1
         return np.where(index >= 0, self.values[np.maximum(index, 0)], np.nan)
 
-    def within(self, spans: Collection[tuple[float, float]]) -> Column:
-        """Return the samples in some spans of time."""
-        mask = np.zeros(len(self.times), bool)
+    def where(self, flag: Column | None) -> Column:
+        """Return the column with NaN where a flag is not set, if there is such a flag."""
+        if flag is None:
+            return self
+        return self._replace(values=np.where(flag.at(self.times) > 0, self.values, np.nan))
+
+    def is_within(self, spans: Collection[tuple[float, float]]) -> NDArray[np.bool_]:
+        """Return which samples are in some spans of time."""
+        mask = np.zeros(len(self.times), np.bool_)
         for begin, end in spans:
             mask |= (self.times >= begin) & (self.times <= end)
+        return mask
+
+    def within(self, spans: Collection[tuple[float, float]]) -> Column:
+        """Return the samples in some spans of time."""
+        mask = self.is_within(spans)
         return self._replace(times=self.times[mask], values=self.values[mask])
 
     @property
@@ -106,6 +117,14 @@ class Recorded:
             is_held,
             f"{name}{number}.{field}",
         )
+
+    def while_armed(self, name: str, field: str, instance: int = 0, valid: str = "") -> Column | None:
+        """Return a field while the vehicle was armed, NaN where the flag `valid` is not set. None without a number."""
+        found = self.column(name, field, instance)
+        if found is None:
+            return None
+        found = found.where(self.column(name, valid, instance)).within(self.armed)
+        return found if len(found.finite) else None
 
     def width(self, name: str, field: str, instance: int = 0) -> int:
         """Return the number of elements of an array, 0 if there is no such one."""

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
-from datetime import datetime, timezone
 from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.base.diagnostics import counted
 from msggen.base.recording_formats import FORMATS
 from msggen.recordings.columns.annotations import annotation_of
+from msggen.recordings.log.origin import time_of_day
 from msggen.recordings.report.recorded import Recorded
 
 if TYPE_CHECKING:
@@ -69,7 +69,8 @@ def facts_of(recorded: Recorded) -> Iterator[Fact]:
         "System",
         " ".join(str(log.information.get(name, "")) for name in ("sys_name", "sys_os_name", "sys_mcu")).strip(),
     )
-    yield Fact("Start", _utc(log, log.start))
+    start = time_of_day(log.start, log.utc_offset)
+    yield Fact("Start", f"{start:%Y-%m-%d %H:%M:%S} UTC" if start else "")
     format_ = FORMATS[log.kind].name if log.kind in FORMATS else log.kind
     count = sum(topic.count > 0 for topic in log.topics)
     file = os.path.basename(os.path.abspath(log.path))
@@ -92,15 +93,6 @@ def _vehicle(recorded: Recorded) -> str:
     if recorded.namespace:
         parts.append(recorded.namespace)
     return ", ".join(parts)
-
-
-def _utc(log: Log, time: int) -> str:
-    if log.utc_offset is None or not log.end:
-        return ""
-    try:
-        return f"{datetime.fromtimestamp((time + log.utc_offset) // 10**9, timezone.utc):%Y-%m-%d %H:%M:%S} UTC"
-    except (OverflowError, ValueError, OSError):
-        return ""
 
 
 def parameters_of(log: Log) -> list[Parameter]:

@@ -245,7 +245,7 @@ class Source(ABC):
         return iter(())
 
     def close_with(self, close: Callable[[], None]) -> None:
-        """Let `close` call another function, too, which can be called again, after those before it."""
+        """Let `close` call a function, too, behind those that were added before. It can be called several times."""
         self._closing.append(close)
 
     def close(self) -> None:

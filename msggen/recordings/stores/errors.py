@@ -28,6 +28,10 @@ class MissingError(StoreError, FileNotFoundError):
     """A store that does not have an object or a bucket."""
 
 
+class NoObjectError(MissingError):
+    """A bucket that does not have an object."""
+
+
 class ChangedError(StoreError):
     """An object that is not the version that was asked for."""
 
@@ -50,8 +54,11 @@ def translated(error: Exception, address: str) -> StoreError:
     """Return the error for what obstore raised."""
     text = str(error)
     shown = shown_address(address)
-    if isinstance(error, FileNotFoundError) or _status(text) == _NOT_FOUND:
-        return MissingError(errno.ENOENT, _missing(text), shown)
+    if _code(text) == "NoSuchBucket":
+        return MissingError(errno.ENOENT, "there is no such bucket", shown)
+    is_missing = isinstance(error, FileNotFoundError) or _status(text) == _NOT_FOUND
+    if is_missing and _code(text) != "NoSuchUpload":  # that of parts which are being written
+        return NoObjectError(errno.ENOENT, "there is no such object", shown)
     if _status(text) == _UNSATISFIABLE:
         return RangeError(errno.EINVAL, "the range is behind the end of the object", shown)
     if _status(text) == _PRECONDITION or "precondition failure" in text:
@@ -60,7 +67,6 @@ def translated(error: Exception, address: str) -> StoreError:
     return StoreError(number, _reason(text), shown)
 
 
-NO_OBJECT = "there is no such object"
 _NOT_FOUND = 404
 _PRECONDITION = 412
 _UNSATISFIABLE = 416
@@ -84,10 +90,6 @@ def _status(text: str) -> int:
 def _code(text: str) -> str:
     found = _CODE.search(text)
     return found[1] if found else ""
-
-
-def _missing(text: str) -> str:
-    return "there is no such bucket" if _code(text) == "NoSuchBucket" else NO_OBJECT
 
 
 def _reason(text: str) -> str:

@@ -7,14 +7,14 @@ import os
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from datetime import datetime
+from functools import partial
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from msggen.base.disk.urls import scheme_of, shown_address
 from msggen.recordings.stores.client import client_for, split
 from msggen.recordings.stores.errors import (
-    NO_OBJECT,
     ChangedError,
-    MissingError,
+    NoObjectError,
     RangeError,
     StoreError,
     changed_error,
@@ -59,7 +59,7 @@ class Content(NamedTuple):
 
 
 class Store:
-    """A bucket, or a server of HTTP. Methods raise StoreError, MissingError for an object that there is not.
+    """A bucket, or a server of HTTP. Methods raise StoreError, NoObjectError for an object that there is not.
 
     The constructor raises StoreError too, and ModuleNotFoundError without the extra. An instance can be used by several
     threads.
@@ -144,9 +144,7 @@ class Store:
         try:
             with _translating(address):
                 return result_of(load)
-        except MissingError as error:
-            if error.strerror != NO_OBJECT:
-                raise
+        except NoObjectError:
             return None
 
     def save(self, address: str, data: bytes, *, over: UpdateVersion | None = None) -> Content:
@@ -154,38 +152,28 @@ class Store:
 
         Raises ChangedError if that is not there any more.
         """
-        import obstore
-
-        key = self._key(address)
-        mode: Literal["overwrite"] | UpdateVersion = "overwrite" if over is None else over
-        try:
-            with _translating(address):
-                done = result_of(lambda: obstore.put(self._client, key, data, mode=mode, use_multipart=False))
-        except (ChangedError, MissingError) as error:
-            if isinstance(error, MissingError) and (over is None or error.strerror != NO_OBJECT):
-                raise
-            return self._written(address, data)
-        return Content(data, _version(done))
+        return self._save(address, data, "overwrite" if over is None else over)
 
     def create(self, address: str, data: bytes) -> Content:
         """Write a new small object whole. Raises ChangedError if there is such an object."""
+        return self._save(address, data, "create")
+
+    def _save(self, address: str, data: bytes, mode: Literal["create", "overwrite"] | UpdateVersion) -> Content:
         import obstore
         from obstore.exceptions import AlreadyExistsError
 
         key = self._key(address)
         try:
             with _translating(address):
-                done = result_of(lambda: obstore.put(self._client, key, data, mode="create", use_multipart=False))
-        except (AlreadyExistsError, ChangedError):
-            return self._written(address, data)
+                done = result_of(lambda: obstore.put(self._client, key, data, mode=mode, use_multipart=False))
+        except (AlreadyExistsError, ChangedError, NoObjectError) as error:
+            if isinstance(error, NoObjectError) and isinstance(mode, str):
+                raise
+            found = self.load(address)
+            if found is None or found.data != data:  # else an earlier try has written it, whose answer was lost
+                raise changed_error(address) from None
+            return found
         return Content(data, _version(done))
-
-    def _written(self, address: str, data: bytes) -> Content:
-        """Return what an earlier try has written, whose answer was lost. Raises ChangedError for anything else."""
-        found = self.load(address)
-        if found is None or found.data != data:
-            raise changed_error(address)
-        return found
 
     def replace(self, path: str, address: str) -> None:
         """Write a file to an object, over any that is there."""
@@ -221,17 +209,17 @@ class Store:
         try:
             with _translating(source):
                 obstore.copy(self._client, self._key(source), self._key(target))
-        except MissingError as error:
-            if error.strerror != NO_OBJECT:
-                raise
+        except NoObjectError:
+            pass
 
     def has(self, address: str) -> bool:
         """Whether there is an object, as far as the credentials allow to look. Raises MissingError without bucket."""
         try:
             self.look(address)
+        except NoObjectError:
+            return False
         except StoreError as error:
-            # S3 forbids to read a missing object to those who may not list
-            if error.errno == errno.EACCES or error.strerror == NO_OBJECT:
+            if error.errno == errno.EACCES:  # S3 forbids to read a missing object to those who may not list
                 return False
             raise
         return True
@@ -267,25 +255,13 @@ class Store:
 
     def delete(self, addresses: Sequence[str]) -> None:
         """Delete objects. Those that there are not are passed over."""
-        if len(addresses) > 1 and scheme_of(self._place) == "s3":
-            self._delete_at_once(addresses)
-            return
-        for address in addresses:
-            self._delete(address)
-
-    def _delete_at_once(self, addresses: Sequence[str]) -> None:
         import obstore
 
         keys = [self._key(address) for address in addresses]
-        with _translating(addresses[0]), suppress(FileNotFoundError):
-            result_of(lambda: obstore.delete(self._client, keys))
-
-    def _delete(self, address: str) -> None:
-        import obstore
-
-        key = self._key(address)
-        with _translating(address), suppress(FileNotFoundError):
-            result_of(lambda: obstore.delete(self._client, key))
+        is_at_once = len(keys) > 1 and scheme_of(self._place) == "s3"
+        for address, paths in [(addresses[0], keys)] if is_at_once else zip(addresses, keys, strict=True):
+            with _translating(address), suppress(FileNotFoundError):
+                result_of(partial(obstore.delete, self._client, paths))
 
     def canonical(self, address: str) -> str:
         """Return the address of a folder as those of its objects begin."""

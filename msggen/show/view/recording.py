@@ -13,6 +13,7 @@ from foxglove.websocket import PlaybackCommand, PlaybackState, PlaybackStatus, S
 
 from msggen.recordings.log.log import Log
 from msggen.recordings.log.payloads import Sample
+from msggen.recordings.source.source import RecordingError
 from msggen.show.view.playback import Playback, State
 from msggen.show.view.scene import KINDS, Scene
 from msggen.show.view.server import Channel
@@ -27,7 +28,7 @@ TELL_NS = 200_000_000
 """How often Foxglove is told where the playback is."""
 
 
-class UnviewableRecordingError(ValueError):
+class UnviewableRecordingError(RecordingError):
     """A recording without anything that can be shown."""
 
 

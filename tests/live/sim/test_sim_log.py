@@ -21,28 +21,32 @@ from msggen.live.links.udp import UdpLink
 from msggen.live.sim import Misbehaviour, Options, Simulator
 from msggen.live.sim.alone import BOOT, LoneFlight
 from msggen.live.sim.parameters import PARAMETERS
-from msggen.recordings.live.ulog import UlogWriter, Vehicle
+from msggen.live.sim.runner import Runner
+from msggen.live.sim.transport import Udp, read_address
+from msggen.recordings.live.ulog import UlogError, UlogWriter, Vehicle
 from support.link_records import Records
 from support.repository import ROOT
 
 
 class _Kept:
-    """A log that keeps what it takes."""
+    """A log that keeps what it takes, with the time of the flight."""
 
-    def __init__(self) -> None:
+    def __init__(self, flight: LoneFlight) -> None:
+        self._flight = flight
         self.messages: list[tuple[int, str, Any]] = []
         self.lines: list[str] = []
 
-    def add(self, time: int, topic: str, message: Any) -> None:
-        self.messages.append((time, topic, message))
+    def add(self, topic: str, message: Any) -> None:
+        self.messages.append((self._flight.time, topic, message))
 
     def text(self, time: int, text: str) -> None:
         self.lines.append(f"{(time - BOOT) / 1e6:.1f} {text}")
 
 
 def _flown(package: Any, options: Options = Options(), seconds: int = 600) -> _Kept:  # noqa: B008 - it is immutable
-    kept = _Kept()
-    LoneFlight(package, options, 1_790_000_000_000_000).run(kept, BOOT + seconds * 1_000_000)
+    flight = LoneFlight(package, options, 1_790_000_000_000_000)
+    kept = _Kept(flight)
+    flight.run(kept, BOOT + seconds * 1_000_000)
     return kept
 
 
@@ -55,7 +59,7 @@ def test_the_samples_of_every_message_have_the_size_of_its_struct(px4_types: Any
     topics = {name: topic.message for name, topic in px4_types.topics.UORB.items()}
     with UlogWriter(str(tmp_path / "a.ulg"), 0, topics, {}, Vehicle()) as writer:
         for name, cls in topics.items():
-            writer.add(0, name, cls())
+            writer.add(name, cls())
     data = (tmp_path / "a.ulg").read_bytes()
     sizes, names, place = {}, {}, 16
     while place < len(data):
@@ -86,7 +90,7 @@ def test_readers_find_the_values_that_were_written(px4_types: Any, tmp_path: Pat
         for name, own in messages.items():
             for number, message in enumerate(own):
                 message.timestamp = number
-                writer.add(number, name, message)
+                writer.add(name, message)
     with recordings.open(path) as log:
         assert (dict(log.parameters), log.firmware.release) == ({"MPC_XY_P": 0.5}, "v1.18.0")
         assert log.vehicle == f"{3:036}"
@@ -202,6 +206,39 @@ def test_the_log_of_a_vehicle_has_what_it_sends(px4_types: Any, tmp_path: Path) 
         assert sum(len(each.array) for each in log.load().values()) == writer.samples >= sent > 0
         assert "connected" in [text.text for text in log.texts]
         assert log["vehicle_status"]["timestamp"].max() < 10_000_000  # since boot, not since 1970
+
+
+class _Full:
+    """A client whose log cannot be written."""
+
+    is_closed = False
+    next_time = 0
+
+    def advance(self, now: int) -> None:
+        raise UlogError(f"no room at {now}")
+
+    def receive(self, data: bytes, now: int) -> None:
+        """Take nothing."""
+
+    def refuse(self) -> None:
+        """Take nothing."""
+
+    def take_outgoing(self) -> list[tuple[bytes, int]]:
+        return []
+
+    def close(self, now: int) -> None:
+        """Wait for an answer."""
+
+
+def test_a_log_that_cannot_be_written_leaves_no_connection(monkeypatch: pytest.MonkeyPatch) -> None:
+    closed: list[Udp] = []
+    monkeypatch.setattr(Udp, "close", lambda each: closed.append(each))  # noqa: PLW0108 - only functions are methods
+    runner = Runner([_Full()], read_address("udp://127.0.0.1:9"))
+    with pytest.raises(UlogError):
+        runner.close()
+    assert len(closed) == 1
+    monkeypatch.undo()
+    closed[0].close()
 
 
 @pytest.mark.usefixtures("working_folder")
