@@ -7,6 +7,7 @@ from typing import Any
 
 from msggen.flight.checks import Verdict
 from msggen.flight.connection import Connection, Topics, filled
+from msggen.flight.errors import NotReachedError
 from msggen.flight.feeds import Feeds
 from msggen.flight.mode import Mode, message_of, needs_of
 from msggen.flight.registration import Ids
@@ -24,7 +25,7 @@ class ActiveMode:
         self.mode, self.ids, self.feeds = mode, ids, feeds
         self.has_failed = False
         """Whether `fly` has raised an exception since the mode was selected."""
-        self.flown: asyncio.Future[None] | None = None
+        self._flown: asyncio.Future[None] | None = None
         """What `fly` returns or raises, for the executor that waits for it."""
         self._connection = connection
         self._topics = Topics(connection.package)
@@ -65,6 +66,12 @@ class ActiveMode:
             return False
         return True
 
+    def await_end(self) -> asyncio.Future[None]:
+        """Return what becomes done when the next run of `fly` ends, and has its exception."""
+        self._flown = asyncio.get_running_loop().create_future()
+        self._flown.add_done_callback(lambda each: each.cancelled() or each.exception())  # perhaps nobody waits
+        return self._flown
+
     def restart(self) -> None:
         """Run `fly` once more, while the mode is active."""
         if self._task is not None:
@@ -101,12 +108,12 @@ class ActiveMode:
 
     async def _fly(self) -> None:
         """Run `fly`, and tell how it ended until the mode is left."""
-        flown = self.flown
+        flown, self._flown = self._flown, None
         try:
             await self.mode.fly()
         except asyncio.CancelledError:
             if flown is not None and not flown.done():
-                flown.cancel()
+                flown.set_exception(NotReachedError(f"mode {self.mode.name!r} was left before its end"))
             raise
         except Exception as error:  # noqa: BLE001 - whatever a program raises
             await self._fail(error, flown)

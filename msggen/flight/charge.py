@@ -6,8 +6,8 @@ import asyncio
 from collections.abc import Callable
 from typing import Any
 
+from msggen.flight.actions import Actions
 from msggen.flight.active import ActiveMode
-from msggen.flight.commands import Commands
 from msggen.flight.executor import Executor
 from msggen.flight.feeds import Feeds
 from msggen.flight.mode import Mode
@@ -21,11 +21,11 @@ class Charge:
         self,
         executor: Executor,
         ids: Ids,
-        commands: Commands,
+        actions: Actions,
         feeds: Feeds,
         find: Callable[[type[Mode] | Mode], ActiveMode],
     ) -> None:
-        self.executor, self.ids, self.commands, self.feeds, self.find = executor, ids, commands, feeds, find
+        self.executor, self.ids, self.actions, self.find = executor, ids, actions, find
         self._task: asyncio.Task[None] | None = None
         self._has_run = False
         """Whether it has ended since it came into charge."""
@@ -36,6 +36,16 @@ class Charge:
     def is_in_charge(self) -> bool:
         """Whether `run` is under way."""
         return self._task is not None
+
+    async def fly(self, mode: type[Mode] | Mode) -> None:
+        """Fly a mode, and wait for its end."""
+        active = self.find(mode)
+        flown = active.await_end()
+        if active.is_active:
+            active.restart()
+        else:
+            await self.actions.set_mode(active.ids.mode)
+        await flown
 
     def close(self) -> None:
         """Follow nothing any more."""

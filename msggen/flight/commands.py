@@ -17,15 +17,9 @@ ARM_DISARM: Final = 400
 RETURN: Final = 20
 LAND: Final = 21
 TAKEOFF: Final = 22
+REPOSITION: Final = 192
 SET_NAV_STATE: Final = 100_001
-"""VEHICLE_CMD_COMPONENT_ARM_DISARM, _NAV_RETURN_TO_LAUNCH, _NAV_LAND, _NAV_TAKEOFF and _SET_NAV_STATE."""
-_NAMES: Final = {
-    ARM_DISARM: "arm or disarm",
-    RETURN: "return",
-    LAND: "land",
-    TAKEOFF: "take off",
-    SET_NAV_STATE: "mode",
-}
+"""VEHICLE_CMD_COMPONENT_ARM_DISARM, _NAV_RETURN_TO_LAUNCH, _NAV_LAND, _NAV_TAKEOFF, _DO_REPOSITION, _SET_NAV_STATE."""
 COMPANION: Final = 191
 """The component id of a companion computer in MAVLink: PX4 takes commands of components below 1000 as a user's."""
 EXECUTOR: Final = 1000
@@ -61,7 +55,7 @@ class Commands:
             from_external=True,
             **{f"param{place}": value for place, value in enumerate(values, 1)},
         )
-        what = what or _NAMES.get(number, f"command {number}")
+        what = what or f"command {number}"
 
         def is_answer(answer: Any) -> bool:
             is_mine = answer.command == number and answer.target_component == source

@@ -6,6 +6,7 @@ import asyncio
 from types import TracebackType
 from typing import TYPE_CHECKING
 
+from msggen.flight.actions import Actions
 from msggen.flight.active import ActiveMode
 from msggen.flight.charge import Charge
 from msggen.flight.checks import Answers
@@ -35,6 +36,8 @@ class Flight:
         self._charges: list[Charge] = []
         self._answers: Answers | None = None
         self.commands = Commands(connection, self._feeds)
+        self.actions = Actions(self.commands, self._feeds)
+        """Actions of a user."""
         self._registrar = Registrar(connection, self._feeds)
 
     async def __aenter__(self) -> Self:
@@ -96,7 +99,8 @@ class Flight:
             self._answers = Answers(self._connection, self._feeds)
         self._answers.add(ids.check, active.verdict)
         if executor is not None:
-            self._charges.append(Charge(executor, ids, self.commands, self._feeds, self.find))
+            actions = Actions(self.commands, self._feeds, ids.executor)
+            self._charges.append(Charge(executor, ids, actions, self._feeds, self.find))
         await active.configuration.check(mode.setpoints)
 
     def find(self, mode: type[Mode] | Mode) -> ActiveMode:
