@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from contextlib import AbstractAsyncContextManager
 from types import TracebackType
 from typing import TYPE_CHECKING
 
@@ -16,7 +17,10 @@ from msggen.flight.errors import FlightError, NoAnswerError, RegistrationError
 from msggen.flight.executor import Executor
 from msggen.flight.feeds import Feeds
 from msggen.flight.mode import Mode
+from msggen.flight.offboard import Offboard, offboard
 from msggen.flight.registration import Registrar, Wanted
+from msggen.flight.space import Frame
+from msggen.flight.telemetry import Telemetry
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -38,6 +42,7 @@ class Flight:
         self.commands = Commands(connection, self._feeds)
         self.actions = Actions(self.commands, self._feeds)
         """Actions of a user."""
+        self.telemetry = Telemetry(self._feeds)
         self._registrar = Registrar(connection, self._feeds)
 
     async def __aenter__(self) -> Self:
@@ -109,6 +114,14 @@ class Flight:
         if found is None:
             raise FlightError(f"mode {mode.name!r} is not registered: `await flight.add(...)` registers it")
         return found
+
+    def offboard(self, frame: Frame = "ned") -> AbstractAsyncContextManager[Offboard]:
+        """Fly in Offboard mode: `async with flight.offboard() as setpoint`.
+
+        The vehicle holds its place at first. At the end it is in Hold, unless a pilot has taken over. After an
+        exception, PX4's failsafe for the lost signal follows (COM_OBL_RC_ACT).
+        """
+        return offboard(self._connection, self._feeds, self.actions, frame)
 
     @property
     def feeds(self) -> Feeds:

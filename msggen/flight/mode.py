@@ -11,13 +11,12 @@ from msggen.flight.checks import Problem
 from msggen.flight.connection import filled
 from msggen.flight.errors import FlightError, NoAnswerError, UnsupportedError
 from msggen.flight.requirements import Requirement
-from msggen.flight.setpoints import ATTITUDE, GOTO, RATES, TRAJECTORY, Kind
-from msggen.flight.space import Frame, Vector, turned, turned_heading, wrapped
+from msggen.flight.setpoints import ATTITUDE, FREE, GOTO, RATES, TRAJECTORY, Kind, trajectory_values
+from msggen.flight.space import Frame, Vector, heading_of, three, turned, turned_heading, wrapped
 
 if TYPE_CHECKING:
     from msggen.flight.active import ActiveMode
 
-_FREE = (math.nan, math.nan, math.nan)
 _FRESH = 0.5
 """The age in s up to which an estimate counts."""
 _SLOW = 0.5
@@ -107,8 +106,8 @@ class Mode:
 
         Limits in m/s and rad/s only tighten those of the vehicle. The vehicle goes on holding the place afterwards.
         """
-        north, east, down = turned(_three(place), self.frame)
-        yaw = self._heading(heading, heading_deg)
+        north, east, down = turned(three(place), self.frame)
+        yaw = heading_of(heading, heading_deg, self.frame)
         self._own.send(
             GOTO,
             position=(north, east, down),
@@ -132,9 +131,9 @@ class Mode:
     def trajectory(  # noqa: PLR0913 - keywords, each of which has a default
         self,
         *,
-        position: Sequence[float] = _FREE,
-        velocity: Sequence[float] = _FREE,
-        acceleration: Sequence[float] = _FREE,
+        position: Sequence[float] = FREE,
+        velocity: Sequence[float] = FREE,
+        acceleration: Sequence[float] = FREE,
         heading: float | None = None,
         heading_deg: float | None = None,
         turn_rate: float = math.nan,
@@ -143,20 +142,8 @@ class Mode:
 
         Each axis needs one of them; a velocity beside a position is added to it. `turn_rate` is in rad/s.
         """
-        axes = [turned(_three(each), self.frame) for each in (position, velocity, acceleration)]
-        if any(all(math.isnan(each[axis]) for each in axes) for axis in range(3)):
-            raise ValueError("each axis needs a position, a velocity or an acceleration")
-        yaw = self._heading(heading, heading_deg)
-        rate = turn_rate if self.frame == "ned" else -turn_rate
-        self._own.send(
-            TRAJECTORY,
-            position=axes[0],
-            velocity=axes[1],
-            acceleration=axes[2],
-            jerk=_FREE,
-            yaw=math.nan if yaw is None else yaw,
-            yawspeed=rate,
-        )
+        axes = position, velocity, acceleration
+        self._own.send(TRAJECTORY, **trajectory_values(self.frame, axes, heading, heading_deg, turn_rate))
 
     def attitude(self, quaternion: Sequence[float], thrust: float, *, turn_rate: float = 0.0) -> None:
         """Send an attitude from now on: a quaternion w, x, y, z from FRD to NED, and the thrust upwards from 0 to 1."""
@@ -171,13 +158,6 @@ class Mode:
         """Hold the place where the vehicle is now, for a time in s and afterwards."""
         self._own.hold()
         await asyncio.sleep(seconds)
-
-    def _heading(self, heading: float | None, heading_deg: float | None) -> float | None:
-        """Return a heading in NED."""
-        if heading is not None and heading_deg is not None:
-            raise ValueError("expected heading or heading_deg, got both")
-        found = math.radians(heading_deg) if heading_deg is not None else heading
-        return None if found is None else turned_heading(found, self.frame)
 
     @property
     def _own(self) -> ActiveMode:
@@ -204,11 +184,6 @@ def message_of(cls: Any, kind: Kind, mode: Mode, **values: Any) -> Any:
 
 def _is_valid(estimate: Any) -> bool:
     return bool(estimate.xy_valid and estimate.z_valid and estimate.v_xy_valid and estimate.v_z_valid)
-
-
-def _three(values: Sequence[float]) -> tuple[float, float, float]:
-    x, y, z = map(float, values)
-    return x, y, z
 
 
 def _share(thrust: float) -> float:

@@ -6,7 +6,8 @@ Facts: the types of SetpointConfig in PX4 v1.18, and the flags of VehicleControl
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterable
+import math
+from collections.abc import Iterable, Sequence
 from typing import Any, Final, NamedTuple
 
 from msggen.flight.connection import Connection, Topics, filled
@@ -14,8 +15,11 @@ from msggen.flight.errors import NoAnswerError, UnsupportedError
 from msggen.flight.feeds import Feeds
 from msggen.flight.requirements import ATTITUDE as NEEDS_ATTITUDE
 from msggen.flight.requirements import LOCAL_POSITION, Requirement
+from msggen.flight.space import Frame, heading_of, three, turned
 
 _POSITION_FLAGS = ("allocation", "rates", "attitude", "altitude", "climb_rate", "acceleration", "velocity", "position")
+FREE: Final = (math.nan, math.nan, math.nan)
+"""A vector of which nothing is controlled."""
 _TIMEOUT_MS = 500
 _TRIES, _PATIENCE = 5, 0.3
 _REPEATS = 3
@@ -40,6 +44,31 @@ GOTO: Final = Kind("goto", 2, "goto_setpoint", 30.0, _POSITION_FLAGS, LOCAL_POSI
 TRAJECTORY: Final = Kind("trajectory", 4, "trajectory_setpoint", 50.0, _POSITION_FLAGS, LOCAL_POSITION)
 RATES: Final = Kind("rates", 5, "vehicle_rates_setpoint", 200.0, _POSITION_FLAGS[:2], Requirement.ANGULAR_VELOCITY)
 ATTITUDE: Final = Kind("attitude", 6, "vehicle_attitude_setpoint", 100.0, _POSITION_FLAGS[:3], NEEDS_ATTITUDE)
+
+
+def trajectory_values(
+    frame: Frame,
+    axes: Sequence[Sequence[float]],
+    heading: float | None,
+    heading_deg: float | None,
+    turn_rate: float,
+) -> dict[str, Any]:
+    """Return the fields of a TrajectorySetpoint: position, velocity and acceleration in a frame, and a heading.
+
+    Raises ValueError if an axis has none of them.
+    """
+    position, velocity, acceleration = (turned(three(each), frame) for each in axes)
+    if any(all(map(math.isnan, axis)) for axis in zip(position, velocity, acceleration, strict=True)):
+        raise ValueError("each axis needs a position, a velocity or an acceleration")
+    yaw = heading_of(heading, heading_deg, frame)
+    return {
+        "position": position,
+        "velocity": velocity,
+        "acceleration": acceleration,
+        "jerk": FREE,
+        "yaw": math.nan if yaw is None else yaw,
+        "yawspeed": turn_rate if frame == "ned" else -turn_rate,
+    }
 
 
 class Configuration:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Literal, NamedTuple, TypeAlias
 
 Frame: TypeAlias = Literal["ned", "enu"]
@@ -34,6 +35,20 @@ def turned(vector: tuple[float, float, float], frame: Frame) -> Vector:
 def turned_heading(heading: float, frame: Frame) -> float:
     """Return a heading in rad from north clockwise as one from east counter-clockwise in ENU, or the other way."""
     return heading if frame == "ned" else wrapped(math.pi / 2 - heading)
+
+
+def heading_of(heading: float | None, heading_deg: float | None, frame: Frame) -> float | None:
+    """Return a heading in NED in rad from one in a frame, in rad or in degrees. Raises ValueError for both."""
+    if heading is not None and heading_deg is not None:
+        raise ValueError("expected heading or heading_deg, got both")
+    found = math.radians(heading_deg) if heading_deg is not None else heading
+    return None if found is None else turned_heading(found, frame)
+
+
+def three(values: Sequence[float]) -> tuple[float, float, float]:
+    """Return three numbers. Raises ValueError for another count."""
+    x, y, z = map(float, values)
+    return x, y, z
 
 
 def wrapped(angle: float) -> float:
