@@ -19,7 +19,7 @@ _REPEAT = 0.1
 
 
 class ActiveMode:
-    """A mode with the ids that the vehicle has given. It follows the status of the vehicle."""
+    """A mode with the ids that the vehicle has given."""
 
     def __init__(self, mode: Mode, ids: Ids, connection: Connection, feeds: Feeds) -> None:
         self.mode, self.ids, self.feeds = mode, ids, feeds
@@ -32,7 +32,6 @@ class ActiveMode:
         self.configuration = Configuration(connection, feeds, ids.mode)
         self._stream = Stream(connection, self.configuration)
         self._task: asyncio.Task[None] | None = None
-        self._end = feeds["vehicle_status"].call(self._follow)
         mode._active = self  # noqa: SLF001 - its own part
 
     @property
@@ -79,13 +78,13 @@ class ActiveMode:
         self._task = asyncio.get_running_loop().create_task(self._fly(), name=f"fly {self.mode.name}")
 
     def close(self) -> None:
-        """Send and follow nothing any more."""
-        self._end()
+        """Send nothing any more."""
         self._leave()
         self.configuration.close()
         self.mode._active = None  # noqa: SLF001 - as above
 
-    def _follow(self, status: Any) -> None:
+    def follow(self, status: Any) -> None:
+        """Enter or leave the mode with a VehicleStatus."""
         is_armed = status.arming_state == status.ARMING_STATE_ARMED
         is_selected = status.nav_state == self.ids.mode
         if status.nav_state_user_intention != self.ids.mode or not is_armed:

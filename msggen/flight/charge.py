@@ -9,27 +9,24 @@ from typing import Any
 from msggen.flight.actions import Actions
 from msggen.flight.active import ActiveMode
 from msggen.flight.executor import Executor
-from msggen.flight.feeds import Feeds
 from msggen.flight.mode import Mode
 from msggen.flight.registration import Ids
 
 
 class Charge:
-    """An executor with the ids that the vehicle has given. It follows the status of the vehicle."""
+    """An executor with the ids that the vehicle has given."""
 
     def __init__(
         self,
         executor: Executor,
         ids: Ids,
         actions: Actions,
-        feeds: Feeds,
         find: Callable[[type[Mode] | Mode], ActiveMode],
     ) -> None:
         self.executor, self.ids, self.actions, self.find = executor, ids, actions, find
         self._task: asyncio.Task[None] | None = None
         self._has_run = False
         """Whether it has ended since it came into charge."""
-        self._end = feeds["vehicle_status"].call(self._follow)
         executor._charge = self  # noqa: SLF001 - its own part
 
     @property
@@ -48,12 +45,12 @@ class Charge:
         await flown
 
     def close(self) -> None:
-        """Follow nothing any more."""
-        self._end()
+        """End the executor."""
         self._stop()
         self.executor._charge = None  # noqa: SLF001 - as above
 
-    def _follow(self, status: Any) -> None:
+    def follow(self, status: Any) -> None:
+        """Begin or end with a VehicleStatus."""
         is_armed = status.arming_state == status.ARMING_STATE_ARMED
         is_in_charge = status.executor_in_charge == self.ids.executor
         if not is_in_charge:

@@ -6,12 +6,13 @@ Numbers are those of VehicleCommand, which have been the same since v1.15.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterator, Sequence
 from typing import Any, Final
 
 from msggen.flight.connection import Connection, Topics, filled
 from msggen.flight.errors import NoAnswerError, RefusedError
 from msggen.flight.feeds import Feeds
+from msggen.flight.reasons import reasons_for
 
 ARM_DISARM: Final = 400
 RETURN: Final = 20
@@ -20,6 +21,8 @@ TAKEOFF: Final = 22
 REPOSITION: Final = 192
 SET_NAV_STATE: Final = 100_001
 """VEHICLE_CMD_COMPONENT_ARM_DISARM, _NAV_RETURN_TO_LAUNCH, _NAV_LAND, _NAV_TAKEOFF, _DO_REPOSITION, _SET_NAV_STATE."""
+_MODES: Final = {RETURN: 5, LAND: 18, TAKEOFF: 17, REPOSITION: 4}
+"""The nav_state that a command selects."""
 COMPANION: Final = 191
 """The component id of a companion computer in MAVLink: PX4 takes commands of components below 1000 as a user's."""
 EXECUTOR: Final = 1000
@@ -68,16 +71,17 @@ class Commands:
             except TimeoutError:
                 continue
             if answer.result != _ACCEPTED:
-                raise RefusedError(what, answer.result, [*self._reasons()])
+                raise RefusedError(what, answer.result, [*self._reasons(number, values)])
             return
         raise NoAnswerError(f"{what}: the vehicle has not answered {_TRIES} times within {_PATIENCE} s")
 
-    def _reasons(self) -> Iterable[str]:
-        """Yield why the vehicle refuses, as far as it shows that."""
-        flags, status = self._feeds["failsafe_flags"].latest, self._feeds["vehicle_status"].latest
-        if status is not None and not status.pre_flight_checks_pass:
-            yield "the preflight checks of the present mode fail"
-        for field in flags.__msg__.fields if flags is not None else ():
-            ends = ("_invalid", "_missing", "_lost", "_unhealthy")
-            if field.name.endswith(ends) and getattr(flags, field.name) is True:
-                yield field.name
+    def _reasons(self, number: int, values: Sequence[float]) -> Iterator[str]:
+        """Yield why the vehicle refuses a command, as far as it shows that."""
+        if number == ARM_DISARM and values[0]:
+            yield from reasons_for(self._feeds)
+        elif number == SET_NAV_STATE:
+            yield from reasons_for(self._feeds, int(values[0]))
+        elif number in _MODES:
+            yield from reasons_for(self._feeds, _MODES[number])
+        elif number == ARM_DISARM:
+            yield "the vehicle is in the air"

@@ -61,6 +61,10 @@ class Topics:
         """Return the class of a topic that the vehicle reads. Raises UnsupportedError."""
         return self._class("in", topic)
 
+    def outgoing(self, topic: str) -> Any:
+        """Return the class of a topic that the vehicle publishes. Raises UnsupportedError."""
+        return self._class("out", topic)
+
     def has(self, direction: str, topic: str) -> bool:
         """Whether the firmware bridges a topic."""
         return (direction, topic) in self._classes
@@ -69,8 +73,8 @@ class Topics:
         found = self._classes.get((direction, topic))
         if found is None:
             raise UnsupportedError(
-                f"the firmware does not bridge /fmu/{direction}/{topic}: flight modes need PX4 v1.15 or later, "
-                "with this topic in its dds_topics.yaml"
+                f"the firmware does not bridge /fmu/{direction}/{topic}: it has to be in its dds_topics.yaml, "
+                "and flight modes need PX4 v1.15 or later"
             )
         return found
 

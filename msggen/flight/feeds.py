@@ -7,7 +7,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
-from msggen.flight.connection import Connection, Take
+from msggen.flight.connection import Connection, Take, Topics
 
 Condition = Callable[[Any], bool]
 """Says whether a message is the one that a task waits for."""
@@ -51,12 +51,17 @@ class Feed:
         """Return the first message from now on for which a condition holds. Raises TimeoutError after `timeout` s."""
         future: asyncio.Future[Any] = self._loop.create_future()
         self._waiting[future] = condition
+        timer = None if timeout is None else self._loop.call_later(timeout, self._give_up, future)
         try:
-            return await asyncio.wait_for(future, timeout)
-        except asyncio.TimeoutError:  # another class than TimeoutError in Python 3.10
-            raise TimeoutError(self.topic) from None
+            return await future  # `asyncio.wait_for` can lose a cancellation before Python 3.12
         finally:
             self._waiting.pop(future, None)
+            if timer is not None:
+                timer.cancel()
+
+    def _give_up(self, future: asyncio.Future[Any]) -> None:
+        if not future.done():
+            future.set_exception(TimeoutError(self.topic))
 
     def _take(self, message: Any) -> None:
         self.latest, self._time = message, self._loop.time()
@@ -72,11 +77,13 @@ class Feeds:
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
+        self._topics = Topics(connection.package)
         self._feeds: dict[str, Feed] = {}
 
     def __getitem__(self, topic: str) -> Feed:
-        """Return the feed of a topic, which is named as in uORB."""
+        """Return the feed of a topic, which is named as in uORB. Raises UnsupportedError."""
         if topic not in self._feeds:
+            self._topics.outgoing(topic)
             self._feeds[topic] = Feed(self._connection, topic)
         return self._feeds[topic]
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import asyncio
-from contextlib import AbstractAsyncContextManager
+from contextlib import AbstractAsyncContextManager, suppress
 from types import TracebackType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from msggen.flight.actions import Actions
 from msggen.flight.active import ActiveMode
@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 _HEARD = 5.0
 """The time in s within which a vehicle publishes its status."""
+_READY = 1.0
+"""The time in s within which the vehicle takes the first reply of a mode: it asks every 0.3 s."""
 _NEEDED = ("vehicle_status", "vehicle_command_ack", "vehicle_local_position", "failsafe_flags", "mode_completed")
 
 
@@ -52,12 +54,20 @@ class Flight:
             await self._feeds["vehicle_status"].wait(lambda _: True, _HEARD)
         except TimeoutError:
             raise NoAnswerError(f"no vehicle_status within {_HEARD:.0f} s") from None
+        self._feeds["vehicle_status"].call(self._follow)
         return self
 
     async def __aexit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+    def _follow(self, status: Any) -> None:
+        """Let executors and modes begin and end: executors first, so that one that is ended does not see its mode end."""
+        for charge in [*self._charges]:
+            charge.follow(status)
+        for active in [*self._modes.values()]:
+            active.follow(status)
 
     def close(self) -> None:
         """Stop all, and unregister it."""
@@ -79,9 +89,8 @@ class Flight:
         """
         made = [each() if isinstance(each, type) else each for each in parts]
         executors = {each.mode: each for each in made if isinstance(each, Executor)}
-        modes: dict[type[Mode], Mode] = {type(each): each for each in made if isinstance(each, Mode)}
-        for owned in executors:
-            modes.setdefault(owned, owned())
+        given = {type(each): each for each in made if isinstance(each, Mode)}
+        modes = {owned: given.get(owned) or owned() for owned in executors} | given
         for cls, mode in modes.items():
             await self._register(mode, executors.get(cls))
 
@@ -105,8 +114,15 @@ class Flight:
         self._answers.add(ids.check, active.verdict)
         if executor is not None:
             actions = Actions(self.commands, self._feeds, ids.executor)
-            self._charges.append(Charge(executor, ids, actions, self._feeds, self.find))
+            self._charges.append(Charge(executor, ids, actions, self.find))
         await active.configuration.check(mode.setpoints)
+        await self._until_ready(active)
+
+    async def _until_ready(self, active: ActiveMode) -> None:
+        """Wait until the vehicle has taken the first reply of a mode: before that it refuses to arm in it."""
+        bit = 1 << active.ids.mode
+        with suppress(TimeoutError):  # a mode whose conditions are not met
+            await self._feeds["failsafe_flags"].following(lambda flags: not flags.mode_req_other & bit, _READY)
 
     def find(self, mode: type[Mode] | Mode) -> ActiveMode:
         """Return a mode that is registered. Raises FlightError."""

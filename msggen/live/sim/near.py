@@ -5,6 +5,7 @@ Messages are encoded and decoded, as on a link, so neither side can change what 
 
 from __future__ import annotations
 
+import asyncio
 import random
 from collections import defaultdict
 from collections.abc import Callable
@@ -101,5 +102,8 @@ class NearVehicle:
     def _send(self, topic: str, message: Any) -> None:
         if self._log is not None:
             self._log.add(topic, message)
-        for take in [*self._takers[topic]]:
-            take(type(message).decode(message.encode()))
+        takers = self._takers[topic]
+        if takers:
+            loop = asyncio.get_running_loop()
+            for take in takers:
+                loop.call_soon(take, type(message).decode(message.encode()))
