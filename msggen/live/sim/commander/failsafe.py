@@ -145,6 +145,7 @@ class Failsafe:
 
     def _select(self, now: int, situation: Situation) -> tuple[Action, bool]:
         """Return the action, and whether it is a Hold before another one."""
+        took_over, self.user_took_over = self.user_took_over, False
         if self.action is Action.TERMINATE or situation.mode == TERMINATION:
             return Action.TERMINATE, False
         wanted = max((each.trigger.action for each in self._active.values()), default=Action.NONE)
@@ -155,22 +156,27 @@ class Failsafe:
         self._deferred_since = (self._deferred_since or now) if can_defer and wanted > Action.WARN else None
         if can_defer:
             return Action.NONE, False
-        is_waiting = self._wait > 0 and not self.user_took_over and Action.HOLD < wanted < Action.TERMINATE
+        is_waiting = self._wait > 0 and not took_over and Action.HOLD < wanted < Action.TERMINATE
         found = Action.HOLD if is_waiting else wanted
-        if Action.HOLD <= found < Action.TERMINATE and (self.user_took_over or (situation.is_new and self.is_active)):
-            self.user_took_over, found, is_waiting = True, Action.WARN, False
-            if not situation.can_run(situation.mode):
-                found = Action.RETURN
-        return _possible(found, situation), is_waiting
+        if Action.HOLD <= found < Action.TERMINATE and (took_over or (situation.is_new and self.is_active)):
+            self.user_took_over, is_waiting = True, False
+            found = Action.WARN if situation.can_run(situation.mode) else Action.RETURN
+        found = _possible(found, situation)
+        if _is_under_way(wanted if is_waiting else found, situation):
+            return Action.WARN, False
+        return found, is_waiting
 
 
 def _possible(action: Action, situation: Situation) -> Action:
-    """Return an action that is possible: a more severe one if its mode cannot run, a warning if nothing changes."""
+    """Return an action that is possible: a more severe one if its mode cannot run."""
     if action <= Action.WARN:
         return action
-    found = next((each for each in Action if each >= action and _can(each, situation)), Action.TERMINATE)
-    is_under_way = found is Action.RETURN and situation.mode in {LAND, RETURN} and situation.can_run(situation.mode)
-    return Action.WARN if is_under_way else found
+    return next((each for each in Action if each >= action and _can(each, situation)), Action.TERMINATE)
+
+
+def _is_under_way(action: Action, situation: Situation) -> bool:
+    """Whether the selected mode brings the vehicle to the ground already, as a return would."""
+    return action is Action.RETURN and situation.mode in {LAND, RETURN} and situation.can_run(situation.mode)
 
 
 def _can(action: Action, situation: Situation) -> bool:
