@@ -14,7 +14,7 @@ from msggen.live.sim.commander.checks import Reply
 from msggen.live.sim.commander.commander import EXECUTOR_SOURCE, Commander, Overrides
 from msggen.live.sim.commander.components import Registration
 from msggen.live.sim.commander.requirements import OF_PX4, Senses
-from msggen.live.sim.commander.rules import V1_18
+from msggen.live.sim.commander.rules import V1_18, Rules
 from support.flight_captures import SEEN, Captured, Sample
 
 PARAMETERS: Mapping[str, float] = {
@@ -74,10 +74,15 @@ class Replay:
     """A replay of a captured flight. `told` is what programs told the captured commander in what was cut out."""
 
     def __init__(
-        self, package: Any, name: str, parameters: Mapping[str, float] = PARAMETERS, told: Sequence[Told] = ()
+        self,
+        package: Any,
+        name: str,
+        parameters: Mapping[str, float],
+        told: Sequence[Told] = (),
+        rules: Rules = V1_18,
     ) -> None:
         self.captured = Captured(package, name)
-        self.commander = Commander(V1_18, parameters)
+        self.commander = Commander(rules, parameters)
         self.answers: list[Answer] = []
         self.seen: dict[str, list[Seen]] = {}
         """Each value that changed, by its name."""

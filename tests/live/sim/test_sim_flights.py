@@ -17,6 +17,7 @@ import pytest
 from msggen.live.sim.commander.commander import Overrides
 from msggen.live.sim.commander.components import Registration
 from msggen.live.sim.commander.requirements import OF_PX4
+from msggen.live.sim.commander.rules import V1_18, Rules
 from support import flight_captures
 from support.flight_comparison import (
     SOURCES,
@@ -65,9 +66,9 @@ def parameters_of(name: str) -> dict[str, float]:
     return {**PARAMETERS, **changes}
 
 
-def replayed(name: str, package: Any) -> Replay:
+def replayed(name: str, package: Any, changes: Mapping[str, float] = {}, rules: Rules = V1_18) -> Replay:
     """Return the replay of a flight."""
-    replay = Replay(package, name, parameters_of(name), TOLD_IN_CUTS.get(name, ()))
+    replay = Replay(package, name, {**parameters_of(name), **changes}, TOLD_IN_CUTS.get(name, ()), rules)
     replay.run()
     return replay
 
@@ -102,6 +103,38 @@ def test_every_flight_is_there_and_much_of_it_is_compared(px4_types: Any) -> Non
         **dict.fromkeys(("global_position", "home_position", "prevent_arming"), 6),
         "other": 110,
     }
+
+
+@pytest.mark.parametrize(
+    ("name", "rules"),
+    [
+        ("killed-att", V1_18._replace(misses=3)),
+        ("noreply", V1_18._replace(misses=5)),
+        ("register-silent", V1_18._replace(first_misses=9)),
+        ("session", V1_18._replace(restores_mode=False)),
+        ("register-armed-0", V1_18._replace(always_registers=True)),
+        ("limits", V1_18._replace(api_version=1)),
+    ],
+)
+def test_other_rules_would_not_do(name: str, rules: Rules, px4_types: Any) -> None:
+    replay = replayed(name, px4_types, rules=rules)
+    assert different_answers(replay) + different_values(replay)
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters"),
+    [
+        ("overrides-rc", {"COM_FAIL_ACT_T": 4}),
+        ("overrides-battery", {"COM_LOW_BAT_ACT": 0}),
+        ("killed-goto-0", {"COM_DISARM_LAND": 3}),
+        ("no-takeoff", {"COM_DISARM_PRFLT": 9}),
+        ("killed-takeoff-0", {"COM_MODE_ARM_CHK": 1}),
+        ("killed-takeoff", {"COM_MODE_ARM_CHK": 0}),
+    ],
+)
+def test_other_parameters_would_not_do(name: str, parameters: dict[str, float], px4_types: Any) -> None:
+    replay = replayed(name, px4_types, parameters)
+    assert different_answers(replay) + different_values(replay)
 
 
 def test_the_flights_are_those_of_the_whole_captures() -> None:
