@@ -73,7 +73,9 @@ def test_after_landing_the_mode_of_the_executor_is_selected_from_v1_17_on(rules:
     driver = Driver(rules)
     driver.register("Own", executor=True)
     driver.fly(23)
-    driver.commander.select(states.LAND, by_executor=True)
+    for selected in (states.HOLD, states.LAND):
+        driver.commander.select(selected, by_executor=True)
+        driver.run(0.1)
     driver.sense(is_landed=True)
     driver.until(lambda one: not one.is_armed)
     driver.run(0.1)

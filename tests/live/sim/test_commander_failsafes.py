@@ -8,6 +8,9 @@ from msggen.live.sim.commander import setpoint_types, states
 from msggen.live.sim.commander.commander import EXECUTOR_SOURCE, Overrides
 from support.commander_driver import NEEDS, Driver
 
+POSITIONS = ["local_position", "local_position_relaxed", "global_position"]
+
+
 # Executors
 
 
@@ -116,8 +119,9 @@ def test_a_return_does_not_interrupt_a_landing(mode: int) -> None:
     driver.commander.select(mode)
     driver.run(0.2)
     driver.sense(manual_control=False)
-    driver.run(8)
-    assert (driver.commander.mode, driver.commander.failsafe.is_active) == (mode, False)
+    for seconds in (1, 7):
+        driver.run(seconds)
+        assert (driver.commander.mode, driver.commander.failsafe.is_active) == (mode, False)
 
 
 @pytest.mark.parametrize(
@@ -148,12 +152,35 @@ def test_without_a_position_the_vehicle_descends_until_it_has_one() -> None:
     driver.register("Own", executor=True)
     driver.fly(23)
     for is_there, mode, executor in ((False, states.DESCEND, 0), (True, 23, 1)):
-        driver.sense(local_position=is_there, local_position_relaxed=is_there, global_position=is_there)
+        driver.sense(**dict.fromkeys(POSITIONS, is_there))
         driver.run(0.3)
         assert (driver.commander.mode, driver.commander.executor_in_charge) == (mode, executor)
         if not is_there:
             assert driver.commander.select(states.HOLD) == states.TEMPORARILY_REJECTED
             assert driver.commander.reason == "there is no position, there is no global position"
+
+
+@pytest.mark.parametrize(
+    ("selected", "lost", "flown"),
+    [
+        (states.OFFBOARD, ["offboard_signal"], states.POSITION),
+        (states.OFFBOARD, ["offboard_signal", *POSITIONS], states.ALTITUDE),
+        (states.POSITION, POSITIONS, states.ALTITUDE),
+        (states.POSITION, [*POSITIONS, "local_alt"], states.STABILIZED),
+        (states.ALTITUDE, ["local_alt"], states.STABILIZED),
+        (states.HOLD, POSITIONS, states.DESCEND),
+    ],
+)
+def test_a_pilot_falls_back_to_a_mode_that_needs_less(selected: int, lost: list[str], flown: int) -> None:
+    driver = Driver()
+    driver.sense(manual_control=True, offboard_signal=True)
+    driver.fly(selected)
+    driver.sense(**dict.fromkeys(lost, False))
+    driver.run(0.3)
+    assert driver.commander.mode == flown
+    driver.sense(**dict.fromkeys(lost, True))
+    driver.run(0.3)
+    assert driver.commander.mode == selected
 
 
 def test_nothing_ends_a_termination() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from msggen.live.sim.commander import states
@@ -39,6 +39,10 @@ class SlowSlots:
         return slot
 
 
+EIGHT: list[tuple[str, int | None]] = [(f"Mode {number}", None) for number in range(8)]
+
+
+@example([*EIGHT, ("", 3), ("Mode 5", None), ("", 3), ("", 0), ("Mode 8", None)])
 @given(st.lists(st.tuples(NAMES, st.integers(0, 7) | st.none()), max_size=40))
 def test_names_get_the_slots_that_a_slow_reference_gives_them(steps: list[tuple[str, int | None]]) -> None:
     """A step is a name that registers, or the slot that is given back instead."""
@@ -68,7 +72,7 @@ CHANGES = st.fixed_dictionaries(
 )
 OPERATIONS: Mapping[str, st.SearchStrategy[Any]] = {
     "register": st.tuples(NAMES, st.booleans(), st.sampled_from([None, 4, 5])),
-    "unregister": st.integers(0, 20),
+    "unregister": st.integers(0, 7),
     "kill": st.integers(0, 20),
     "fail": st.integers(0, 20),
     "select": st.tuples(MODES, st.booleans()),
@@ -91,7 +95,7 @@ class Play:
 
     def __init__(self, setting: int) -> None:
         self.driver = Driver(COM_MODE_ARM_CHK=setting, COM_LOW_BAT_ACT=3)
-        self.registered: list[tuple[str, Registered]] = []
+        self.registered: list[Registered] = []
         self.was_told_to_arm = False
 
     def do(self, name: str, value: Any) -> None:
@@ -100,18 +104,18 @@ class Play:
 
     def do_register(self, value: tuple[str, bool, int | None]) -> None:
         name, executor, replaces = value
-        self.registered.append((name, self.driver.register(name, executor=executor, replaces=replaces)))
+        self.registered.append(self.driver.register(name, executor=executor, replaces=replaces))
 
     def do_unregister(self, place: int) -> None:
-        for name, found in self.registered[place : place + 1]:
-            self.driver.commander.unregister(name, found.check, found.mode, found.executor)
+        for mode, own in [*self.driver.commander.components.modes.items()][place : place + 1]:
+            self.driver.commander.unregister(own.name, own.check, mode, own.executor)
 
     def do_kill(self, place: int) -> None:
-        for _, found in self.registered[place : place + 1]:
+        for found in self.registered[place : place + 1]:
             self.driver.answers.pop(found.check, None)
 
     def do_fail(self, place: int) -> None:
-        for _, found in self.registered[place : place + 1]:
+        for found in self.registered[place : place + 1]:
             if found.check in self.driver.answers:
                 self.driver.answers[found.check] = self.driver.answers[found.check]._replace(can_run=False)
 

@@ -9,7 +9,17 @@ from collections.abc import Callable, Mapping
 from enum import IntEnum
 from typing import NamedTuple
 
-from msggen.live.sim.commander.states import DESCEND, HOLD, LAND, OFFBOARD, POSITION, RETURN, TERMINATION
+from msggen.live.sim.commander.states import (
+    ALTITUDE,
+    DESCEND,
+    HOLD,
+    LAND,
+    OFFBOARD,
+    POSITION,
+    RETURN,
+    STABILIZED,
+    TERMINATION,
+)
 
 DEFERRED = 30_000_000
 """How long failsafes are deferred if the request does not tell: DEFAULT_DEFER_TIMEOUT."""
@@ -23,6 +33,8 @@ class Action(IntEnum):
     NONE = 0
     WARN = 1
     FALL_BACK_TO_POSITION = 2
+    FALL_BACK_TO_ALTITUDE = 3
+    FALL_BACK_TO_STABILIZED = 4
     HOLD = 5
     RETURN = 6
     LAND = 7
@@ -32,6 +44,8 @@ class Action(IntEnum):
 
 MODES: Mapping[Action, int] = {
     Action.FALL_BACK_TO_POSITION: POSITION,
+    Action.FALL_BACK_TO_ALTITUDE: ALTITUDE,
+    Action.FALL_BACK_TO_STABILIZED: STABILIZED,
     Action.HOLD: HOLD,
     Action.RETURN: RETURN,
     Action.LAND: LAND,
@@ -183,13 +197,17 @@ def _can(action: Action, situation: Situation) -> bool:
     return action is Action.TERMINATE or situation.can_run(MODES[action])
 
 
-def fallback(situation_mode: int, *, can_run: Callable[[int], bool], has_sticks: bool) -> Action:
-    """Return what PX4 does if the selected mode cannot run.
+_FALLBACKS: Mapping[int, tuple[Action, ...]] = {
+    OFFBOARD: (Action.FALL_BACK_TO_POSITION, Action.FALL_BACK_TO_ALTITUDE, Action.FALL_BACK_TO_STABILIZED),
+    POSITION: (Action.FALL_BACK_TO_ALTITUDE, Action.FALL_BACK_TO_STABILIZED),
+    ALTITUDE: (Action.FALL_BACK_TO_STABILIZED,),
+}
+"""What a pilot with sticks flies in place of a mode: the first one that can run. COM_OBL_RC_ACT is 0."""
 
-    A pilot takes over from Offboard mode with sticks, if there are any (COM_OBL_RC_ACT 0).
-    """
-    if can_run(situation_mode):
+
+def fallback(mode: int, *, can_run: Callable[[int], bool], has_sticks: bool) -> Action:
+    """Return what PX4 does if the selected mode cannot run."""
+    if can_run(mode):
         return Action.NONE
-    if situation_mode == OFFBOARD and has_sticks and can_run(POSITION):
-        return Action.FALL_BACK_TO_POSITION
-    return Action.RETURN
+    actions = _FALLBACKS.get(mode, ()) if has_sticks else ()
+    return next((each for each in actions if can_run(MODES[each])), Action.RETURN)
