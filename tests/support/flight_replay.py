@@ -25,8 +25,8 @@ PARAMETERS: Mapping[str, float] = {
     "COM_DISARM_PRFLT": 10,
 }
 STEP = 12_000
-"""The loop of the captured commander: it sleeps for 10 ms, in the steps of 4 ms of its simulator. With 10 ms all flights
-are the same, too, but requests to checks come a little too fast, which would hide a fifth miss."""
+"""The loop of the captured commander: it sleeps for 10 ms, in the steps of 4 ms of its simulator. With 10 ms, no flight
+differs either, but requests to checks come a little too fast, which would hide a fifth miss."""
 _HALF = 157_000
 """Half the time between two requests of the captured commander."""
 _AT_END = 150_000

@@ -51,7 +51,8 @@ LEFT_OUT = {
     "ModeCompleted of the modes of programs": "PX4 repeats what they sent",
     "acks of INJECT_FAILURE": "the simulator answers",
     "answers and masks older than the state of the vehicle": "a new session sends them again",
-    "masks that last less than 0.21 s": "PX4 looks each 0.1 s, in another phase; states of VehicleStatus all count",
+    "masks and pre_flight_checks_pass that last less than 0.21 s": "PX4 looks each 0.1 s, in another phase",
+    "our values that no message could show": "they last less than 0.21 s, or lie between two messages of 2 Hz",
     "mode_req_wind_and_flight_time_compliance": "no mode of a program has it, and the simulated vehicle has no wind",
     "what happens in a cut": "there is nothing to compare with: the climb after takeoff in most captures",
 }
