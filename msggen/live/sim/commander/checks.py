@@ -27,7 +27,7 @@ class Request(NamedTuple):
     number: int
     """Its request_id, from 0 to 255."""
     mask: int
-    """A bit for each registration that is not unresponsive: valid_registrations_mask."""
+    """`Checks.mask`: valid_registrations_mask."""
 
 
 class Reply(NamedTuple):
@@ -71,6 +71,11 @@ class Checks:
     def registered(self) -> Mapping[int, Check]:
         """The checks by their ids."""
         return self._checks
+
+    @property
+    def mask(self) -> int:
+        """A bit for each registration that is not unresponsive."""
+        return sum(1 << number for number, each in self._checks.items() if not each.is_unresponsive)
 
     @property
     def is_full(self) -> bool:
@@ -118,7 +123,7 @@ class Checks:
         self._time, self._has_counted = now, False
         self._answered.clear()
         self._number = (self._number + 1) % 256
-        return Request(self._number, sum(1 << n for n, each in self._checks.items() if not each.is_unresponsive))
+        return Request(self._number, self.mask)
 
     def _count(self) -> None:
         missing = self._checks.keys() - self._answered

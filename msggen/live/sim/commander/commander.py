@@ -6,7 +6,7 @@ The facts are those of PX4's commander, measured with v1.18. Times are in us.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from msggen.live.sim.commander import failsafe, setpoint_types, states
@@ -21,7 +21,7 @@ from msggen.live.sim.commander.components import (
     Registration,
 )
 from msggen.live.sim.commander.failsafe import Action, Failsafe, Situation, Trigger
-from msggen.live.sim.commander.requirements import Requirements, Senses
+from msggen.live.sim.commander.requirements import Requirements, Senses, texts_of
 from msggen.live.sim.commander.rules import Rules
 from msggen.live.sim.commander.setpoint_types import Controls
 
@@ -31,6 +31,8 @@ LOOP = 10_000
 """The time between two steps of PX4's commander."""
 _CHECKS = 100_000
 """The time between two looks at the requirements of modes."""
+_SPOOL_UP = 1.0
+"""COM_SPOOLUP_TIME: the time in s that motors need."""
 _COMPLETED = 50_000
 """The time between two ModeCompleted of a mode of PX4 that has reached its end."""
 _REPORTED = frozenset({states.TAKEOFF, states.LAND, states.RETURN})
@@ -57,6 +59,8 @@ class Commander:
         self.failsafe = Failsafe(round(parameters["COM_FAIL_ACT_T"] * 1e6))
         self.mode = self.intention = states.HOLD
         """The mode that flies, and the one that was selected: nav_state and nav_state_user_intention."""
+        self.executor_in_charge = AUTOPILOT
+        """The id of the executor that commands, 0 for the autopilot."""
         self.is_armed = False
         self.arming_reason = self.disarming_reason = 0
         self.armed_time = self.takeoff_time = self.mode_time = 0
@@ -67,18 +71,25 @@ class Commander:
         self.completed: deque[int] = deque(maxlen=8)
         """The modes of PX4 that have reported their end and were not yet taken."""
         self.requirements = Requirements()
-        self.senses = Senses()
+        self.senses = self._sensed = Senses()
+        """What the vehicle knew of itself at the last look at what modes require, and what it knows now."""
+        self.is_ready = True
+        """Whether nothing was missing for arming at the last look: pre_flight_checks_pass."""
         self._parameters = parameters
         self._selected = states.HOLD
         """The mode that was selected, before one that replaces it is put in its place."""
         self._is_new = False
         self._mode_when_disarmed = states.HOLD
         self._executor = AUTOPILOT
+        self._leaving: tuple[str, int, int, int] | None = None
+        """The last unregistration that waits until the vehicle is disarmed."""
         self._controls: dict[int, Controls] = {}
         self._overrides: dict[tuple[bool, int], Overrides] = {}
         """By whether it is an executor's, and the id of the executor or the mode."""
         self._applied = Overrides()
-        self._now = self._check_time = self._completion_time = self._ground_time = 0
+        self._now = self._check_time = self._completion_time = 0
+        self._resting: int | None = None
+        """Since when the vehicle rests on the ground, as far as that disarms it."""
         self._had_sticks = False
         """Whether there were sticks when the vehicle was armed, or since then."""
         self._battery_when_armed = 0
@@ -86,8 +97,7 @@ class Commander:
     # What messages tell
 
     @property
-    def executor_in_charge(self) -> int:
-        """The id of the executor that commands, 0 for the autopilot."""
+    def _in_charge(self) -> int:
         return AUTOPILOT if self.failsafe.is_active else self._executor
 
     @property
@@ -101,6 +111,11 @@ class Commander:
         return self._controls.get(self.mode, _DEFAULT)
 
     @property
+    def selectable(self) -> int:
+        """The modes that users can select, as bits: can_set_nav_states_mask."""
+        return self.components.selectable
+
+    @property
     def missing(self) -> tuple[str, ...]:
         """What is missing for arming, as names of requirements."""
         return self._missing_to_arm(self.mode)
@@ -109,28 +124,32 @@ class Commander:
 
     def step(self, now: int, senses: Senses) -> None:
         """Move on to a time. To be called every `LOOP` or more often."""
-        was_landed, self._now, self.senses = self.senses.is_landed, now, senses
-        if was_landed != senses.is_landed:
-            self._ground_time = now
-            self.takeoff_time = self.takeoff_time if senses.is_landed else now
-        self._had_sticks |= senses.manual_control
+        was_landed, self._now, self._sensed = self._sensed.is_landed, now, senses
+        if self.is_armed and was_landed and not senses.is_landed:
+            self.takeoff_time = now
         request = self.checks.step(now)
         if request:
             self.requests.append(request)
         if not self.is_armed or self._can_change_while_armed:
             self._remove_unresponsive()
-        if now >= self._check_time + _CHECKS:
-            self._look()
+            if self._leaving:
+                self.unregister(*self._leaving)
         self._finish()
+        before = self.mode, self.failsafe.action, self.failsafe.defer_state
         self._decide()
+        after = self.mode, self.failsafe.action, self.failsafe.defer_state
+        if now >= self._check_time + _CHECKS or before != after:
+            self._look()
 
     def _look(self) -> None:
-        """Look at the requirements of all modes."""
-        self._check_time = self._now
+        """Look at the requirements of all modes. The next step decides by what is missing now."""
+        self._check_time, self.senses = self._now, self._sensed
+        self._had_sticks |= self.senses.manual_control
         modes = self.components.modes
         replaced = {mode: own.replaces for mode, own in modes.items() if own.replaces is not None}
         registered = {each.mode for each in self.checks.registered.values()} & modes.keys()
         self.requirements = Requirements(registered, self.checks.verdicts(), replaced)
+        self.is_ready = not self.missing
 
     def _decide(self) -> None:
         """Choose the mode that flies."""
@@ -140,6 +159,7 @@ class Commander:
         mode = failsafe.MODES[action] if action > Action.WARN else self._selected
         self.intention = self._flown(self._selected)
         self._fly(self._flown(mode))
+        self.executor_in_charge = self._in_charge
         self._apply_overrides()
 
     def _fly(self, mode: int) -> None:
@@ -181,19 +201,28 @@ class Commander:
     def _finish(self) -> None:
         """Report the end of a mode of PX4, and disarm on the ground."""
         mode = self.mode
-        if self.is_armed and self.senses.is_done and mode in _REPORTED:
+        if self.is_armed and self._sensed.is_done and mode in _REPORTED:
             if self._now >= self._completion_time + _COMPLETED:
                 self._completion_time = self._now
                 self.completed.append(mode)
             if mode == states.TAKEOFF and self.executor_in_charge == AUTOPILOT:
                 self._select(states.HOLD, by_executor=True)
-        if not self.is_armed or not self.senses.is_landed:
-            return
-        resting = self._now - max(self._ground_time, self.armed_time)
-        has_flown = self.takeoff_time > 0
-        name = "COM_DISARM_LAND" if has_flown else "COM_DISARM_PRFLT"
-        if not (has_flown and self._applied.keeps_armed) and resting >= self._parameters[name] * 1e6:
-            self._disarm(states.BY_LANDING if has_flown else states.BY_INACTION)
+        self._rest()
+
+    def _rest(self) -> None:
+        """Disarm a vehicle that has rested on the ground for long enough, after a flight or before it."""
+        if not self.is_armed:
+            self._resting = None
+        elif not self.takeoff_time:
+            self._resting = self._resting or self._now
+            self._disarm_after(_SPOOL_UP + self._parameters["COM_DISARM_PRFLT"], states.BY_INACTION)
+        elif not self._applied.keeps_armed:
+            self._resting = (self._resting or self._now) if self._sensed.is_landed else None
+            self._disarm_after(self._parameters["COM_DISARM_LAND"], states.BY_LANDING)
+
+    def _disarm_after(self, seconds: float, reason: int) -> None:
+        if self._resting is not None and self._now >= self._resting + seconds * 1e6:
+            self._disarm(reason)
 
     # Programs
 
@@ -214,17 +243,17 @@ class Commander:
             self.components.connect(mode, check)
         if wanted.is_immediate and wanted.executor and not self.is_armed:
             self._select(mode)
-        self._check_time = self._now - _CHECKS
         return Registered(success=True, check=check, mode=mode, executor=executor)
 
     def unregister(self, name: str, check: int, mode: int, executor: int) -> None:
-        """Take an UnregisterExtComponent. While the vehicle is armed, it waits for `COM_MODE_ARM_CHK`."""
+        """Take an UnregisterExtComponent. While the vehicle is armed, the last one waits if `COM_MODE_ARM_CHK` is 0."""
         if self.is_armed and not self._can_change_while_armed:
+            self._leaving = name, check, mode, executor
             return
+        self._leaving = None
         self.checks.remove(check, mode)
-        if self.components.remove(mode, name):
-            self._remove_executor(executor)
-        if self._selected == mode and not self.is_armed:
+        self._remove(mode, name, executor)
+        if self.intention == mode and not self.is_armed:
             self._select(states.HOLD)
 
     def reply(self, reply: Reply, time: int, now: int) -> None:
@@ -253,13 +282,18 @@ class Commander:
     def _remove_unresponsive(self) -> None:
         """Remove modes that do not answer and are not selected."""
         for mode, own in [*self.components.modes.items()]:
-            if mode != self._selected and self.checks.is_unresponsive(own.check):
+            if mode != self.intention and self.checks.is_unresponsive(own.check):
                 self.checks.remove(own.check, mode)
-                self._remove_executor(own.executor)
-                self.components.remove(mode, own.name)
+                self._remove(mode, own.name, own.executor)
 
-    def _remove_executor(self, executor: int) -> None:
+    def _remove(self, mode: int, name: str, executor: int) -> None:
+        """Remove a mode and its executor, with what they have configured, if the mode has this name."""
+        if not self.components.remove(mode, name):
+            return
         self.components.remove_executor(executor)
+        self._controls.pop(mode, None)
+        self._overrides.pop((False, mode), None)
+        self._overrides.pop((True, executor), None)
         if self._executor == executor:
             self._executor = AUTOPILOT
 
@@ -268,8 +302,7 @@ class Commander:
         executor = self._overrides.get((True, self.executor_in_charge), Overrides())
         found = executor if executor.defers else own._replace(keeps_armed=own.keeps_armed or executor.keeps_armed)
         found = found._replace(keeps_armed=own.keeps_armed or executor.keeps_armed)
-        if (found.defers, found.defer_seconds) != (self._applied.defers, self._applied.defer_seconds):
-            self.failsafe.defer(found.defer_seconds if found.defers else None)
+        self.failsafe.defer(found.defer_seconds if found.defers else None)
         self._applied = found
 
     # Commands
@@ -277,7 +310,7 @@ class Commander:
     def is_refused(self, source_component: int) -> bool:
         """Whether a command comes from an executor that is not in charge. `reason` tells it."""
         executor = source_component - EXECUTOR_SOURCE
-        if executor >= AUTOPILOT and executor != self.executor_in_charge:
+        if executor >= AUTOPILOT and executor != self._in_charge:
             self.reason = f"executor {executor} is not in charge"
             return True
         return False
@@ -285,10 +318,13 @@ class Commander:
     def select(self, mode: int, *, by_executor: bool = False, is_forced: bool = False) -> int:
         """Select a mode, and return the result of the command. Disarmed, all modes can be selected."""
         self.reason = ""
+        if self.mode == states.TERMINATION:
+            self.reason = "the flight is terminated"
+            return states.TEMPORARILY_REJECTED
         if self.is_armed and not is_forced and mode != states.LAND:
             missing = self.requirements.missing(self.components.replaced_by(mode), self.senses)
             if missing:
-                self.reason = _texts(missing)
+                self.reason = texts_of(missing)
                 return states.TEMPORARILY_REJECTED
         self._select(mode, by_executor=by_executor)
         return states.ACCEPTED
@@ -299,9 +335,6 @@ class Commander:
         if not self.requirements.prevents_arming(selected) and selected != states.TAKEOFF:
             self._mode_when_disarmed = selected
         self._take_charge(selected, by_executor=by_executor)
-        self.intention = self._flown(selected)
-        if not self.failsafe.is_active:
-            self._fly(self.intention)
 
     def _take_charge(self, mode: int, *, by_executor: bool) -> None:
         """Let the executor that owns a mode be in charge. If none does, a user's choice ends an executor's charge."""
@@ -316,8 +349,9 @@ class Commander:
         self.reason = ""
         if self.is_armed:
             return states.ACCEPTED
+        self._look()
         if self.missing and not is_forced:
-            self.reason = _texts(self.missing)
+            self.reason = texts_of(self.missing)
             return states.TEMPORARILY_REJECTED
         self.is_armed, self.armed_time, self.arming_reason = True, self._now, states.BY_COMMAND
         self.takeoff_time = 0
@@ -327,7 +361,7 @@ class Commander:
     def disarm(self, *, is_forced: bool = False) -> int:
         """Disarm, and return the result."""
         self.reason = ""
-        if self.is_armed and not self.senses.is_landed and not is_forced:
+        if self.is_armed and not self._sensed.is_landed and not is_forced:
             self.reason = "the vehicle is in the air"
             return states.TEMPORARILY_REJECTED
         if self.is_armed:
@@ -345,32 +379,13 @@ class Commander:
         own = self.components.modes.get(following)
         if own is not None and self.checks.is_unresponsive(own.check):
             following = states.HOLD
-        self._select(following)
+        self._selected = following
+        self._take_charge(following, by_executor=False)
 
     def _missing_to_arm(self, mode: int) -> tuple[str, ...]:
         found = self.requirements.missing(mode, self.senses)
-        if self.requirements.prevents_arming(mode):
+        if self.requirements.prevents_arming(mode) and not self.is_armed:
             found = (*found, "prevent_arming")
         if self.requirements.blocks_arming:
             found = (*found, "arming_check")
         return (*found, "battery") if self.senses.battery > 1 else found
-
-
-_TEXTS = {
-    "local_position": "there is no position",
-    "local_position_relaxed": "there is no position",
-    "global_position": "there is no global position",
-    "home_position": "there is no home position",
-    "manual_control": "there are no sticks",
-    "mission": "there is no mission",
-    "offboard_signal": "offboard_control_mode does not arrive at 2 Hz, or is too old",
-    "other": "the mode is not registered, does not answer, or says that it cannot run",
-    "prevent_arming": "the mode does not allow arming",
-    "arming_check": "an arming check of a program says no, or has not answered yet",
-    "battery": "the battery is empty",
-}
-"""What is missing, for people."""
-
-
-def _texts(missing: Sequence[str]) -> str:
-    return ", ".join(dict.fromkeys(_TEXTS.get(each, f"there is no {each}") for each in missing))

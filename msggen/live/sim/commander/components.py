@@ -6,7 +6,7 @@ The facts are those of ModeManagement in PX4's commander, measured with v1.18.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from msggen.live.sim.commander.states import EXTERNAL
 
@@ -15,6 +15,8 @@ EXECUTORS = range(1, 6)
 AUTOPILOT = 0
 NONE = -1
 """The id of what is not there."""
+_SELECTABLE: Final = 0x7EC5FF
+"""The modes of PX4 that users can select, as bits."""
 _FNV_START, _FNV_PRIME = 0x811C9DC5, 0x01000193
 
 
@@ -72,6 +74,12 @@ class Components:
     def executors(self) -> Mapping[int, int]:
         """The nav_state of the mode that each executor owns."""
         return self._executors
+
+    @property
+    def selectable(self) -> int:
+        """The modes that users can select, as bits: those of programs in place of those that they replace."""
+        replaced = sum(1 << own.replaces for own in self._modes.values() if own.replaces is not None)
+        return (_SELECTABLE & ~replaced) | sum(1 << mode for mode in self._modes)
 
     def restart(self) -> None:
         """Forget all but the slots of names, as PX4 does when it restarts."""

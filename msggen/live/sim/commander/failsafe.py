@@ -9,7 +9,17 @@ from collections.abc import Callable, Mapping
 from enum import IntEnum
 from typing import NamedTuple
 
-from msggen.live.sim.commander.states import DESCEND, HOLD, LAND, OFFBOARD, POSITION, RETURN, TERMINATION
+from msggen.live.sim.commander.states import (
+    ALTITUDE,
+    DESCEND,
+    HOLD,
+    LAND,
+    OFFBOARD,
+    POSITION,
+    RETURN,
+    STABILIZED,
+    TERMINATION,
+)
 
 DEFERRED = 30_000_000
 """How long failsafes are deferred if the request does not tell: DEFAULT_DEFER_TIMEOUT."""
@@ -23,6 +33,8 @@ class Action(IntEnum):
     NONE = 0
     WARN = 1
     FALL_BACK_TO_POSITION = 2
+    FALL_BACK_TO_ALTITUDE = 3
+    FALL_BACK_TO_STABILIZED = 4
     HOLD = 5
     RETURN = 6
     LAND = 7
@@ -32,6 +44,8 @@ class Action(IntEnum):
 
 MODES: Mapping[Action, int] = {
     Action.FALL_BACK_TO_POSITION: POSITION,
+    Action.FALL_BACK_TO_ALTITUDE: ALTITUDE,
+    Action.FALL_BACK_TO_STABILIZED: STABILIZED,
     Action.HOLD: HOLD,
     Action.RETURN: RETURN,
     Action.LAND: LAND,
@@ -145,6 +159,7 @@ class Failsafe:
 
     def _select(self, now: int, situation: Situation) -> tuple[Action, bool]:
         """Return the action, and whether it is a Hold before another one."""
+        took_over, self.user_took_over = self.user_took_over, False
         if self.action is Action.TERMINATE or situation.mode == TERMINATION:
             return Action.TERMINATE, False
         wanted = max((each.trigger.action for each in self._active.values()), default=Action.NONE)
@@ -155,35 +170,44 @@ class Failsafe:
         self._deferred_since = (self._deferred_since or now) if can_defer and wanted > Action.WARN else None
         if can_defer:
             return Action.NONE, False
-        is_waiting = self._wait > 0 and not self.user_took_over and Action.HOLD < wanted < Action.TERMINATE
+        is_waiting = self._wait > 0 and not took_over and Action.HOLD < wanted < Action.TERMINATE
         found = Action.HOLD if is_waiting else wanted
-        if Action.HOLD <= found < Action.TERMINATE and (self.user_took_over or (situation.is_new and self.is_active)):
-            self.user_took_over, found, is_waiting = True, Action.WARN, False
-            if not situation.can_run(situation.mode):
-                found = Action.RETURN
-        return _possible(found, situation), is_waiting
+        if Action.HOLD <= found < Action.TERMINATE and (took_over or (situation.is_new and self.is_active)):
+            self.user_took_over, is_waiting = True, False
+            found = Action.WARN if situation.can_run(situation.mode) else Action.RETURN
+        found = _possible(found, situation)
+        if _is_under_way(wanted if is_waiting else found, situation):
+            return Action.WARN, False
+        return found, is_waiting
 
 
 def _possible(action: Action, situation: Situation) -> Action:
-    """Return an action that is possible: a more severe one if its mode cannot run, a warning if nothing changes."""
+    """Return an action that is possible: a more severe one if its mode cannot run."""
     if action <= Action.WARN:
         return action
-    found = next((each for each in Action if each >= action and _can(each, situation)), Action.TERMINATE)
-    is_under_way = found is Action.RETURN and situation.mode in {LAND, RETURN} and situation.can_run(situation.mode)
-    return Action.WARN if is_under_way else found
+    return next((each for each in Action if each >= action and _can(each, situation)), Action.TERMINATE)
+
+
+def _is_under_way(action: Action, situation: Situation) -> bool:
+    """Whether the selected mode brings the vehicle to the ground already, as a return would."""
+    return action is Action.RETURN and situation.mode in {LAND, RETURN} and situation.can_run(situation.mode)
 
 
 def _can(action: Action, situation: Situation) -> bool:
     return action is Action.TERMINATE or situation.can_run(MODES[action])
 
 
-def fallback(situation_mode: int, *, can_run: Callable[[int], bool], has_sticks: bool) -> Action:
-    """Return what PX4 does if the selected mode cannot run.
+_FALLBACKS: Mapping[int, tuple[Action, ...]] = {
+    OFFBOARD: (Action.FALL_BACK_TO_POSITION, Action.FALL_BACK_TO_ALTITUDE, Action.FALL_BACK_TO_STABILIZED),
+    POSITION: (Action.FALL_BACK_TO_ALTITUDE, Action.FALL_BACK_TO_STABILIZED),
+    ALTITUDE: (Action.FALL_BACK_TO_STABILIZED,),
+}
+"""What a pilot with sticks flies in place of a mode: the first one that can run. COM_OBL_RC_ACT is 0."""
 
-    A pilot takes over from Offboard mode with sticks, if there are any (COM_OBL_RC_ACT 0).
-    """
-    if can_run(situation_mode):
+
+def fallback(mode: int, *, can_run: Callable[[int], bool], has_sticks: bool) -> Action:
+    """Return what PX4 does if the selected mode cannot run."""
+    if can_run(mode):
         return Action.NONE
-    if situation_mode == OFFBOARD and has_sticks and can_run(POSITION):
-        return Action.FALL_BACK_TO_POSITION
-    return Action.RETURN
+    actions = _FALLBACKS.get(mode, ()) if has_sticks else ()
+    return next((each for each in actions if can_run(MODES[each])), Action.RETURN)

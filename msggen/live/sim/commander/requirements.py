@@ -112,3 +112,24 @@ class Requirements:
     def prevents_arming(self, mode: int) -> bool:
         """Whether the vehicle must not be armed in a mode."""
         return bool(self.masks[PREVENT_ARMING] >> mode & 1)
+
+
+_TEXTS: Mapping[str, str] = {
+    "local_position": "there is no position",
+    "local_position_relaxed": "there is no position",
+    "global_position": "there is no global position",
+    "home_position": "there is no home position",
+    "manual_control": "there are no sticks",
+    "mission": "there is no mission",
+    "offboard_signal": "offboard_control_mode does not arrive at 2 Hz, or is too old",
+    "other": "the mode is not registered, does not answer, or says that it cannot run",
+    "prevent_arming": "the mode does not allow arming",
+    "arming_check": "an arming check of a program says no, or has not answered yet",
+    "battery": "the battery is empty",
+}
+"""What is missing, for people."""
+
+
+def texts_of(missing: Iterable[str]) -> str:
+    """Return what is missing, for people."""
+    return ", ".join(dict.fromkeys(_TEXTS.get(each, f"there is no {each}") for each in missing))
