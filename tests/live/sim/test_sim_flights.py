@@ -112,7 +112,6 @@ def test_every_flight_is_there_and_much_of_it_is_compared(px4_types: Any) -> Non
         ("killed-att", V1_18._replace(misses=3)),
         ("noreply", V1_18._replace(misses=5)),
         ("register-silent", V1_18._replace(first_misses=9)),
-        ("session", V1_18._replace(restores_mode=False)),
         ("register-armed-0", V1_18._replace(always_registers=True)),
         ("limits", V1_18._replace(api_version=1)),
     ],

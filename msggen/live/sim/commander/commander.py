@@ -371,9 +371,8 @@ class Commander:
     def _disarm(self, reason: int) -> None:
         self.is_armed, self.disarming_reason = False, reason
         self.armed_time = self.takeoff_time = 0
-        if not self.rules.restores_mode:
-            if self._selected in {states.LAND, states.TAKEOFF, states.RETURN, states.DESCEND}:
-                self._select(states.HOLD)
+        self._selected = self._mode_when_disarmed
+        if not self.rules.asks_executor:
             return
         following = self.components.executors.get(self._executor, self._mode_when_disarmed)
         own = self.components.modes.get(following)

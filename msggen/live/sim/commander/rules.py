@@ -16,8 +16,10 @@ class Rules(NamedTuple):
     """The age in us from which on replies are dropped."""
     always_registers: bool = False
     """Whether programs can register while the vehicle is armed, whatever COM_MODE_ARM_CHK says."""
-    restores_mode: bool = True
-    """Whether disarming selects the mode that was selected before, or that of the executor in charge."""
+    asks_executor: bool = True
+    """Whether disarming selects the mode of the executor in charge, and Hold in place of a mode that does not answer.
+
+    Without that, it selects the mode that was selected last and allows arming."""
     configures_setpoints: bool = True
     """Whether SetpointConfig sets the type of a mode's setpoints. Otherwise, VehicleControlMode does."""
     api_version: int = 2
@@ -26,6 +28,6 @@ class Rules(NamedTuple):
 
 V1_18 = Rules()
 V1_17 = Rules(configures_setpoints=False, api_version=1)
-V1_16 = V1_17._replace(most_age=None, restores_mode=False)
+V1_16 = V1_17._replace(most_age=None, asks_executor=False)
 V1_15 = V1_16._replace(misses=3, first_misses=3)
 V1_15_SITL = V1_15._replace(always_registers=True)
