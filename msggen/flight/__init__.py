@@ -1,1 +1,41 @@
 """Flight modes, executors and actions in Python. See docs/flight.md."""
+
+from __future__ import annotations
+
+from msggen.flight.checks import Problem, Severity
+from msggen.flight.errors import (
+    FlightError,
+    NoAnswerError,
+    NotReachedError,
+    RefusedError,
+    RegistrationError,
+    UnsupportedError,
+)
+from msggen.flight.executor import Executor
+from msggen.flight.flight import Flight
+from msggen.flight.mode import Mode
+from msggen.flight.requirements import GLOBAL_POSITION, LOCAL_POSITION, Requirement
+from msggen.flight.setpoints import ATTITUDE, GOTO, RATES, TRAJECTORY
+from msggen.flight.space import Vector
+
+__all__ = [
+    "ATTITUDE",
+    "GLOBAL_POSITION",
+    "GOTO",
+    "LOCAL_POSITION",
+    "RATES",
+    "TRAJECTORY",
+    "Executor",
+    "Flight",
+    "FlightError",
+    "Mode",
+    "NoAnswerError",
+    "NotReachedError",
+    "Problem",
+    "RefusedError",
+    "RegistrationError",
+    "Requirement",
+    "Severity",
+    "UnsupportedError",
+    "Vector",
+]

@@ -32,18 +32,19 @@ _READY = 1.0
 _NEEDED = ("vehicle_status", "vehicle_command_ack", "vehicle_local_position", "failsafe_flags", "mode_completed")
 
 
-class Flight:
-    """Modes and executors of a program on a vehicle. To be used with `async with`: at the end, all are unregistered."""
+class Flight(Actions):
+    """A vehicle that a program flies: by actions, by Offboard mode, and by modes and executors of its own.
+
+    To be used with `async with`. At the end, all modes are unregistered.
+    """
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
-        self._feeds = Feeds(connection)
+        feeds = Feeds(connection)
+        super().__init__(Commands(connection, feeds), feeds)
         self._modes: dict[type[Mode], ActiveMode] = {}
         self._charges: list[Charge] = []
         self._answers: Answers | None = None
-        self.commands = Commands(connection, self._feeds)
-        self.actions = Actions(self.commands, self._feeds)
-        """Actions of a user."""
         self.telemetry = Telemetry(self._feeds)
         self._registrar = Registrar(connection, self._feeds)
 
@@ -113,7 +114,7 @@ class Flight:
             self._answers = Answers(self._connection, self._feeds)
         self._answers.add(ids.check, active.verdict)
         if executor is not None:
-            actions = Actions(self.commands, self._feeds, ids.executor)
+            actions = Actions(self._commands, self._feeds, ids.executor)
             self._charges.append(Charge(executor, ids, actions, self.find))
         await active.configuration.check(mode.setpoints)
         await self._until_ready(active)
@@ -123,6 +124,13 @@ class Flight:
         bit = 1 << active.ids.mode
         with suppress(TimeoutError):  # a mode whose conditions are not met
             await self._feeds["failsafe_flags"].following(lambda flags: not flags.mode_req_other & bit, _READY)
+
+    async def set_mode(self, mode: str | int | type[Mode] | Mode) -> None:
+        """Select a mode: one of PX4's by its name, such as `hold` or `position`, or by its nav_state, or one of `add`.
+
+        Raises RefusedError with what the vehicle shows, ValueError for an unknown name, NoAnswerError, and FlightError.
+        """
+        await super().set_mode(self.find(mode).ids.mode if isinstance(mode, (Mode, type)) else mode)
 
     def find(self, mode: type[Mode] | Mode) -> ActiveMode:
         """Return a mode that is registered. Raises FlightError."""
@@ -137,7 +145,7 @@ class Flight:
         The vehicle holds its place at first. At the end it is in Hold, unless a pilot has taken over. After an
         exception, PX4's failsafe for the lost signal follows (COM_OBL_RC_ACT).
         """
-        return offboard(self._connection, self._feeds, self.actions, frame)
+        return offboard(self._connection, self._feeds, self, frame)
 
     @property
     def feeds(self) -> Feeds:

@@ -71,7 +71,7 @@ def test_an_executor_flies_a_whole_flight(types: Any) -> None:
 
     async def program(flight: Flight, vehicle: Flown) -> None:
         await flight.add(mission)
-        await flight.actions.set_mode(EXTERNAL)
+        await flight.set_mode(EXTERNAL)
         await vehicle.until(lambda: "disarmed" in mission.steps, 60.0)
         assert math.hypot(*vehicle.world.flight.position[:2]) < 1.0
 
@@ -84,10 +84,10 @@ def test_a_pilot_ends_an_executor_at_once(types: Any) -> None:
 
     async def program(flight: Flight, vehicle: Flown) -> None:
         await flight.add(mission)
-        await flight.actions.set_mode(EXTERNAL)
+        await flight.set_mode(EXTERNAL)
         await vehicle.until(lambda: "in the air" in mission.steps, 20.0)
         await asyncio.sleep(1.0)
-        await flight.actions.set_mode("hold")
+        await flight.set_mode("hold")
         await asyncio.sleep(0.3)
         assert mission.steps[-1] == "cancelled"
         assert vehicle.world.commander.executor_in_charge == 0
@@ -107,10 +107,10 @@ def test_an_executor_that_waits_for_arming_starts_then(px4_types: Any) -> None:
 
     async def program(flight: Flight, vehicle: Flown) -> None:
         await flight.add(mission)
-        await flight.actions.set_mode(EXTERNAL)
+        await flight.set_mode(EXTERNAL)
         await asyncio.sleep(2.0)
         assert not mission.steps
-        await flight.actions.arm()
+        await flight.arm()
         await vehicle.until(lambda: "home" in mission.steps, 60.0)
 
     fly(px4_types, program)
@@ -146,7 +146,7 @@ def test_what_px4_refuses_is_raised_with_the_reason(px4_types: Any) -> None:
         vehicle.world.has_position = False
         await asyncio.sleep(6.0)
         await flight.add(Hopeful)
-        await flight.actions.set_mode(EXTERNAL)
+        await flight.set_mode(EXTERNAL)
         await asyncio.sleep(1.0)
 
     fly(px4_types, program)
@@ -177,7 +177,7 @@ def test_the_exception_of_a_mode_reaches_its_executor(px4_types: Any) -> None:
 
     async def program(flight: Flight, vehicle: Flown) -> None:
         await flight.add(Searches)
-        await flight.actions.set_mode(EXTERNAL)
+        await flight.set_mode(EXTERNAL)
         await vehicle.until(lambda: vehicle.world.mode == LAND, 30.0)  # and never in a failsafe
         await vehicle.until(lambda: not vehicle.world.is_armed, 30.0)
 
@@ -195,7 +195,7 @@ def test_an_executor_that_fails_lets_px4_return(px4_types: Any, caplog: pytest.L
 
     async def program(flight: Flight, vehicle: Flown) -> None:
         await flight.add(Fails)
-        await flight.actions.set_mode(EXTERNAL)
+        await flight.set_mode(EXTERNAL)
         await vehicle.until(lambda: vehicle.world.mode == RETURN, 40.0)
 
     fly(px4_types, program)
@@ -229,7 +229,7 @@ def test_an_executor_flies_other_modes_that_are_registered(px4_types: Any) -> No
 
     async def program(flight: Flight, vehicle: Flown) -> None:
         await flight.add(Tour, one, two)
-        await flight.actions.set_mode(EXTERNAL)
+        await flight.set_mode(EXTERNAL)
         await vehicle.until(lambda: vehicle.world.mode == LAND, 60.0)
 
     fly(px4_types, program)
@@ -244,19 +244,18 @@ def test_wherever_an_executor_is_ended_it_sends_nothing_more(px4_types: Any, sec
 
     async def program(flight: Flight, vehicle: Flown) -> None:
         await flight.add(mission)
-        await flight.actions.set_mode(EXTERNAL)
+        await flight.set_mode(EXTERNAL)
         await asyncio.sleep(seconds)
         if way == "position lost":
             vehicle.world.has_position = False
             await asyncio.sleep(6.5)
         else:
-            await flight.actions.set_mode(way)
+            await flight.set_mode(way)
             await asyncio.sleep(0.3)
-        if vehicle.world.commander.executor_in_charge:
-            return
-        sent = len(vehicle.sent)
-        await asyncio.sleep(2.0)
-        assert {each.topic for each in vehicle.sent[sent:]} <= {"arming_check_reply"}
+        sent, end = len(vehicle.sent), vehicle.time + 2_000_000
+        while vehicle.time < end and not vehicle.world.commander.executor_in_charge:
+            assert {each.topic for each in vehicle.sent[sent:]} <= {"arming_check_reply"}
+            await asyncio.sleep(0.01)
 
     fly(px4_types, program)
 
@@ -266,7 +265,7 @@ def test_wherever_an_executor_is_ended_it_sends_nothing_more(px4_types: Any, sec
 
 def test_actions_fly_without_a_mode_of_its_own(types: Any) -> None:
     async def program(flight: Flight, vehicle: Flown) -> None:
-        actions = flight.actions
+        actions = flight
         await actions.arm()
         await actions.takeoff(6.0)
         assert -vehicle.world.flight.position[2] == pytest.approx(6.0, abs=0.6)
@@ -283,9 +282,9 @@ def test_actions_fly_without_a_mode_of_its_own(types: Any) -> None:
 def test_an_action_that_a_pilot_ends_is_told(px4_types: Any) -> None:
     async def program(flight: Flight, vehicle: Flown) -> None:
         await vehicle.in_air(flight, 20.0)
-        landing = asyncio.create_task(flight.actions.land())
+        landing = asyncio.create_task(flight.land())
         await asyncio.sleep(2.0)
-        await flight.actions.hold()
+        await flight.hold()
         with pytest.raises(NotReachedError, match="the landing has not ended: the vehicle is in mode 4"):
             await landing
 
@@ -348,7 +347,7 @@ def test_failsafes_are_told_apart_from_ends(px4_types: Any) -> None:
 
     async def program(flight: Flight, vehicle: Flown) -> None:
         await flight.add(mission)
-        await flight.actions.set_mode(EXTERNAL)
+        await flight.set_mode(EXTERNAL)
         await vehicle.until(lambda: "in the air" in mission.steps, 20.0)
         vehicle.world.battery.discharged = 0.94 * vehicle.world.battery.capacity
         await vehicle.until(lambda: vehicle.world.mode == HOLD, 1.0)

@@ -72,7 +72,7 @@ def test_a_mode_flies_its_places_and_is_completed(types: Any) -> None:
     async def program(flight: Flight, vehicle: Flown) -> list[tuple[str, int]]:
         await flight.add(mode)
         await vehicle.in_air(flight)
-        await flight.actions.set_mode(EXTERNAL)
+        await flight.set_mode(EXTERNAL)
         completed = await flight.feeds["mode_completed"].following(lambda each: each.nav_state == EXTERNAL)
         assert completed.result == 0
         place = vehicle.world.flight.position
@@ -95,9 +95,9 @@ def test_a_mode_that_is_left_is_cancelled_and_sends_nothing_more(types: Any) -> 
     async def program(flight: Flight, vehicle: Flown) -> float:
         await flight.add(mode)
         await vehicle.in_air(flight)
-        await flight.actions.set_mode(EXTERNAL)
+        await flight.set_mode(EXTERNAL)
         await asyncio.sleep(1.0)
-        await flight.actions.land()
+        await flight.land()
         shown = next(each.time for each in vehicle.sent[::-1] if each.topic == "goto_setpoint")
         left = vehicle.world.commander.mode_time / 1e6
         return shown - left
@@ -132,7 +132,7 @@ def test_a_mode_without_a_position_is_refused_with_the_reason(px4_types: Any) ->
         vehicle.world.has_position = False
         await asyncio.sleep(6.0)
         with pytest.raises(RefusedError, match="mode 23: temporarily rejected: there is no local position"):
-            await flight.actions.set_mode(EXTERNAL)
+            await flight.set_mode(EXTERNAL)
 
     fly(px4_types, program)
 
@@ -146,13 +146,13 @@ def test_an_exception_ends_the_mode_and_the_vehicle_returns(px4_types: Any, capl
     async def program(flight: Flight, vehicle: Flown) -> float:
         await flight.add(Fails)
         await vehicle.in_air(flight)
-        await flight.actions.set_mode(EXTERNAL)
+        await flight.set_mode(EXTERNAL)
         completed = await flight.feeds["mode_completed"].following(lambda each: each.nav_state == EXTERNAL)
         assert completed.result == 100
         taken = await vehicle.until(lambda: vehicle.world.mode == RETURN, 2.0)
-        await flight.actions.set_mode("hold")
+        await flight.set_mode("hold")
         await asyncio.sleep(1.0)
-        await flight.actions.set_mode(EXTERNAL)  # a user can try again
+        await flight.set_mode(EXTERNAL)  # a user can try again
         return taken
 
     with caplog.at_level(logging.ERROR):
@@ -167,7 +167,7 @@ def test_a_program_that_hangs_loses_the_vehicle_to_a_return(px4_types: Any) -> N
     async def program(flight: Flight, vehicle: Flown) -> tuple[float, int]:
         await flight.add(Waits)
         await vehicle.in_air(flight)
-        await flight.actions.set_mode(EXTERNAL)
+        await flight.set_mode(EXTERNAL)
         await asyncio.sleep(1.0)
         before = vehicle.time
         sent = len(vehicle.sent)
@@ -195,7 +195,7 @@ def test_a_condition_of_a_mode_keeps_it_from_being_selected(px4_types: Any) -> N
         await flight.add(mode)
         await vehicle.in_air(flight)
         with pytest.raises(RefusedError, match="says that it cannot run"):
-            await flight.actions.set_mode(EXTERNAL)
+            await flight.set_mode(EXTERNAL)
         reply = next(each.message for each in vehicle.sent[::-1] if each.topic == "arming_check_reply")
         assert (reply.num_events, reply.events[0].id, reply.events[0].log_levels) == (
             1,
@@ -204,7 +204,7 @@ def test_a_condition_of_a_mode_keeps_it_from_being_selected(px4_types: Any) -> N
         )
         mode.is_ready = True
         await asyncio.sleep(0.5)
-        await flight.actions.set_mode(EXTERNAL)
+        await flight.set_mode(EXTERNAL)
 
     fly(px4_types, program)
 
@@ -228,7 +228,7 @@ def test_setpoints_are_sent_at_the_rate_of_their_kind(px4_types: Any) -> None:
     async def program(flight: Flight, vehicle: Flown) -> Flown:
         await flight.add(Kinds)
         await vehicle.in_air(flight)
-        await flight.actions.set_mode(EXTERNAL)
+        await flight.set_mode(EXTERNAL)
         await asyncio.sleep(8.0)
         return vehicle
 
@@ -258,7 +258,7 @@ def test_a_kind_that_a_mode_does_not_declare_is_an_error(px4_types: Any, caplog:
     async def program(flight: Flight, vehicle: Flown) -> Flown:
         await flight.add(Plain)
         await vehicle.in_air(flight)
-        await flight.actions.set_mode(EXTERNAL)
+        await flight.set_mode(EXTERNAL)
         await asyncio.sleep(1.0)
         return vehicle
 
@@ -282,7 +282,7 @@ def test_enu_and_ned_lead_to_the_same_setpoint(
         async def program(flight: Flight, vehicle: Flown) -> Any:
             await flight.add(There)
             await vehicle.in_air(flight, 5.0)
-            await flight.actions.set_mode(EXTERNAL)
+            await flight.set_mode(EXTERNAL)
             await asyncio.sleep(0.5)
             return next(each.message for each in vehicle.sent if each.topic == "goto_setpoint")
 
@@ -316,7 +316,7 @@ def test_wrong_setpoints_are_errors_before_anything_is_sent(
         await flight.add(Wrong)
         await vehicle.in_air(flight)
         sent = len(vehicle.sent)
-        await flight.actions.set_mode(EXTERNAL)
+        await flight.set_mode(EXTERNAL)
         await asyncio.sleep(0.3)
         topics = {each.topic for each in vehicle.sent[sent:]}
         assert not topics & {"trajectory_setpoint", "vehicle_attitude_setpoint"} - {"trajectory_setpoint"}
@@ -385,7 +385,7 @@ def test_a_vehicle_that_is_silent_is_told(px4_types: Any) -> None:
 def test_nothing_arms_by_itself(px4_types: Any) -> None:
     async def program(flight: Flight, vehicle: Flown) -> None:
         await flight.add(Square, Waits)
-        await flight.actions.set_mode(EXTERNAL)
+        await flight.set_mode(EXTERNAL)
         await asyncio.sleep(20.0)
         assert not vehicle.world.is_armed
         assert not [each for each in vehicle.sent if getattr(each.message, "command", 0) == 400]
@@ -403,7 +403,7 @@ def test_a_mode_is_unregistered_in_flight_only_if_px4_lets_it(px4_types: Any, pa
     async def program(flight: Flight, vehicle: Flown) -> int:
         await flight.add(Waits)
         await vehicle.in_air(flight)
-        await flight.actions.set_mode(EXTERNAL)
+        await flight.set_mode(EXTERNAL)
         await asyncio.sleep(1.0)
         flight.close()
         await asyncio.sleep(2.0)

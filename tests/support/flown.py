@@ -49,8 +49,8 @@ class Flown(NearVehicle):
 
     async def in_air(self, flight: Flight, height: float = 10.0) -> None:
         """Arm and take off as a user does."""
-        await flight.actions.arm()
-        await flight.actions.takeoff(height)
+        await flight.arm()
+        await flight.takeoff(height)
         await self.until(lambda: self.world.mode == 4, 2.0)
 
 
