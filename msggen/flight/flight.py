@@ -64,7 +64,7 @@ class Flight(Actions):
         self.close()
 
     def _follow(self, status: Any) -> None:
-        """Let executors and modes begin and end: executors first, so that one that is ended does not see its mode end."""
+        """Let executors and modes begin and end. Executors are first: one that is ended does not see its mode end."""
         for charge in [*self._charges]:
             charge.follow(status)
         for active in [*self._modes.values()]:
