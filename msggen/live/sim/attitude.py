@@ -29,7 +29,8 @@ def angles_of(q: Quaternion, near: float) -> tuple[float, float, float]:
     roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
     yaw = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
     if abs(roll) > math.pi / 2:
-        roll, pitch, yaw = roll - math.copysign(math.pi, roll), math.pi - pitch, yaw + math.pi
+        roll, pitch = roll - math.copysign(math.pi, roll), math.remainder(math.pi - pitch, math.tau)
+        yaw += math.pi
     yaw = near + math.remainder(yaw - near, math.tau)
     if sum(a * b for a, b in zip(quaternion_of(roll, pitch, yaw), q, strict=True)) < 0:
         yaw += math.tau

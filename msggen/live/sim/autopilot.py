@@ -61,7 +61,9 @@ class Autopilot:
         self._goal = 0.0
         """The down position of a takeoff or a return."""
         self._cycle = 0
-        """When PX4's own mode makes its next setpoint."""
+        """When PX4's own mode makes its next setpoint. Position control runs twice as often."""
+        self._taken: Target | None = None
+        """The setpoint of a program that position control has taken since then."""
 
     # Modes
 
@@ -178,8 +180,10 @@ class Autopilot:
         """Return the setpoint of PX4's mode, or a TrajectorySetpoint that came later: position control takes both."""
         if time >= self._cycle:
             self._cycle = max(self._cycle + _CYCLE, time)
-            self._setpoints.newest = None
-        return self._setpoints.newest or own
+            self._setpoints.newest = self._taken = None
+        elif time >= self._cycle - _CYCLE // 2:
+            self._taken = self._setpoints.newest
+        return self._taken or own
 
     def _own(self, mode: int) -> Target:
         """Return the setpoint of a mode of PX4."""

@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Final
 
 from msggen.live.sim.commander import states
-
 from msggen.live.sim.places import Home
 
 if TYPE_CHECKING:

@@ -47,6 +47,8 @@ _MAX_RATE = math.radians(PARAMETERS["MC_ROLLRATE_MAX"])
 _MAX_THRUST = 1 / PARAMETERS["MPC_THR_HOVER"]
 DRAG = 1.0
 """The acceleration against a speed, in 1/s, where no controller holds the speed: that of PX4's simulator."""
+_UPRIGHT = 0.5
+"""The cosine of the lean from which on position control first turns the vehicle upright."""
 _LIFT = 0.2
 """The upward acceleration in m/s^2 above which the vehicle leaves the ground."""
 
@@ -101,6 +103,9 @@ class Flight:
             self._push(seconds, target)
             return
         if self._thrust is not None:
+            if target is not None and down_axis(self.quaternion)[2] < _UPRIGHT:
+                self._push(seconds, Push(1.0, quaternion_of(0.0, 0.0, self.yaw)))
+                return
             self._leave()
         wanted = (0.0, 0.0, GRAVITY) if target is None else self._wanted(target, climb)
         if self.is_on_ground and (target is None or climb <= 0 or wanted[2] > -_LIFT):
@@ -223,9 +228,11 @@ def _speed(error: float, feed: float) -> float:
     """Return the speed for a distance to go, or NaN if neither position nor velocity is controlled."""
     if math.isnan(error):
         return feed
+    if not math.isnan(feed):
+        return _POSITION_GAIN * error + feed
     distance = abs(error)
     speed = min(_POSITION_GAIN * distance, math.sqrt(_MAX_SINK_ACCELERATION * distance))  # so that braking suffices
-    return math.copysign(speed, error) + (0.0 if math.isnan(feed) else feed)
+    return math.copysign(speed, error)
 
 
 def _pull(speed: float, feed: float, here: float) -> float:
