@@ -15,7 +15,7 @@ from msggen.live.sim.commander.states import ACCEPTED, EXTERNAL, HOLD, LAND
 from msggen.live.sim.commands import ARM_DISARM
 from msggen.live.sim.flight import NAN, ZERO
 from msggen.live.sim.parameters import PARAMETERS
-from msggen.live.sim.world import World
+from msggen.live.sim.world import STEP, World
 from support.examples import examples
 from support.sim_world import (
     ARM,
@@ -23,7 +23,6 @@ from support.sim_world import (
     DISARM,
     GOTO,
     RATES,
-    STEP,
     TRAJECTORY,
     Attitude,
     Goto,
@@ -240,12 +239,11 @@ def test_the_vehicle_flies_where_an_attitude_leans() -> None:
     assert math.hypot(*flight.velocity) < 0.05
 
 
-@pytest.mark.parametrize(("axis", "rates"), [(0, Rates(roll=0.1)), (1, Rates(pitch=0.1)), (2, Rates(yaw=0.5))])
-def test_rates_turn_the_vehicle(axis: int, rates: Rates) -> None:
+@pytest.mark.parametrize(("axis", "rate"), [(0, 0.1), (1, -0.1), (2, 0.5)])
+def test_rates_turn_the_vehicle(axis: int, rate: float) -> None:
     program = flying(RATES)
-    program.send(2.0, program.publish(rates), 50)
+    program.send(2.0, program.publish(Rates(*(rate * (axis == each) for each in range(3)))), 50)
     flight = program.world.flight
-    rate = rates[axis]
     assert flight.rates[axis] == pytest.approx(rate, abs=0.01)
     assert (flight.roll, flight.pitch, flight.yaw)[axis] == pytest.approx(2.0 * rate, abs=0.05)
 
