@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from msggen.live.sim.commander.states import ACCEPTED, EXTERNAL, HOLD, LAND
 from msggen.live.sim.commands import ARM_DISARM
-from msggen.live.sim.flight import NAN, ZERO
+from msggen.live.sim.flight import NAN, ZERO, Push
 from msggen.live.sim.parameters import PARAMETERS
 from msggen.live.sim.world import STEP, World
 from support.examples import examples
@@ -31,6 +31,7 @@ from support.sim_world import (
     Setpoint,
     speed_of,
 )
+from support.simulation import built, topics_of
 
 DIRECT_ACTUATORS, THRUST_AND_TORQUE = 1, 15
 FORWARD = Setpoint((NAN, NAN, -2.5), (3.0, 0.0, NAN))
@@ -242,7 +243,8 @@ def test_the_vehicle_flies_where_an_attitude_leans() -> None:
 @pytest.mark.parametrize(("axis", "rate"), [(0, 0.1), (1, -0.1), (2, 0.5)])
 def test_rates_turn_the_vehicle(axis: int, rate: float) -> None:
     program = flying(RATES)
-    program.send(2.0, program.publish(Rates(*(rate * (axis == each) for each in range(3)))), 50)
+    roll, pitch, yaw = (rate if each == axis else 0.0 for each in range(3))
+    program.send(2.0, program.publish(Rates(roll, pitch, yaw)), 50)
     flight = program.world.flight
     assert flight.rates[axis] == pytest.approx(rate, abs=0.01)
     assert (flight.roll, flight.pitch, flight.yaw)[axis] == pytest.approx(2.0 * rate, abs=0.05)
@@ -257,6 +259,28 @@ def test_a_vehicle_that_somersaults_comes_to_rest_again() -> None:
     assert program.select(HOLD) == ACCEPTED
     program.run(10.0)
     assert math.hypot(*program.world.flight.velocity) < 0.05
+
+
+@pytest.mark.parametrize("release", ["v1.15", "v1.16", "v1.18"])
+def test_the_setpoints_of_every_release_are_understood(release: str, tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Those of v1.15 and v1.16 have other fields, too."""
+    topics = topics_of(built(release, tmp_path_factory.mktemp("types"))).UORB
+    program = flying(ATTITUDE)
+    setpoints, time = program.world.setpoints, program.world.time
+    takes: dict[str, tuple[Any, dict[str, Any]]] = {
+        "goto_setpoint": (setpoints.take_goto, {"position": (1.0, 2.0, -3.0)}),
+        "trajectory_setpoint": (setpoints.take_trajectory, {"position": (1.0, 2.0, -3.0)}),
+        "vehicle_attitude_setpoint": (setpoints.take_attitude, {"q_d": (1.0, 0.0, 0.0, 0.0)}),
+        "vehicle_rates_setpoint": (setpoints.take_rates, {"roll": 1.0}),
+    }
+    for topic, (take, values) in takes.items():
+        if topic in topics:
+            take(topics[topic].message(**values), time)
+    place = setpoints.of_position(time, time)
+    assert place is not None
+    assert place.position == (1.0, 2.0, -3.0)
+    assert setpoints.of_attitude(time) == Push(0.0, (1.0, 0.0, 0.0, 0.0))
+    assert setpoints.of_rates(time) == Push(0.0, rates=(1.0, 0.0, 0.0))
 
 
 # On the ground
