@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Final
+from typing import Final, Protocol
 
+from msggen.live.sim.autopilot import Autopilot
 from msggen.live.sim.commander import states
+from msggen.live.sim.commander.commander import Commander
 from msggen.live.sim.places import Home
-
-if TYPE_CHECKING:
-    from msggen.live.sim.world import World
 
 ARM_DISARM: Final = 400
 SET_MODE: Final = 176
@@ -50,7 +49,27 @@ _MODES = frozenset({*_MAIN_MODES.values(), *_AUTO_MODES.values(), states.DESCEND
 """The modes that SET_NAV_STATE can select."""
 
 
-def carry_out(world: World, number: int, parameters: Sequence[float], source_component: int = 0) -> int:
+class Vehicle(Protocol):
+    """What commands act on: `World`."""
+
+    commander: Commander
+    autopilot: Autopilot
+    origin: Home
+    has_position: bool
+    reason: str
+
+    @property
+    def place(self) -> Home:
+        """Where it is."""
+
+    def set_home(self, home: Home) -> None:
+        """Let a return end at a place."""
+
+    def set_origin(self, origin: Home) -> None:
+        """Count the local position from a place."""
+
+
+def carry_out(world: Vehicle, number: int, parameters: Sequence[float], source_component: int = 0) -> int:
     """Carry out a command with its seven parameters, and return the result. `world.reason` tells why it is refused."""
     world.reason = ""
     commander = world.commander
@@ -65,7 +84,7 @@ def carry_out(world: World, number: int, parameters: Sequence[float], source_com
 class Order:
     """A command that is carried out."""
 
-    def __init__(self, world: World, parameters: Sequence[float], *, by_executor: bool) -> None:
+    def __init__(self, world: Vehicle, parameters: Sequence[float], *, by_executor: bool) -> None:
         self._world, self._parameters, self._by_executor = world, parameters, by_executor
 
     def refuse(self, result: int, reason: str) -> int:
