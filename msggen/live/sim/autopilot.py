@@ -9,6 +9,7 @@ from typing import TypeAlias
 from msggen.live.sim.attitude import Vector
 from msggen.live.sim.commander.setpoint_types import ALL, Controls
 from msggen.live.sim.commander.states import (
+    ALTITUDE,
     DESCEND,
     EXTERNAL,
     HOLD,
@@ -37,6 +38,8 @@ _CYCLE = 20_240
 """The time between two setpoints of PX4's own modes: near 20 ms, but not that of programs, which beat with it."""
 _POSITION = frozenset({"altitude", "climb_rate", "velocity", "position"})
 _WITHOUT_POSITION_CONTROL = frozenset({MANUAL, STABILIZED, TERMINATION})
+_HEIGHT = frozenset({MANUAL, STABILIZED, ALTITUDE})
+"""The modes that a pilot can fly without a position. The sticks are at rest."""
 
 
 class Autopilot:
@@ -143,7 +146,9 @@ class Autopilot:
             return self._program(time, controls)
         if mode == OFFBOARD:
             return self._led(self._setpoints.offboard(time))
-        return self._interrupted(time, self._own(mode)) if self.has_position else self._blind()
+        if mode == DESCEND or not self.has_position:
+            return self._blind(keeps_height=mode in _HEIGHT)
+        return self._interrupted(time, self._own(mode))
 
     def lift_off(self, time: int, armed: int, target: Setpoint, *, is_landed: bool) -> float:
         """Return the limit of the climb at a time, which keeps the vehicle on the ground until a takeoff."""
@@ -190,7 +195,7 @@ class Autopilot:
         if mode == TAKEOFF:
             x, y, _ = self._hold.position
             return self._hold._replace(position=(x, y, self._goal), climb=_TAKEOFF_SPEED)
-        if mode in {LAND, DESCEND}:
+        if mode == LAND:
             return self._down(*self._hold.position[:2])
         return self._return() if mode == RETURN else self._hold
 
@@ -198,10 +203,13 @@ class Autopilot:
         is_high = self._flight.ground - self._flight.position[2] > _LAND_SLOW_HEIGHT
         return Target((x, y, NAN), (NAN, NAN, SINK if is_high else _LAND_SPEED), yaw=self._hold.yaw, speed=CRUISE)
 
-    def _blind(self) -> Target:
+    def _blind(self, *, keeps_height: bool = False) -> Target:
         """Descend level, without a position: only drag stops the vehicle."""
         north, east, _ = self._flight.velocity
-        return Target(velocity=(NAN, NAN, _LAND_SPEED), acceleration=(-DRAG * north, -DRAG * east, NAN))
+        drag = (-DRAG * north, -DRAG * east, NAN)
+        if keeps_height:
+            return Target((NAN, NAN, self._hold.position[2]), acceleration=drag)
+        return Target(velocity=(NAN, NAN, _LAND_SPEED), acceleration=drag)
 
     def _return(self) -> Target:
         home = self.home[:2]

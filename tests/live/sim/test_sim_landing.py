@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from msggen.live.sim.commander.states import (
     ACCEPTED,
+    ALTITUDE,
     BY_LANDING,
     DESCEND,
     HOLD,
@@ -17,6 +18,7 @@ from msggen.live.sim.commander.states import (
     OFFBOARD,
     POSITION,
     RETURN,
+    STABILIZED,
     TAKEOFF,
     TEMPORARILY_REJECTED,
     TERMINATION,
@@ -192,6 +194,20 @@ def test_the_position_is_lost_some_time_after_gps_and_found_again() -> None:
     pilot.until(lambda: world.mode == HOLD, 0.2)
     pilot.run(4.0)
     assert math.hypot(*world.flight.velocity) < 0.1
+
+
+@pytest.mark.parametrize("mode", [ALTITUDE, STABILIZED])
+def test_a_pilot_keeps_the_height_without_a_position(mode: int) -> None:
+    pilot = Pilot()
+    pilot.world.has_sticks = True
+    pilot.run(0.1)
+    pilot.take_off(8.0)
+    pilot.world.has_gps = False
+    assert pilot.select(mode) == ACCEPTED
+    pilot.run(15.0)
+    assert not pilot.world.has_position
+    assert pilot.world.mode == mode
+    assert pilot.world.flight.position[2] == pytest.approx(-8.0, abs=0.1)
 
 
 def test_a_short_loss_of_gps_has_no_effect() -> None:
