@@ -48,7 +48,7 @@ _MAX_THRUST = 1 / PARAMETERS["MPC_THR_HOVER"]
 DRAG = 1.0
 """The acceleration against a speed, in 1/s, where no controller holds the speed: that of PX4's simulator."""
 _UPRIGHT = 0.5
-"""The cosine of the lean from which on position control first turns the vehicle upright."""
+"""The cosine of the lean, and the share of the thrust in hover, that position control begins with."""
 _LIFT = 0.2
 """The upward acceleration in m/s^2 above which the vehicle leaves the ground."""
 
@@ -103,7 +103,8 @@ class Flight:
             self._push(seconds, target)
             return
         if self._thrust is not None:
-            if target is not None and down_axis(self.quaternion)[2] < _UPRIGHT:
+            is_upright = down_axis(self.quaternion)[2] > _UPRIGHT and self._thrust > _UPRIGHT * GRAVITY
+            if target is not None and not is_upright:
                 self._push(seconds, Push(1.0, quaternion_of(0.0, 0.0, self.yaw)))
                 return
             self._leave()
@@ -142,6 +143,11 @@ class Flight:
         if self._thrust is not None:
             return to_body(self.quaternion, (x, y, z - GRAVITY))
         return (0.0, 0.0, -math.sqrt(x * x + y * y + (z - GRAVITY) ** 2))
+
+    @property
+    def thrust(self) -> float:
+        """The acceleration by the motors, in m/s^2."""
+        return -self.specific_force[2] if self._thrust is None else self._thrust
 
     @property
     def heading(self) -> float:
@@ -183,7 +189,7 @@ class Flight:
         roll, pitch, yaw = (max(-_MAX_RATE, min(_MAX_RATE, rate)) for rate in rates)
         after = turned(before, (roll, pitch, yaw), seconds)
         if self._thrust is None:
-            self._thrust = 0.0 if self.is_on_ground else -self.specific_force[2]
+            self._thrust = 0.0 if self.is_on_ground else self.thrust
         goal = GRAVITY * max(0.0, min(_MAX_THRUST, target.thrust))
         self._thrust += (goal - self._thrust) * min(1.0, seconds / _LAG)
         x, y, z = (-self._thrust * axis for axis in down_axis(after))

@@ -174,7 +174,7 @@ class World:
         """The thrust of all motors: 1 in hover, 0 with the motors off."""
         if self._setpoint is None:
             return 0.0
-        return _IDLE_THRUST if self.flight.is_on_ground else -self.flight.specific_force[2] / GRAVITY
+        return _IDLE_THRUST if self.flight.is_on_ground else self.flight.thrust / GRAVITY
 
     @property
     def target(self) -> Target | None:

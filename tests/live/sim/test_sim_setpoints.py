@@ -283,6 +283,16 @@ def test_the_setpoints_of_every_release_are_understood(release: str, tmp_path_fa
     assert setpoints.of_rates(time) == Push(0.0, rates=(1.0, 0.0, 0.0))
 
 
+def test_a_vehicle_that_falls_on_its_back_takes_no_thrust() -> None:
+    """Drag then pushes it along its own down axis, which is not thrust."""
+    program = flying(ATTITUDE)
+    program.can_tumble, program.most_acceleration = True, 40.0
+    program.send(3.0, program.publish(Attitude(thrust_body=(0.0, 0.0, -0.9))), 50)
+    program.send(2.0, program.publish(Attitude((0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 0.0))), 50)
+    assert program.world.flight.velocity[2] > 1.0
+    assert program.world.thrust == pytest.approx(0.0, abs=1e-3)
+
+
 # On the ground
 
 
