@@ -17,8 +17,12 @@ class Battery:
 
     @property
     def remaining(self) -> float:
-        """The charge left, from 1 to 0."""
+        """The charge left, from 1 to 0. It can be set."""
         return max(0.0, 1.0 - self.discharged / self.capacity)
+
+    @remaining.setter
+    def remaining(self, share: float) -> None:
+        self.discharged = self.capacity * (1.0 - share)
 
     @property
     def voltage(self) -> float:

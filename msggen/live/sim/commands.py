@@ -4,20 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Final
+from typing import Final, Protocol
 
+from msggen.live.sim.autopilot import Autopilot
 from msggen.live.sim.commander import states
-
-if TYPE_CHECKING:
-    from msggen.live.sim.world import World
+from msggen.live.sim.commander.commander import Commander
+from msggen.live.sim.places import Home
 
 ARM_DISARM: Final = 400
 SET_MODE: Final = 176
 RETURN: Final = 20
 LAND: Final = 21
 TAKEOFF: Final = 22
+SET_HOME: Final = 179
+REPOSITION: Final = 192
+SET_ORIGIN: Final = 100_000
 SET_NAV_STATE: Final = 100_001
-"""VEHICLE_CMD_COMPONENT_ARM_DISARM, _DO_SET_MODE, _NAV_RETURN_TO_LAUNCH, _NAV_LAND, _NAV_TAKEOFF, _SET_NAV_STATE."""
+"""VEHICLE_CMD_COMPONENT_ARM_DISARM, _DO_SET_MODE, _NAV_RETURN_TO_LAUNCH, _NAV_LAND, _NAV_TAKEOFF, _DO_SET_HOME,
+_DO_REPOSITION, _SET_GPS_GLOBAL_ORIGIN, _SET_NAV_STATE."""
 _MAIN_MODES: Mapping[int, int] = {
     1: states.MANUAL,
     2: states.ALTITUDE,
@@ -37,13 +41,35 @@ _AUTO_MODES: Mapping[int, int] = {
 """The modes by parameter 3 of DO_SET_MODE, if parameter 2 is AUTO. Missions are not simulated."""
 _CUSTOM_MODE = 1
 """The bit of parameter 1 of DO_SET_MODE that says that parameter 2 counts."""
+_CHANGE_MODE = 1
+"""The bit of parameter 2 of DO_REPOSITION that PX4 wants, and no other."""
 _FORCE = 21196
 """Parameter 2 of COMPONENT_ARM_DISARM that overrides the checks."""
-_MODES = frozenset({*_MAIN_MODES.values(), *_AUTO_MODES.values(), states.DESCEND})
+_MODES = frozenset({*_MAIN_MODES.values(), *_AUTO_MODES.values(), states.DESCEND, states.TERMINATION})
 """The modes that SET_NAV_STATE can select."""
 
 
-def carry_out(world: World, number: int, parameters: Sequence[float], source_component: int = 0) -> int:
+class Vehicle(Protocol):
+    """What commands act on: `World`."""
+
+    commander: Commander
+    autopilot: Autopilot
+    origin: Home
+    has_position: bool
+    reason: str
+
+    @property
+    def place(self) -> Home:
+        """Where it is."""
+
+    def set_home(self, home: Home) -> None:
+        """Let a return end at a place."""
+
+    def set_origin(self, origin: Home) -> None:
+        """Count the local position from a place."""
+
+
+def carry_out(world: Vehicle, number: int, parameters: Sequence[float], source_component: int = 0) -> int:
     """Carry out a command with its seven parameters, and return the result. `world.reason` tells why it is refused."""
     world.reason = ""
     commander = world.commander
@@ -58,7 +84,7 @@ def carry_out(world: World, number: int, parameters: Sequence[float], source_com
 class Order:
     """A command that is carried out."""
 
-    def __init__(self, world: World, parameters: Sequence[float], *, by_executor: bool) -> None:
+    def __init__(self, world: Vehicle, parameters: Sequence[float], *, by_executor: bool) -> None:
         self._world, self._parameters, self._by_executor = world, parameters, by_executor
 
     def refuse(self, result: int, reason: str) -> int:
@@ -91,9 +117,43 @@ class Order:
 
     def take_off(self) -> int:
         """NAV_TAKEOFF: climb to an altitude above mean sea level, or by 2.5 m. The vehicle waits until it is armed."""
-        altitude = self._parameters[6]
-        self._world.autopilot.climb_to(self._world.home.altitude - altitude if math.isfinite(altitude) else math.nan)
-        return self.select(states.TAKEOFF)
+        world, altitude = self._world, self._parameters[6]
+        result = self.select(states.TAKEOFF)
+        if result == states.ACCEPTED:
+            world.autopilot.climb_to(world.origin.altitude - altitude if math.isfinite(altitude) else math.nan)
+        return result
+
+    def reposition(self) -> int:
+        """DO_REPOSITION: hold at a place. What is not finite stays as it is."""
+        speed, flags, _, yaw, latitude, longitude, altitude = self._parameters
+        if _whole(flags) != _CHANGE_MODE:
+            return self.refuse(states.UNSUPPORTED, f"param2 is {flags:g}, expected 1: change to Hold")
+        result = self.select(states.HOLD)
+        if result == states.ACCEPTED:
+            place = self._world.origin.local(Home(latitude, longitude, altitude))
+            self._world.autopilot.hold_at(place, yaw, speed)
+        return result
+
+    def set_home(self) -> int:
+        """DO_SET_HOME: here, or at a place."""
+        world = self._world
+        place = Home(*self._parameters[4:])
+        if self._parameters[0] > 0.5:  # noqa: PLR2004 - a flag
+            place = world.place
+        elif not place.is_possible:
+            return self.refuse(states.DENIED, "param5 to param7 are not a latitude, longitude and altitude")
+        if not world.has_position:
+            return self.refuse(states.TEMPORARILY_REJECTED, "there is no position")
+        world.set_home(place)
+        return states.ACCEPTED
+
+    def set_origin(self) -> int:
+        """SET_GPS_GLOBAL_ORIGIN: count the local position from a place."""
+        place = Home(*self._parameters[4:])
+        if not place.is_possible:
+            return self.refuse(states.DENIED, "param5 to param7 are not a latitude, longitude and altitude")
+        self._world.set_origin(place)
+        return states.ACCEPTED
 
     def select(self, mode: int) -> int:
         """Select a mode."""
@@ -111,6 +171,9 @@ _ACTIONS: Mapping[int, Callable[[Order], int]] = {
     TAKEOFF: Order.take_off,
     LAND: lambda order: order.select(states.LAND),
     RETURN: lambda order: order.select(states.RETURN),
+    REPOSITION: Order.reposition,
+    SET_HOME: Order.set_home,
+    SET_ORIGIN: Order.set_origin,
 }
 
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
 
 from msggen.live.sim.autopilot import Autopilot
 from msggen.live.sim.battery import Battery
@@ -16,25 +15,21 @@ from msggen.live.sim.commander.requirements import Senses
 from msggen.live.sim.commander.rules import V1_18, Rules
 from msggen.live.sim.commander.states import BY_INACTION, BY_LANDING, MODE_NAMES
 from msggen.live.sim.commands import carry_out
-from msggen.live.sim.flight import GRAVITY, Flight, Target
+from msggen.live.sim.flight import GRAVITY, Flight, Push, Target
+from msggen.live.sim.landing import LandDetector
 from msggen.live.sim.parameters import PARAMETERS
+from msggen.live.sim.places import Home
 from msggen.live.sim.setpoints import Setpoints
+
+__all__ = ["STEP", "Home", "World"]
 
 STEP = 4_000
 """The time in us between two steps, so that a flight does not depend on how often the world is asked."""
 _MOST_STEPS = 2_500
 """The number of steps after which the rest of a long pause is skipped: 10 s."""
 _IDLE_THRUST = 0.2
-_EARTH_RADIUS = 6_371_000.0
-
-
-class Home(NamedTuple):
-    """The place of the start."""
-
-    latitude: float = 47.397742
-    longitude: float = 8.545594
-    altitude: float = 488.0
-    """Above mean sea level in m."""
+_LOSS, _GAIN = 5_200_000, 1_270_000
+"""The time in us after which the position is lost without GPS, and known again with it."""
 
 
 class World:
@@ -49,11 +44,15 @@ class World:
         rules: Rules = V1_18,
         parameters: Mapping[str, float] = PARAMETERS,
     ) -> None:
-        self.home = home or Home()
-        self.has_position = has_position
-        """Whether the vehicle knows its position."""
-        self.has_sticks = False
-        """Whether a pilot's sticks are there."""
+        self.origin = home or Home()
+        """The origin of the local position: on the ground below the start, until a command sets another."""
+        self.home = self.origin
+        """Where a return ends."""
+        self.has_gps = self.has_position = has_position
+        """Whether GPS is there, which can be set at any time, and whether the vehicle knows its position."""
+        self.has_home = has_position
+        self.has_sticks = self.has_ground_station = False
+        """Whether a pilot's sticks, and a ground station, are there. Both can be set at any time."""
         self.system_id = system_id
         self.flight = Flight()
         self.battery = Battery()
@@ -63,9 +62,13 @@ class World:
         """Why the last command was refused."""
         self.commander = Commander(rules, parameters)
         self.setpoints = Setpoints()
-        self.autopilot = Autopilot(self.flight, self.setpoints)
+        self.autopilot = Autopilot(self.flight, self.setpoints, parameters)
+        self.landing = LandDetector()
         self._parameters = parameters
         self._loop_time = -LOOP
+        self._gps_time = 0
+        """When GPS and position were last both there or both gone."""
+        self._setpoint: Target | Push | None = None
 
     # Time
 
@@ -82,11 +85,36 @@ class World:
         seconds = STEP / 1e6
         if self.time >= self._loop_time + LOOP:
             self._loop_time = self.time
+            self._estimate()
             self.autopilot.enter(self.commander.mode, self.time)
             self.commander.step(self.time, self.senses)
         self.autopilot.enter(self.commander.mode, self.time)
-        self.flight.step(seconds, self.target)
+        self._fly(seconds)
         self.battery.drain(seconds, self.thrust)
+
+    def _estimate(self) -> None:
+        """Lose the position some time after GPS, or find it again."""
+        if self.has_gps == self.has_position:
+            self._gps_time = self.time
+        elif self.time - self._gps_time >= (_GAIN if self.has_gps else _LOSS):
+            self.has_position = self.has_gps
+        self.autopilot.has_position = self.has_position
+        self.has_home |= self.has_position
+
+    def _fly(self, seconds: float) -> None:
+        """Move the vehicle to the setpoint of the mode, and see whether it has landed."""
+        commander, autopilot, flight, landing = self.commander, self.autopilot, self.flight, self.landing
+        climb = -math.inf
+        target = autopilot.target(self.time, commander.controls) if commander.is_armed else None
+        if target is None:
+            autopilot.lift.reset()
+        else:
+            climb = autopilot.lift_off(self.time, commander.armed_time, target, is_landed=landing.landed)
+        flight.step(seconds, target, climb)
+        is_disturbed, self.setpoints.has_new_goto = self.setpoints.has_new_goto and autopilot.controls_position, False
+        is_resting = flight.is_on_ground and not autopilot.lift.is_pushing
+        landing.step(self.time, is_resting=is_resting, is_disturbed=is_disturbed, is_armed=commander.is_armed)
+        self._setpoint = target
 
     @property
     def senses(self) -> Senses:
@@ -97,12 +125,13 @@ class World:
             local_position_relaxed=known,
             global_position=known,
             global_position_relaxed=known,
-            home_position=known,
+            home_position=self.has_home,
             offboard_signal=setpoints.has_heartbeat(self.time) and (known or not setpoints.controls_position),
             manual_control=self.has_sticks,
+            ground_station=self.has_ground_station,
             battery=self.battery.warning,
-            is_landed=self.flight.is_on_ground,
-            is_done=self.autopilot.is_done,
+            is_landed=self.landing.landed,
+            is_done=self.autopilot.is_done(is_landed=self.landing.landed),
         )
 
     # State
@@ -124,8 +153,8 @@ class World:
 
     @property
     def is_landed(self) -> bool:
-        """Whether the vehicle stands on the ground."""
-        return self.flight.is_on_ground
+        """Whether the land detector says that the vehicle has landed."""
+        return self.landing.landed
 
     @property
     def why_disarmed(self) -> str:
@@ -143,14 +172,14 @@ class World:
     @property
     def thrust(self) -> float:
         """The thrust of all motors: 1 in hover, 0 with the motors off."""
-        if not self.is_armed:
+        if self._setpoint is None:
             return 0.0
-        return _IDLE_THRUST if self.flight.is_on_ground else -self.flight.specific_force[2] / GRAVITY
+        return _IDLE_THRUST if self.flight.is_on_ground else self.flight.thrust / GRAVITY
 
     @property
     def target(self) -> Target | None:
-        """The setpoint of the mode, None with the motors off."""
-        return self.autopilot.target(self.time, self.commander.controls) if self.is_armed else None
+        """The setpoint of position control, None with the motors off, or if a program sets attitude or rates."""
+        return self._setpoint if isinstance(self._setpoint, Target) else None
 
     def command(self, number: int, parameters: Sequence[float], source_component: int = 0) -> int:
         """Carry out a command with its seven parameters, and return the result. `reason` tells why it is refused."""
@@ -159,17 +188,34 @@ class World:
     # Places
 
     @property
+    def place(self) -> Home:
+        """Where the vehicle is."""
+        return self.origin.place(self.flight.position)
+
+    @property
     def latitude(self) -> float:
         """In degrees."""
-        return self.home.latitude + math.degrees(self.flight.position[0] / _EARTH_RADIUS)
+        return self.place.latitude
 
     @property
     def longitude(self) -> float:
         """In degrees."""
-        radius = _EARTH_RADIUS * math.cos(math.radians(self.home.latitude))
-        return self.home.longitude + math.degrees(self.flight.position[1] / radius)
+        return self.place.longitude
 
     @property
     def altitude(self) -> float:
         """Above mean sea level in m."""
-        return self.home.altitude - self.flight.position[2]
+        return self.origin.altitude - self.flight.position[2]
+
+    def set_home(self, home: Home) -> None:
+        """Let a return end at a place."""
+        self.home, self.has_home = home, True
+        self.autopilot.home = self.origin.local(home)
+
+    def set_origin(self, origin: Home) -> None:
+        """Count the local position from a place. The vehicle stays where it is."""
+        place, ground = self.place, self.origin.altitude - self.flight.ground
+        self.origin = origin
+        self.flight.position, self.flight.ground = origin.local(place), origin.altitude - ground
+        self.autopilot.home = origin.local(self.home)
+        self.autopilot.begin_again()
