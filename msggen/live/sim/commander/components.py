@@ -17,6 +17,8 @@ NONE = -1
 """The id of what is not there."""
 _SELECTABLE: Final = 0x7EC5FF
 """The modes of PX4 that users can select, as bits."""
+_INTERNAL = range(EXTERNAL.start)
+"""The modes that can be replaced: those of PX4."""
 _FNV_START, _FNV_PRIME = 0x811C9DC5, 0x01000193
 
 
@@ -89,6 +91,8 @@ class Components:
     def has_room(self, wanted: Registration) -> bool:
         """Whether a mode and an executor can be registered, if they are wanted."""
         if wanted.executor and not wanted.mode:
+            return False
+        if wanted.replaces is not None and wanted.replaces not in _INTERNAL:
             return False
         is_replaced = wanted.replaces is not None and self.replacement(wanted.replaces) is not None
         has_mode = not wanted.mode or (len(self._modes) < len(EXTERNAL) and not is_replaced)
