@@ -12,9 +12,10 @@ from typing import Any
 from msggen.live.sim.commander.states import HOLD
 from msggen.live.sim.commands import ARM_DISARM, LAND, SET_MODE, TAKEOFF
 from msggen.live.sim.flight import NAN
+from msggen.live.sim.options import Options
 from msggen.live.sim.publishing import FlightLog, Publication, Schedule, publication_of
 from msggen.live.sim.values import Clocks, Filler, Scene
-from msggen.live.sim.vehicle import Options, world_of
+from msggen.live.sim.vehicle import world_of
 from msggen.live.sim.world import STEP
 
 BOOT = 1_000_000

@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING, Any, Protocol
 from msggen.live.link import LinkError
 from msggen.live.links.address import Address
 from msggen.live.links.link_types import DEFAULT
+from msggen.live.sim.options import Options
 from msggen.live.sim.publishing import FlightLog
 from msggen.live.sim.transport import Transport, open_transport, read_address
-from msggen.live.sim.vehicle import Options, SimulatedVehicle
+from msggen.live.sim.vehicle import SimulatedVehicle
 
 if TYPE_CHECKING:
     from typing_extensions import Self
