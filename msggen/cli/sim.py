@@ -97,9 +97,19 @@ def _add_vehicles(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--sync",
         choices=_SYNCS,
-        default=_SYNCS[0],
         metavar="MODE",
-        help="time synchronisation: px4, which takes 5 s; short; off (default: px4)",
+        help="time synchronisation: px4, which takes 5 s; short; off (default: px4, or off with --speed)",
+    )
+    group.add_argument(
+        "--speed", metavar="N", type=positive, help="let the time of vehicles run N times as fast, without --sync"
+    )
+    group.add_argument(
+        "--param",
+        metavar="NAME=VALUE",
+        type=_parameter,
+        action="append",
+        default=[],
+        help="set a parameter of PX4, such as COM_MODE_ARM_CHK=1; repeatable",
     )
     add_shared(group, "--for")
 
@@ -137,6 +147,14 @@ def _add_misbehaviour(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--no-time-reply", action="store_true", help="lose the answers to requests for the time")
     group.add_argument("--no-position", action="store_true", help="have no estimate of the position")
     group.add_argument(
+        "--fault",
+        metavar="SECONDS:FAULT",
+        type=_fault,
+        action="append",
+        default=[],
+        help=f"let something happen at a time, such as 20:no-position; repeatable; FAULT is one of {', '.join(FAULTS)}",
+    )
+    group.add_argument(
         "--seed", metavar="N", type=whole(0, 2**32), default="0", help="of all that is random (default: 0)"
     )
 
@@ -154,6 +172,34 @@ def _version(text: str) -> tuple[str, int]:
     if not (mark and name and number.isascii() and number.isdecimal()):
         raise argparse.ArgumentTypeError(f"expected a message and a version such as VehicleStatus=2, found {text!r}")
     return name, int(number)
+
+
+@Deferred
+def _parameter(text: str) -> tuple[str, float]:
+    from msggen.live.sim.parameters import PARAMETERS
+
+    name, mark, value = text.partition("=")
+    if name not in PARAMETERS:
+        known = ", ".join(PARAMETERS)
+        raise argparse.ArgumentTypeError(
+            f"no parameter '{name}' is simulated{suggestion(name, PARAMETERS)}: there are {known}"
+        )
+    if not mark:
+        raise argparse.ArgumentTypeError(f"expected a parameter and a value such as {name}=1, found {text!r}")
+    return name, finite(value)
+
+
+@Deferred
+def _fault(text: str) -> tuple[float, str]:
+    from msggen.live.sim.faults import read_fault
+
+    seconds, mark, fault = text.partition(":")
+    if not mark:
+        raise argparse.ArgumentTypeError(f"expected a time and a fault such as 20:no-position, found {text!r}")
+    try:
+        return positive(seconds), read_fault(fault).text
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 # The run

@@ -97,7 +97,8 @@ class Program:
 
     def answer(self) -> None:
         """Answer the requests to arming checks that are new."""
-        start, self._seen = self._seen, len(self.bench.agent.samples)
+        seen = len(self.bench.agent.samples)
+        start, self._seen = (self._seen if self._seen <= seen else 0), seen  # a new session begins with none
         if not self.answers or self.check < 0:
             return
         for request in [*self.bench.messages("arming_check_request", start)]:
@@ -133,3 +134,12 @@ class Program:
     def distance(self, place: tuple[float, float, float]) -> float:
         """Return the distance of the vehicle to a place in m."""
         return math.dist(self.bench.vehicle.world.flight.position, place)
+
+
+class Programs(list[Program]):
+    """Several programs of one vehicle."""
+
+    def answer(self) -> None:
+        """Let each answer the requests to arming checks."""
+        for program in self:
+            program.answer()

@@ -8,7 +8,7 @@ import pytest
 
 from msggen.live.sim import Options
 from msggen.sources.embedded import EMBEDDED
-from support.mode_program import Program
+from support.mode_program import Program, Programs
 from support.simulation import NAN, Bench, built
 
 RELEASES = [release for release in EMBEDDED[::-1] if release != "v1.14"]
@@ -39,7 +39,7 @@ def test_a_program_flies_its_mode(types: Any) -> None:
     own = Program(bench, "Square", with_executor=True)
     reply = own.register()
     assert (reply.success, reply.arming_check_id, reply.mode_id, reply.mode_executor_id) == (True, 0, OWN, 1)
-    assert reply.px4_ros2_api_version == types.RegisterExtComponentReply().LATEST_PX4_ROS2_API_VERSION
+    assert reply.px4_ros2_api_version == types.RegisterExtComponentRequest.LATEST_PX4_ROS2_API_VERSION
     own.run(1.0)
     assert bench.last("failsafe_flags").mode_req_other >> OWN & 1 == 0
     own.configure()
@@ -96,7 +96,7 @@ def test_more_than_four_answers_in_a_loop_are_lost_before_v1_18(types: Any) -> N
     programs = [Program(bench, f"Mode {number}") for number in range(6)]
     for program in programs:
         program.register()
-    bench.run(4.0, lambda: [program.answer() for program in programs])  # type: ignore[func-returns-value]
+    bench.run(4.0, Programs(programs).answer)
     masks = bench.last("failsafe_flags").mode_req_other
     silent = [program.mode for program in programs if masks >> program.mode & 1]
     assert len(silent) == (0 if types.ArmingCheckReply.ORB_QUEUE_LENGTH == 8 else 2)
@@ -118,17 +118,17 @@ def test_a_restart_of_the_client_keeps_registrations_and_one_of_px4_keeps_names(
     first, second = Program(bench, "First"), Program(bench, "Second")
     first.register()
     second.register()
-    bench.run(1.0, lambda: [each.answer() for each in (first, second)])  # type: ignore[func-returns-value]
-    seen = len(bench.agent.samples)
+    both = Programs([first, second])
+    bench.run(1.0, both.answer)
     bench.vehicle.fault("restart" if is_whole else "restart-client")
-    bench.run(1.0)
+    bench.run(1.0, both.answer)
     assert [change.text for change in bench.vehicle.changes][-2:] == [
         "PX4 restarts" if is_whole else "the client restarts",
         "connected",
     ]
-    again = [*bench.messages("register_ext_component_reply", seen)]
+    again = [*bench.messages("register_ext_component_reply")]  # the agent has begun anew, too
     assert [reply.mode_id for reply in again] == ([] if is_whole else [second.mode])
-    assert [*bench.messages("arming_check_request")][-1].timestamp < bench.now - 500_000 or not is_whole
+    assert bool([*bench.messages("arming_check_request")]) is not is_whole
     assert (OWN in bench.vehicle.world.commander.components.modes) is not is_whole
     if is_whole:
         assert second.register().mode_id == second.mode == OWN + 1
