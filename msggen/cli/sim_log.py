@@ -47,7 +47,8 @@ def open_log(options: argparse.Namespace, topics: Mapping[str, Any], label: str)
     from msggen.recordings.live.ulog import UlogWriter, Vehicle
 
     try:
-        return UlogWriter(options.log, BOOT, topics, PARAMETERS, Vehicle(options.key, label))
+        parameters = {**PARAMETERS, **dict(options.param)}
+        return UlogWriter(options.log, BOOT, topics, parameters, Vehicle(options.key, label))
     except FileExistsError:
         raise _taken(options.log) from None
     except OSError as error:

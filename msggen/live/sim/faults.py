@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Final, NamedTuple
 
 from msggen.base.diagnostics import suggestion
@@ -101,3 +102,22 @@ def read_fault(text: str) -> Fault:
         return Fault(text, _WITH_VALUE[name](value))
     near = suggestion(text, (*_PLAIN, *_WITH_VALUE))
     raise ValueError(f"no fault '{text}'{near}: there are {', '.join(NAMES)}")
+
+
+class TimedFaults:
+    """Faults at times in s after a start."""
+
+    def __init__(self, faults: Sequence[tuple[float, str]]) -> None:
+        """Take times and texts. Raises ValueError for a text that names no fault."""
+        found = ((round(time * 1e6), read_fault(text)) for time, text in faults)
+        self._waiting = deque(sorted(found, key=lambda each: each[0]))
+
+    @property
+    def next_time(self) -> int | None:
+        """The time of the next one, in us after the start."""
+        return self._waiting[0][0] if self._waiting else None
+
+    def take(self, elapsed: int) -> Iterator[Fault]:
+        """Yield those that are due at a time in us after the start."""
+        while self._waiting and self._waiting[0][0] <= elapsed:
+            yield self._waiting.popleft()[1]

@@ -50,7 +50,7 @@ class Requests:
     def _take_command(self, command: Any, _: int) -> None:
         self.carry_out(command)
 
-    def _answer_format_request(self, request: Any, _: int) -> None:
+    def _answer_format_request(self, request: Any, _time: int) -> None:
         """Tell the hash of a topic's message. PX4 looks up what follows the last `/`, without a version suffix."""
         latest = type(request).LATEST_PROTOCOL_VERSION
         path = bytes(request.topic_name).partition(b"\0")[0].decode(errors="replace")

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 _LONGEST_WAIT = 0.1
 _SHORTEST_WAIT = 0.001
-"""The time in s for which samples that are due are collected, so that many vehicles need little time."""
+"""The times in s are the clients'. Samples that are due are collected for the shortest one, to need little time."""
 
 
 class Running(Protocol):
@@ -59,12 +59,16 @@ class Runner:
     boot = 1_000_000
     """The time since boot in us at which the clients start."""
 
-    def __init__(self, clients: Sequence[Running], agent: Address) -> None:
-        """Open the connection of each client. Raises LinkError if one cannot be opened."""
+    def __init__(self, clients: Sequence[Running], agent: Address, *, speed: float = 1.0) -> None:
+        """Open the connection of each client. Raises LinkError if one cannot be opened.
+
+        `speed` is how fast the time of the clients runs, compared with that of the system.
+        """
         if agent.link_type.is_device and len(clients) > 1:
             raise LinkError("a serial line has one vehicle: give every vehicle a line, or use udp://")
         self._clients = clients
-        self._start = time.monotonic_ns() // 1000 - self.boot
+        self._start = time.monotonic_ns()
+        self._speed = speed
         self._selector = selectors.DefaultSelector()
         self._transports: list[Transport] = []
         self._registered: list[int] = []
@@ -93,10 +97,13 @@ class Runner:
     @property
     def now(self) -> int:
         """The time since boot in us."""
-        return time.monotonic_ns() // 1000 - self._start
+        return self.boot + int((time.monotonic_ns() - self._start) * self._speed) // 1000
 
     def serve(self, seconds: float, is_done: Callable[[], bool] = lambda: False) -> None:
-        """Run the clients in this thread for some time, or until `is_done`. Raises LinkError if the device is gone."""
+        """Run the clients in this thread for some time of theirs, or until `is_done`.
+
+        Raises LinkError if the device is gone.
+        """
         end = self.now + round(seconds * 1e6)
         while self.now < end and not self._closing.is_set() and not is_done():
             self._step(end)
@@ -135,7 +142,7 @@ class Runner:
             self._send(number)
         next_time = min(end, *(client.next_time for client in self._clients))
         wait = min(_LONGEST_WAIT, max(_SHORTEST_WAIT, (next_time - self.now) / 1e6))
-        for key, _ in self._selector.select(wait):
+        for key, _ in self._selector.select(wait / self._speed):
             self._receive(key.data)
 
     def _receive(self, number: int) -> None:
@@ -187,13 +194,18 @@ class Simulator(Runner):
         address: str = DEFAULT,
         options: Sequence[Options] = (Options(),),
         log: FlightLog | None = None,
+        *,
+        speed: float = 1.0,
     ) -> None:
         """Open the connections of a vehicle for each of `options`.
 
-        `package` is a package that msggen generated. `log` takes what the first vehicle publishes and reads. Raises
-        ValueError for an address that is none, and LinkError if it cannot be opened.
+        `package` is a package that msggen generated. `log` takes what the first vehicle publishes and reads. With
+        `speed`, the time of the vehicles runs that many times as fast, and `sync` must be "off". Raises ValueError
+        for an address that is none and for another `sync`, and LinkError if the address cannot be opened.
         """
+        if speed != 1.0 and any(each.sync != "off" for each in options):
+            raise ValueError('the clock of the agent runs at another speed: give the vehicles Options(sync="off")')
         self.vehicles = tuple(
             SimulatedVehicle(package, each, log if number == 0 else None) for number, each in enumerate(options)
         )
-        super().__init__(self.vehicles, read_address(address))
+        super().__init__(self.vehicles, read_address(address), speed=speed)

@@ -80,8 +80,7 @@ class SimulatedVehicle:
         self._client_start = 0
         self._is_cut = False
         self._faults: deque[faults.Fault] = deque()
-        timed = ((round(time * 1e6), faults.read_fault(text)) for time, text in options.faults)
-        self._timed = deque(sorted(timed, key=lambda each: each[0]))
+        self._timed = faults.TimedFaults(options.faults)
         self.world = world_of(package, options)
         self._enter_world()
 
@@ -123,8 +122,8 @@ class SimulatedVehicle:
         if self._faults:
             return self._now
         times = [self._client.next_time]
-        if self._timed and self._start is not None:
-            times.append(self._start + self._timed[0][0])
+        if self._timed.next_time is not None and self._start is not None:
+            times.append(self._start + self._timed.next_time)
         loop, due = self._programs.next_time, self._schedule.next_time
         if loop is not None:
             times.append(loop)
@@ -309,8 +308,7 @@ class SimulatedVehicle:
 
     def _fail(self) -> None:
         """Let happen what is due."""
-        while self._timed and self._start is not None and self._now - self._start >= self._timed[0][0]:
-            self._faults.append(self._timed.popleft()[1])
+        self._faults.extend(self._timed.take(self._now - (self._start or 0)))
         while self._faults:
             text, change = self._faults.popleft()
             self._tell(change(self.world) if change else self._change_client(text))

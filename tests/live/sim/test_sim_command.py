@@ -277,6 +277,38 @@ def test_errors_have_codes(words: list[str], text: str, capsys: pytest.CaptureFi
         (["--wrong-hash", "VehicleStat"], "argument --wrong-hash: no topic has a message 'VehicleStat', did you mean"),
         (["--sync", "fast"], "invalid choice: 'fast'"),
         (["--px4", "v1.18"], "not allowed with argument"),
+        (
+            ["--param", "COM_MODE_ARM_CH=1"],
+            "argument --param: no parameter 'COM_MODE_ARM_CH' is simulated, did you mean 'COM_",
+        ),
+        (
+            ["--param", "MAV_SYS_ID=1"],
+            "argument --param: no parameter 'MAV_SYS_ID' is simulated: there are COM_DISARM_LAND, ",
+        ),
+        (
+            ["--param", "MC_YAW_P"],
+            "argument --param: expected a parameter and a value such as MC_YAW_P=1, found 'MC_YAW_P'",
+        ),
+        (["--param", "MC_YAW_P=x"], "argument --param: expected a number, found 'x'"),
+        (
+            ["--fault", "no-position"],
+            "argument --fault: expected a time and a fault such as 20:no-position, found 'no-",
+        ),
+        (["--fault", "x:sticks"], "argument --fault: expected a number, found 'x'"),
+        (["--fault", "2:stick"], "argument --fault: no fault 'stick', did you mean 'sticks'?: there are no-position, "),
+        (
+            ["--fault", "2:battery=7"],
+            "argument --fault: 'battery=7': expected a share from 0 to 1, as in 'battery=0.1'",
+        ),
+        (
+            ["--fault", "2:mode=lan"],
+            "argument --fault: 'mode=lan': no such mode, did you mean 'land'?: there are manual, ",
+        ),
+        (["--speed", "0"], "argument --speed: expected a number above 0, found '0'"),
+        (
+            ["--speed", "5", "--sync", "px4"],
+            "argument --sync: the agent's clock runs at another speed, so that it cannot",
+        ),
     ],
 )
 def test_errors_of_usage(words: list[str], text: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -284,6 +316,36 @@ def test_errors_of_usage(words: list[str], text: str, capsys: pytest.CaptureFixt
         main(["sim", "--types", PACKAGE, *words])
     assert stopped.value.code == 2
     assert text in capsys.readouterr().err
+
+
+def test_time_runs_at_another_speed(server: Server, capsys: pytest.CaptureFixture[str]) -> None:
+    start = time.monotonic()
+    words = ["sim", server.address, "--types", PACKAGE, "--speed", "4", "--for", "4", "--fault", "2:sticks"]
+    assert main(words) == 0
+    assert 0.9 < time.monotonic() - start < 3.0
+    lines = capsys.readouterr().out.splitlines()
+    assert re.fullmatch(r" +2\.0\d s  the pilot's sticks are there", lines[2])
+    assert re.search(r", in 4\.\d s$", lines[3])
+    assert len(server.of(Sample)) > 1000  # of 4 s
+
+
+def test_clocks_of_different_speeds_cannot_be_synchronised(px4_types: Any) -> None:
+    with pytest.raises(ValueError, match="the clock of the agent runs at another speed"):
+        Simulator(px4_types, options=[SHORT], speed=2.0)
+
+
+def test_faults_can_be_told_from_another_thread(server: Server, px4_types: Any) -> None:
+    with Simulator(px4_types, server.address, [SHORT]) as simulator:
+        (vehicle,) = simulator.vehicles
+        wait_until(lambda: vehicle.is_connected)
+        vehicle.fault("no-position")
+        wait_until(lambda: vehicle.changes[-1].text == "the position is lost")
+        vehicle.fault("no-link")
+        wait_until(lambda: not vehicle.is_connected, 20.0)
+        vehicle.fault("link")
+        wait_until(lambda: vehicle.is_connected, 20.0)
+        with pytest.raises(ValueError, match="no fault 'nothing': there are no-position, "):
+            vehicle.fault("nothing")
 
 
 def test_nothing_is_left_in_the_folder_for_temporary_files(
