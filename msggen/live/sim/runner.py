@@ -23,7 +23,44 @@ if TYPE_CHECKING:
 
 _LONGEST_WAIT = 0.1
 _SHORTEST_WAIT = 0.001
-"""The times in s are the clients'. Samples that are due are collected for the shortest one, to need little time."""
+"""The time in s for which samples that are due are collected, so that many vehicles need little time."""
+_MOST_BEHIND = 20_000
+"""The time in us by which a clock of another speed can be late, before it runs more slowly."""
+
+
+class Clock:
+    """The time since boot in us, which can run at another speed than that of the system.
+
+    At another speed, it stops at each time at which something is due, so that nothing is left out. It runs more slowly
+    on a computer that is too slow.
+    """
+
+    def __init__(self, boot: int, speed: float) -> None:
+        self._boot, self._speed = boot, speed
+        self._start = time.monotonic_ns()
+        self._time = boot
+        self.shortest_wait = _SHORTEST_WAIT if speed == 1.0 else 0.0
+
+    @property
+    def now(self) -> int:
+        """The time."""
+        return self._target if self._speed == 1.0 else self._time
+
+    @property
+    def _target(self) -> int:
+        return self._boot + int((time.monotonic_ns() - self._start) * self._speed) // 1000
+
+    def move(self, due: int) -> None:
+        """Go on, at another speed to the next time at which something is due."""
+        target = self._target
+        self._time = min(target, max(due, self._time))
+        behind = target - self._time - _MOST_BEHIND
+        if behind > 0 and self._speed != 1.0:
+            self._start += round(behind * 1000 / self._speed)
+
+    def seconds_until(self, time: int) -> float:
+        """Return how long it takes until a time."""
+        return (time - self._target) / 1e6 / self._speed
 
 
 class Running(Protocol):
@@ -67,8 +104,7 @@ class Runner:
         if agent.link_type.is_device and len(clients) > 1:
             raise LinkError("a serial line has one vehicle: give every vehicle a line, or use udp://")
         self._clients = clients
-        self._start = time.monotonic_ns()
-        self._speed = speed
+        self._clock = Clock(self.boot, speed)
         self._selector = selectors.DefaultSelector()
         self._transports: list[Transport] = []
         self._registered: list[int] = []
@@ -97,7 +133,7 @@ class Runner:
     @property
     def now(self) -> int:
         """The time since boot in us."""
-        return self.boot + int((time.monotonic_ns() - self._start) * self._speed) // 1000
+        return self._clock.now
 
     def serve(self, seconds: float, is_done: Callable[[], bool] = lambda: False) -> None:
         """Run the clients in this thread for some time of theirs, or until `is_done`.
@@ -135,14 +171,15 @@ class Runner:
 
     def _step(self, end: int) -> None:
         """Do what is due, and wait for the next datagram or time."""
+        self._clock.move(min(client.next_time for client in self._clients))
         now = self.now
         for number, client in enumerate(self._clients):
             if client.next_time <= now:
                 client.advance(now)
             self._send(number)
-        next_time = min(end, *(client.next_time for client in self._clients))
-        wait = min(_LONGEST_WAIT, max(_SHORTEST_WAIT, (next_time - self.now) / 1e6))
-        for key, _ in self._selector.select(wait / self._speed):
+        seconds = self._clock.seconds_until(min(end, *(client.next_time for client in self._clients)))
+        wait = min(_LONGEST_WAIT, max(self._clock.shortest_wait, seconds))
+        for key, _ in self._selector.select(wait):
             self._receive(key.data)
 
     def _receive(self, number: int) -> None:
