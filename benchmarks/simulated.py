@@ -3,9 +3,9 @@
     python benchmarks/simulated.py            half a minute
     python benchmarks/simulated.py --quick    checks in a few seconds that it works
 
-`alone` is the flight that `msggen sim --log` writes. In `one process`, a program answers the arming checks of its mode and
-sends 30 setpoints a second of the vehicle's time, through the agent and without sockets. In `sockets`, the vehicle is
-another process, and the samples are decoded here: the share of those that arrive, of the same time at its usual speed.
+`alone` is the flight that `msggen sim --log` writes. In `one process`, a program answers the arming checks of its mode
+and sends 30 setpoints a second of the vehicle's time, through the agent and without sockets. In `sockets`, the vehicle
+is another process, and the samples are decoded here: the share of those that arrive in a second of the vehicle's time.
 """
 
 from __future__ import annotations
@@ -35,6 +35,8 @@ HEAD = ["simulated", "times real time", "samples, of those at speed 1"]
 STEP = 1_000
 """The time in us between two exchanges of datagrams."""
 GOTO = 33_000
+FLYING = 15
+"""The time in s from which on the mode of the program flies."""
 ADDRESS = ("127.0.0.1", 40_000)
 
 
@@ -89,12 +91,16 @@ class Program:
 
     def act(self, now: int) -> None:
         """Do what is due at a time in us."""
-        script = {2: self._register, 3: lambda: self._command(100_001, 23), 4: lambda: self._command(22), 5: self._arm}
-        script[15] = lambda: self._command(100_001, 23)
+        script = {
+            2: self._register,
+            3: lambda: self._command(22),
+            4: lambda: self._command(400, 1.0),
+            FLYING: lambda: self._command(100_001, 23),
+        }
         if now >= (self._step + 1) * 1_000_000:
             self._step += 1
             script.get(self._step, lambda: None)()
-        if now >= self._goto_time + GOTO and self._step > 14:
+        if now >= self._goto_time + GOTO and self._step >= FLYING:
             self._goto_time = now
             self.send("goto_setpoint", self.types.GotoSetpoint(position=(20.0, 0.0, -10.0)))
 
@@ -103,9 +109,6 @@ class Program:
         wanted = {"register_arming_check": True, "register_mode": True}
         message = self.types.RegisterExtComponentRequest(request_id=1, name=name, **wanted)
         self.send("register_ext_component_request", message)
-
-    def _arm(self) -> None:
-        self._command(400, 1.0)
 
     def _command(self, number: int, value: float = float("nan")) -> None:
         rest = {f"param{place}": float("nan") for place in range(2, 8)}
@@ -141,7 +144,7 @@ class Receiver(Meter):
         self.times: tuple[int, ...] = ()
         """The times of the first and the last sample, each in us of the vehicle's clock and in ns of this one's."""
 
-    def sample(self, remote: Remote, route: Route, payload: bytes, time: int) -> None:
+    def sample(self, remote: Remote, route: Route, payload: bytes, time: int) -> None:  # noqa: ARG002
         """Decode a sample."""
         now = self.decode[route.ros_type](payload).timestamp, time
         self.times = (*(self.times[:2] or now), *now)

@@ -97,8 +97,8 @@ def read_fault(text: str) -> Fault:
     """Return the fault that a text names. Raises ValueError, which tells what is wrong."""
     if text in _PLAIN:
         return Fault(text, _PLAIN[text])
-    name, mark, value = text.partition("=")
-    if mark and name in _WITH_VALUE:
+    name, _, value = text.partition("=")
+    if name in _WITH_VALUE:
         return Fault(text, _WITH_VALUE[name](value))
     near = suggestion(text, (*_PLAIN, *_WITH_VALUE))
     raise ValueError(f"no fault '{text}'{near}: there are {', '.join(NAMES)}")

@@ -21,6 +21,8 @@ from msggen.cli import main
 from msggen.live.link import Connected, Disconnected, Event, LinkError, Sample
 from msggen.live.links.address import Address
 from msggen.live.sim import Misbehaviour, Options, Simulator
+from msggen.live.sim.faults import NAMES, read_fault
+from msggen.live.sim.parameters import PARAMETERS
 from msggen.live.sim.transport import read_address
 from msggen.live.xrce import wire
 from msggen.live.xrce.agent import Agent
@@ -388,15 +390,25 @@ def test_the_commands_of_the_page_are_accepted() -> None:
     from msggen.cli import parser_for
 
     commands = re.findall(r"^(?:\$ )?msggen (sim.*?)(?: &|  #.*)?$", PAGE, re.MULTILINE)
-    assert len(commands) == 10
+    assert len(commands) == 14
     for command in commands:
         parser_for(command.split()).parse_args(command.split())
 
 
 def test_the_options_of_the_page_are_all_misbehaviours() -> None:
-    shown = re.findall(r"^\| `(--[\w-]+)", PAGE, re.MULTILINE)
+    shown = re.findall(r"^\| `(--[\w-]+)", PAGE.partition("## What goes wrong")[2], re.MULTILINE)
     names = [name.replace("_", "-") for name in Misbehaviour._fields]
     assert shown == [f"--{ {'wrong-hashes': 'wrong-hash', 'versions': 'version'}.get(name, name) }" for name in names]
+
+
+def test_the_page_has_all_parameters_and_faults() -> None:
+    rows = re.findall(r"^\| ([A-Z][A-Z0-9_]+) \| ([\d.]+) \|", PAGE, re.MULTILINE)
+    assert {name: float(value) for name, value in rows} == PARAMETERS
+    table = PAGE.partition("| fault | what happens |")[2].partition("\n\n")[0]
+    names = [name for row in table.splitlines()[2:] for name in re.findall("`([^`]+)`", row.split("|")[1])]
+    assert sorted(re.sub("=.*", "", name) for name in names) == sorted(re.sub("=.*", "", name) for name in NAMES)
+    for name in names:
+        read_fault(name)
 
 
 def test_the_summary_of_the_page_has_the_format_of_the_command(

@@ -235,8 +235,9 @@ def test_the_log_of_a_vehicle_has_what_it_sends(px4_types: Any, tmp_path: Path) 
 
 
 @pytest.mark.usefixtures("working_folder")
-def test_the_page_shows_what_a_flight_prints(capsys: Any) -> None:
-    page = (ROOT / "docs" / "sim.md").read_text(encoding="utf-8").partition("## A flight without PX4")[2]
+@pytest.mark.parametrize("section", ["A flight without PX4", "Faults"])
+def test_the_page_shows_what_a_flight_prints(section: str, capsys: Any) -> None:
+    page = (ROOT / "docs" / "sim.md").read_text(encoding="utf-8").partition(f"## {section}\n")[2]
     (block,) = re.findall(r"```console\n(.*?)```", page, re.DOTALL)[:1]
     for command, shown in re.findall(r"\$ msggen (.*)\n((?:[^$].*\n)*)", block):
         assert main([*shlex.split(command), *(["--px4", "v1.18"] if command.startswith("sim") else [])]) == 0
