@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import importlib
+import math
 import subprocess
 import sys
 import time
@@ -36,7 +37,8 @@ STEP = 1_000
 """The time in us between two exchanges of datagrams."""
 GOTO = 33_000
 FLYING = 15
-"""The time in s from which on the mode of the program flies."""
+COMMANDS = {3: (22, math.nan), 4: (400, 1.0), FLYING: (100_001, 23.0)}
+"""The commands, with their first parameters, by the times in s: take off, arm, select the mode of the program."""
 ADDRESS = ("127.0.0.1", 40_000)
 
 
@@ -91,15 +93,12 @@ class Program:
 
     def act(self, now: int) -> None:
         """Do what is due at a time in us."""
-        script = {
-            2: self._register,
-            3: lambda: self._command(22),
-            4: lambda: self._command(400, 1.0),
-            FLYING: lambda: self._command(100_001, 23),
-        }
         if now >= (self._step + 1) * 1_000_000:
             self._step += 1
-            script.get(self._step, lambda: None)()
+            if self._step == 1:
+                self._register()
+            elif self._step in COMMANDS:
+                self._command(*COMMANDS[self._step])
         if now >= self._goto_time + GOTO and self._step >= FLYING:
             self._goto_time = now
             self.send("goto_setpoint", self.types.GotoSetpoint(position=(20.0, 0.0, -10.0)))
@@ -110,8 +109,8 @@ class Program:
         message = self.types.RegisterExtComponentRequest(request_id=1, name=name, **wanted)
         self.send("register_ext_component_request", message)
 
-    def _command(self, number: int, value: float = float("nan")) -> None:
-        rest = {f"param{place}": float("nan") for place in range(2, 8)}
+    def _command(self, number: int, value: float) -> None:
+        rest = {f"param{place}": math.nan for place in range(2, 8)}
         self.send("vehicle_command", self.types.VehicleCommand(command=number, param1=value, target_system=1, **rest))
 
 
