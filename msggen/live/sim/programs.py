@@ -63,6 +63,7 @@ class Programs:
         }
         """What the commander reads in a loop, in this order."""
         self._queues: dict[str, deque[tuple[Any, int]]] = {}
+        self._is_waiting = False
         self.handlers: Mapping[str, Callable[[Any, int], None]] = {
             **{topic: self._queue(topic) for topic in self._read},
             "goto_setpoint": world.setpoints.take_goto,
@@ -77,19 +78,20 @@ class Programs:
             if topic not in self._queues:
                 self._queues[topic] = deque(maxlen=queue_length(message))
             self._queues[topic].append((message, time))
+            self._is_waiting = True
 
         return take
 
     @property
     def next_time(self) -> int | None:
         """The time of the next loop, None if nothing waits for it."""
-        return self._loop_time + LOOP if any(self._queues.values()) else None
+        return self._loop_time + LOOP if self._is_waiting else None
 
     def advance(self, now: int) -> None:
         """Read what waits, if a loop begins."""
         if now < self._loop_time + LOOP:
             return
-        self._loop_time = now - now % LOOP
+        self._loop_time, self._is_waiting = now - now % LOOP, False
         for topic, take in self._read.items():
             queue = self._queues.get(topic)
             while queue:

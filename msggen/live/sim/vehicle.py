@@ -121,15 +121,15 @@ class SimulatedVehicle:
         """The time at which `advance` is to be called next."""
         if self._faults:
             return self._now
-        times = [self._client.next_time]
-        if self._timed.next_time is not None and self._start is not None:
-            times.append(self._start + self._timed.next_time)
-        loop, due = self._programs.next_time, self._schedule.next_time
-        if loop is not None:
-            times.append(loop)
+        found = self._client.next_time
+        due, loop, fault = self._schedule.next_time, self._programs.next_time, self._timed.next_time
         if due is not None and self._client.is_ready:
-            times.append(max(due, self._loop_time + _POLL))
-        return min(times)
+            found = min(found, max(due, self._loop_time + _POLL))
+        if loop is not None and loop < found:
+            found = loop
+        if fault is not None and self._start is not None:
+            found = min(found, self._start + fault)
+        return found
 
     def advance(self, now: int) -> None:
         """Move the vehicle and publish what is due. The intervals of misbehaviour count from the first call."""
