@@ -14,7 +14,7 @@ from msggen.live.sim.commands import ARM_DISARM, LAND, SET_MODE, TAKEOFF
 from msggen.live.sim.faults import TimedFaults
 from msggen.live.sim.flight import NAN
 from msggen.live.sim.options import Options
-from msggen.live.sim.publishing import FlightLog, Publication, Schedule, publication_of
+from msggen.live.sim.publishing import STATUS, FlightLog, Publication, Schedule, publication_of
 from msggen.live.sim.values import Clocks, Filler, Scene
 from msggen.live.sim.vehicle import world_of
 from msggen.live.sim.world import STEP
@@ -68,6 +68,7 @@ class LoneFlight:
             self._advance(log)
             after = self.world.is_armed, self.world.mode
             if after != before:
+                self._schedule.hasten(STATUS, self.time)
                 log.text(self.time, self.world.state(was_armed=before[0]))
                 if before[0] and not after[0]:
                     end = min(until, self.time + _REST)

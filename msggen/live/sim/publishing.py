@@ -12,7 +12,9 @@ from msggen.live.sim.values import Filler, Values
 _DEFAULT_INTERVAL = 4_000
 """The interval in us of a topic without a limit."""
 
-_OWN_INTERVALS = {"transponder_report": 1_000_000, "vtol_vehicle_status": 100_000}
+STATUS = "vehicle_status"
+"""The topic that PX4 publishes at once when something of it changes."""
+_OWN_INTERVALS = {STATUS: 500_000, "transponder_report": 1_000_000, "vtol_vehicle_status": 100_000}
 """The interval in us at which PX4 itself publishes topics, where it is far longer than that of the bridge."""
 
 ANSWERS = {
@@ -52,6 +54,8 @@ class Publication(NamedTuple):
     interval: int
     """In us."""
     filler: Filler
+    pause: int = 0
+    """The shortest time in us between two samples, if something changes."""
 
     @property
     def is_answer(self) -> bool:
@@ -62,11 +66,11 @@ class Publication(NamedTuple):
 def publication_of(endpoint: Any, *, name: str = "", number: int = 0, rate: float | None = None) -> Publication:
     """Return the publication of an endpoint of a generated package, at `rate` Hz or at its own rate."""
     if rate:
-        interval = max(1, round(1e6 / rate))
+        pause = interval = max(1, round(1e6 / rate))
     else:
-        of_bridge = (endpoint.publish_interval_ms or 0) * 1000 or _DEFAULT_INTERVAL
-        interval = max(of_bridge, _OWN_INTERVALS.get(endpoint.uorb_topic, 0))
-    return Publication(endpoint.uorb_topic, name, number, interval, Filler(endpoint.message))
+        pause = (endpoint.publish_interval_ms or 0) * 1000 or _DEFAULT_INTERVAL
+        interval = max(pause, _OWN_INTERVALS.get(endpoint.uorb_topic, 0))
+    return Publication(endpoint.uorb_topic, name, number, interval, Filler(endpoint.message), pause)
 
 
 class Schedule:
@@ -80,6 +84,15 @@ class Schedule:
     def next_time(self) -> int | None:
         """The time of the next sample, None without topics."""
         return self._due[0][0] if self._due else None
+
+    def hasten(self, topic: str, now: int) -> None:
+        """Bring the next sample of a topic forward, because something of it has changed."""
+        for place, (time, index) in enumerate(self._due):
+            publication = self._publications[index]
+            if publication.topic == topic:
+                earliest = time - publication.interval + publication.pause
+                self._due[place] = (min(time, max(now, earliest)), index)
+        heapq.heapify(self._due)
 
     def take(self, now: int) -> Iterator[Publication]:
         """Yield the topics that are due. A sample that is late does not bring the next one forward."""

@@ -13,6 +13,7 @@ from __future__ import annotations
 import random
 import re
 from collections import Counter, deque
+from collections.abc import Sequence
 from importlib import import_module
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -23,7 +24,7 @@ from msggen.live.sim.line import Line
 from msggen.live.sim.options import Options
 from msggen.live.sim.parameters import PARAMETERS
 from msggen.live.sim.programs import Programs, rules_of
-from msggen.live.sim.publishing import Answer, Answers, FlightLog, Publication, Schedule
+from msggen.live.sim.publishing import STATUS, Answer, Answers, FlightLog, Publication, Schedule
 from msggen.live.sim.requests import Requests
 from msggen.live.sim.values import Clocks, Scene
 from msggen.live.sim.world import World
@@ -90,6 +91,7 @@ class SimulatedVehicle:
         self._requests = Requests(self.world, self._answer, self._tell, self._hashes())
         self._handlers = {**self._programs.handlers, **self._requests.handlers}
         self._shown = (False, self.world.mode, False)
+        self._status: Sequence[object] = ()
 
     def _hashes(self) -> dict[str, int]:
         """Return the hash of the message of each topic, by its name in uORB."""
@@ -275,6 +277,10 @@ class SimulatedVehicle:
         if state != self._shown:
             self._tell(world.state(was_armed=self._shown[0]))
             self._shown = state
+        status = _status_of(world)
+        if status != self._status:
+            self._status = status
+            self._schedule.hasten(STATUS, self._now)
 
     def _tell(self, text: str) -> None:
         self.changes.append(Change(self._now, text))
@@ -348,6 +354,14 @@ def world_of(package: ModuleType, options: Options) -> World:
         rules=rules_of(topics.UORB, has_versions=has_versions, is_sitl=options.board == "sitl"),
         parameters={**PARAMETERS, **options.parameters},
     )
+
+
+def _status_of(world: World) -> Sequence[object]:
+    """Return what PX4 publishes VehicleStatus for, when it changes."""
+    commander = world.commander
+    failsafe = commander.failsafe
+    state = commander.is_armed, commander.mode, commander.intention, commander.executor_in_charge
+    return *state, failsafe.is_active, failsafe.defer_state, commander.missing
 
 
 def _clocks_of(client: xrce.Client) -> Clocks:

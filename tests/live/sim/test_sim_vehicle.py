@@ -116,10 +116,26 @@ def test_topics_are_published_at_their_rates(bench: Bench) -> None:
     sent = Counter(bench.vehicle.sent)
     sent.subtract(before)
     for endpoint in bench.topics.out:
-        if endpoint.ros_name in sent and endpoint.publish_interval_ms != 4:
+        if endpoint.uorb_topic == "vehicle_status":
+            assert sent[endpoint.ros_name] == pytest.approx(20, abs=1)  # PX4 publishes it at 2 Hz, and when it changes
+        elif endpoint.ros_name in sent and endpoint.publish_interval_ms != 4:
             assert sent[endpoint.ros_name] == pytest.approx(10_000 / endpoint.publish_interval_ms, rel=0.06, abs=1)
     assert sent["/fmu/out/sensor_combined"] == pytest.approx(2500, rel=0.06)
     assert "/fmu/out/vehicle_command_ack_v1" not in sent
+
+
+def test_a_change_of_the_status_is_published_at_once(bench: Bench) -> None:
+    bench.run(1.0)
+    delays = []
+    for mode in (2, 4, 2, 4):
+        bench.run(0.33)
+        start = bench.now
+        bench.command(100_001, mode)
+        while bench.last("vehicle_status").nav_state != mode:
+            bench.run(0.001)
+        delays.append(bench.now - start)
+    assert max(delays) <= 0.2 * SECOND
+    assert min(delays) <= 0.01 * SECOND
 
 
 def test_a_rate_overrides_all_others(px4_types: Any) -> None:
