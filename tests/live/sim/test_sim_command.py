@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import re
 import select
@@ -329,6 +330,19 @@ def test_time_runs_at_another_speed(server: Server, capsys: pytest.CaptureFixtur
     assert re.fullmatch(r" +2\.0\d s  the pilot's sticks are there", lines[2])
     assert re.search(r", in 4\.\d s$", lines[3])
     assert len(server.of(Sample)) > 1000  # of 4 s
+
+
+def test_no_sample_is_left_out_at_another_speed(server: Server, px4_types: Any) -> None:
+    """A computer that is too slow for the speed gets a lower one."""
+    simulator = Simulator(px4_types, server.address, [Options(sync="off")], speed=20.0)
+    simulator.serve(8.0)
+    simulator.close()
+    decode = px4_types.SensorCombined.decode
+    samples = [each for each in server.of(Sample) if each.route.name == "/fmu/out/sensor_combined"]
+    times = [decode(each.payload).timestamp for each in samples]
+    gaps = [later - earlier for earlier, later in itertools.pairwise(times)]
+    assert len(gaps) > 500
+    assert sum(gap > 5_000 for gap in gaps) < 0.02 * len(gaps)
 
 
 def test_clocks_of_different_speeds_cannot_be_synchronised(px4_types: Any) -> None:
