@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from msggen.live.sim.flight import FREE, GRAVITY, NAN, Flight, Quaternion, Target, Vector, wrapped
 from msggen.live.sim.commander.states import (
     ACCEPTED,
     DENIED,
@@ -21,7 +22,6 @@ from msggen.live.sim.commander.states import (
 from msggen.live.sim.commander.states import LAND as LANDING
 from msggen.live.sim.commander.states import TAKEOFF as TAKING_OFF
 from msggen.live.sim.commands import ARM_DISARM, LAND, SET_MODE, TAKEOFF
-from msggen.live.sim.flight import FREE, GRAVITY, NAN, Flight, Quaternion, Target, Vector, wrapped
 from msggen.live.sim.world import STEP, Home, World
 from support.examples import examples
 
@@ -217,11 +217,7 @@ def test_it_lands_when_the_heartbeat_is_lost() -> None:
     pilot.run(0.85)
     assert pilot.world.mode == OFFBOARD
     pilot.run(0.2)
-    assert (pilot.world.mode, pilot.world.commander.failsafe.is_active, pilot.world.commander.intention) == (
-        LANDING,
-        True,
-        OFFBOARD,
-    )
+    assert (pilot.world.mode, pilot.world.commander.failsafe.is_active, pilot.world.commander.intention) == (LANDING, True, OFFBOARD)
     pilot.run(15.0)
     assert pilot.world.is_landed
     assert not pilot.world.is_armed
