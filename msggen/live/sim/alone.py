@@ -9,7 +9,7 @@ from importlib import import_module
 from types import ModuleType
 from typing import Any
 
-from msggen.live.sim.commander.states import HOLD
+from msggen.live.sim.commander.states import HOLD, OFFBOARD
 from msggen.live.sim.commands import ARM_DISARM, LAND, SET_MODE, TAKEOFF
 from msggen.live.sim.faults import TimedFaults
 from msggen.live.sim.flight import NAN
@@ -70,6 +70,8 @@ class LoneFlight:
             if after != before:
                 self._schedule.hasten(STATUS, self.time)
                 log.text(self.time, self.world.state(was_armed=before[0]))
+                if before[1] == OFFBOARD:
+                    self._goal, is_reached = None, _never  # as a program that sees that another mode flies
                 if before[0] and not after[0]:
                     end = min(until, self.time + _REST)
                 before = after
@@ -99,7 +101,7 @@ class LoneFlight:
             yield self._after(1.0)
         self._command(log, LAND)
         self._goal = None
-        yield lambda: False
+        yield _never
 
     def _after(self, seconds: float) -> Callable[[], bool]:
         end = self.time + round(seconds * 1e6)
@@ -158,3 +160,8 @@ class LoneFlight:
         answer = self.topics.get("vehicle_command_ack")
         if answer:
             log.add(self.time, "vehicle_command_ack", answer(timestamp=self.time, command=number, result=result))
+
+
+def _never() -> bool:
+    """Return False: the vehicle disarms by itself, which ends the flight."""
+    return False

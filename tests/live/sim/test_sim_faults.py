@@ -44,6 +44,7 @@ def test_a_lost_position_ends_hold_and_comes_back(px4_types: Any) -> None:
     bench = flying(px4_types)
     bench.vehicle.fault("no-position")
     wait(bench, lambda: bench.last("vehicle_status").nav_state == DESCEND, 8.0)
+    bench.run(0.3)  # until the other topics tell it
     assert bench.last("failsafe_flags").global_position_invalid
     assert not bench.last("vehicle_local_position").xy_valid
     assert bench.last("vehicle_status").failsafe

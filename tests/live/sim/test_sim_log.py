@@ -156,6 +156,8 @@ def test_faults_happen_at_their_times(px4_types: Any) -> None:
         "20.0 the battery has 6% left",
         "22.0 the pilot selects land",
     ]
+    sent = [time for time, topic, _ in kept.messages if topic == "trajectory_setpoint"]
+    assert BOOT + 22_000_000 - 100_000 < sent[-1] <= BOOT + 22_010_000  # the program stops when the pilot takes over
     battery = [message for _, topic, message in kept.messages if topic == "battery_status"]
     assert min(message.remaining for message in battery) < 0.06
 

@@ -72,7 +72,7 @@ def test_a_flight_with_the_types_of_every_release(types: Any) -> None:
     fly(bench, 0.5, {"position": (0.0, 0.0, -3.0)})
     for number, parameters in ((176, (1.0, 6.0)), (400, (1.0,))):
         assert bench.command(number, *parameters) in (0, -1)  # v1.14 does not publish acknowledgements
-    fly(bench, 4.0, {"position": (2.0, -1.0, -3.0)})
+    fly(bench, 9.0, {"position": (2.0, -1.0, -3.0)})
     bench.run(0.0)
     assert bench.last("vehicle_status").arming_state == 2
     assert bench.last("vehicle_status").nav_state == 14
