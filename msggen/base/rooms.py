@@ -30,7 +30,7 @@ ROOMS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "live.links": ("base", "live.link", "live.xrce"),
         "live.messages": ("base", "live.link"),
         "live.sim.commander": (),
-        "live.sim": ("live.link", "live.xrce", "live.links", "live.messages"),
+        "live.sim": ("base", "live.link", "live.xrce", "live.links", "live.messages"),
         "live.vehicle": ("base", "live.link", "live.links", "live.messages"),
         "live.owner": ("base", "live.link", "live.links", "live.vehicle"),
         "live.ros": ("base", "live.link", "live.messages", "live.vehicle"),

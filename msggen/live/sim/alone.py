@@ -9,12 +9,14 @@ from importlib import import_module
 from types import ModuleType
 from typing import Any
 
-from msggen.live.sim.commander.states import HOLD
+from msggen.live.sim.commander.states import HOLD, OFFBOARD
 from msggen.live.sim.commands import ARM_DISARM, LAND, SET_MODE, TAKEOFF
+from msggen.live.sim.faults import TimedFaults
 from msggen.live.sim.flight import NAN
-from msggen.live.sim.publishing import FlightLog, Publication, Schedule, publication_of
+from msggen.live.sim.options import Options
+from msggen.live.sim.publishing import STATUS, FlightLog, Publication, Schedule, publication_of
 from msggen.live.sim.values import Clocks, Filler, Scene
-from msggen.live.sim.vehicle import Options, world_of
+from msggen.live.sim.vehicle import world_of
 from msggen.live.sim.world import STEP
 
 BOOT = 1_000_000
@@ -24,6 +26,8 @@ _HEIGHT = 10.0
 _SQUARE = ((0.0, 0.0), (20.0, 0.0), (20.0, 20.0), (0.0, 20.0), (0.0, 0.0))
 """North and east in m."""
 _NEAR = 0.5
+_REST = 1_000_000
+"""The time in us for which the flight goes on after the vehicle has disarmed."""
 _HEARTBEAT, _SETPOINT = 100_000, 50_000
 """The intervals in us of OffboardControlMode and TrajectorySetpoint."""
 INSIDE = {"vehicle_local_position_setpoint": 100_000, "actuator_motors": 20_000}
@@ -53,17 +57,23 @@ class LoneFlight:
         self._schedule = Schedule(publications, BOOT)
         self._goal: tuple[float, float] | None = None
         self._sent: dict[str, int] = {}
+        self._faults = TimedFaults(options.faults)
 
     def run(self, log: FlightLog, until: int) -> None:
         """Fly up to a time in us, or until the vehicle has landed again."""
         script = self._script(log)
         is_reached = next(script)
-        before = self.world.is_armed, self.world.mode
-        while self.time < until:
+        before, end = (self.world.is_armed, self.world.mode), until
+        while self.time < end:
             self._advance(log)
             after = self.world.is_armed, self.world.mode
             if after != before:
+                self._schedule.hasten(STATUS, self.time)
                 log.text(self.time, self.world.state(was_armed=before[0]))
+                if before[1] == OFFBOARD:
+                    self._goal, is_reached = None, _never  # as a program that sees that another mode flies
+                if before[0] and not after[0]:
+                    end = min(until, self.time + _REST)
                 before = after
             if is_reached():
                 following = next(script, None)
@@ -91,8 +101,7 @@ class LoneFlight:
             yield self._after(1.0)
         self._command(log, LAND)
         self._goal = None
-        yield lambda: not world.is_armed
-        yield self._after(1.0)
+        yield _never
 
     def _after(self, seconds: float) -> Callable[[], bool]:
         end = self.time + round(seconds * 1e6)
@@ -105,6 +114,9 @@ class LoneFlight:
     def _advance(self, log: FlightLog) -> None:
         self.time += STEP
         self.world.advance(self.time)
+        for fault in self._faults.take(self.time - BOOT):
+            if fault.change:
+                log.text(self.time, fault.change(self.world))
         if self._goal is not None:
             self._send_setpoints(log, *self._goal)
         scene = Scene(self.world, self._noise, Clocks(remote=self._utc + self.time - BOOT))
@@ -148,3 +160,8 @@ class LoneFlight:
         answer = self.topics.get("vehicle_command_ack")
         if answer:
             log.add("vehicle_command_ack", answer(timestamp=self.time, command=number, result=result))
+
+
+def _never() -> bool:
+    """Return False: the vehicle disarms by itself, which ends the flight."""
+    return False

@@ -8,15 +8,17 @@ from __future__ import annotations
 import asyncio
 import random
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib import import_module
 from types import ModuleType
 from typing import Any
 
+from msggen.live.sim.options import Options
 from msggen.live.sim.programs import Programs
-from msggen.live.sim.publishing import FlightLog, Schedule, publication_of
+from msggen.live.sim.publishing import STATUS, FlightLog, Schedule, publication_of
+from msggen.live.sim.requests import Requests
 from msggen.live.sim.values import Clocks, Filler, Scene
-from msggen.live.sim.vehicle import Options, world_of
+from msggen.live.sim.vehicle import status_of, world_of
 from msggen.live.sim.world import STEP
 
 Take = Callable[[Any], None]
@@ -39,6 +41,9 @@ class NearVehicle:
         self._arrived: list[tuple[str, Any]] = []
         """The messages that the vehicle takes in its next step."""
         self._programs = Programs(self.world, self._publish)
+        requests = Requests(self.world, self._publish, self._tell, {})
+        self._handlers = {**self._programs.handlers, **requests.handlers}
+        self._status: Sequence[object] = ()
         self._schedule = Schedule(out, 0)
         self.time = 0
 
@@ -54,7 +59,12 @@ class NearVehicle:
         arrived, self._arrived = self._arrived, []
         for topic, message in arrived:
             self._receive(topic, message)
+        self._programs.advance(now)
         self._programs.ask()
+        status = status_of(self.world)
+        if status != self._status:
+            self._status = status
+            self._schedule.hasten(STATUS, now)
         scene = Scene(self.world, self._noise, Clocks())
         for publication in self._schedule.take(now):
             if self._takers[publication.topic] or self._log is not None:
@@ -76,23 +86,12 @@ class NearVehicle:
     def _receive(self, topic: str, message: Any) -> None:
         if self._log is not None:
             self._log.add(topic, message)
-        time = min(message.timestamp, self.time) or self.time
-        if topic in {"vehicle_command", "vehicle_command_mode_executor"}:
-            self._carry_out(message)
-        elif topic in self._programs.handlers:
-            self._programs.handlers[topic](message, time)
+        if topic in self._handlers:
+            self._handlers[topic](message, min(message.timestamp, self.time) or self.time)
 
-    def _carry_out(self, command: Any) -> None:
-        if command.target_system not in (0, self.world.system_id):
-            return
-        parameters = [getattr(command, f"param{number}") for number in range(1, 8)]
-        self._publish(
-            "vehicle_command_ack",
-            command=command.command,
-            result=self.world.command(command.command, parameters, command.source_component),
-            target_system=command.source_system,
-            target_component=command.source_component,
-        )
+    def _tell(self, text: str) -> None:
+        if self._log is not None:
+            self._log.text(self.time, text)
 
     def _publish(self, topic: str, /, **values: Any) -> None:
         filler = self._fillers.get(topic)

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
 from msggen.live.sim.commander.checks import Reply
-from msggen.live.sim.commander.commander import Overrides
+from msggen.live.sim.commander.commander import LOOP, Overrides
 from msggen.live.sim.commander.components import Registration
 from msggen.live.sim.commander.rules import V1_15, V1_15_SITL, V1_16, V1_17, V1_18, Rules
+from msggen.live.sim.publishing import queue_length
 from msggen.live.sim.world import World
 
+_INTERNAL: Final = range(23)
+"""The modes that a program can replace: all before NAVIGATION_STATE_EXTERNAL1."""
 _OF_EXECUTOR = 1
 """SOURCE_TYPE_MODE_EXECUTOR of ConfigOverrides."""
 _REQUIREMENT = "mode_req_"
@@ -40,23 +44,60 @@ def rules_of(uorb: Mapping[str, Any], *, has_versions: bool, is_sitl: bool) -> R
 
 
 class Programs:
-    """Takes messages of programs, and publishes the answers. `handlers` are by the names of topics in uORB."""
+    """Takes messages of programs, and publishes the answers. `handlers` are by the names of topics in uORB.
+
+    As in PX4, messages to the commander wait for its next loop, in topics that hold a few: a further one replaces the
+    oldest.
+    """
 
     def __init__(self, world: World, publish: Publish) -> None:
         self._world, self._commander, self._publish = world, world.commander, publish
-        self.handlers: Mapping[str, Callable[[Any, int], None]] = {
+        self._loop_time = 0
+        self._read: Mapping[str, Callable[[Any, int], None]] = {
             "arming_check_reply": self._take_reply,
-            "config_control_setpoints": self._take_control_mode,
+            "register_ext_component_request": self._take_registration,
+            "unregister_ext_component": self._take_unregistration,
             "config_overrides_request": self._take_overrides,
+            "config_control_setpoints": self._take_control_mode,
+            "setpoint_config": self._take_setpoint_config,
+        }
+        """What the commander reads in a loop, in this order."""
+        self._queues: dict[str, deque[tuple[Any, int]]] = {}
+        self._is_waiting = False
+        self.handlers: Mapping[str, Callable[[Any, int], None]] = {
+            **{topic: self._queue(topic) for topic in self._read},
             "goto_setpoint": world.setpoints.take_goto,
             "mode_completed": self._take_completed,
             "offboard_control_mode": world.setpoints.take_offboard,
-            "register_ext_component_request": self._take_registration,
-            "setpoint_config": self._take_setpoint_config,
             "trajectory_setpoint": world.setpoints.take_trajectory,
-            "unregister_ext_component": self._take_unregistration,
+            "vehicle_attitude_setpoint": world.setpoints.take_attitude,
+            "vehicle_rates_setpoint": world.setpoints.take_rates,
         }
         """Each takes a message and its time in us since boot."""
+
+    def _queue(self, topic: str) -> Callable[[Any, int], None]:
+        def take(message: Any, time: int) -> None:
+            if topic not in self._queues:
+                self._queues[topic] = deque(maxlen=queue_length(message))
+            self._queues[topic].append((message, time))
+            self._is_waiting = True
+
+        return take
+
+    @property
+    def next_time(self) -> int | None:
+        """The time of the next loop, None if nothing waits for it."""
+        return self._loop_time + LOOP if self._is_waiting else None
+
+    def advance(self, now: int) -> None:
+        """Read what waits, if a loop begins."""
+        if now < self._loop_time + LOOP:
+            return
+        self._loop_time, self._is_waiting = now - now % LOOP, False
+        for topic, take in self._read.items():
+            queue = self._queues.get(topic)
+            while queue:
+                take(*queue.popleft())
 
     def ask(self) -> None:
         """Publish the requests to arming checks, and the ends of modes."""
@@ -68,7 +109,8 @@ class Programs:
             self._publish("mode_completed", result=0, nav_state=completed.popleft())
 
     def _take_registration(self, message: Any, _: int) -> None:
-        replaces = message.replace_internal_mode if message.enable_replace_internal_mode else None
+        replaced = message.replace_internal_mode
+        replaces = replaced if message.enable_replace_internal_mode and replaced in _INTERNAL else None
         found = self._commander.register(
             Registration(
                 _text(message.name),

@@ -48,6 +48,8 @@ _LEVELS: Mapping[int, Controls] = {
 _HOVER = 0.5
 """The share of the full thrust that holds the vehicle: MPC_THR_HOVER."""
 _MOTORS = 4
+_LOW = 1.0
+"""The height in m below which the vehicle is close to the ground."""
 _MOVING = 0.1
 """The speed in m/s above which the land detector reports movement."""
 
@@ -97,9 +99,6 @@ class Filler:
 
 def _vehicle_status(scene: Scene) -> Values:
     commander, battery = scene.world.commander, scene.world.battery
-    modes = commander.components.modes
-    selectable = _OWN_MODES & ~_NOT_SELECTABLE | sum(1 << mode for mode in modes)
-    replaced = sum(1 << own.replaces for own in modes.values() if own.replaces is not None)
     failsafe = commander.failsafe
     return {
         "armed_time": commander.armed_time,
@@ -114,24 +113,24 @@ def _vehicle_status(scene: Scene) -> Values:
         "executor_in_charge": commander.executor_in_charge,
         "accepts_offboard_setpoints": commander.mode == OFFBOARD,
         "valid_nav_states_mask": _OWN_MODES | _EXTERNAL_MODES,
-        "can_set_nav_states_mask": selectable & ~replaced,
+        "can_set_nav_states_mask": commander.selectable,
         "vehicle_type": 1,
         "failsafe": failsafe.is_active,
         "failsafe_and_user_took_over": failsafe.user_took_over,
         "failsafe_defer_state": failsafe.defer_state,
-        "gcs_connection_lost": True,
+        "gcs_connection_lost": not scene.world.has_ground_station,
         "battery_warning": battery.warning,
         "system_type": 2,
         "system_id": scene.world.system_id,
         "component_id": 1,
         "safety_off": True,
         "power_input_valid": True,
-        "pre_flight_checks_pass": not commander.missing,
+        "pre_flight_checks_pass": commander.is_ready,
     }
 
 
 def _vehicle_local_position(scene: Scene) -> Values:
-    flight, home, valid = scene.world.flight, scene.world.home, scene.world.has_position
+    flight, origin, valid = scene.world.flight, scene.world.origin, scene.world.has_position
     x, y, z = flight.position
     vx, vy, vz = flight.velocity
     ax, ay, az = flight.acceleration
@@ -139,8 +138,9 @@ def _vehicle_local_position(scene: Scene) -> Values:
         "xy_valid": valid, "z_valid": True, "v_xy_valid": valid, "v_z_valid": True,
         "x": x, "y": y, "z": z, "vx": vx, "vy": vy, "vz": vz, "z_deriv": vz, "ax": ax, "ay": ay, "az": az,
         "heading": flight.heading, "heading_var": 0.001, "unaided_heading": NAN, "heading_good_for_control": True,
-        "xy_global": valid, "z_global": True, "ref_lat": home.latitude, "ref_lon": home.longitude,
-        "ref_alt": home.altitude, "dist_bottom": max(0.0, -z), "eph": 0.3, "epv": 0.4, "evh": 0.1, "evv": 0.1,
+        "xy_global": valid, "z_global": True, "ref_lat": origin.latitude, "ref_lon": origin.longitude,
+        "ref_alt": origin.altitude, "dist_bottom": max(0.0, flight.ground - z),
+        "eph": 0.3, "epv": 0.4, "evh": 0.1, "evv": 0.1,
         "vxy_max": math.inf, "vz_max": math.inf, "hagl_min": math.inf, "hagl_max": math.inf, "hagl_max_z": math.inf,
         "hagl_max_xy": math.inf,
     }  # fmt: skip
@@ -258,19 +258,20 @@ def _battery_status(scene: Scene) -> Values:
 def _vehicle_land_detected(scene: Scene) -> Values:
     world, flight = scene.world, scene.world.flight
     north, east, down = flight.velocity
-    landed = world.is_landed
+    landing = world.landing
+    landed, is_low = landing.landed, flight.ground - flight.position[2] < _LOW
     return {
         "freefall": not world.is_armed and not landed,
-        "ground_contact": landed,
-        "maybe_landed": landed,
+        "ground_contact": landing.ground_contact,
+        "maybe_landed": landing.maybe_landed,
         "landed": landed,
-        "in_ground_effect": not landed and flight.position[2] > -1.0,
+        "in_ground_effect": not landed and is_low,
         "in_descend": down > _MOVING,
         "has_low_throttle": landed,
         "vertical_movement": abs(down) > _MOVING,
         "horizontal_movement": math.hypot(north, east) > _MOVING,
         "rotational_movement": max(map(abs, flight.rates)) > _MOVING,
-        "close_to_ground_or_skipped_check": flight.position[2] > -1.0,
+        "close_to_ground_or_skipped_check": is_low,
         "at_rest": landed,
     }
 
@@ -313,9 +314,10 @@ def _failsafe_flags(scene: Scene) -> Values:
 
 
 def _home_position(scene: Scene) -> Values:
-    home = scene.world.home
-    place = {"lat": home.latitude, "lon": home.longitude, "alt": home.altitude}
-    return {**place, "valid_alt": True, "valid_hpos": True, "valid_lpos": True, "update_count": 1}
+    home, valid = scene.world.home, scene.world.has_home
+    x, y, z = scene.world.origin.local(home)
+    place = {"lat": home.latitude, "lon": home.longitude, "alt": home.altitude, "x": x, "y": y, "z": z}
+    return {**place, "valid_alt": valid, "valid_hpos": valid, "valid_lpos": valid, "update_count": 1}
 
 
 def _estimator_status_flags(scene: Scene) -> Values:
