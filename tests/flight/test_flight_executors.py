@@ -143,7 +143,7 @@ def test_what_px4_refuses_is_raised_with_the_reason(px4_types: Any) -> None:
                 errors.append(error)
 
     async def program(flight: Flight, vehicle: Flown) -> None:
-        vehicle.world.has_position = False
+        vehicle.world.has_gps = False
         await asyncio.sleep(6.0)
         await flight.add(Hopeful)
         await flight.set_mode(EXTERNAL)
@@ -247,7 +247,7 @@ def test_wherever_an_executor_is_ended_it_sends_nothing_more(px4_types: Any, sec
         await flight.set_mode(EXTERNAL)
         await asyncio.sleep(seconds)
         if way == "position lost":
-            vehicle.world.has_position = False
+            vehicle.world.has_gps = False
             await asyncio.sleep(6.5)
         else:
             await flight.set_mode(way)

@@ -129,7 +129,7 @@ def test_a_mode_without_a_position_is_refused_with_the_reason(px4_types: Any) ->
     async def program(flight: Flight, vehicle: Flown) -> None:
         await flight.add(Careful)
         await vehicle.in_air(flight)
-        vehicle.world.has_position = False
+        vehicle.world.has_gps = False
         await asyncio.sleep(6.0)
         with pytest.raises(RefusedError, match="mode 23: temporarily rejected: there is no local position"):
             await flight.set_mode(EXTERNAL)

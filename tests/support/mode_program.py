@@ -27,11 +27,6 @@ class Program:
         self._seen = 0
         self._goto_time = 0
 
-    @property
-    def restores_mode(self) -> bool:
-        """Whether disarming brings the mode before it back: from v1.17 on."""
-        return hasattr(self.types.ArmingCheckRequest(), "valid_registrations_mask")
-
     # Registration
 
     def ask_to_register(self, **values: Any) -> None:

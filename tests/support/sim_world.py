@@ -20,6 +20,7 @@ SECOND = 1_000_000
 NOTHING = (NAN,) * 7
 ARM = (1.0, *NOTHING[1:])
 DISARM = (0.0, *NOTHING[1:])
+_LOOPS = 0.024
 GOTO, TRAJECTORY, RATES, ATTITUDE = 2, 4, 5, 6
 """The types of SetpointConfig."""
 
@@ -152,7 +153,10 @@ class Pilot:
         self.before = position, velocity, q
 
     def command(self, number: int, parameters: tuple[float, ...] = NOTHING) -> int:
-        return self.world.command(number, parameters)
+        """Give a command, and wait for the next loops of the commander, in which a mode changes."""
+        result = self.world.command(number, parameters)
+        self.run(_LOOPS)
+        return result
 
     def select(self, mode: int) -> int:
         return self.command(SET_NAV_STATE, (float(mode), *NOTHING[1:]))

@@ -86,6 +86,7 @@ class LoneFlight:
         world = self.world
         yield self._after(2.0)
         self._command(log, TAKEOFF, param7=world.home.altitude + _HEIGHT)
+        yield self._after(0.5)
         self._command(log, ARM_DISARM, param1=1.0)
         if not world.is_armed:  # refused, as without a position: the next time the vehicle would not arm either
             yield self._after(5.0)
@@ -136,12 +137,7 @@ class LoneFlight:
         setpoints = self.world.setpoints
         for topic, interval, take, values in (
             ("offboard_control_mode", _HEARTBEAT, setpoints.take_offboard, {"position": True}),
-            (
-                "trajectory_setpoint",
-                _SETPOINT,
-                self.world.setpoints.take_trajectory,
-                {"position": (north, east, -_HEIGHT), **setpoint},
-            ),
+            ("trajectory_setpoint", _SETPOINT, setpoints.take_trajectory, setpoint),
         ):
             if self.time - self._sent.get(topic, -interval) >= interval and topic in self._inputs:
                 self._sent[topic] = self.time

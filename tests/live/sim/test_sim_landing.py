@@ -265,7 +265,7 @@ def test_lost_sticks_and_an_empty_battery_lead_home() -> None:
         pilot.take_off()
         assert pilot.select(POSITION) == ACCEPTED
         lose(pilot.world)
-        pilot.run(0.1)
+        pilot.run(0.2)
         assert pilot.world.mode == HOLD, "for COM_FAIL_ACT_T"
         pilot.run(5.1)
         assert pilot.world.mode == RETURN

@@ -60,7 +60,7 @@ def test_a_program_flies_its_mode(types: Any) -> None:
     assert own.as_executor(100_001, LAND) == 0
     own.run_until(lambda: own.status.arming_state == 1, 20.0)
     assert own.completed[-1] == LAND
-    assert own.status.nav_state == (OWN if own.restores_mode else HOLD)
+    assert own.status.nav_state == OWN
     own.unregister()
     own.run(0.5)
     assert (own.status.nav_state, own.status.executor_in_charge) == (HOLD, 0)

@@ -204,7 +204,7 @@ def test_it_disarms_in_the_air_only_by_force() -> None:
 def test_it_disarms_if_it_does_not_take_off() -> None:
     pilot = Pilot()
     pilot.command(ARM_DISARM, ARM)
-    pilot.run(9.9)
+    pilot.run(10.9)  # COM_DISARM_PRFLT and 1 s, as measured
     assert pilot.world.is_armed
     pilot.run(0.2)
     assert not pilot.world.is_armed
@@ -271,7 +271,7 @@ def test_no_setpoint_breaks_the_world(setpoint: Setpoint, controls: Controls) ->
     pilot.run(0.1)
     for time in (1, 2):
         pilot.world.setpoints.take_offboard(controls, time)
-    pilot.run(0.02)
+    pilot.run(0.12)  # the commander looks every 0.1 s
     assert pilot.command(SET_MODE, TO_OFFBOARD) == ACCEPTED
     pilot.run(4.0, setpoint, controls)
     assert all(map(math.isfinite, (*pilot.world.flight.position, *pilot.world.flight.rates)))
