@@ -35,7 +35,6 @@ ROOMS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "live.owner": ("base", "live.link", "live.links", "live.vehicle"),
         "live.ros": ("base", "live.link", "live.messages", "live.vehicle"),
         "live": ("base",),
-        "flight": ("live.link", "live"),
         "recordings.source": (),
         "recordings.stores": ("base",),
         "recordings.files": ("base", "definitions", "recordings.source", "recordings.stores"),

@@ -133,13 +133,13 @@ def _version(text: str) -> tuple[str, int]:
 
 @Deferred
 def _parameter(text: str) -> tuple[str, float]:
-    from msggen.live.sim.parameters import PARAMETERS
+    from msggen.live.sim.parameters import SETTABLE
 
     name, mark, value = text.partition("=")
-    if name not in PARAMETERS:
-        known = ", ".join(PARAMETERS)
+    if name not in SETTABLE:
+        known = ", ".join(SETTABLE)
         raise argparse.ArgumentTypeError(
-            f"no parameter '{name}' is simulated{suggestion(name, PARAMETERS)}: there are {known}"
+            f"parameter '{name}' cannot be set{suggestion(name, SETTABLE)}: there are {known}"
         )
     if not mark:
         raise argparse.ArgumentTypeError(f"expected a parameter and a value such as {name}=1, found {text!r}")

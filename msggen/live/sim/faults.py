@@ -32,12 +32,12 @@ class Fault(NamedTuple):
 
 def _lose_position(world: World) -> str:
     world.has_gps = False
-    return "the position is lost"
+    return "GPS is lost"
 
 
 def _find_position(world: World) -> str:
     world.has_gps = True
-    return "the position is known"
+    return "GPS is there again"
 
 
 def _connect_sticks(world: World) -> str:

@@ -45,6 +45,12 @@ PARAMETERS: Mapping[str, float] = MappingProxyType(
 )
 """Times are in s, heights in m, speeds in m/s, accelerations in m/s^2, angles in degrees, and gains in 1/s."""
 
+SETTABLE = (
+    *(name for name in PARAMETERS if name.startswith("COM_") and name not in {"COM_OF_LOSS_T", "COM_SPOOLUP_TIME"}),
+    *("MIS_TAKEOFF_ALT", "NAV_ACC_RAD", "RTL_CONE_ANG", "RTL_MIN_DIST", "RTL_RETURN_ALT"),
+)
+"""Those that a vehicle can have other values of. The others are built into its motion."""
+
 
 def microseconds(name: str) -> int:
     """Return a parameter in s as a time in us."""

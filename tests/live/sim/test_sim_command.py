@@ -282,11 +282,11 @@ def test_errors_have_codes(words: list[str], text: str, capsys: pytest.CaptureFi
         (["--px4", "v1.18"], "not allowed with argument"),
         (
             ["--param", "COM_MODE_ARM_CH=1"],
-            "argument --param: no parameter 'COM_MODE_ARM_CH' is simulated, did you mean 'COM_",
+            "argument --param: parameter 'COM_MODE_ARM_CH' cannot be set, did you mean 'COM_",
         ),
         (
             ["--param", "MAV_SYS_ID=1"],
-            "argument --param: no parameter 'MAV_SYS_ID' is simulated: there are COM_DISARM_LAND, ",
+            "argument --param: parameter 'MAV_SYS_ID' cannot be set: there are COM_DISARM_LAND, ",
         ),
         (
             ["--param", "MC_YAW_P"],

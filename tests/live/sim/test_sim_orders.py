@@ -147,7 +147,7 @@ def test_another_origin_moves_the_local_position_and_not_the_vehicle(north: floa
     pilot.take_off()
     world = pilot.world
     before, local = world.place, world.flight.position
-    assert pilot.command(SET_ORIGIN, at(*START.place((north, east, down)))) == ACCEPTED
+    assert world.command(SET_ORIGIN, at(*START.place((north, east, down)))) == ACCEPTED
     assert world.place == pytest.approx(before, abs=1e-6)
     moved = [here - shift for here, shift in zip(local, (north, east, down), strict=True)]
     assert world.flight.position == pytest.approx(moved, abs=0.01)

@@ -301,7 +301,7 @@ def test_goto_and_trajectory_do_not_lift_the_vehicle(message: Any) -> None:
     program = Program()
     program.enter()
     assert program.command(ARM_DISARM, ARM) == ACCEPTED
-    program.send(9.9, program.publish(message), 30)
+    program.send(10.9, program.publish(message), 30)  # COM_DISARM_PRFLT and 1 s
     assert program.world.is_armed
     assert program.world.is_landed
     program.send(0.3, program.publish(message), 30)
