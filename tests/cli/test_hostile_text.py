@@ -129,7 +129,7 @@ CASES: dict[str, list[list[str]]] = {
     "rules": [[], ["--output-format", "json"]],
     "sim": [
         *(["--namespace", NAME], ["--types", NAME], ["--wrong-hash", NAME], [NAME]),
-        *(["--param", NAME], ["--param", f"MC_YAW_P={NAME}"], ["--fault", NAME], ["--fault", f"1:{NAME}"]),
+        *(["--param", NAME], ["--param", f"RTL_MIN_DIST={NAME}"], ["--fault", NAME], ["--fault", f"1:{NAME}"]),
         *(["--fault", f"1:mode={NAME}"], ["--fault", f"1:battery={NAME}"], ["--speed", NAME]),
     ],
     "sync": [

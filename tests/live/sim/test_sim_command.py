@@ -289,10 +289,10 @@ def test_errors_have_codes(words: list[str], text: str, capsys: pytest.CaptureFi
             "argument --param: parameter 'MAV_SYS_ID' cannot be set: there are COM_DISARM_LAND, ",
         ),
         (
-            ["--param", "MC_YAW_P"],
-            "argument --param: expected a parameter and a value such as MC_YAW_P=1, found 'MC_YAW_P'",
+            ["--param", "RTL_MIN_DIST"],
+            "argument --param: expected a parameter and a value such as RTL_MIN_DIST=1, found 'RTL_MIN_DIST'",
         ),
-        (["--param", "MC_YAW_P=x"], "argument --param: expected a number, found 'x'"),
+        (["--param", "RTL_MIN_DIST=x"], "argument --param: expected a number, found 'x'"),
         (
             ["--fault", "no-position"],
             "argument --fault: expected a time and a fault such as 20:no-position, found 'no-",
@@ -355,7 +355,7 @@ def test_faults_can_be_told_from_another_thread(server: Server, px4_types: Any) 
         (vehicle,) = simulator.vehicles
         wait_until(lambda: vehicle.is_connected)
         vehicle.fault("no-position")
-        wait_until(lambda: vehicle.changes[-1].text == "the position is lost")
+        wait_until(lambda: vehicle.changes[-1].text == "GPS is lost")
         vehicle.fault("no-link")
         wait_until(lambda: not vehicle.is_connected, 20.0)
         vehicle.fault("link")

@@ -50,8 +50,8 @@ def test_a_lost_position_ends_hold_and_comes_back(px4_types: Any) -> None:
     assert bench.last("vehicle_status").failsafe
     bench.vehicle.fault("position")
     wait(bench, lambda: bench.last("vehicle_status").nav_state == HOLD, 8.0)
-    assert "the position is lost" in told(bench)
-    assert "the position is known" in told(bench)
+    assert "GPS is lost" in told(bench)
+    assert "GPS is there again" in told(bench)
 
 
 def test_lost_sticks_hold_for_5_s_and_return(px4_types: Any) -> None:

@@ -168,11 +168,21 @@ def test_faults_happen_at_their_times(px4_types: Any) -> None:
 
 @pytest.mark.usefixtures("working_folder")
 def test_parameters_are_in_the_ulog_and_followed(capsys: Any) -> None:
-    words = ["sim", "--log", "flight.ulg", "--px4", "v1.18", "--param", "COM_DISARM_LAND=7", "--param", "MC_YAW_P=2"]
+    words = [
+        "sim",
+        "--log",
+        "flight.ulg",
+        "--px4",
+        "v1.18",
+        "--param",
+        "COM_DISARM_LAND=7",
+        "--param",
+        "RTL_MIN_DIST=2",
+    ]
     assert main(words) == 0
     assert capsys.readouterr().err == ""
     with recordings.open("flight.ulg") as log:
-        assert log.parameters == pytest.approx({**PARAMETERS, "COM_DISARM_LAND": 7.0, "MC_YAW_P": 2.0})
+        assert log.parameters == pytest.approx({**PARAMETERS, "COM_DISARM_LAND": 7.0, "RTL_MIN_DIST": 2.0})
         status, landed = log["vehicle_status"], log["vehicle_land_detected"]
         disarmed = status["timestamp"][status["arming_state"] == 1].max()
         last = landed["timestamp"][~landed["landed"].astype(bool)].max()
