@@ -14,9 +14,10 @@ from msggen.base.exit_codes import DONE
 from msggen.cli.chosen_types import Types, folder_types, given_types, release_types
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
 from msggen.cli.packages import topics_of
+from msggen.cli.sim_arguments import MOST_KEYS, add_arguments
 from msggen.cli.sim_log import check_ulog, contents_of, endpoint_topics, fly_alone, new_log
 from msggen.cli.status import Status
-from msggen.cli.values import Deferred, finite, local_path, non_empty, positive, share, whole
+from msggen.cli.values import local_path, non_empty
 from msggen.cli.watching import watching
 from msggen.live.links.link_types import CLIENTS, DEFAULT, usages
 from msggen.sources.embedded import EMBEDDED
@@ -26,14 +27,8 @@ if TYPE_CHECKING:
     from msggen.live.sim import Options, Simulator
     from msggen.recordings.live.ulog import UlogWriter
 
-_SYNCS = ("px4", "short", "off")
-_BOARDS = ("most", "sitl")
-_MOST_KEYS = 255
-"""The largest key: it is also the system id of the vehicle, which is a uint8."""
-_NAMESPACE = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(?:/[A-Za-z_][A-Za-z0-9_]*)*")
 _REFRESH = 0.5
 """The time in s after which news are printed."""
-_LONGEST_NAMESPACE = 100
 
 
 def add_to(commands: Commands) -> None:
@@ -61,99 +56,8 @@ def add_to(commands: Commands) -> None:
         type=local_path,
         help="write a ULog of the vehicle; without ADDRESS, it flies a square by itself, as fast as it can be computed",
     )
-    _add_vehicles(parser)
-    _add_misbehaviour(parser)
+    add_arguments(parser)
     add_shared(parser, "-q, --quiet")
-
-
-def _add_vehicles(parser: argparse.ArgumentParser) -> None:
-    group = parser.add_argument_group("vehicles")
-    source = group.add_mutually_exclusive_group()
-    add_shared(source, "--px4", old="--release")
-    source.add_argument(
-        "--types", metavar="NAME|DIR", type=local_path, help="package that msggen has generated, instead of --px4"
-    )
-    group.add_argument(
-        "--count", metavar="N", type=whole(1, _MOST_KEYS), default="1", help="number of vehicles (default: 1)"
-    )
-    group.add_argument(
-        "--namespace", metavar="NAME", type=_namespace, help="namespace, NAME_1, NAME_2, ... of several (default: uav)"
-    )
-    group.add_argument(
-        "--key",
-        metavar="N",
-        type=whole(1, _MOST_KEYS),
-        default="1",
-        help="key of the first vehicle, as UXRCE_DDS_KEY (default: 1)",
-    )
-    group.add_argument(
-        "--board",
-        choices=_BOARDS,
-        default=_BOARDS[0],
-        metavar="BOARD",
-        help="object ids of the firmware of most boards: most; or of px4_sitl: sitl (default: most)",
-    )
-    group.add_argument("--rate", metavar="HZ", type=positive, help="publish all topics at this rate")
-    group.add_argument(
-        "--sync",
-        choices=_SYNCS,
-        default=_SYNCS[0],
-        metavar="MODE",
-        help="time synchronisation: px4, which takes 5 s; short; off (default: px4)",
-    )
-    add_shared(group, "--for")
-
-
-def _add_misbehaviour(parser: argparse.ArgumentParser) -> None:
-    group = parser.add_argument_group("misbehaviour", "SHARE is from 0 to 1, of the datagrams of both directions.")
-    for option, text in (
-        ("--drop", "lose datagrams"),
-        ("--reorder", "exchange datagrams with the next one"),
-        ("--duplicate", "repeat datagrams"),
-        ("--garbage", "send damaged and random datagrams too"),
-    ):
-        group.add_argument(option, metavar="SHARE", type=share, default="0", help=text)
-    group.add_argument("--silent-after", metavar="SECONDS", type=positive, help="fall silent for good")
-    group.add_argument("--restart-every", metavar="SECONDS", type=positive, help="restart the client")
-    group.add_argument(
-        "--wrong-hash",
-        metavar="MESSAGE",
-        type=non_empty,
-        action="append",
-        default=[],
-        help="answer format requests with a wrong hash, as of another definition; repeatable",
-    )
-    group.add_argument(
-        "--version",
-        metavar="MESSAGE=N",
-        type=_version,
-        action="append",
-        default=[],
-        help="use another version suffix in the topics of a message; repeatable",
-    )
-    group.add_argument(
-        "--clock-off", metavar="SECONDS", type=finite, default="0", help="error of the timestamps of samples"
-    )
-    group.add_argument("--no-time-reply", action="store_true", help="lose the answers to requests for the time")
-    group.add_argument("--no-position", action="store_true", help="have no estimate of the position")
-    group.add_argument(
-        "--seed", metavar="N", type=whole(0, 2**32), default="0", help="of all that is random (default: 0)"
-    )
-
-
-@Deferred
-def _namespace(text: str) -> str:
-    if not _NAMESPACE.fullmatch(text) or len(text) > _LONGEST_NAMESPACE:
-        raise argparse.ArgumentTypeError(f"expected a name such as uav_1, found {text!r}")
-    return text
-
-
-@Deferred
-def _version(text: str) -> tuple[str, int]:
-    name, mark, number = text.partition("=")
-    if not (mark and name and number.isascii() and number.isdecimal()):
-        raise argparse.ArgumentTypeError(f"expected a message and a version such as VehicleStatus=2, found {text!r}")
-    return name, int(number)
 
 
 # The run
@@ -161,9 +65,11 @@ def _version(text: str) -> tuple[str, int]:
 
 def _sim(options: argparse.Namespace) -> int:
     _check_log(options)
+    _check_speed(options)
     package, label = _types(options)
     _check_messages(options, package)
     if options.log and options.address is None:
+        _check_alone(options)
         return fly_alone(options, package, label, next(_options_of_vehicles(options)))
     options.address = options.address or DEFAULT
     with new_log(options, endpoint_topics(package), label) if options.log else nullcontext() as log:
@@ -261,7 +167,8 @@ def _open(options: argparse.Namespace, package: ModuleType, log: UlogWriter | No
         if re.search(f"[?&]{option}=", options.address):
             options.parser.error(f"argument ADDRESS: '{option}' is not part of an address: give it as --{option}")
     try:
-        return Simulator(package, options.address, list(_options_of_vehicles(options)), log)
+        vehicles = list(_options_of_vehicles(options))
+        return Simulator(package, options.address, vehicles, log, speed=options.speed or 1.0)
     except LinkError as error:
         raise input_error(options.address, "L102", str(error), 0) from None
     except ValueError as error:
@@ -284,20 +191,20 @@ def _options_of_vehicles(options: argparse.Namespace) -> Iterator[Options]:
         no_time_reply=options.no_time_reply,
         no_position=options.no_position,
     )
-    if options.key + options.count - 1 > _MOST_KEYS:
-        options.parser.error(
-            f"--key {options.key}: the last of {options.count} vehicles needs a key up to {_MOST_KEYS}"
-        )
+    if options.key + options.count - 1 > MOST_KEYS:
+        options.parser.error(f"--key {options.key}: the last of {options.count} vehicles needs a key up to {MOST_KEYS}")
     for number in range(options.count):
         namespace = options.namespace or ("uav" if options.count > 1 else "")
         yield Options(
             key=options.key + number,
             namespace=f"{namespace}_{number + 1}" if options.count > 1 else namespace,
             rate=options.rate,
-            sync=options.sync,
+            sync=options.sync or ("px4" if options.speed in {None, 1.0} else "off"),
             seed=options.seed,
             misbehaviour=misbehaviour,
             board=options.board,
+            parameters=dict(options.param),
+            faults=tuple(options.fault),
         )
 
 
@@ -308,6 +215,26 @@ def _check_log(options: argparse.Namespace) -> None:
     if options.count > 1:
         options.parser.error("argument --log: the ULog of one vehicle is written, not with --count")
     check_ulog(options.log)
+
+
+def _check_alone(options: argparse.Namespace) -> None:
+    """Refuse what a flight without an agent cannot have."""
+    from msggen.live.sim.faults import read_fault
+
+    if options.speed is not None:
+        options.parser.error("argument --speed: without ADDRESS, a flight is as fast as it can be computed")
+    for _, fault in options.fault:
+        if read_fault(fault).change is None:
+            options.parser.error(f"argument --fault: '{fault}' needs ADDRESS: without it, there is no link")
+
+
+def _check_speed(options: argparse.Namespace) -> None:
+    """Refuse to synchronize clocks of different speeds."""
+    if options.speed not in {None, 1.0} and options.sync not in {None, "off"}:
+        options.parser.error(
+            f"argument --sync: the agent's clock runs at another speed, so that it cannot be '{options.sync}' "
+            "with --speed: leave it out"
+        )
 
 
 def _check_messages(options: argparse.Namespace, package: ModuleType) -> None:

@@ -49,7 +49,7 @@ def new_log(options: argparse.Namespace, topics: Mapping[str, Any], label: str) 
 
     path = options.log
     try:
-        log = UlogWriter(path, BOOT, topics, PARAMETERS, Vehicle(options.key, label))
+        log = UlogWriter(path, BOOT, topics, {**PARAMETERS, **dict(options.param)}, Vehicle(options.key, label))
     except FileExistsError:
         raise _taken(path) from None
     except (OSError, UlogError) as error:

@@ -58,6 +58,7 @@ VALUES = (
         "embedded:v9",
         "Lamp",
     ),
+    *("COM_MODE_ARM_CHK=1", "RTL_MIN_DIST=-1e9", "0.1:no-link", "0.2:restart", "1:mode=land"),
     *("M301", "WIRE,", "dds_topics.yaml", "file/x", "\n", "a\nb", "{{", "{{ 1/0 }}", "%s", "$(x)", "json"),
     *("sarif", "junit", "github", "message", "catalog", "main", "\u202e", "out", "1e9", "dir/msg/Lamp.msg", "class"),
 )

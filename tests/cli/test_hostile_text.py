@@ -127,7 +127,11 @@ CASES: dict[str, list[list[str]]] = {
         ["--px4", f"{FILE}.px4", "--template", FILE, "-o", "x"],
     ],
     "rules": [[], ["--output-format", "json"]],
-    "sim": [["--namespace", NAME], ["--types", NAME], ["--wrong-hash", NAME], [NAME]],
+    "sim": [
+        *(["--namespace", NAME], ["--types", NAME], ["--wrong-hash", NAME], [NAME]),
+        *(["--param", NAME], ["--param", f"RTL_MIN_DIST={NAME}"], ["--fault", NAME], ["--fault", f"1:{NAME}"]),
+        *(["--fault", f"1:mode={NAME}"], ["--fault", f"1:battery={NAME}"], ["--speed", NAME]),
+    ],
     "sync": [
         [f"{FILE}.ros", "--create", "--px4", f"{FILE}.px4", "--diff"],
         [FILE, "--create", "--px4", f"{FILE}.px4"],

@@ -219,7 +219,7 @@ def test_a_long_wait_is_announced(url: str, monkeypatch: pytest.MonkeyPatch) -> 
 
 def test_a_vehicle_with_another_namespace_is_told(url: str, px4_types: Any) -> None:
     with Simulator(px4_types, url, [SHORT]):
-        outcome = run(["topic", "list", "--link", url, "--types", TYPES, "--namespace", "uav_1", "--wait", "2"])
+        outcome = run(["topic", "list", "--link", url, "--types", TYPES, "--namespace", "uav_1", "--wait", "4"])
     assert re.search(
         r" only the vehicle at 127.0.0.1:\d+ \(key 1\) is connected, and one with the namespace 'uav_1' was asked for;",
         outcome.stderr,

@@ -44,6 +44,7 @@ CALM = Options(sync="short", rate=10.0)
 NAN = (math.nan, math.nan, math.nan)
 HEIGHT = (0.0, 0.0, -3.0)
 SECONDS = 2.5
+OFFBOARD = 14
 DOMAINS = domains(107)
 Program: TypeAlias = Callable[[Vehicle, Any], object]
 """What a program does with its vehicle."""
@@ -101,12 +102,16 @@ def offboard(vehicle: Vehicle, package: Any) -> int:
 
 
 def begin(vehicle: Vehicle, package: Any, *messages: Any) -> None:
-    """Publish, by default a position, until the vehicle accepts Offboard mode."""
+    """Publish, by default a position, until the vehicle can be armed in Offboard mode."""
     send(vehicle, *(messages or (package.OffboardControlMode(position=True), position(package))))
-    end = time.monotonic() + 10
-    while offboard(vehicle, package) != 0:
-        assert time.monotonic() < end
-        time.sleep(0.2)
+    select(vehicle, package)
+
+
+def select(vehicle: Vehicle, package: Any) -> None:
+    """Select Offboard mode, and wait until the vehicle can be armed."""
+    assert offboard(vehicle, package) == 0
+    ready = vehicle.subscribe(package.VehicleStatus)
+    ready.wait_for(lambda each: each.nav_state == OFFBOARD and each.pre_flight_checks_pass, timeout=10)
 
 
 def paused(package: Any) -> Callable[[], Any]:
@@ -123,10 +128,7 @@ def paused(package: Any) -> Callable[[], Any]:
 def flying(vehicle: Vehicle, package: Any) -> None:
     """Fly, and stop to publish in the air."""
     with vehicle.every(20, package.OffboardControlMode(position=True)), vehicle.every(20, position(package)):
-        end = time.monotonic() + 10
-        while offboard(vehicle, package) != 0:
-            assert time.monotonic() < end
-            time.sleep(0.2)
+        select(vehicle, package)
         arm(vehicle, package)
         place = vehicle.subscribe(package.VehicleLocalPosition)
         place.wait_for(lambda each: each.z < -2.5, timeout=20)
@@ -155,6 +157,7 @@ def no_position(vehicle: Vehicle, package: Any) -> None:
 
 def refused_mode(vehicle: Vehicle, package: Any) -> None:
     send(vehicle, position(package))
+    arm(vehicle, package)  # a vehicle on the ground accepts every mode until it is armed
     offboard(vehicle, package)
 
 
@@ -265,7 +268,7 @@ def test_vehicles_that_do_not_follow_are_found(url: str, px4_types: Any, expecte
     assert "'temporarily rejected'" in told["no position"]
     assert "xy_valid, v_xy_valid of vehicle_local_position are false" in told["checks"]
     assert "its checks fail in mode Hold because of local_position_invalid" in told["checks"]
-    assert "is in a failsafe, in mode Land because of offboard_control_signal_lost" in told["failsafe"]
+    assert "is in a failsafe, in mode Return because of offboard_control_signal_lost" in told["failsafe"]
     (answer,) = report.answers
     assert answer.startswith("/healthy/fmu/in/trajectory_setpoint: published by ")
     assert f"(pid {os.getpid()}) at " in answer

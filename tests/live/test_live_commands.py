@@ -184,6 +184,7 @@ def test_commands_are_sent_and_answered(bench: Bench, capsys: pytest.CaptureFixt
         ["NAV_TAKEOFF", "altitude=500"],
         ["vehicle_cmd_nav_land"],
         ["NAV_TAKEOFF", "altitude=5"],
+        ["DO_SET_MODE", "mav_mode_value=0"],
         ["DO_CHANGE_SPEED", "speed=airspeed", "speed_2=12.5"],
     ):
         code = main(["command", *words, *bench.link])
@@ -192,7 +193,8 @@ def test_commands_are_sent_and_answered(bench: Bench, capsys: pytest.CaptureFixt
         (0, "COMPONENT_ARM_DISARM: ACCEPTED\n"),
         (0, "NAV_TAKEOFF: ACCEPTED\n"),
         (0, "NAV_LAND: ACCEPTED\n"),
-        (1, "NAV_TAKEOFF: DENIED\n"),
+        (0, "NAV_TAKEOFF: ACCEPTED\n"),
+        (1, "DO_SET_MODE: DENIED\n"),
         (1, "DO_CHANGE_SPEED: UNSUPPORTED\n"),
     ]
 

@@ -139,9 +139,8 @@ FAULTS: Mapping[str, Fault] = MappingProxyType(
         "disarmed": _fault("the vehicle is not armed", "Offboard mode without arming", "NOT_ARMED"),
         "refused mode": _fault(
             "the vehicle refuses Offboard mode",
-            "a command without offboard_control_mode",
+            "a command to an armed vehicle without offboard_control_mode",
             "OFFBOARD_MODE_MISSING",
-            "NOT_ARMED",
             "MODE_REFUSED",
         ),
         "other mode": _fault("the vehicle is in another mode", "arming in Hold mode", "MODE_OTHER"),

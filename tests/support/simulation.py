@@ -94,13 +94,25 @@ class Bench:
         namespace = self.vehicle.options.namespace
         return f"rt/{namespace}{ros_name}" if namespace else f"rt{ros_name}"
 
-    def command(self, number: int, *parameters: float, target_system: int = 1) -> int:
+    def command(
+        self,
+        number: int,
+        *parameters: float,
+        target_system: int = 1,
+        topic: str = "vehicle_command",
+        source_component: int = 0,
+    ) -> int:
         """Send a command and return the result that the vehicle acknowledges, -1 for none."""
         values = {f"param{index + 1}": value for index, value in enumerate(parameters)}
         seen = len(self.agent.samples)
-        self.publish(
-            self.package.VehicleCommand(command=number, target_system=target_system, **values), "vehicle_command"
+        message = self.package.VehicleCommand(
+            command=number,
+            target_system=target_system,
+            source_system=1,
+            source_component=source_component,
+            **values,
         )
+        self.publish(message, topic)
         found = [ack.result for ack in self.messages("vehicle_command_ack", seen) if ack.command == number]
         return found[-1] if found else -1
 
@@ -122,7 +134,9 @@ class Bench:
 
     def last(self, topic: str) -> Any:
         """Return the newest message of a topic."""
-        return [*self.messages(topic)][-1]
+        endpoint = next(each for each in self.topics.out if each.uorb_topic == topic)
+        name = self.name(endpoint.ros_name)
+        return next(endpoint.message.decode(sample) for found, sample in reversed(self.agent.samples) if found == name)
 
 
 def fly(bench: Bench, seconds: float, setpoint: Mapping[str, Any], hz: float = 10.0) -> None:

@@ -9,11 +9,15 @@ from importlib import import_module
 from types import ModuleType
 from typing import Any
 
+from msggen.live.sim.commander.states import HOLD, OFFBOARD
+from msggen.live.sim.commands import ARM_DISARM, LAND, SET_MODE, TAKEOFF
+from msggen.live.sim.faults import TimedFaults
 from msggen.live.sim.flight import NAN
-from msggen.live.sim.publishing import FlightLog, Publication, Schedule, publication_of
+from msggen.live.sim.options import Options
+from msggen.live.sim.publishing import STATUS, FlightLog, Publication, Schedule, publication_of
 from msggen.live.sim.values import Clocks, Filler, Scene
-from msggen.live.sim.vehicle import Options
-from msggen.live.sim.world import ARM_DISARM, HOLD, LAND, SET_MODE, STEP, TAKEOFF, World
+from msggen.live.sim.vehicle import world_of
+from msggen.live.sim.world import STEP
 
 BOOT = 1_000_000
 """The time since boot in us at which the flight begins."""
@@ -22,6 +26,8 @@ _HEIGHT = 10.0
 _SQUARE = ((0.0, 0.0), (20.0, 0.0), (20.0, 20.0), (0.0, 20.0), (0.0, 0.0))
 """North and east in m."""
 _NEAR = 0.5
+_REST = 1_000_000
+"""The time in us for which the flight goes on after the vehicle has disarmed."""
 _HEARTBEAT, _SETPOINT = 100_000, 50_000
 """The intervals in us of OffboardControlMode and TrajectorySetpoint."""
 INSIDE = {"vehicle_local_position_setpoint": 100_000, "actuator_motors": 20_000}
@@ -33,7 +39,7 @@ class LoneFlight:
     """A vehicle that takes off, flies a square in Offboard mode, and lands. `utc` is the time in us since 1970."""
 
     def __init__(self, package: ModuleType, options: Options, utc: int) -> None:
-        self.world = World(options.home, options.key, has_position=not options.misbehaviour.no_position)
+        self.world = world_of(package, options)
         self.time = self.world.time = BOOT
         self._utc = utc
         self._noise = random.Random(f"noise {options.seed} {options.key}")  # noqa: S311 - not for secrets
@@ -51,17 +57,23 @@ class LoneFlight:
         self._schedule = Schedule(publications, BOOT)
         self._goal: tuple[float, float] | None = None
         self._sent: dict[str, int] = {}
+        self._faults = TimedFaults(options.faults)
 
     def run(self, log: FlightLog, until: int) -> None:
         """Fly up to a time in us, or until the vehicle has landed again."""
         script = self._script(log)
         is_reached = next(script)
-        before = self.world.is_armed, self.world.mode
-        while self.time < until:
+        before, end = (self.world.is_armed, self.world.mode), until
+        while self.time < end:
             self._advance(log)
             after = self.world.is_armed, self.world.mode
             if after != before:
+                self._schedule.hasten(STATUS, self.time)
                 log.text(self.time, self.world.state(was_armed=before[0]))
+                if before[1] == OFFBOARD:
+                    self._goal, is_reached = None, _never  # as a program that sees that another mode flies
+                if before[0] and not after[0]:
+                    end = min(until, self.time + _REST)
                 before = after
             if is_reached():
                 following = next(script, None)
@@ -74,6 +86,7 @@ class LoneFlight:
         world = self.world
         yield self._after(2.0)
         self._command(log, TAKEOFF, param7=world.home.altitude + _HEIGHT)
+        yield self._after(0.5)
         self._command(log, ARM_DISARM, param1=1.0)
         if not world.is_armed:  # refused, as without a position: the next time the vehicle would not arm either
             yield self._after(5.0)
@@ -89,8 +102,7 @@ class LoneFlight:
             yield self._after(1.0)
         self._command(log, LAND)
         self._goal = None
-        yield lambda: not world.is_armed
-        yield self._after(1.0)
+        yield _never
 
     def _after(self, seconds: float) -> Callable[[], bool]:
         end = self.time + round(seconds * 1e6)
@@ -103,6 +115,9 @@ class LoneFlight:
     def _advance(self, log: FlightLog) -> None:
         self.time += STEP
         self.world.advance(self.time)
+        for fault in self._faults.take(self.time - BOOT):
+            if fault.change:
+                log.text(self.time, fault.change(self.world))
         if self._goal is not None:
             self._send_setpoints(log, *self._goal)
         scene = Scene(self.world, self._noise, Clocks(remote=self._utc + self.time - BOOT))
@@ -111,10 +126,18 @@ class LoneFlight:
 
     def _send_setpoints(self, log: FlightLog, north: float, east: float) -> None:
         free = (NAN, NAN, NAN)
-        setpoint = {"velocity": free, "acceleration": free, "jerk": free, "yaw": 0.0, "yawspeed": NAN}
+        setpoint = {
+            "position": (north, east, -_HEIGHT),
+            "velocity": free,
+            "acceleration": free,
+            "jerk": free,
+            "yaw": 0.0,
+            "yawspeed": NAN,
+        }
+        setpoints = self.world.setpoints
         for topic, interval, take, values in (
-            ("offboard_control_mode", _HEARTBEAT, self.world.offboard, {"position": True}),
-            ("trajectory_setpoint", _SETPOINT, self.world.setpoint, {"position": (north, east, -_HEIGHT), **setpoint}),
+            ("offboard_control_mode", _HEARTBEAT, setpoints.take_offboard, {"position": True}),
+            ("trajectory_setpoint", _SETPOINT, setpoints.take_trajectory, setpoint),
         ):
             if self.time - self._sent.get(topic, -interval) >= interval and topic in self._inputs:
                 self._sent[topic] = self.time
@@ -133,3 +156,8 @@ class LoneFlight:
         answer = self.topics.get("vehicle_command_ack")
         if answer:
             log.add("vehicle_command_ack", answer(timestamp=self.time, command=number, result=result))
+
+
+def _never() -> bool:
+    """Return False: the vehicle disarms by itself, which ends the flight."""
+    return False

@@ -9,22 +9,47 @@ PARAMETERS: Mapping[str, float] = MappingProxyType(
     {
         "COM_DISARM_LAND": 2.0,
         "COM_DISARM_PRFLT": 10.0,
+        "COM_FAIL_ACT_T": 5.0,
+        "COM_LOW_BAT_ACT": 0.0,
+        "COM_MODE_ARM_CHK": 0.0,
         "COM_OF_LOSS_T": 1.0,
+        "COM_SPOOLUP_TIME": 1.0,
+        "LNDMC_TRIG_TIME": 1.0,
+        "MC_ROLLRATE_MAX": 220.0,
+        "MC_ROLL_P": 6.5,
         "MC_YAW_P": 2.8,
         "MIS_TAKEOFF_ALT": 2.5,
         "MPC_ACC_DOWN_MAX": 3.0,
+        "MPC_ACC_HOR": 3.0,
         "MPC_ACC_HOR_MAX": 5.0,
         "MPC_ACC_UP_MAX": 4.0,
         "MPC_LAND_ALT2": 5.0,
         "MPC_LAND_SPEED": 0.7,
+        "MPC_THR_HOVER": 0.5,
+        "MPC_TKO_RAMP_T": 3.0,
         "MPC_TKO_SPEED": 1.5,
+        "MPC_XY_CRUISE": 5.0,
         "MPC_XY_P": 0.95,
         "MPC_XY_VEL_MAX": 12.0,
+        "MPC_YAWRAUTO_MAX": 60.0,
         "MPC_Z_VEL_MAX_DN": 1.5,
         "MPC_Z_VEL_MAX_UP": 3.0,
+        "MPC_Z_V_AUTO_DN": 1.5,
+        "MPC_Z_V_AUTO_UP": 3.0,
+        "NAV_ACC_RAD": 10.0,
+        "NAV_MC_ALT_RAD": 0.8,
+        "RTL_CONE_ANG": 45.0,
+        "RTL_MIN_DIST": 10.0,
+        "RTL_RETURN_ALT": 60.0,
     }
 )
-"""Times are in s, heights in m, speeds in m/s, accelerations in m/s^2, and gains in 1/s."""
+"""Times are in s, heights in m, speeds in m/s, accelerations in m/s^2, angles in degrees, and gains in 1/s."""
+
+SETTABLE = (
+    *(name for name in PARAMETERS if name.startswith("COM_") and name not in {"COM_OF_LOSS_T", "COM_SPOOLUP_TIME"}),
+    *("MIS_TAKEOFF_ALT", "NAV_ACC_RAD", "RTL_CONE_ANG", "RTL_MIN_DIST", "RTL_RETURN_ALT"),
+)
+"""Those that a vehicle can have other values of. The others are built into its motion."""
 
 
 def microseconds(name: str) -> int:

@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING, Any, Protocol
 from msggen.live.link import LinkError
 from msggen.live.links.address import Address
 from msggen.live.links.link_types import DEFAULT
+from msggen.live.sim.options import Options
 from msggen.live.sim.publishing import FlightLog
 from msggen.live.sim.transport import Transport, open_transport, read_address
-from msggen.live.sim.vehicle import Options, SimulatedVehicle
+from msggen.live.sim.vehicle import SimulatedVehicle
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -23,6 +24,43 @@ if TYPE_CHECKING:
 _LONGEST_WAIT = 0.1
 _SHORTEST_WAIT = 0.001
 """The time in s for which samples that are due are collected, so that many vehicles need little time."""
+_MOST_BEHIND = 20_000
+"""The time in us by which a clock of another speed can be late, before it runs more slowly."""
+
+
+class Clock:
+    """The time since boot in us, which can run at another speed than that of the system.
+
+    At another speed, it stops at each time at which something is due, so that nothing is left out. It runs more slowly
+    on a computer that is too slow.
+    """
+
+    def __init__(self, boot: int, speed: float) -> None:
+        self._boot, self._speed = boot, speed
+        self._start = time.monotonic_ns()
+        self._time = boot
+        self.shortest_wait = _SHORTEST_WAIT if speed == 1.0 else 0.0
+
+    @property
+    def now(self) -> int:
+        """The time."""
+        return self._target if self._speed == 1.0 else self._time
+
+    @property
+    def _target(self) -> int:
+        return self._boot + int((time.monotonic_ns() - self._start) * self._speed) // 1000
+
+    def move(self, due: int) -> None:
+        """Go on, at another speed to the next time at which something is due."""
+        target = self._target
+        self._time = min(target, max(due, self._time))
+        behind = target - self._time - _MOST_BEHIND
+        if behind > 0 and self._speed != 1.0:
+            self._start += round(behind * 1000 / self._speed)
+
+    def seconds_until(self, time: int) -> float:
+        """Return how long it takes until a time."""
+        return (time - self._target) / 1e6 / self._speed
 
 
 class Running(Protocol):
@@ -58,12 +96,15 @@ class Runner:
     boot = 1_000_000
     """The time since boot in us at which the clients start."""
 
-    def __init__(self, clients: Sequence[Running], agent: Address) -> None:
-        """Open the connection of each client. Raises LinkError if one cannot be opened."""
+    def __init__(self, clients: Sequence[Running], agent: Address, *, speed: float = 1.0) -> None:
+        """Open the connection of each client. Raises LinkError if one cannot be opened.
+
+        `speed` is how fast the time of the clients runs, compared with that of the system.
+        """
         if agent.link_type.is_device and len(clients) > 1:
             raise LinkError("a serial line has one vehicle: give every vehicle a line, or use udp://")
         self._clients = clients
-        self._start = time.monotonic_ns() // 1000 - self.boot
+        self._clock = Clock(self.boot, speed)
         self._selector = selectors.DefaultSelector()
         self._transports: list[Transport] = []
         self._registered: list[int] = []
@@ -92,10 +133,13 @@ class Runner:
     @property
     def now(self) -> int:
         """The time since boot in us."""
-        return time.monotonic_ns() // 1000 - self._start
+        return self._clock.now
 
     def serve(self, seconds: float, is_done: Callable[[], bool] = lambda: False) -> None:
-        """Run the clients in this thread for some time, or until `is_done`. Raises LinkError if the device is gone."""
+        """Run the clients in this thread for some time of theirs, or until `is_done`.
+
+        Raises LinkError if the device is gone.
+        """
         end = self.now + round(seconds * 1e6)
         while self.now < end and not self._closing.is_set() and not is_done():
             self._step(end)
@@ -129,13 +173,14 @@ class Runner:
 
     def _step(self, end: int) -> None:
         """Do what is due, and wait for the next datagram or time."""
+        self._clock.move(min(client.next_time for client in self._clients))
         now = self.now
         for number, client in enumerate(self._clients):
             if client.next_time <= now:
                 client.advance(now)
             self._send(number)
-        next_time = min(end, *(client.next_time for client in self._clients))
-        wait = min(_LONGEST_WAIT, max(_SHORTEST_WAIT, (next_time - self.now) / 1e6))
+        seconds = self._clock.seconds_until(min(end, *(client.next_time for client in self._clients)))
+        wait = min(_LONGEST_WAIT, max(self._clock.shortest_wait, seconds))
         for key, _ in self._selector.select(wait):
             self._receive(key.data)
 
@@ -188,13 +233,18 @@ class Simulator(Runner):
         address: str = DEFAULT,
         options: Sequence[Options] = (Options(),),
         log: FlightLog | None = None,
+        *,
+        speed: float = 1.0,
     ) -> None:
         """Open the connections of a vehicle for each of `options`.
 
-        `package` is a package that msggen generated. `log` takes what the first vehicle publishes and reads. Raises
-        ValueError for an address that is none, and LinkError if it cannot be opened.
+        `package` is a package that msggen generated. `log` takes what the first vehicle publishes and reads. With
+        `speed`, the time of the vehicles runs that many times as fast, and `sync` must be "off". Raises ValueError
+        for an address that is none and for another `sync`, and LinkError if the address cannot be opened.
         """
+        if speed != 1.0 and any(each.sync != "off" for each in options):
+            raise ValueError('the clock of the agent runs at another speed: give the vehicles Options(sync="off")')
         self.vehicles = tuple(
             SimulatedVehicle(package, each, log if number == 0 else None) for number, each in enumerate(options)
         )
-        super().__init__(self.vehicles, read_address(address))
+        super().__init__(self.vehicles, read_address(address), speed=speed)

@@ -11,28 +11,45 @@ import random
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, TypeAlias
 
-from msggen.live.sim.flight import NAN, Target
-from msggen.live.sim.world import (
+from msggen.live.sim.commander.setpoint_types import ALL, Controls
+from msggen.live.sim.commander.states import (
     ALTITUDE,
+    DESCEND,
+    EXTERNAL,
     HOLD,
-    LANDING,
+    LAND,
     MANUAL,
-    MODES,
+    MODE_NAMES,
     OFFBOARD,
-    PLACED,
-    POSITION,
+    PILOTED,
+    RETURN,
     STABILIZED,
-    TAKING_OFF,
-    World,
+    TAKEOFF,
+    TERMINATION,
 )
+from msggen.live.sim.flight import NAN, Target
+from msggen.live.sim.world import World
 
 Values: TypeAlias = Mapping[str, Any]
 
-_PILOTED = {MANUAL, ALTITUDE, POSITION, STABILIZED}
-_AUTOMATIC = {HOLD, TAKING_OFF, LANDING}
+_AUTOMATIC = {HOLD, RETURN, TAKEOFF, LAND, DESCEND}
+_NOT_SELECTABLE = 1 << DESCEND | 1 << TERMINATION
+_OWN_MODES = sum(1 << mode for mode in MODE_NAMES if mode not in EXTERNAL)
+_EXTERNAL_MODES = sum(1 << mode for mode in EXTERNAL)
+_RATES: Controls = frozenset({"allocation", "rates"})
+_LEVELS: Mapping[int, Controls] = {
+    MANUAL: _RATES | {"attitude"},
+    STABILIZED: _RATES | {"attitude"},
+    ALTITUDE: _RATES | {"attitude", "altitude", "climb_rate"},
+    DESCEND: _RATES | {"attitude", "climb_rate"},
+    TERMINATION: frozenset(),
+}
+"""What is controlled in the modes of PX4 that do not control the position."""
 _HOVER = 0.5
 """The share of the full thrust that holds the vehicle: MPC_THR_HOVER."""
 _MOTORS = 4
+_LOW = 1.0
+"""The height in m below which the vehicle is close to the ground."""
 _MOVING = 0.1
 """The speed in m/s above which the land detector reports movement."""
 
@@ -69,6 +86,10 @@ class Filler:
     def make(self, scene: Scene, time: int) -> Any:
         """Return a message of a time, in us."""
         values = self._values(scene) if self._values else {}
+        return self.filled(values, time)
+
+    def filled(self, values: Values, time: int) -> Any:
+        """Return a message with those of some values that it has, of a time in us."""
         made = self.message(**{name: value for name, value in values.items() if name in self._names})
         made.timestamp = time
         if self.is_sampled:
@@ -77,35 +98,39 @@ class Filler:
 
 
 def _vehicle_status(scene: Scene) -> Values:
-    world = scene.world
-    modes = sum(1 << mode for mode in MODES)
+    commander, battery = scene.world.commander, scene.world.battery
+    failsafe = commander.failsafe
     return {
-        "armed_time": world.armed_time,
-        "takeoff_time": world.takeoff_time,
-        "arming_state": 2 if world.is_armed else 1,
-        "latest_arming_reason": world.arming_reason,
-        "latest_disarming_reason": world.disarming_reason,
-        "nav_state_timestamp": world.mode_time,
-        "nav_state_user_intention": world.intention,
-        "nav_state": world.mode,
-        "nav_state_display": world.mode,
-        "accepts_offboard_setpoints": world.mode == OFFBOARD,
-        "valid_nav_states_mask": modes,
-        "can_set_nav_states_mask": modes,
+        "armed_time": commander.armed_time,
+        "takeoff_time": commander.takeoff_time,
+        "arming_state": 2 if commander.is_armed else 1,
+        "latest_arming_reason": commander.arming_reason,
+        "latest_disarming_reason": commander.disarming_reason,
+        "nav_state_timestamp": commander.mode_time,
+        "nav_state_user_intention": commander.intention,
+        "nav_state": commander.mode,
+        "nav_state_display": commander.displayed,
+        "executor_in_charge": commander.executor_in_charge,
+        "accepts_offboard_setpoints": commander.mode == OFFBOARD,
+        "valid_nav_states_mask": _OWN_MODES | _EXTERNAL_MODES,
+        "can_set_nav_states_mask": commander.selectable,
         "vehicle_type": 1,
-        "failsafe": world.failsafe,
-        "gcs_connection_lost": True,
+        "failsafe": failsafe.is_active,
+        "failsafe_and_user_took_over": failsafe.user_took_over,
+        "failsafe_defer_state": failsafe.defer_state,
+        "gcs_connection_lost": not scene.world.has_ground_station,
+        "battery_warning": battery.warning,
         "system_type": 2,
-        "system_id": world.system_id,
+        "system_id": scene.world.system_id,
         "component_id": 1,
         "safety_off": True,
         "power_input_valid": True,
-        "pre_flight_checks_pass": not world.why_unarmable,
+        "pre_flight_checks_pass": commander.is_ready,
     }
 
 
 def _vehicle_local_position(scene: Scene) -> Values:
-    flight, home, valid = scene.world.flight, scene.world.home, scene.world.has_position
+    flight, origin, valid = scene.world.flight, scene.world.origin, scene.world.has_position
     x, y, z = flight.position
     vx, vy, vz = flight.velocity
     ax, ay, az = flight.acceleration
@@ -113,8 +138,9 @@ def _vehicle_local_position(scene: Scene) -> Values:
         "xy_valid": valid, "z_valid": True, "v_xy_valid": valid, "v_z_valid": True,
         "x": x, "y": y, "z": z, "vx": vx, "vy": vy, "vz": vz, "z_deriv": vz, "ax": ax, "ay": ay, "az": az,
         "heading": flight.heading, "heading_var": 0.001, "unaided_heading": NAN, "heading_good_for_control": True,
-        "xy_global": valid, "z_global": True, "ref_lat": home.latitude, "ref_lon": home.longitude,
-        "ref_alt": home.altitude, "dist_bottom": max(0.0, -z), "eph": 0.3, "epv": 0.4, "evh": 0.1, "evv": 0.1,
+        "xy_global": valid, "z_global": True, "ref_lat": origin.latitude, "ref_lon": origin.longitude,
+        "ref_alt": origin.altitude, "dist_bottom": max(0.0, flight.ground - z),
+        "eph": 0.3, "epv": 0.4, "evh": 0.1, "evv": 0.1,
         "vxy_max": math.inf, "vz_max": math.inf, "hagl_min": math.inf, "hagl_max": math.inf, "hagl_max_z": math.inf,
         "hagl_max_xy": math.inf,
     }  # fmt: skip
@@ -232,67 +258,66 @@ def _battery_status(scene: Scene) -> Values:
 def _vehicle_land_detected(scene: Scene) -> Values:
     world, flight = scene.world, scene.world.flight
     north, east, down = flight.velocity
-    landed = world.is_landed
+    landing = world.landing
+    landed, is_low = landing.landed, flight.ground - flight.position[2] < _LOW
     return {
         "freefall": not world.is_armed and not landed,
-        "ground_contact": landed,
-        "maybe_landed": landed,
+        "ground_contact": landing.ground_contact,
+        "maybe_landed": landing.maybe_landed,
         "landed": landed,
-        "in_ground_effect": not landed and flight.position[2] > -1.0,
+        "in_ground_effect": not landed and is_low,
         "in_descend": down > _MOVING,
         "has_low_throttle": landed,
         "vertical_movement": abs(down) > _MOVING,
         "horizontal_movement": math.hypot(north, east) > _MOVING,
         "rotational_movement": max(map(abs, flight.rates)) > _MOVING,
-        "close_to_ground_or_skipped_check": flight.position[2] > -1.0,
+        "close_to_ground_or_skipped_check": is_low,
         "at_rest": landed,
     }
 
 
 def _vehicle_control_mode(scene: Scene) -> Values:
-    world = scene.world
-    stabilized = world.mode != MANUAL
-    height = stabilized and world.mode != STABILIZED
-    place = height and world.mode != ALTITUDE
+    commander = scene.world.commander
+    mode = commander.mode
+    controls = commander.controls if mode in EXTERNAL else _LEVELS.get(mode, ALL)
     return {
-        "flag_armed": world.is_armed,
-        "flag_multicopter_position_control_enabled": place,
-        "flag_control_manual_enabled": world.mode in _PILOTED,
-        "flag_control_auto_enabled": world.mode in _AUTOMATIC,
-        "flag_control_offboard_enabled": world.mode == OFFBOARD,
-        "flag_control_rates_enabled": True,
-        "flag_control_attitude_enabled": True,
-        "flag_control_velocity_enabled": place,
-        "flag_control_position_enabled": place,
-        "flag_control_altitude_enabled": height,
-        "flag_control_climb_rate_enabled": height,
-        "flag_control_allocation_enabled": True,
+        "source_id": mode,
+        "flag_armed": commander.is_armed,
+        "flag_multicopter_position_control_enabled": "velocity" in controls or "climb_rate" in controls,
+        "flag_control_manual_enabled": mode in PILOTED,
+        "flag_control_auto_enabled": mode in _AUTOMATIC,
+        "flag_control_offboard_enabled": mode == OFFBOARD,
+        **{f"flag_control_{name}_enabled": True for name in controls},
     }
 
 
 def _failsafe_flags(scene: Scene) -> Values:
-    world = scene.world
-    placed = (*PLACED, OFFBOARD) if world.controls_position else PLACED
+    commander = scene.world.commander
+    senses = commander.senses
     return {
-        "mode_req_angular_velocity": 0xFFFFFFFF,
-        "mode_req_attitude": 0xFFFFFFFF & ~(1 << MANUAL),
-        "mode_req_local_position": sum(1 << mode for mode in placed),
-        "mode_req_offboard_signal": 1 << OFFBOARD,
-        "mode_req_manual_control": sum(1 << mode for mode in _PILOTED),
-        "local_position_invalid": not world.has_position,
-        "global_position_invalid": not world.has_position,
-        "auto_mission_missing": True,
-        "offboard_control_signal_lost": not world.has_offboard_signal(world.time),
-        "manual_control_signal_lost": True,
-        "gcs_connection_lost": True,
-        "battery_warning": world.battery.warning,
+        **{f"mode_req_{name}": mask for name, mask in commander.requirements.masks.items()},
+        "angular_velocity_invalid": not senses.angular_velocity,
+        "attitude_invalid": not senses.attitude,
+        "local_altitude_invalid": not senses.local_alt,
+        "local_position_invalid": not senses.local_position,
+        "local_position_invalid_relaxed": not senses.local_position_relaxed,
+        "local_velocity_invalid": not senses.local_position,
+        "global_position_invalid": not senses.global_position,
+        "global_position_invalid_relaxed": not senses.global_position_relaxed,
+        "home_position_invalid": not senses.home_position,
+        "auto_mission_missing": not senses.mission,
+        "offboard_control_signal_lost": not senses.offboard_signal,
+        "manual_control_signal_lost": not senses.manual_control,
+        "gcs_connection_lost": not senses.ground_station,
+        "battery_warning": senses.battery,
     }
 
 
 def _home_position(scene: Scene) -> Values:
-    home = scene.world.home
-    place = {"lat": home.latitude, "lon": home.longitude, "alt": home.altitude}
-    return {**place, "valid_alt": True, "valid_hpos": True, "valid_lpos": True, "update_count": 1}
+    home, valid = scene.world.home, scene.world.has_home
+    x, y, z = scene.world.origin.local(home)
+    place = {"lat": home.latitude, "lon": home.longitude, "alt": home.altitude, "x": x, "y": y, "z": z}
+    return {**place, "valid_alt": valid, "valid_hpos": valid, "valid_lpos": valid, "update_count": 1}
 
 
 def _estimator_status_flags(scene: Scene) -> Values:

@@ -13,57 +13,28 @@ from __future__ import annotations
 import random
 import re
 from collections import Counter, deque
-from collections.abc import Callable, Mapping
+from collections.abc import Sequence
 from importlib import import_module
 from types import ModuleType
-from typing import Any, Literal, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
-from msggen.live.messages.object_ids import object_ids_of
-from msggen.live.sim.line import Line, Misbehaviour
-from msggen.live.sim.publishing import FlightLog, Publication, Schedule, publication_of
+from msggen.live.sim import faults
+from msggen.live.sim.endpoints import endpoints_of
+from msggen.live.sim.line import Line
+from msggen.live.sim.options import Options
+from msggen.live.sim.parameters import PARAMETERS
+from msggen.live.sim.programs import Programs, rules_of
+from msggen.live.sim.publishing import STATUS, Answer, Answers, FlightLog, Publication, Schedule
+from msggen.live.sim.requests import Requests
 from msggen.live.sim.values import Clocks, Scene
-from msggen.live.sim.world import ACCEPTED, DENIED, TEMPORARILY_REJECTED, UNSUPPORTED, Home, World
+from msggen.live.sim.world import World
 from msggen.live.xrce import client as xrce
-from msggen.live.xrce.client_entities import Reader, Server, Settings, Sync, Writer
 from msggen.live.xrce.client_events import Connected, Received, Requested
 from msggen.live.xrce.wire import ENCAPSULATION, HEADER, TIMESTAMP_REPLY
 
-_QUEUE = 8
-"""The number of answers that wait: ORB_QUEUE_LENGTH of VehicleCommandAck."""
-
-_RESULTS = {
-    ACCEPTED: "accepted",
-    TEMPORARILY_REJECTED: "temporarily rejected",
-    DENIED: "denied",
-    UNSUPPORTED: "unsupported",
-}
-
 _POLL = 1_000
 """The time in us of a loop of PX4's client: samples that become due in it share a datagram."""
-
-_SERVICE_NUMBER = 2048
 _EVENTS = 256
-
-
-Board: TypeAlias = Literal["most", "sitl"]
-"""The board that the firmware is built for: most boards, or px4_sitl, which has all messages of the release."""
-
-
-class Options(NamedTuple):
-    """The options of a simulated vehicle."""
-
-    key: int = 1
-    """The key of the client and the system id of the vehicle: UXRCE_DDS_KEY and MAV_SYS_ID, from 1 to 255."""
-    namespace: str = ""
-    rate: float | None = None
-    """The rate in Hz at which all topics are published, None for the rate of each."""
-    sync: Sync = "px4"
-    seed: int = 0
-    """Of the noise of sensors and of what goes wrong."""
-    misbehaviour: Misbehaviour = Misbehaviour()
-    home: Home = Home()
-    board: Board = "most"
-    """Decides the object ids of topics out, if the release has messages that only some boards have."""
 
 
 class Change(NamedTuple):
@@ -71,15 +42,6 @@ class Change(NamedTuple):
 
     time: int
     text: str
-
-
-class _Input(NamedTuple):
-    """A topic that the vehicle reads."""
-
-    topic: str
-    """Its name in uORB."""
-    message: Any
-    handler: Callable[[Any], object] | None
 
 
 class SimulatedVehicle:
@@ -93,7 +55,6 @@ class SimulatedVehicle:
     ) -> None:
         self.options = options
         self._log = log
-        self.world = World(options.home, options.key, has_position=not options.misbehaviour.no_position)
         self.sent: Counter[str] = Counter()
         """The number of samples published, by the name of the topic in ROS 2."""
         self.received: Counter[str] = Counter()
@@ -103,25 +64,42 @@ class SimulatedVehicle:
         self.changes: deque[Change] = deque(maxlen=_EVENTS)
         """What happened and was not yet taken."""
         self._package = package
-        self._topics = import_module(f"{package.__name__}.topics")
         self._services = getattr(package, "srv", None)
-        self._uorb = self._topics.UORB
+        self._endpoints = endpoints_of(package, options)
+        self._by_topic = {each.topic: each for each in self._endpoints.publications}
         self._now = 0
         self._noise = random.Random(f"noise {options.seed} {options.key}")  # noqa: S311 - not for secrets
         self._clocks = Clocks()
         wrong = options.misbehaviour
         self._to_agent = Line(wrong, f"out {options.seed} {options.key}")
         self._from_agent = Line(wrong._replace(garbage=0.0), f"in {options.seed} {options.key}")
-        self._outgoing: list[tuple[bytes, int]] = []
-        self._read_topics()
         self._schedule = Schedule((), 0)
-        self._answers: deque[tuple[Publication, Any]] = deque(maxlen=_QUEUE)
-        self._settings = self._client_settings()
-        self._client = xrce.Client(self._settings)
+        self._answers = Answers()
+        self._client = xrce.Client(self._endpoints.settings)
         self._loop_time = -_POLL
         self._start: int | None = None
         self._client_start = 0
+        self._is_cut = False
+        self._faults: deque[faults.Fault] = deque()
+        self._timed = faults.TimedFaults(options.faults)
+        self.world = world_of(package, options)
+        self._enter_world()
+
+    def _enter_world(self) -> None:
+        """Connect the messages with the world."""
+        self._programs = Programs(self.world, self._answer)
+        self._requests = Requests(self.world, self._answer, self._tell, self._hashes())
+        self._handlers = {**self._programs.handlers, **self._requests.handlers}
         self._shown = (False, self.world.mode, False)
+        self._status: Sequence[object] = ()
+
+    def _hashes(self) -> dict[str, int]:
+        """Return the hash of the message of each topic, by its name in uORB."""
+        topics = import_module(f"{self._package.__name__}.topics").UORB
+        wrong = self.options.misbehaviour.wrong_hashes
+        return {
+            name: topic.message.__msg__.message_hash ^ (topic.message_name in wrong) for name, topic in topics.items()
+        }
 
     # What the transport calls
 
@@ -143,10 +121,17 @@ class SimulatedVehicle:
     @property
     def next_time(self) -> int:
         """The time at which `advance` is to be called next."""
-        due = self._schedule.next_time
-        if due is None or not self._client.is_ready:
-            return self._client.next_time
-        return min(max(due, self._loop_time + _POLL), self._client.next_time)
+        if self._faults:
+            return self._now
+        found = self._client.next_time
+        due, loop, fault = self._schedule.next_time, self._programs.next_time, self._timed.next_time
+        if due is not None and self._client.is_ready:
+            found = min(found, max(due, self._loop_time + _POLL))
+        if loop is not None and loop < found:
+            found = loop
+        if fault is not None and self._start is not None:
+            found = min(found, self._start + fault)
+        return found
 
     def advance(self, now: int) -> None:
         """Move the vehicle and publish what is due. The intervals of misbehaviour count from the first call."""
@@ -154,9 +139,11 @@ class SimulatedVehicle:
         if self._start is None:
             self._start = self._client_start = now
         self._restart_if_due()
+        self._fail()
         if not self._client.is_ready:
             self._client.advance(now)
             self._handle()
+        self._programs.advance(now)
         self.world.advance(now)
         self._publish_due()
         self._client.advance(now)  # what it asks for leaves after the samples
@@ -189,51 +176,6 @@ class SimulatedVehicle:
         """End the session."""
         self._client.close(now)
 
-    # Endpoints
-
-    def _read_topics(self) -> None:
-        namespace = f"/{self.options.namespace}" if self.options.namespace else ""
-        versions = self.options.misbehaviour.versions or {}
-        self._received_names: dict[int, str] = {}
-        self._publications: list[Publication] = []
-        self._by_topic: dict[str, Publication] = {}
-        self._inputs: dict[int, _Input] = {}
-        self._readers, self._writers = [], []
-        handlers: Mapping[str, Callable[[Any], object]] = {
-            "message_format_request": self._answer_format_request,
-            "offboard_control_mode": self._take_offboard_control_mode,
-            "trajectory_setpoint": self._take_trajectory_setpoint,
-            "vehicle_command": self._carry_out,
-        }
-        numbers = object_ids_of(self._package)[0 if self.options.board == "most" else -1].numbers
-        for endpoint, number in zip(self._topics.ENDPOINTS, numbers, strict=True):
-            name = namespace + _versioned(endpoint.ros_name, versions.get(endpoint.message_name))
-            dds_type = endpoint.dds_type
-            if endpoint.direction == "in":
-                self._received_names[number] = name
-                self._readers.append(Reader(number, f"rt{name}", dds_type, endpoint.qos.reader.depth))
-                handler = handlers.get(endpoint.uorb_topic)
-                if handler or self._log is not None:
-                    self._inputs[number] = _Input(endpoint.uorb_topic, endpoint.message, handler)
-            else:
-                self._writers.append(Writer(number, f"rt{name}", dds_type))
-                publication = publication_of(endpoint, name=name, number=number, rate=self.options.rate)
-                self._publications.append(publication)
-                self._by_topic[endpoint.uorb_topic] = publication
-
-    def _client_settings(self) -> Settings:
-        options = self.options
-        namespace = f"/{options.namespace}" if options.namespace else ""
-        servers = []
-        if self._services is not None:
-            service = self._services.VehicleCommand
-            topics = (f"rq{namespace}/fmu/vehicle_commandRequest", f"rr{namespace}/fmu/vehicle_commandReply")
-            types = (service.Request.__msg__.dds_type, service.Response.__msg__.dds_type)
-            servers.append(Server(_SERVICE_NUMBER, "vehicle_command", *types, *topics))
-        return Settings(
-            self._readers, self._writers, servers, key=options.key, namespace=options.namespace, sync=options.sync
-        )
-
     # Publishing
 
     def _publish_due(self) -> None:
@@ -256,16 +198,17 @@ class SimulatedVehicle:
         if self._client.write(publication.number, message.encode()[4:]):
             self.sent[publication.name] += 1
 
-    def _answer(self, topic: str, **values: Any) -> None:
-        """Publish a message on a topic, if the release has it. It waits while the client waits, as in uORB's queue."""
+    def _answer(self, topic: str, /, **values: Any) -> None:
+        """Publish a message on a topic, if the release has it. It waits while the client waits."""
         publication = self._by_topic.get(topic)
         if publication:
-            self._answers.append((publication, publication.filler.message(timestamp=self._now, **values)))
+            self._answers.add(Answer(publication, values, self._now))
             self._publish_answers()
 
     def _publish_answers(self) -> None:
-        while self._answers and self._client.is_ready:
-            self._publish(*self._answers.popleft())
+        if self._client.is_ready:
+            for publication, values, time in self._answers.take():
+                self._publish(publication, publication.filler.filled(values, time))
 
     # What arrives
 
@@ -277,8 +220,8 @@ class SimulatedVehicle:
                 self._take_request(event)
             elif isinstance(event, Connected):
                 self._tell("connected")
-                self._answers.clear()
-                self._schedule = Schedule(self._publications, self._now)
+                self._answers.repeat()
+                self._schedule = Schedule(self._endpoints.publications, self._now)
             else:
                 self._tell(f"disconnected: {event.reason}")
         self._clocks = _clocks_of(self._client)
@@ -286,31 +229,26 @@ class SimulatedVehicle:
         self._client.refused.clear()
 
     def _take_sample(self, event: Received) -> None:
-        name = self._received_names[event.number]
+        topic, name, message_class = self._endpoints.inputs[event.number]
         self.received[name] += 1
-        found = self._inputs.get(event.number)
-        if found is None:
+        handler = self._handlers.get(topic)
+        if handler is None and self._log is None:
             return
         try:
-            message = found.message.decode(ENCAPSULATION + event.data)
+            message = message_class.decode(ENCAPSULATION + event.data)
         except ValueError:  # DecodeError of the generated package
-            self.refused[f"{name}: not a {found.message.__name__}"] += 1
+            self.refused[f"{name}: not a {message_class.__name__}"] += 1
             return
-        if found.handler is not None:
-            found.handler(message)
+        self.world.advance(self._now)
+        if handler is not None:
+            handler(message, self._local(message.timestamp))
         if self._log is not None:
             message.timestamp = self._local(message.timestamp)
-            self._log.add(found.topic, message)
+            self._log.add(topic, message)
 
     def _local(self, timestamp: int) -> int:
         """Return the time of a message in the vehicle's clock. 0 and times to come count as now, as in PX4."""
         return min(timestamp - self._client.offset, self._now) if timestamp else self._now
-
-    def _take_offboard_control_mode(self, message: Any) -> None:
-        self.world.offboard(message, self._local(message.timestamp))
-
-    def _take_trajectory_setpoint(self, message: Any) -> None:
-        self.world.setpoint(message, self._local(message.timestamp))
 
     def _take_request(self, event: Requested) -> None:
         assert self._services is not None  # noqa: S101 - for the type checker: without services there are no requests
@@ -321,62 +259,28 @@ class SimulatedVehicle:
             self.refused["vehicle_command: not a VehicleCommand_Request"] += 1
             return
         self.received["vehicle_command (service)"] += 1
-        values = self._carry_out(request)
+        self.world.advance(self._now)
+        values = self._requests.carry_out(request)
         if values:
             response = service.Response()
             for name, value in {**values, "timestamp": self._now + self._client.offset}.items():
                 setattr(response.reply, name, value)
             self._client.reply(event.number, event.identity, response.encode()[4:])
 
-    def _carry_out(self, command: Any) -> dict[str, int]:
-        """Carry out a command and publish its acknowledgement. Return its values, none for that of another vehicle."""
-        if command.target_system not in (0, self.world.system_id):
-            return {}
-        self.world.advance(self._now)
-        numbers = [getattr(command, f"param{number}") for number in range(1, 8)]
-        result = self.world.command(command.command, numbers)
-        reason = f": {self.world.reason}" if self.world.reason else ""
-        self._tell(f"{_command_name(command)} {_RESULTS[result]}{reason}")
-        values = {
-            "command": command.command,
-            "result": result,
-            "target_system": command.source_system,
-            "target_component": command.source_component,
-        }
-        self._answer("vehicle_command_ack", **values)
-        return values
-
-    def _answer_format_request(self, request: Any) -> None:
-        """Tell the hash of a topic's message. PX4 looks up what follows the last `/`, without a version suffix."""
-        latest = type(request).LATEST_PROTOCOL_VERSION
-        path = bytes(request.topic_name).partition(b"\0")[0].decode(errors="replace")
-        _, slash, name = path.rpartition("/")
-        found = bool(slash) and name in self._uorb and request.protocol_version == latest
-        message_hash = 0
-        if found:
-            topic = self._uorb[name]
-            message_hash = topic.message.__msg__.message_hash
-            if topic.message_name in self.options.misbehaviour.wrong_hashes:
-                message_hash ^= 1
-        self._answer(
-            "message_format_response",
-            protocol_version=latest,
-            topic_name=bytes(request.topic_name),
-            success=found,
-            message_hash=message_hash,
-        )
-
     # Changes and misbehaviour
 
     def _report(self) -> None:
         """Publish and tell what the world has done by itself."""
         world = self.world
-        while world.completed:
-            self._answer("mode_completed", result=0, nav_state=world.completed.popleft())
-        state = (world.is_armed, world.mode, world.failsafe)
+        self._programs.ask()
+        state = (world.is_armed, world.mode, world.commander.failsafe.is_active)
         if state != self._shown:
             self._tell(world.state(was_armed=self._shown[0]))
             self._shown = state
+        status = status_of(world)
+        if status != self._status:
+            self._status = status
+            self._schedule.hasten(STATUS, self._now)
 
     def _tell(self, text: str) -> None:
         self.changes.append(Change(self._now, text))
@@ -385,35 +289,83 @@ class SimulatedVehicle:
 
     def _is_silent(self) -> bool:
         after = self.options.misbehaviour.silent_after
-        return after is not None and self._start is not None and self._now - self._start >= after * 1e6
+        is_over = after is not None and self._start is not None and self._now - self._start >= after * 1e6
+        return self._is_cut or is_over
 
     def _restart_if_due(self) -> None:
         every = self.options.misbehaviour.restart_every
         if every is not None and self._now - self._client_start >= every * 1e6 and not self.is_closed:
-            connections = self._client.connections
-            self._client = xrce.Client(self._settings)
-            self._client.connections = connections + 1
-            self._client_start = self._now
+            self._restart_client()
             self._tell("the client restarts")
+
+    def _restart_client(self) -> None:
+        """Begin a new session from a new port, without a word to the agent."""
+        connections = self._client.connections
+        self._client = xrce.Client(self._endpoints.settings)
+        self._client.connections = connections + 1
+        self._client_start = self._now
+
+    def fault(self, text: str) -> None:
+        """Let something happen at the next `advance`, such as `no-position`. Any thread can call it.
+
+        The page on simulated vehicles lists the faults. Raises ValueError for another one.
+        """
+        self._faults.append(faults.read_fault(text))
+
+    def _fail(self) -> None:
+        """Let happen what is due."""
+        self._faults.extend(self._timed.take(self._now - (self._start or 0)))
+        while self._faults:
+            text, change = self._faults.popleft()
+            self._tell(change(self.world) if change else self._change_client(text))
+
+    def _change_client(self, text: str) -> str:
+        if text == faults.RESTART:
+            self._restart()
+            return "PX4 restarts"
+        if text == faults.RESTART_CLIENT:
+            self._restart_client()
+            return "the client restarts"
+        self._is_cut = text == faults.NO_LINK
+        return "the link is cut" if self._is_cut else "the link is there again"
+
+    def _restart(self) -> None:
+        """Stand at home again, and forget all but the slots of modes. The clock goes on."""
+        before = self.world
+        self.world = world_of(self._package, self.options)
+        self.world.time = self._now
+        for name in ("has_gps", "has_position", "has_sticks", "has_ground_station"):
+            setattr(self.world, name, getattr(before, name))
+        self.world.battery = before.battery
+        self.world.commander.components = before.commander.components
+        self.world.commander.components.restart()
+        self._answers = Answers()
+        self._enter_world()
+        self._restart_client()
+
+
+def world_of(package: ModuleType, options: Options) -> World:
+    """Return the world of a vehicle, with the rules of the release of a generated package."""
+    topics = import_module(f"{package.__name__}.topics")
+    has_versions = any(re.search(r"_v\d+$", each.ros_name) for each in topics.ENDPOINTS)
+    return World(
+        options.home,
+        options.key,
+        has_position=not options.misbehaviour.no_position,
+        rules=rules_of(topics.UORB, has_versions=has_versions, is_sitl=options.board == "sitl"),
+        parameters={**PARAMETERS, **options.parameters},
+    )
+
+
+def status_of(world: World) -> Sequence[object]:
+    """Return what PX4 publishes VehicleStatus for, when it changes."""
+    commander = world.commander
+    failsafe = commander.failsafe
+    state = commander.is_armed, commander.mode, commander.intention, commander.executor_in_charge
+    return *state, failsafe.is_active, failsafe.defer_state, commander.is_ready
 
 
 def _clocks_of(client: xrce.Client) -> Clocks:
     """Return the last exchange of times, within the ranges of TimesyncStatus whatever the agent's clock is."""
     agent, observed, round_trip = client.exchange
     return Clocks(max(0, agent), -observed, -client.offset, min(round_trip, 0xFFFFFFFF))
-
-
-def _command_name(command: Any) -> str:
-    """Return the name of a VehicleCommand's command, such as DO_SET_MODE, or its number."""
-    found = (name for name, value in vars(type(command)).items() if value == command.command)
-    return next(
-        (name.removeprefix("VEHICLE_CMD_") for name in found if name.startswith("VEHICLE_CMD_")),
-        f"command {command.command}",
-    )
-
-
-def _versioned(name: str, version: int | None) -> str:
-    """Return the name of a topic with another version suffix. Version 0 has none."""
-    if version is None:
-        return name
-    return re.sub(r"_v\d+$", "", name) + (f"_v{version}" if version else "")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import re
 import select
@@ -21,6 +22,8 @@ from msggen.cli import main
 from msggen.live.link import Connected, Disconnected, Event, LinkError, Sample
 from msggen.live.links.address import Address
 from msggen.live.sim import Misbehaviour, Options, Simulator
+from msggen.live.sim.faults import NAMES, read_fault
+from msggen.live.sim.parameters import PARAMETERS
 from msggen.live.sim.transport import read_address
 from msggen.live.xrce import wire
 from msggen.live.xrce.agent import Agent
@@ -277,6 +280,38 @@ def test_errors_have_codes(words: list[str], text: str, capsys: pytest.CaptureFi
         (["--wrong-hash", "VehicleStat"], "argument --wrong-hash: no topic has a message 'VehicleStat', did you mean"),
         (["--sync", "fast"], "invalid choice: 'fast'"),
         (["--px4", "v1.18"], "not allowed with argument"),
+        (
+            ["--param", "COM_MODE_ARM_CH=1"],
+            "argument --param: parameter 'COM_MODE_ARM_CH' cannot be set, did you mean 'COM_",
+        ),
+        (
+            ["--param", "MAV_SYS_ID=1"],
+            "argument --param: parameter 'MAV_SYS_ID' cannot be set: there are COM_DISARM_LAND, ",
+        ),
+        (
+            ["--param", "RTL_MIN_DIST"],
+            "argument --param: expected a parameter and a value such as RTL_MIN_DIST=1, found 'RTL_MIN_DIST'",
+        ),
+        (["--param", "RTL_MIN_DIST=x"], "argument --param: expected a number, found 'x'"),
+        (
+            ["--fault", "no-position"],
+            "argument --fault: expected a time and a fault such as 20:no-position, found 'no-",
+        ),
+        (["--fault", "x:sticks"], "argument --fault: expected a number, found 'x'"),
+        (["--fault", "2:stick"], "argument --fault: no fault 'stick', did you mean 'sticks'?: there are no-position, "),
+        (
+            ["--fault", "2:battery=7"],
+            "argument --fault: 'battery=7': expected a share from 0 to 1, as in 'battery=0.1'",
+        ),
+        (
+            ["--fault", "2:mode=lan"],
+            "argument --fault: 'mode=lan': no such mode, did you mean 'land'?: there are manual, ",
+        ),
+        (["--speed", "0"], "argument --speed: expected a number above 0, found '0'"),
+        (
+            ["--speed", "5", "--sync", "px4"],
+            "argument --sync: the agent's clock runs at another speed, so that it cannot",
+        ),
     ],
 )
 def test_errors_of_usage(words: list[str], text: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -284,6 +319,49 @@ def test_errors_of_usage(words: list[str], text: str, capsys: pytest.CaptureFixt
         main(["sim", "--types", PACKAGE, *words])
     assert stopped.value.code == 2
     assert text in capsys.readouterr().err
+
+
+def test_time_runs_at_another_speed(server: Server, capsys: pytest.CaptureFixture[str]) -> None:
+    start = time.monotonic()
+    words = ["sim", server.address, "--types", PACKAGE, "--speed", "4", "--for", "4", "--fault", "2:sticks"]
+    assert main(words) == 0
+    assert 0.9 < time.monotonic() - start < 3.0
+    lines = capsys.readouterr().out.splitlines()
+    assert re.fullmatch(r" +2\.0\d s  the pilot's sticks are there", lines[2])
+    assert re.search(r", in 4\.\d s$", lines[3])
+    assert len(server.of(Sample)) > 1000  # of 4 s
+
+
+def test_no_sample_is_left_out_at_another_speed(server: Server, px4_types: Any) -> None:
+    """A computer that is too slow for the speed gets a lower one."""
+    simulator = Simulator(px4_types, server.address, [Options(sync="off")], speed=20.0)
+    simulator.serve(8.0)
+    simulator.close()
+    decode = px4_types.SensorCombined.decode
+    samples = [each for each in server.of(Sample) if each.route.name == "/fmu/out/sensor_combined"]
+    times = [decode(each.payload).timestamp for each in samples]
+    gaps = [later - earlier for earlier, later in itertools.pairwise(times)]
+    assert len(gaps) > 500
+    assert sum(gap > 5_000 for gap in gaps) < 0.02 * len(gaps)
+
+
+def test_clocks_of_different_speeds_cannot_be_synchronised(px4_types: Any) -> None:
+    with pytest.raises(ValueError, match="the clock of the agent runs at another speed"):
+        Simulator(px4_types, options=[SHORT], speed=2.0)
+
+
+def test_faults_can_be_told_from_another_thread(server: Server, px4_types: Any) -> None:
+    with Simulator(px4_types, server.address, [SHORT]) as simulator:
+        (vehicle,) = simulator.vehicles
+        wait_until(lambda: vehicle.is_connected)
+        vehicle.fault("no-position")
+        wait_until(lambda: vehicle.changes[-1].text == "GPS is lost")
+        vehicle.fault("no-link")
+        wait_until(lambda: not vehicle.is_connected, 20.0)
+        vehicle.fault("link")
+        wait_until(lambda: vehicle.is_connected, 20.0)
+        with pytest.raises(ValueError, match="no fault 'nothing': there are no-position, "):
+            vehicle.fault("nothing")
 
 
 def test_nothing_is_left_in_the_folder_for_temporary_files(
@@ -326,15 +404,25 @@ def test_the_commands_of_the_page_are_accepted() -> None:
     from msggen.cli import parser_for
 
     commands = re.findall(r"^(?:\$ )?msggen (sim.*?)(?: &|  #.*)?$", PAGE, re.MULTILINE)
-    assert len(commands) == 10
+    assert len(commands) == 14
     for command in commands:
         parser_for(command.split()).parse_args(command.split())
 
 
 def test_the_options_of_the_page_are_all_misbehaviours() -> None:
-    shown = re.findall(r"^\| `(--[\w-]+)", PAGE, re.MULTILINE)
+    shown = re.findall(r"^\| `(--[\w-]+)", PAGE.partition("## What goes wrong")[2], re.MULTILINE)
     names = [name.replace("_", "-") for name in Misbehaviour._fields]
     assert shown == [f"--{ {'wrong-hashes': 'wrong-hash', 'versions': 'version'}.get(name, name) }" for name in names]
+
+
+def test_the_page_has_all_parameters_and_faults() -> None:
+    rows = re.findall(r"^\| ([A-Z][A-Z0-9_]+) \| ([\d.]+) \|", PAGE, re.MULTILINE)
+    assert {name: float(value) for name, value in rows} == PARAMETERS
+    table = PAGE.partition("| fault | what happens |")[2].partition("\n\n")[0]
+    names = [name for row in table.splitlines()[2:] for name in re.findall("`([^`]+)`", row.split("|")[1])]
+    assert sorted(re.sub("=.*", "", name) for name in names) == sorted(re.sub("=.*", "", name) for name in NAMES)
+    for name in names:
+        read_fault(name)
 
 
 def test_the_summary_of_the_page_has_the_format_of_the_command(

@@ -107,11 +107,12 @@ def test_readers_find_the_values_that_were_written(px4_types: Any, tmp_path: Pat
 def test_a_vehicle_flies_a_square_by_itself(px4_types: Any) -> None:
     kept = _flown(px4_types)
     assert [line.partition(" ")[2] for line in kept.lines] == [
+        "disarmed, takeoff",
         "armed, takeoff",
         "armed, hold",
         "armed, offboard",
         "armed, land",
-        "disarmed, hold: landed",
+        "disarmed, offboard: landed",
     ]
     times = [time for time, _, _ in kept.messages]
     assert times == sorted(times)
@@ -129,7 +130,10 @@ def test_the_same_seed_gives_the_same_flight(px4_types: Any) -> None:
 
 def test_a_vehicle_without_a_position_stays_on_the_ground(px4_types: Any) -> None:
     kept = _flown(px4_types, Options(misbehaviour=Misbehaviour(no_position=True)))
-    assert [line.partition("refused: ")[2] for line in kept.lines] == ["there is no position"] * 2
+    assert [line.partition(" ")[2] for line in kept.lines] == [
+        "disarmed, takeoff",
+        "command 400 refused: there is no position",
+    ]
     assert kept.messages[-1][0] < BOOT + 10_000_000
 
 
@@ -138,15 +142,51 @@ def test_a_vehicle_without_a_position_stays_on_the_ground(px4_types: Any) -> Non
 def test_the_command_writes_a_flight(release: str, capsys: Any) -> None:
     assert main(["sim", "--log", "flight.ulg", "--px4", release]) == 0
     shown = capsys.readouterr().out
-    assert shown.startswith(f"the embedded PX4 {release}: a flight of 5")
+    assert re.match(f"the embedded PX4 {release}: a flight of [5]", shown)
     with recordings.open("flight.ulg") as log:
         assert log.problems == []
         assert log.utc_offset is not None
         assert abs((log.start + log.utc_offset) / 1e9 - time.time()) < 300
         assert f"{sum(len(each.array) for each in log.load().values()):,} samples" in shown
         assert log.parameters.keys() == PARAMETERS.keys()
-        assert [text.text for text in log.texts][-1] == "disarmed, hold: landed"
+        assert [text.text for text in log.texts][-1] == "disarmed, offboard: landed"
     assert main(["check", "flight.ulg", release]) == 0
+
+
+def test_faults_happen_at_their_times(px4_types: Any) -> None:
+    kept = _flown(px4_types, Options(faults=((22.0, "mode=land"), (20.0, "battery=0.06"), (12.5, "sticks"))))
+    assert [line for line in kept.lines if "armed" not in line] == [
+        "12.5 the pilot's sticks are there",
+        "20.0 the battery has 6% left",
+        "22.0 the pilot selects land",
+    ]
+    sent = [time for time, topic, _ in kept.messages if topic == "trajectory_setpoint"]
+    assert BOOT + 22_000_000 - 100_000 < sent[-1] <= BOOT + 22_020_000  # the program stops when the pilot takes over
+    battery = [message for _, topic, message in kept.messages if topic == "battery_status"]
+    assert min(message.remaining for message in battery) < 0.06
+
+
+@pytest.mark.usefixtures("working_folder")
+def test_parameters_are_in_the_ulog_and_followed(capsys: Any) -> None:
+    words = [
+        "sim",
+        "--log",
+        "flight.ulg",
+        "--px4",
+        "v1.18",
+        "--param",
+        "COM_DISARM_LAND=7",
+        "--param",
+        "RTL_MIN_DIST=2",
+    ]
+    assert main(words) == 0
+    assert capsys.readouterr().err == ""
+    with recordings.open("flight.ulg") as log:
+        assert log.parameters == pytest.approx({**PARAMETERS, "COM_DISARM_LAND": 7.0, "RTL_MIN_DIST": 2.0})
+        status, landed = log["vehicle_status"], log["vehicle_land_detected"]
+        disarmed = status["timestamp"][status["arming_state"] == 1].max()
+        last = landed["timestamp"][~landed["landed"].astype(bool)].max()
+        assert disarmed - last > 6_000_000
 
 
 @pytest.mark.usefixtures("working_folder")
@@ -163,6 +203,8 @@ def test_a_flight_can_end_early(capsys: Any) -> None:
         (["--log", "there.ulg"], "there.ulg: R101 there is such a file already: choose another name, or remove it"),
         (["--log", "no/flight.ulg"], "no/flight.ulg: R101 there is no folder 'no': create it first"),
         (["--log", "a.ulg", "--count", "2"], "argument --log: the ULog of one vehicle is written, not with --count"),
+        (["--log", "a.ulg", "--speed", "2"], "argument --speed: without ADDRESS, a flight is as fast as it can be"),
+        (["--log", "a.ulg", "--fault", "1:no-link"], "argument --fault: 'no-link' needs ADDRESS: without it, there is"),
     ],
 )
 def test_a_file_that_cannot_be_written_is_told_at_once(arguments: list[str], error: str, capsys: Any) -> None:
@@ -242,8 +284,9 @@ def test_a_log_that_cannot_be_written_leaves_no_connection(monkeypatch: pytest.M
 
 
 @pytest.mark.usefixtures("working_folder")
-def test_the_page_shows_what_a_flight_prints(capsys: Any) -> None:
-    page = (ROOT / "docs" / "sim.md").read_text(encoding="utf-8").partition("## A flight without PX4")[2]
+@pytest.mark.parametrize("section", ["A flight without PX4", "Faults"])
+def test_the_page_shows_what_a_flight_prints(section: str, capsys: Any) -> None:
+    page = (ROOT / "docs" / "sim.md").read_text(encoding="utf-8").partition(f"## {section}\n")[2]
     (block,) = re.findall(r"```console\n(.*?)```", page, re.DOTALL)[:1]
     for command, shown in re.findall(r"\$ msggen (.*)\n((?:[^$].*\n)*)", block):
         assert main([*shlex.split(command), *(["--px4", "v1.18"] if command.startswith("sim") else [])]) == 0

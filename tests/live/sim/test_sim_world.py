@@ -3,121 +3,39 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msggen.live.sim.flight import FREE, GRAVITY, NAN, Flight, Quaternion, Target, Vector, wrapped
-from msggen.live.sim.world import (
+from msggen.live.sim.commander.states import (
     ACCEPTED,
-    ARM_DISARM,
     DENIED,
     HOLD,
-    LAND,
-    LANDING,
     OFFBOARD,
     POSITION,
-    SET_MODE,
-    STEP,
-    TAKEOFF,
-    TAKING_OFF,
+    RETURN,
     TEMPORARILY_REJECTED,
     UNSUPPORTED,
-    Home,
-    World,
 )
+from msggen.live.sim.commander.states import LAND as LANDING
+from msggen.live.sim.commander.states import TAKEOFF as TAKING_OFF
+from msggen.live.sim.commands import ARM_DISARM, LAND, SET_MODE, TAKEOFF
+from msggen.live.sim.flight import NAN, Flight, Target, wrapped
+from msggen.live.sim.world import STEP, Home, World
 from support.examples import examples
+from support.sim_world import ARM, DISARM, NOTHING, SECOND, Controls, Pilot, Setpoint
 
-SECOND = 1_000_000
-NOTHING = (NAN,) * 7
-ARM = (1.0, *NOTHING[1:])
-DISARM = (0.0, *NOTHING[1:])
 TO_OFFBOARD = (1.0, 6.0, *NOTHING[2:])
-
-
-class Controls(NamedTuple):
-    position: bool = True
-    velocity: bool = False
-    acceleration: bool = False
-
-
-POSITIONS = Controls()
-
-
-class Setpoint(NamedTuple):
-    position: Vector = FREE
-    velocity: Vector = FREE
-    acceleration: Vector = FREE
-    yaw: float = NAN
-    yawspeed: float = NAN
-
-
-def rotated(q: Quaternion, vector: Vector) -> Vector:
-    """Return a vector in body axes as one in NED, by the matrix of a quaternion."""
-    w, x, y, z = q
-    rows = (
-        (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
-        (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
-        (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
-    )
-    a, b, c = (sum(m * v for m, v in zip(row, vector, strict=True)) for row in rows)
-    return a, b, c
-
-
-class Pilot:
-    """A world, and a program that publishes setpoints at 10 Hz. Every step is checked."""
-
-    def __init__(self) -> None:
-        self.world = World()
-        self.before = self.state()
-
-    def state(self) -> tuple[Vector, Vector, Quaternion]:
-        flight = self.world.flight
-        return flight.position, flight.velocity, flight.quaternion
-
-    def run(self, seconds: float, setpoint: Setpoint | None = None, controls: Controls = POSITIONS) -> None:
-        end = self.world.time + round(seconds * SECOND)
-        publish = self.world.time
-        while self.world.time + STEP <= end:
-            if setpoint is not None and self.world.time >= publish:
-                self.world.offboard(controls, self.world.time)
-                self.world.setpoint(setpoint, self.world.time)
-                publish += 100_000
-            self.world.advance(self.world.time + STEP)
-            self.check()
-
-    def check(self) -> None:
-        """Nothing jumps, the quaternion is one, and thrust and gravity give the acceleration."""
-        seconds = STEP / SECOND
-        flight = self.world.flight
-        position, velocity, q = self.state()
-        assert math.dist(position, self.before[0]) <= 13.0 * seconds
-        assert position[2] <= 0.0
-        if not flight.is_on_ground:
-            assert math.dist(velocity, self.before[1]) <= 11.0 * seconds
-        assert math.hypot(*q) == pytest.approx(1.0, abs=1e-9)
-        assert math.dist(q, self.before[2]) < 0.2, "the sign of a quaternion does not change either"
-        force = rotated(q, flight.specific_force)
-        assert (force[0], force[1], force[2] + GRAVITY) == pytest.approx(flight.acceleration, abs=1e-6)
-        self.before = position, velocity, q
-
-    def command(self, number: int, parameters: tuple[float, ...] = NOTHING) -> int:
-        return self.world.command(number, parameters)
-
-    def take_off(self) -> None:
-        assert self.command(ARM_DISARM, ARM) == ACCEPTED
-        assert self.command(TAKEOFF) == ACCEPTED
-        self.run(6.0)
 
 
 def test_it_takes_off_flies_a_square_and_lands() -> None:
     pilot = Pilot()
     world = pilot.world
     pilot.take_off()
+    completed = [*world.commander.completed]
     assert world.mode == HOLD
-    assert world.flight.position == pytest.approx((0, 0, -2.5), abs=0.4)
+    assert world.flight.position == pytest.approx((0, 0, -2.5), abs=0.1)
     corners = [(5.0, 0.0, -5.0), (5.0, 5.0, -5.0), (0.0, 5.0, -5.0), (0.0, 0.0, -5.0)]
     pilot.run(0.5, Setpoint(corners[0]))
     assert pilot.command(SET_MODE, TO_OFFBOARD) == ACCEPTED
@@ -128,11 +46,12 @@ def test_it_takes_off_flies_a_square_and_lands() -> None:
     assert world.flight.heading == pytest.approx(1.0, abs=0.01)
     assert pilot.command(LAND) == ACCEPTED
     pilot.run(15.0)
+    completed += world.commander.completed
     assert not world.is_armed
     assert world.is_landed
     assert world.flight.position == pytest.approx((0, 0, 0), abs=0.1)
-    assert [*world.completed] == [TAKING_OFF, LANDING]
-    assert world.disarming_reason == 6, "ARM_DISARM_REASON_LANDING"
+    assert [*dict.fromkeys(completed)] == [TAKING_OFF, LANDING]
+    assert world.commander.disarming_reason == 6, "ARM_DISARM_REASON_LANDING"
 
 
 def test_north_east_and_down_have_their_signs() -> None:
@@ -193,27 +112,45 @@ def test_a_long_pause_is_not_flown() -> None:
     assert 10**12 - world.time < STEP
 
 
-def test_offboard_mode_needs_a_heartbeat() -> None:
+def test_offboard_mode_needs_a_heartbeat_to_arm_and_to_be_entered_in_flight() -> None:
+    """Disarmed, PX4 lets all modes be selected."""
     pilot = Pilot()
+    pilot.world.advance(SECOND)
+    assert pilot.command(SET_MODE, TO_OFFBOARD) == ACCEPTED
+    assert pilot.command(ARM_DISARM, ARM) == TEMPORARILY_REJECTED
+    pilot.world.setpoints.take_offboard(Controls(), pilot.world.time)
+    pilot.run(0.1)
+    assert pilot.command(ARM_DISARM, ARM) == TEMPORARILY_REJECTED, "one message is no rate"
+    pilot.run(0.3, Setpoint((0.0, 0.0, -3.0)))
+    assert pilot.command(ARM_DISARM, ARM) == ACCEPTED
+    pilot.command(ARM_DISARM, DISARM)
+    pilot.command(SET_MODE, (1.0, 4.0, 3.0, *NOTHING[3:]))
+    pilot.take_off()
     assert pilot.command(SET_MODE, TO_OFFBOARD) == TEMPORARILY_REJECTED
-    pilot.world.offboard(Controls(), pilot.world.time)
-    assert pilot.command(SET_MODE, TO_OFFBOARD) == TEMPORARILY_REJECTED, "one message is no rate"
     pilot.run(0.3, Setpoint((0.0, 0.0, -3.0)))
     assert pilot.command(SET_MODE, TO_OFFBOARD) == ACCEPTED
-    pilot.run(1.5)
-    assert pilot.world.mode == HOLD, "lost on the ground"
-    assert not pilot.world.failsafe
+
+
+def test_offboard_mode_lifts_the_vehicle_off_the_ground() -> None:
+    pilot = Pilot()
+    assert pilot.command(SET_MODE, TO_OFFBOARD) == ACCEPTED
+    pilot.run(0.5, Setpoint((0.0, 0.0, -3.0)))
+    assert pilot.command(ARM_DISARM, ARM) == ACCEPTED
+    pilot.run(10.0, Setpoint((0.0, 0.0, -3.0)))
+    assert pilot.world.flight.position == pytest.approx((0, 0, -3), abs=0.1)
 
 
 def test_a_heartbeat_with_an_old_time_does_not_count() -> None:
-    world = World()
-    world.advance(10 * SECOND)
+    pilot = Pilot()
+    pilot.take_off()
     for number in range(5):
-        world.offboard(Controls(), number * 1000)
-    assert world.command(SET_MODE, TO_OFFBOARD) == TEMPORARILY_REJECTED
+        pilot.world.setpoints.take_offboard(Controls(), number * 1000)
+    pilot.run(0.1)
+    assert pilot.command(SET_MODE, TO_OFFBOARD) == TEMPORARILY_REJECTED
 
 
-def test_it_lands_when_the_heartbeat_is_lost() -> None:
+def test_it_returns_when_the_heartbeat_is_lost() -> None:
+    """PX4 falls back to a return if no pilot has sticks."""
     pilot = Pilot()
     pilot.take_off()
     pilot.run(0.3, Setpoint((0.0, 0.0, -4.0)))
@@ -222,11 +159,12 @@ def test_it_lands_when_the_heartbeat_is_lost() -> None:
     pilot.run(0.85)
     assert pilot.world.mode == OFFBOARD
     pilot.run(0.2)
-    assert (pilot.world.mode, pilot.world.failsafe, pilot.world.intention) == (LANDING, True, OFFBOARD)
+    commander = pilot.world.commander
+    assert (pilot.world.mode, commander.failsafe.is_active, commander.intention) == (RETURN, True, OFFBOARD)
     pilot.run(15.0)
     assert pilot.world.is_landed
     assert not pilot.world.is_armed
-    assert not pilot.world.failsafe
+    assert not commander.failsafe.is_active
 
 
 @pytest.mark.parametrize(
@@ -238,11 +176,12 @@ def test_it_lands_when_the_heartbeat_is_lost() -> None:
         (SET_MODE, (1.0, 3.0, *NOTHING[2:]), ACCEPTED),
         (SET_MODE, (0.0, 3.0, *NOTHING[2:]), DENIED),
         (SET_MODE, (1.0, 4.0, 3.0, *NOTHING[3:]), ACCEPTED),
-        (SET_MODE, (1.0, 4.0, 5.0, *NOTHING[3:]), DENIED),
+        (SET_MODE, (1.0, 4.0, 5.0, *NOTHING[3:]), ACCEPTED),
+        (SET_MODE, (1.0, 4.0, 4.0, *NOTHING[3:]), DENIED),
         (SET_MODE, (1.0, math.inf, *NOTHING[2:]), DENIED),
         (SET_MODE, NOTHING, DENIED),
-        (LAND, NOTHING, TEMPORARILY_REJECTED),
-        (TAKEOFF, (*NOTHING[:6], 400.0), DENIED),
+        (LAND, NOTHING, ACCEPTED),
+        (TAKEOFF, (*NOTHING[:6], 400.0), ACCEPTED),
         (TAKEOFF, (*NOTHING[:6], 500.0), ACCEPTED),
         (16, NOTHING, UNSUPPORTED),
         (2**32 - 1, NOTHING, UNSUPPORTED),
@@ -265,7 +204,7 @@ def test_it_disarms_in_the_air_only_by_force() -> None:
 def test_it_disarms_if_it_does_not_take_off() -> None:
     pilot = Pilot()
     pilot.command(ARM_DISARM, ARM)
-    pilot.run(9.9)
+    pilot.run(10.9)  # COM_DISARM_PRFLT and 1 s, as measured
     assert pilot.world.is_armed
     pilot.run(0.2)
     assert not pilot.world.is_armed
@@ -281,8 +220,8 @@ def test_a_take_off_waits_for_arming() -> None:
     pilot.run(1.0)
     assert pilot.world.is_landed
     pilot.command(ARM_DISARM, ARM)
-    pilot.run(12.0)
-    assert pilot.world.altitude == pytest.approx(Home().altitude + 10.0, abs=0.4)
+    pilot.run(16.0)
+    assert pilot.world.altitude == pytest.approx(Home().altitude + 10.0, abs=0.1)
 
 
 def test_the_battery_drains_faster_in_the_air() -> None:
@@ -295,8 +234,9 @@ def test_the_battery_drains_faster_in_the_air() -> None:
     assert 12 < pilot.world.battery.voltage < 16.8
 
 
-def test_a_mode_without_position_control_holds_its_place() -> None:
+def test_position_mode_with_sticks_at_rest_holds_its_place() -> None:
     pilot = Pilot()
+    pilot.world.has_sticks = True
     pilot.take_off()
     pilot.command(SET_MODE, (1.0, 3.0, *NOTHING[2:]))
     assert pilot.world.mode == POSITION
@@ -328,10 +268,12 @@ def test_no_setpoint_breaks_the_world(setpoint: Setpoint, controls: Controls) ->
     """Any float32, infinities and NaN too: motion stays finite and continuous."""
     pilot = Pilot()
     pilot.command(ARM_DISARM, ARM)
-    for time in (0, 1):
-        pilot.world.offboard(controls, time)
+    pilot.run(0.1)
+    for time in (1, 2):
+        pilot.world.setpoints.take_offboard(controls, time)
+    pilot.run(0.12)  # the commander looks every 0.1 s
     assert pilot.command(SET_MODE, TO_OFFBOARD) == ACCEPTED
-    pilot.run(0.5, setpoint, controls)
+    pilot.run(4.0, setpoint, controls)
     assert all(map(math.isfinite, (*pilot.world.flight.position, *pilot.world.flight.rates)))
 
 

@@ -1,0 +1,191 @@
+"""Measure how many times faster than real time simulated vehicles fly.
+
+    python benchmarks/simulated.py            half a minute
+    python benchmarks/simulated.py --quick    checks in a few seconds that it works
+
+`alone` is the flight that `msggen sim --log` writes. In `one process`, a program answers the arming checks of its mode
+and sends 30 setpoints a second of the vehicle's time, through the agent and without sockets. In `sockets`, the vehicle
+is another process, and the samples are decoded here: the share of those that arrive in a second of the vehicle's time.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import importlib
+import math
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+
+from environment import ROOT
+from link import Meter
+from msggen.live.link import Opened, Remote, Route, Sample
+from msggen.live.links.udp import UdpLink
+from msggen.live.sim import Options, SimulatedVehicle
+from msggen.live.sim.alone import BOOT, LoneFlight
+from msggen.live.xrce.agent import Agent
+from tables import Table
+
+sys.path.insert(0, str(ROOT / "generated"))
+
+SPEEDS = (1, 2, 5, 10, 20)
+HEAD = ["simulated", "times real time", "samples, of those at speed 1"]
+STEP = 1_000
+"""The time in us between two exchanges of datagrams."""
+GOTO = 33_000
+FLYING = 15
+COMMANDS = {3: (22, math.nan), 4: (400, 1.0), FLYING: (100_001, 23.0)}
+"""The commands, with their first parameters, by the times in s: take off, arm, select the mode of the program."""
+ADDRESS = ("127.0.0.1", 40_000)
+
+
+class Quiet:
+    """A log that keeps nothing."""
+
+    def add(self, topic: str, message: Any) -> None:
+        """Do nothing."""
+
+    def text(self, time: int, text: str) -> None:
+        """Do nothing."""
+
+
+def alone(seconds: float) -> float:
+    """Return how many times faster than real time a vehicle flies by itself."""
+    flight = LoneFlight(importlib.import_module("px4_types"), Options(), 0)
+    start = time.process_time()
+    flight.run(Quiet(), BOOT + round(seconds * 1e6))
+    return (flight.time - BOOT) / 1e6 / (time.process_time() - start)
+
+
+class Program:
+    """Registers a mode, arms, takes off and flies to a place, as messages."""
+
+    def __init__(self, agent: Agent) -> None:
+        self.types = importlib.import_module("px4_types")
+        self._agent = agent
+        self._decode: dict[str, Callable[[bytes], Any]] = {}
+        self._ids: dict[str, int] = {}
+        self._goto_time = self._step = 0
+        self._by_name = {each.ros_name: each for each in self.types.topics.ENDPOINTS}
+        self.height = 0.0
+
+    def send(self, topic: str, message: Any) -> None:
+        """Publish a message on a topic of uORB."""
+        self._agent.publish(1, self._ids[topic], message.encode())
+
+    def take(self, event: object) -> None:
+        """Take an event of the agent. All samples are decoded."""
+        if isinstance(event, Opened):
+            endpoint = self._by_name.get(event.route.name)
+            if endpoint is not None and isinstance(event.route, Route):
+                self._ids[endpoint.uorb_topic] = event.route.object_id
+                self._decode[event.route.name] = endpoint.message.decode
+        elif isinstance(event, Sample):
+            message = self._decode[event.route.name](event.payload)
+            if type(message) is self.types.ArmingCheckRequest:
+                reply = self.types.ArmingCheckReply(request_id=message.request_id, can_arm_and_run=True)
+                self.send("arming_check_reply", reply)
+            elif type(message) is self.types.VehicleLocalPosition:
+                self.height = -message.z
+
+    def act(self, now: int) -> None:
+        """Do what is due at a time in us."""
+        if now >= (self._step + 1) * 1_000_000:
+            self._step += 1
+            if self._step == 1:
+                self._register()
+            elif self._step in COMMANDS:
+                self._command(*COMMANDS[self._step])
+        if now >= self._goto_time + GOTO and self._step >= FLYING:
+            self._goto_time = now
+            self.send("goto_setpoint", self.types.GotoSetpoint(position=(20.0, 0.0, -10.0)))
+
+    def _register(self) -> None:
+        name = b"Benchmark".ljust(25, b"\0")
+        wanted = {"register_arming_check": True, "register_mode": True}
+        message = self.types.RegisterExtComponentRequest(request_id=1, name=name, **wanted)
+        self.send("register_ext_component_request", message)
+
+    def _command(self, number: int, value: float) -> None:
+        rest = {f"param{place}": math.nan for place in range(2, 8)}
+        self.send("vehicle_command", self.types.VehicleCommand(command=number, param1=value, target_system=1, **rest))
+
+
+def one_process(seconds: float) -> tuple[float, float]:
+    """Return how many times faster than real time a vehicle and a program fly, and how high they got in m."""
+    vehicle, agent = SimulatedVehicle(importlib.import_module("px4_types"), Options(sync="off")), Agent(0.0)
+    program = Program(agent)
+    start = time.process_time()
+    for now in range(0, round(seconds * 1e6), STEP):
+        vehicle.advance(now) if vehicle.next_time <= now else None
+        for data, connection in vehicle.take_outgoing():
+            agent.receive(data, (ADDRESS[0], ADDRESS[1] + connection), now * 1000)
+        if not now % 100_000:
+            agent.tick(now / 1e6)
+        for event in agent.take_events():
+            program.take(event)
+        if vehicle.is_connected:
+            program.act(now)
+        for data, _ in agent.take_outgoing():
+            vehicle.receive(data, now)
+    return seconds / (time.process_time() - start), program.height
+
+
+class Receiver(Meter):
+    """A listener that decodes samples and counts them."""
+
+    def __init__(self) -> None:
+        super().__init__(100)
+        self.count = 0
+        self.times: tuple[int, ...] = ()
+        """The times of the first and the last sample, each in us of the vehicle's clock and in ns of this one's."""
+
+    def sample(self, remote: Remote, route: Route, payload: bytes, time: int) -> None:  # noqa: ARG002
+        """Decode a sample."""
+        now = self.decode[route.ros_type](payload).timestamp, time
+        self.times = (*(self.times[:2] or now), *now)
+        self.count += 1
+
+    def rates(self) -> tuple[float, float]:
+        """Return the speed, and the samples in a second of the vehicle's time."""
+        first, started, last, ended = self.times
+        return (last - first) * 1e3 / (ended - started), self.count / (last - first) * 1e6
+
+
+def sockets(speed: float, seconds: float) -> tuple[float, float]:
+    """Return the speed of a vehicle behind a socket, and the samples in a second of its time."""
+    receiver = Receiver()
+    link = UdpLink(port=0)
+    link.start(receiver)
+    try:
+        words = ["sim", f"udp://127.0.0.1:{link.port}", "--types", str(ROOT / "generated" / "px4_types"), "-q"]
+        times = ["--speed", str(speed), "--sync", "off", "--for", str(seconds * speed)]
+        subprocess.run([sys.executable, "-m", "msggen", *words, *times], check=True, cwd=ROOT)
+    finally:
+        link.close()
+    return receiver.rates()
+
+
+def main() -> None:
+    """Measure and print a table."""
+    parser = argparse.ArgumentParser(description="Measure how much faster than real time simulated vehicles fly.")
+    parser.add_argument("--quick", action="store_true", help="little, to see that it works")
+    seconds = 5.0 if parser.parse_args().quick else 60.0
+    rows = [["alone", f"{alone(seconds):.0f}", ""]]
+    one_process(16.0)  # imports the messages
+    ratio, height = one_process(seconds)
+    rows.append([f"one process, up to {height:.0f} m", f"{ratio:.0f}", ""])
+    base = 0.0
+    for speed in SPEEDS:
+        reached, rate = sockets(speed, seconds / 20)
+        base = base or rate
+        rows.append([f"sockets, --speed {speed}", f"{reached:.1f}", f"{rate / base:.0%}"])
+    Table("simulated vehicles", HEAD, rows).print()
+
+
+if __name__ == "__main__":
+    with contextlib.suppress(KeyboardInterrupt):
+        main()

@@ -1,0 +1,33 @@
+"""What differs between the releases of PX4."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Rules(NamedTuple):
+    """The rules of a release. The defaults are those of v1.18."""
+
+    misses: int = 4
+    """How many requests in a row a registration leaves unanswered until it is unresponsive."""
+    first_misses: int = 11
+    """The same until its first reply."""
+    most_age: int | None = 300_000
+    """The age in us from which on replies are dropped."""
+    always_registers: bool = False
+    """Whether programs can register while the vehicle is armed, whatever COM_MODE_ARM_CHK says."""
+    asks_executor: bool = True
+    """Whether disarming selects the mode of the executor in charge, and Hold in place of a mode that does not answer.
+
+    Without that, it selects the mode that was selected last and allows arming."""
+    configures_setpoints: bool = True
+    """Whether SetpointConfig sets the type of a mode's setpoints. Otherwise, VehicleControlMode does."""
+    api_version: int = 2
+    """The version of the interface that replies carry: LATEST_PX4_ROS2_API_VERSION."""
+
+
+V1_18 = Rules()
+V1_17 = Rules(configures_setpoints=False, api_version=1)
+V1_16 = V1_17._replace(most_age=None, asks_executor=False)
+V1_15 = V1_16._replace(misses=3, first_misses=3)
+V1_15_SITL = V1_15._replace(always_registers=True)

@@ -1,0 +1,108 @@
+"""A simulated vehicle in the process of the program that flies it: messages without a link.
+
+Messages are encoded and decoded, as on a link, so neither side can change what the other one has.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import random
+from collections import defaultdict
+from collections.abc import Callable, Sequence
+from importlib import import_module
+from types import ModuleType
+from typing import Any
+
+from msggen.live.sim.options import Options
+from msggen.live.sim.programs import Programs
+from msggen.live.sim.publishing import STATUS, FlightLog, Schedule, publication_of
+from msggen.live.sim.requests import Requests
+from msggen.live.sim.values import Clocks, Filler, Scene
+from msggen.live.sim.vehicle import status_of, world_of
+from msggen.live.sim.world import STEP
+
+Take = Callable[[Any], None]
+"""Takes a message."""
+
+
+class NearVehicle:
+    """A vehicle that is called, and calls. Times are in us since boot."""
+
+    def __init__(self, package: ModuleType, options: Options = Options(), log: FlightLog | None = None) -> None:  # noqa: B008 - it is immutable
+        self.package = package
+        self.world = world_of(package, options)
+        self._log = log
+        self._noise = random.Random(f"noise {options.seed} {options.key}")  # noqa: S311 - not for secrets
+        topics = import_module(f"{package.__name__}.topics")
+        out = [publication_of(each, rate=options.rate) for each in topics.ENDPOINTS if each.direction == "out"]
+        self._fillers: dict[str, Filler] = {each.topic: each.filler for each in out}
+        self._inputs = {each.uorb_topic for each in topics.ENDPOINTS if each.direction == "in"}
+        self._takers: dict[str, list[Take]] = defaultdict(list)
+        self._arrived: list[tuple[str, Any]] = []
+        """The messages that the vehicle takes in its next step."""
+        self._programs = Programs(self.world, self._publish)
+        requests = Requests(self.world, self._publish, self._tell, {})
+        self._handlers = {**self._programs.handlers, **requests.handlers}
+        self._status: Sequence[object] = ()
+        self._schedule = Schedule(out, 0)
+        self.time = 0
+
+    @property
+    def next_time(self) -> int:
+        """The time at which `advance` is to be called next."""
+        return self.time + STEP
+
+    def advance(self, now: int) -> None:
+        """Move on to a time, and call those who subscribed."""
+        self.time = now
+        self.world.advance(now)
+        arrived, self._arrived = self._arrived, []
+        for topic, message in arrived:
+            self._receive(topic, message)
+        self._programs.advance(now)
+        self._programs.ask()
+        status = status_of(self.world)
+        if status != self._status:
+            self._status = status
+            self._schedule.hasten(STATUS, now)
+        scene = Scene(self.world, self._noise, Clocks())
+        for publication in self._schedule.take(now):
+            if self._takers[publication.topic] or self._log is not None:
+                self._send(publication.topic, publication.filler.make(scene, now))
+
+    def subscribe(self, topic: str, take: Take) -> Callable[[], None]:
+        """Call `take` for each message of a topic, which is named as in uORB. Return what ends that."""
+        if topic not in self._fillers:
+            raise LookupError(topic)
+        self._takers[topic].append(take)
+        return lambda: self._takers[topic].remove(take)
+
+    def publish(self, topic: str, message: Any) -> None:
+        """Send a message of a program on a topic, which is named as in uORB."""
+        if topic not in self._inputs:
+            raise LookupError(topic)
+        self._arrived.append((topic, type(message).decode(message.encode())))
+
+    def _receive(self, topic: str, message: Any) -> None:
+        if self._log is not None:
+            self._log.add(topic, message)
+        if topic in self._handlers:
+            self._handlers[topic](message, min(message.timestamp, self.time) or self.time)
+
+    def _tell(self, text: str) -> None:
+        if self._log is not None:
+            self._log.text(self.time, text)
+
+    def _publish(self, topic: str, /, **values: Any) -> None:
+        filler = self._fillers.get(topic)
+        if filler is not None:
+            self._send(topic, filler.filled(values, self.time))
+
+    def _send(self, topic: str, message: Any) -> None:
+        if self._log is not None:
+            self._log.add(topic, message)
+        takers = self._takers[topic]
+        if takers:
+            loop = asyncio.get_running_loop()
+            for take in takers:
+                loop.call_soon(take, type(message).decode(message.encode()))
