@@ -70,8 +70,9 @@ def main() -> None:
             for east, north in SQUARE:
                 flight.fly_to(east, north, HEIGHT)
             flight.command(commands.NAV_LAND())
-            flight.status.wait_for(lambda each: each.arming_state == each.ARMING_STATE_DISARMED, timeout=60)
-            print("landed", flush=True)
+        # no setpoint goes on: PX4 takes them in Land, too
+        flight.status.wait_for(lambda each: each.arming_state == each.ARMING_STATE_DISARMED, timeout=60)
+        print("landed", flush=True)
 
 
 if __name__ == "__main__":
