@@ -23,6 +23,7 @@ PARAMETERS: Mapping[str, float] = {
     "COM_LOW_BAT_ACT": 0,
     "COM_DISARM_LAND": 2,
     "COM_DISARM_PRFLT": 10,
+    "COM_SPOOLUP_TIME": 1,
 }
 STEP = 12_000
 """The loop of the captured commander: it sleeps for 10 ms, in the steps of 4 ms of its simulator. With 10 ms, no flight

@@ -8,7 +8,7 @@ from typing import Final, Protocol
 
 from msggen.live.sim.autopilot import Autopilot
 from msggen.live.sim.commander import states
-from msggen.live.sim.commander.commander import Commander
+from msggen.live.sim.commander.commander import EXECUTOR_SOURCE, Commander
 from msggen.live.sim.places import Home
 
 ARM_DISARM: Final = 400
@@ -76,7 +76,7 @@ def carry_out(world: Vehicle, number: int, parameters: Sequence[float], source_c
     if commander.is_refused(source_component):
         world.reason = commander.reason
         return states.TEMPORARILY_REJECTED
-    order = Order(world, parameters, by_executor=source_component >= 1000)  # noqa: PLR2004 - COMPONENT_MODE_EXECUTOR_START
+    order = Order(world, parameters, by_executor=source_component >= EXECUTOR_SOURCE)
     action = _ACTIONS.get(number)
     return order.refuse(states.UNSUPPORTED, "it is not simulated") if action is None else action(order)
 

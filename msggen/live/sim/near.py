@@ -71,16 +71,22 @@ class NearVehicle:
                 self._send(publication.topic, publication.filler.make(scene, now))
 
     def subscribe(self, topic: str, take: Take) -> Callable[[], None]:
-        """Call `take` for each message of a topic, which is named as in uORB. Return what ends that."""
+        """Call `take` for each message of a topic, which is named as in uORB. Return what ends that.
+
+        Raises LookupError for a topic that the vehicle does not publish.
+        """
         if topic not in self._fillers:
-            raise LookupError(topic)
+            raise LookupError(f"the vehicle does not publish '{topic}'")
         self._takers[topic].append(take)
         return lambda: self._takers[topic].remove(take)
 
     def publish(self, topic: str, message: Any) -> None:
-        """Send a message of a program on a topic, which is named as in uORB."""
+        """Send a message of a program on a topic, which is named as in uORB.
+
+        Raises LookupError for a topic that the vehicle does not read.
+        """
         if topic not in self._inputs:
-            raise LookupError(topic)
+            raise LookupError(f"the vehicle does not read '{topic}'")
         self._arrived.append((topic, type(message).decode(message.encode())))
 
     def _receive(self, topic: str, message: Any) -> None:

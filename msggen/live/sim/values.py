@@ -33,7 +33,6 @@ from msggen.live.sim.world import World
 Values: TypeAlias = Mapping[str, Any]
 
 _AUTOMATIC = {HOLD, RETURN, TAKEOFF, LAND, DESCEND}
-_NOT_SELECTABLE = 1 << DESCEND | 1 << TERMINATION
 _OWN_MODES = sum(1 << mode for mode in MODE_NAMES if mode not in EXTERNAL)
 _EXTERNAL_MODES = sum(1 << mode for mode in EXTERNAL)
 _RATES: Controls = frozenset({"allocation", "rates"})

@@ -31,8 +31,6 @@ LOOP = 10_000
 """The time between two steps of PX4's commander."""
 _CHECKS = 100_000
 """The time between two looks at the requirements of modes."""
-_SPOOL_UP = 1.0
-"""COM_SPOOLUP_TIME: the time in s that motors need."""
 _COMPLETED = 50_000
 """The time between two ModeCompleted of a mode of PX4 that has reached its end."""
 _REPORTED = frozenset({states.TAKEOFF, states.LAND, states.RETURN})
@@ -118,7 +116,12 @@ class Commander:
     @property
     def missing(self) -> tuple[str, ...]:
         """What is missing for arming, as names of requirements."""
-        return self._missing_to_arm(self.mode)
+        found = self.requirements.missing(self.mode, self.senses)
+        if self.requirements.prevents_arming(self.mode) and not self.is_armed:
+            found = (*found, "prevent_arming")
+        if self.requirements.blocks_arming:
+            found = (*found, "arming_check")
+        return (*found, "battery") if self.senses.battery > 1 else found
 
     # Time
 
@@ -163,9 +166,11 @@ class Commander:
         self._apply_overrides()
 
     def _fly(self, mode: int) -> None:
-        if mode != self.mode:
-            self._controls.pop(self.mode, None) if self.rules.configures_setpoints else None
-            self.mode, self.mode_time = mode, self._now
+        if mode == self.mode:
+            return
+        if self.rules.configures_setpoints:
+            self._controls.pop(self.mode, None)
+        self.mode, self.mode_time = mode, self._now
 
     def _flown(self, mode: int) -> int:
         """Return the mode of a program that replaces a mode, if it answers, or the mode itself."""
@@ -215,7 +220,8 @@ class Commander:
             self._resting = None
         elif not self.takeoff_time:
             self._resting = self._resting or self._now
-            self._disarm_after(_SPOOL_UP + self._parameters["COM_DISARM_PRFLT"], states.BY_INACTION)
+            seconds = self._parameters["COM_SPOOLUP_TIME"] + self._parameters["COM_DISARM_PRFLT"]
+            self._disarm_after(seconds, states.BY_INACTION)
         elif not self._applied.keeps_armed:
             self._resting = (self._resting or self._now) if self._sensed.is_landed else None
             self._disarm_after(self._parameters["COM_DISARM_LAND"], states.BY_LANDING)
@@ -300,8 +306,7 @@ class Commander:
     def _apply_overrides(self) -> None:
         own = self._overrides.get((False, self.mode), Overrides())
         executor = self._overrides.get((True, self.executor_in_charge), Overrides())
-        found = executor if executor.defers else own._replace(keeps_armed=own.keeps_armed or executor.keeps_armed)
-        found = found._replace(keeps_armed=own.keeps_armed or executor.keeps_armed)
+        found = (executor if executor.defers else own)._replace(keeps_armed=own.keeps_armed or executor.keeps_armed)
         self.failsafe.defer(found.defer_seconds if found.defers else None)
         self._applied = found
 
@@ -315,13 +320,13 @@ class Commander:
             return True
         return False
 
-    def select(self, mode: int, *, by_executor: bool = False, is_forced: bool = False) -> int:
+    def select(self, mode: int, *, by_executor: bool = False) -> int:
         """Select a mode, and return the result of the command. Disarmed, all modes can be selected."""
         self.reason = ""
         if self.mode == states.TERMINATION:
             self.reason = "the flight is terminated"
             return states.TEMPORARILY_REJECTED
-        if self.is_armed and not is_forced and mode != states.LAND:
+        if self.is_armed and mode != states.LAND:
             missing = self.requirements.missing(self.components.replaced_by(mode), self.senses)
             if missing:
                 self.reason = texts_of(missing)
@@ -380,11 +385,3 @@ class Commander:
             following = states.HOLD
         self._selected = following
         self._take_charge(following, by_executor=False)
-
-    def _missing_to_arm(self, mode: int) -> tuple[str, ...]:
-        found = self.requirements.missing(mode, self.senses)
-        if self.requirements.prevents_arming(mode) and not self.is_armed:
-            found = (*found, "prevent_arming")
-        if self.requirements.blocks_arming:
-            found = (*found, "arming_check")
-        return (*found, "battery") if self.senses.battery > 1 else found
