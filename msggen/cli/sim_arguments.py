@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import re
 
-from msggen.base.diagnostics import suggestion
 from msggen.cli.options import add_shared
 from msggen.cli.values import Deferred, finite, local_path, non_empty, positive, share, whole
 
@@ -133,14 +132,13 @@ def _version(text: str) -> tuple[str, int]:
 
 @Deferred
 def _parameter(text: str) -> tuple[str, float]:
-    from msggen.live.sim.parameters import SETTABLE
+    from msggen.live.sim.parameters import check_settable
 
     name, mark, value = text.partition("=")
-    if name not in SETTABLE:
-        known = ", ".join(SETTABLE)
-        raise argparse.ArgumentTypeError(
-            f"parameter '{name}' cannot be set{suggestion(name, SETTABLE)}: there are {known}"
-        )
+    try:
+        check_settable(name)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
     if not mark:
         raise argparse.ArgumentTypeError(f"expected a parameter and a value such as {name}=1, found {text!r}")
     return name, finite.convert(value)

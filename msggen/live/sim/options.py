@@ -30,6 +30,6 @@ class Options(NamedTuple):
     board: Board = "most"
     """Decides the object ids of topics out, if the release has messages that only some boards have."""
     parameters: Mapping[str, float] = MappingProxyType({})
-    """Parameters of PX4 that differ from their defaults, which `PARAMETERS` lists."""
+    """Parameters of PX4 that differ from their defaults: those of `SETTABLE` in msggen.live.sim.parameters."""
     faults: Sequence[tuple[float, str]] = ()
     """What happens at times in s after the start, such as `(20.0, "no-position")`: `SimulatedVehicle.fault`."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from msggen.base.diagnostics import suggestion
+
 PARAMETERS: Mapping[str, float] = MappingProxyType(
     {
         "COM_DISARM_LAND": 2.0,
@@ -50,6 +52,13 @@ SETTABLE = (
     *("MIS_TAKEOFF_ALT", "NAV_ACC_RAD", "RTL_CONE_ANG", "RTL_MIN_DIST", "RTL_RETURN_ALT"),
 )
 """Those that a vehicle can have other values of. The others are built into its motion."""
+
+
+def check_settable(name: str) -> None:
+    """Raise ValueError for what is no parameter that a vehicle can have another value of."""
+    if name not in SETTABLE:
+        near = suggestion(name, SETTABLE)
+        raise ValueError(f"parameter '{name}' cannot be set{near}: there are {', '.join(SETTABLE)}")
 
 
 def microseconds(name: str) -> int:

@@ -22,7 +22,7 @@ from msggen.live.sim import faults
 from msggen.live.sim.endpoints import endpoints_of
 from msggen.live.sim.line import Line
 from msggen.live.sim.options import Options
-from msggen.live.sim.parameters import PARAMETERS
+from msggen.live.sim.parameters import PARAMETERS, check_settable
 from msggen.live.sim.programs import Programs, rules_of
 from msggen.live.sim.publishing import STATUS, Answer, Answers, FlightLog, Publication, Schedule
 from msggen.live.sim.requests import Requests
@@ -345,7 +345,12 @@ class SimulatedVehicle:
 
 
 def world_of(package: ModuleType, options: Options) -> World:
-    """Return the world of a vehicle, with the rules of the release of a generated package."""
+    """Return the world of a vehicle, with the rules of the release of a generated package.
+
+    Raises ValueError for a parameter that cannot be set.
+    """
+    for name in options.parameters:
+        check_settable(name)
     topics = import_module(f"{package.__name__}.topics")
     has_versions = any(re.search(r"_v\d+$", each.ros_name) for each in topics.ENDPOINTS)
     return World(

@@ -496,3 +496,8 @@ def test_an_answer_waits_while_the_client_waits(px4_types: Any) -> None:
     bench.run(0.5)
     unsupported = px4_types.VehicleCommandAck.VEHICLE_CMD_RESULT_UNSUPPORTED
     assert [ack.result for ack in bench.messages("vehicle_command_ack")] == [unsupported]
+
+
+def test_a_parameter_that_cannot_be_set_is_an_error(px4_types: Any) -> None:
+    with pytest.raises(ValueError, match="'COM_MODE_ARM_CH' cannot be set, did you mean 'COM_MODE_ARM_CHK'"):
+        SimulatedVehicle(px4_types, Options(parameters={"COM_MODE_ARM_CH": 1.0}))

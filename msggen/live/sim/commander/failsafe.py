@@ -123,11 +123,11 @@ class Failsafe:
     def step(self, now: int, situation: Situation) -> Action:
         """Return the action at a time."""
         elapsed, self._time = now - self._time, now
-        if situation.is_armed != self._was_armed or situation.is_new or self.user_took_over:
-            self._active = {name: each for name, each in self._active.items() if each.is_there}
         if situation.is_armed != self._was_armed:
             self._was_armed, self.user_took_over = situation.is_armed, False
             self._active.clear()
+        elif situation.is_new or self.user_took_over:
+            self._active = {name: each for name, each in self._active.items() if each.is_there}
         since, most = self._deferred_since, self._defer_time
         if since is not None and most is not None and now > since + most:
             self._defers = False
