@@ -40,12 +40,16 @@ class NearVehicle:
         self._takers: dict[str, list[Take]] = defaultdict(list)
         self._arrived: list[tuple[str, Any]] = []
         """The messages that the vehicle takes in its next step."""
-        self._programs = Programs(self.world, self._publish)
-        requests = Requests(self.world, self._publish, self._tell, {})
-        self._handlers = {**self._programs.handlers, **requests.handlers}
+        self._start()
         self._status: Sequence[object] = ()
         self._schedule = Schedule(out, 0)
+        self._options = options
+        self._losses = random.Random(f"losses {options.seed} {options.key}")  # noqa: S311 - not for secrets
         self.time = 0
+        self.loss = 0.0
+        """The share of messages that get lost, each way. 1: programs and vehicle do not hear each other."""
+        self.lost: set[str] = set()
+        """The topics of which no message arrives."""
 
     @property
     def next_time(self) -> int:
@@ -87,7 +91,26 @@ class NearVehicle:
         """
         if topic not in self._inputs:
             raise LookupError(f"the vehicle does not read '{topic}'")
-        self._arrived.append((topic, type(message).decode(message.encode())))
+        if not self._is_lost(topic):
+            self._arrived.append((topic, type(message).decode(message.encode())))
+
+    def restart(self) -> None:
+        """Restart the vehicle: it knows nothing of programs but the slots of their names."""
+        components = self.world.commander.components
+        components.restart()
+        self.world = world_of(self.package, self._options)
+        self.world.commander.components, self.world.time = components, self.time
+        self._arrived.clear()
+        self._start()
+
+    def _start(self) -> None:
+        """Let the vehicle take messages."""
+        self._programs = Programs(self.world, self._publish)
+        requests = Requests(self.world, self._publish, self._tell, {})
+        self._handlers = {**self._programs.handlers, **requests.handlers}
+
+    def _is_lost(self, topic: str) -> bool:
+        return topic in self.lost or (self.loss > 0.0 and self._losses.random() < self.loss)
 
     def _receive(self, topic: str, message: Any) -> None:
         if self._log is not None:
@@ -110,5 +133,5 @@ class NearVehicle:
         takers = self._takers[topic]
         if takers:
             loop = asyncio.get_running_loop()
-            for take in takers:
+            for take in [] if self._is_lost(topic) else takers:
                 loop.call_soon(take, type(message).decode(message.encode()))

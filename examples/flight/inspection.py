@@ -1,0 +1,76 @@
+"""Inspect a mast: an executor arms, takes off, flies around the mast, returns and waits until the vehicle is disarmed.
+
+Usage: python inspection.py [udp://127.0.0.1:8888]
+
+Who selects the mode "Inspection" starts it: this program as here, or a pilot with a switch.
+"""
+
+import asyncio
+import math
+import sys
+
+import px4_types
+from msggen.flight import Executor, Flight, Limits, Mode, Problem
+
+MAST = (0.0, 12.0)  # east and north of the local origin in m
+RADIUS = 6.0
+HEIGHT = 8.0
+VIEWS = 6
+LEAST_CHARGE = 0.3
+
+
+class Inspection(Mode, name="Inspection"):
+    """Fly around the mast, and look at it from all sides."""
+
+    frame = "enu"
+    battery = 1.0
+
+    def problems(self) -> list[Problem]:
+        """Refuse to begin with little charge. Below it in flight, PX4 returns home."""
+        return [Problem("inspection_low_battery")] if self.battery < LEAST_CHARGE else []
+
+    async def fly(self) -> None:
+        """Go from view to view."""
+        for view in range(VIEWS + 1):
+            angle = math.tau * view / VIEWS - math.pi / 2
+            east, north = MAST[0] + RADIUS * math.cos(angle), MAST[1] + RADIUS * math.sin(angle)
+            await self.goto((east, north, HEIGHT), heading=angle + math.pi, max_speed=3.0)
+            print(f"view {view}: {east:.1f} m east, {north:.1f} m north", flush=True)
+
+
+class Inspector(Executor):
+    """The whole flight. It ends if a pilot selects another mode."""
+
+    mode = Inspection
+    starts = "selected"
+
+    async def run(self) -> None:
+        """Fly from start to end."""
+        await self.arm()
+        await self.takeoff(HEIGHT)
+        await self.fly()
+        await self.rtl()
+        await self.wait_disarmed()
+
+
+async def main(flight: Flight) -> None:
+    """Start the executor, and watch the battery until it has ended."""
+    inspection = Inspection()
+    await flight.add(Inspector, inspection)
+    await flight.set_mode(Inspection)
+    await flight.wait_armed()
+    landing = asyncio.ensure_future(flight.wait_disarmed())
+    while not landing.done():
+        inspection.battery = (await flight.telemetry.battery()).remaining
+        await asyncio.wait([landing], timeout=1.0)
+
+
+async def connect() -> None:
+    """Fly a vehicle on a link."""
+    address = sys.argv[1] if sys.argv[1:] else "udp://127.0.0.1:8888"
+    async with Flight(address, types=px4_types, limits=Limits(height=20.0, distance=50.0)) as flight:
+        await main(flight)
+
+
+if __name__ == "__main__":
+    asyncio.run(connect())

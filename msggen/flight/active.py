@@ -1,0 +1,224 @@
+"""What a registered mode does: it is entered, it flies, it is left."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from typing import Any
+
+from msggen.flight.actions import Actions
+from msggen.flight.checks import Verdict
+from msggen.flight.connection import Connection, Topics, filled
+from msggen.flight.errors import FlightError, NotReachedError
+from msggen.flight.feeds import Feeds
+from msggen.flight.limits import Fence
+from msggen.flight.mode import Mode, message_of, needs_of
+from msggen.flight.overrides import OF_MODE, Overrides
+from msggen.flight.registration import Ids
+from msggen.flight.setpoints import GOTO, TRAJECTORY, Configuration, Kind, Stream
+from msggen.flight.telemetry import valid_estimate
+
+_SUCCESS, _FAILURE = 0, 100
+_BRAKING = 3.0
+"""The deceleration in m/s2 with which PX4 comes to rest: MPC_ACC_HOR."""
+_REPEAT = 0.1
+"""The time in s after which the end of a mode is told again, until PX4 has left it."""
+
+
+class ActiveMode:
+    """A mode with the ids that the vehicle has given."""
+
+    def __init__(self, mode: Mode, ids: Ids, connection: Connection, feeds: Feeds, fence: Fence) -> None:
+        self.mode, self.ids, self.feeds = mode, ids, feeds
+        self._fence = fence.tightened(mode.limits)
+        self.overrides = Overrides(connection, feeds, OF_MODE, ids.mode, mode.keeps)
+        self._is_owned = ids.executor > 0
+        """Whether it flies when its executor says so. Otherwise, whenever it is selected and the vehicle is armed."""
+        self.has_failed = False
+        """Whether `fly` has raised an exception since the mode was selected."""
+        self._was_armed = False
+        self._wanted: asyncio.Future[None] | None = None
+        """What the next run of `fly` returns or raises, for the executor that waits for it."""
+        self._flown: asyncio.Future[None] | None = None
+        """The same for the present run."""
+        self._connection = connection
+        self._topics = Topics(connection.package)
+        self.configuration = Configuration(connection, feeds, ids.mode)
+        self._stream = Stream(connection, self.configuration, self._fence.shaped)
+        self._task: asyncio.Task[None] | None = None
+        self._lost: FlightError | None = None
+        """Why the mode has ended, if the vehicle knows it no longer."""
+        mode._active = self  # noqa: SLF001 - its own part
+
+    @property
+    def is_active(self) -> bool:
+        """Whether the mode flies the vehicle."""
+        return self._stream.is_active
+
+    def verdict(self) -> Verdict:
+        """Return the reply to an arming check. An exception in the conditions of a program says that it cannot run."""
+        try:
+            problems = self.mode.problems()
+        except Exception as error:  # noqa: BLE001 - whatever a program raises
+            _report(f"the conditions of mode {self.mode.name!r} have failed", error)
+            return Verdict(can_run=False, requires=needs_of(self.mode))
+        return Verdict(not self.has_failed, needs_of(self.mode), problems)
+
+    def send(self, kind: Kind, **values: Any) -> None:
+        """Send a setpoint from now on, while the mode is active. Raises LimitError, and UnsupportedError."""
+        self._fence.check(kind, values)
+        self._stream.set(kind, message_of(self._topics.incoming(kind.topic), kind, self.mode, **values))
+
+    def hold(self) -> bool:
+        """Hold the place where the vehicle comes to rest.
+
+        Return False if that is not known, or the mode has no setpoints for it.
+        """
+        estimate = valid_estimate(self.feeds)
+        if estimate is None:
+            return False
+        place = self._fence.nearest(_stopped(estimate))
+        if GOTO in self.mode.setpoints:
+            self.send(GOTO, position=place)
+        elif TRAJECTORY in self.mode.setpoints:
+            free = (float("nan"),) * 3
+            self.send(
+                TRAJECTORY, position=place, velocity=free, acceleration=free, jerk=free, yaw=estimate.heading,
+                yawspeed=float("nan"),
+            )  # fmt: skip
+        else:
+            return False
+        return True
+
+    def await_end(self) -> asyncio.Future[None]:
+        """Return what becomes done when the next run of `fly` ends, and has its exception."""
+        self._wanted = asyncio.get_running_loop().create_future()
+        self._wanted.add_done_callback(lambda each: each.cancelled() or each.exception())  # perhaps nobody waits
+        return self._wanted
+
+    def abandon(self, flown: asyncio.Future[None]) -> None:
+        """End the run of `fly` that was waited for, if it has not ended. The vehicle holds its place."""
+        if self._wanted is flown:
+            self._wanted = None
+        if self._flown is flown:
+            self._end_run()
+            self.has_failed = not self._hold_or_stop()
+
+    async def run(self, actions: Actions) -> None:
+        """Select the mode, and wait for the end of `fly`. Raises what it raises, and NotReachedError if it is left."""
+        flown = self.await_end()
+        try:
+            if self.is_active:
+                self.restart()
+            else:
+                await actions.set_mode(self.ids.mode)
+            await flown
+        except BaseException:
+            self.abandon(flown)
+            raise
+
+    def restart(self) -> None:
+        """Run `fly` once more, while the mode is active."""
+        self._end_run()
+        self._flown, self._wanted = self._wanted, None
+        self._task = asyncio.get_running_loop().create_task(self._fly(self._flown), name=f"fly {self.mode.name}")
+
+    def lose(self, error: FlightError) -> None:
+        """End `fly` with an error, because the vehicle knows the mode no longer."""
+        self._lost = error
+        if self.is_active:
+            _report(f"mode {self.mode.name!r} has ended", error)
+        self._leave()
+
+    def close(self) -> None:
+        """Send nothing any more."""
+        self._leave()
+        self.configuration.close()
+        self.overrides.close()
+        self.mode._active = None  # noqa: SLF001 - as above
+
+    def follow(self, status: Any) -> None:
+        """Enter or leave the mode with a VehicleStatus."""
+        is_armed = status.arming_state == status.ARMING_STATE_ARMED
+        is_selected = status.nav_state == self.ids.mode
+        if status.nav_state_user_intention != self.ids.mode or (self._was_armed and not is_armed):
+            self.has_failed = False
+        self._was_armed = is_armed
+        is_active = is_selected and (is_armed or self.mode.flies_disarmed)
+        if is_active and self.is_active:
+            self._stream.confirm()
+        elif is_active:
+            self._enter()
+        elif self.is_active:
+            self._leave()
+
+    def _enter(self) -> None:
+        self._stream.start()
+        self.overrides.renew()
+        if not self._is_owned or self._wanted is not None:
+            self.restart()
+
+    def _leave(self) -> None:
+        self._stream.stop()
+        self._end_run()
+
+    def _end_run(self) -> None:
+        if self._task is not None:
+            self._task.cancel(None if self._lost is None else str(self._lost))
+            self._task = None
+        flown, self._flown = self._flown, None
+        if flown is not None and not flown.done():
+            flown.set_exception(self._lost or NotReachedError(f"mode {self.mode.name!r} was left before its end"))
+
+    async def _fly(self, flown: asyncio.Future[None] | None) -> None:
+        """Run `fly`, and tell how it ended until the mode is left."""
+        result = _FAILURE
+        try:
+            await self.mode.fly()
+        except asyncio.CancelledError:
+            if self._task is asyncio.current_task():  # the mode was not left: something else has cancelled it
+                self._fail(FlightError(f"`fly` of mode {self.mode.name!r} was cancelled"), flown)
+                self._tell(result)
+            raise
+        except Exception as error:  # noqa: BLE001 - whatever a program raises
+            self._fail(error, flown)
+        else:
+            result = _SUCCESS
+            self.has_failed = not self._hold_or_stop()
+            if flown is not None and not flown.done():
+                flown.set_result(None)
+        while True:
+            self._tell(result)
+            await asyncio.sleep(_REPEAT)
+
+    def _fail(self, error: Exception, flown: asyncio.Future[None] | None) -> None:
+        is_held = self._hold_or_stop()
+        if flown is not None and not flown.done():
+            self.has_failed = not is_held
+            flown.set_exception(error)  # the executor decides
+        else:
+            self.has_failed = True
+            _report(f"mode {self.mode.name!r} has failed", error)
+
+    def _hold_or_stop(self) -> bool:
+        """Let no setpoint of a program that has ended go on. Return whether the vehicle holds its place."""
+        is_held = self.hold()
+        if not is_held:
+            self._stream.pause()
+        return is_held
+
+    def _tell(self, result: int) -> None:
+        cls = self._topics.incoming("mode_completed")
+        self._connection.publish("mode_completed", filled(cls, result=result, nav_state=self.ids.mode))
+
+
+def _stopped(estimate: Any) -> tuple[float, float, float]:
+    """Return where the vehicle comes to rest if it brakes now: it does not fly back from there."""
+    speeds = estimate.vx, estimate.vy, estimate.vz
+    seconds = math.hypot(*speeds) / _BRAKING / 2.0
+    x, y, z = (here + speed * seconds for here, speed in zip((estimate.x, estimate.y, estimate.z), speeds, strict=True))
+    return x, y, z
+
+
+def _report(message: str, error: Exception) -> None:
+    asyncio.get_running_loop().call_exception_handler({"message": message, "exception": error})

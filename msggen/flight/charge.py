@@ -1,0 +1,132 @@
+"""What a registered executor does: it comes into charge, it runs, it is out of charge."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+from msggen.flight.actions import LAND, RETURN, Actions
+from msggen.flight.active import ActiveMode
+from msggen.flight.errors import FlightError, RefusedError
+from msggen.flight.executor import Executor
+from msggen.flight.mode import Mode
+from msggen.flight.overrides import Overrides
+from msggen.flight.registration import Ids
+
+_UNDER_WAY = 1.5
+"""The time in s for which a command that was sent before an executor has failed can still change the mode."""
+
+
+class Charge:
+    """An executor with the ids that the vehicle has given."""
+
+    def __init__(
+        self,
+        executor: Executor,
+        ids: Ids,
+        actions: Actions,
+        overrides: Overrides,
+        find: Callable[[type[Mode] | Mode], ActiveMode],
+    ) -> None:
+        self.executor, self.ids, self.actions, self.overrides, self.find = executor, ids, actions, overrides, find
+        self._task: asyncio.Task[None] | None = None
+        self._ended: asyncio.Task[None] | None = None
+        """The last run that was cancelled."""
+        self._has_run = False
+        """Whether `run` has begun since a user has selected the mode."""
+        self._was_cut = False
+        """Whether a failsafe has ended it in flight. It begins anew if the failsafe clears in flight."""
+        self._was_own = self._flies_own = False
+        """Whether its own mode was the one that flies, and whether it has asked for that."""
+        executor._charge = self  # noqa: SLF001 - its own part
+
+    @property
+    def is_in_charge(self) -> bool:
+        """Whether `run` is under way."""
+        return self._task is not None
+
+    async def fly(self, mode: type[Mode] | Mode) -> None:
+        """Fly a mode, and wait for its end."""
+        active = self.find(mode)
+        self._flies_own = active.ids == self.ids
+        try:
+            await active.run(self.actions)
+        finally:
+            self._flies_own = False
+
+    def close(self) -> None:
+        """End the executor."""
+        self._stop()
+        self.overrides.close()
+        self.executor._charge = None  # noqa: SLF001 - as above
+
+    def follow(self, status: Any) -> None:
+        """Begin or end with a VehicleStatus."""
+        is_armed = bool(status.arming_state == status.ARMING_STATE_ARMED)
+        is_chosen = self._is_chosen(status) and is_armed
+        if status.executor_in_charge != self.ids.executor:
+            self._was_cut = (self._was_cut or self._task is not None) and is_armed and bool(status.failsafe)
+            self._has_run = self._has_run and bool(status.failsafe)  # not if a user has taken over
+            self._stop()
+        else:
+            if self._task is not None and is_chosen:
+                self._stop()
+                self._has_run = False
+            self._was_cut = self._was_cut and is_armed
+            if self._task is None and (not self._has_run or self._was_cut):
+                self._begin(is_armed=is_armed)
+        if self.executor.starts == "armed" and not is_armed:
+            self._has_run = False
+
+    def _is_chosen(self, status: Any) -> bool:
+        """Whether a user has gone back to the mode of the executor while that flew another one."""
+        was_own, self._was_own = self._was_own, status.nav_state == self.ids.mode
+        return self._was_own and not was_own and not self._flies_own
+
+    def _begin(self, *, is_armed: bool) -> None:
+        if is_armed or self.executor.starts != "armed":
+            self._has_run, self._was_cut = True, False
+            self.overrides.renew()
+            self._task = asyncio.get_running_loop().create_task(
+                self._run(self._ended), name=type(self.executor).__name__
+            )
+
+    def _stop(self) -> None:
+        if self._task is not None:
+            self._task.cancel()
+            self._ended, self._task = self._task, None
+
+    async def _run(self, before: asyncio.Task[None] | None) -> None:
+        """Run it, once the run before has come to its end."""
+        try:
+            if before is not None:
+                await asyncio.wait([before])
+            await self.executor.run()
+        except asyncio.CancelledError:
+            if self._task is not asyncio.current_task():  # it is out of charge
+                raise
+            await self._fail(FlightError(f"`run` of executor {type(self.executor).__name__} was cancelled"))
+        except Exception as error:  # noqa: BLE001 - whatever a program raises
+            await self._fail(error)
+        finally:
+            if self._task is asyncio.current_task():  # and not the next one already
+                self._task = None
+
+    async def _fail(self, error: Exception) -> None:
+        """Let PX4 return home: from the mode of the executor by its failsafe, from others by a command."""
+        self.find(self.executor.mode).has_failed = True
+        context = {"message": f"executor {type(self.executor).__name__} has failed", "exception": error}
+        asyncio.get_running_loop().call_exception_handler(context)
+        with suppress(TimeoutError, FlightError):
+            await self.actions.wait_for_status(self._is_left_alone, _UNDER_WAY)
+            try:
+                await self.actions.set_mode(RETURN)
+            except RefusedError:
+                await self.actions.set_mode(LAND)
+
+    def _is_left_alone(self, status: Any) -> bool:
+        """Whether the vehicle is armed in a mode in which nobody commands it any more, such as Takeoff."""
+        is_armed = bool(status.arming_state == status.ARMING_STATE_ARMED)
+        return is_armed and status.nav_state not in {self.ids.mode, RETURN, LAND}

@@ -1,0 +1,101 @@
+"""An executor: a program that arms, takes off, flies modes one after the other, and lands."""
+
+from __future__ import annotations
+
+from contextlib import AbstractAsyncContextManager
+from typing import ClassVar, Literal, Protocol, TypeAlias
+
+from msggen.flight.actions import Actions
+from msggen.flight.errors import FlightError
+from msggen.flight.mode import Mode
+from msggen.flight.overrides import Deferral, Keeps, Overrides
+
+Start: TypeAlias = Literal["armed", "selected", "registered"]
+"""When `run` begins: when the vehicle is armed in its mode, when its mode is selected, or once it is registered."""
+
+
+class Registered(Protocol):
+    """What an executor is connected with, once it is registered."""
+
+    actions: Actions
+    overrides: Overrides
+
+    async def fly(self, mode: type[Mode] | Mode) -> None:
+        """Fly a mode, and wait for its end."""
+
+
+class Executor:
+    """A sequence of modes. A subclass has the mode that it belongs to, and the method `run`.
+
+    It is in charge while its mode is selected, and goes on while it lets PX4 or other modes fly. A pilot or a ground
+    station that selects another mode ends it at once. A failsafe ends it, too: if that clears, `run` begins anew.
+    """
+
+    mode: ClassVar[type[Mode]]
+    """The mode that a user selects to start it. It may be flown or not."""
+    starts: ClassVar[Start] = "armed"
+    is_resumed: bool = False
+    """Whether it goes on with what an earlier program has begun, which was killed: the vehicle may be in the air."""
+    keeps: ClassVar[Keeps] = Keeps()
+    """What PX4 does not do by itself while the executor is in charge."""
+    _charge: Registered | None = None
+
+    async def run(self) -> None:
+        """Do what is to be done. It is cancelled when the executor is no longer in charge.
+
+        An exception ends it: its mode counts as failed, and PX4 returns home.
+        """
+        raise NotImplementedError
+
+    async def arm(self) -> None:
+        """See `Actions.arm`."""
+        await self._actions.arm()
+
+    async def disarm(self) -> None:
+        """See `Actions.disarm`."""
+        await self._actions.disarm()
+
+    async def takeoff(self, altitude: float | None = None) -> None:
+        """See `Actions.takeoff`. PX4 stays in Takeoff at the end, until the next mode."""
+        await self._actions.takeoff(altitude)
+
+    async def land(self) -> None:
+        """See `Actions.land`."""
+        await self._actions.land()
+
+    async def rtl(self) -> None:
+        """See `Actions.return_home`."""
+        await self._actions.return_home()
+
+    async def fly(self, mode: type[Mode] | Mode | None = None) -> None:
+        """Fly a mode that is registered, by default its own one, and wait for its end.
+
+        Raises what its `fly` raises, RefusedError, NoAnswerError, NotReachedError if the mode is left before its end,
+        and FlightError for a mode that is not registered.
+        """
+        await self._own.fly(self.mode if mode is None else mode)
+
+    async def wait_disarmed(self) -> None:
+        """Wait until the vehicle is disarmed."""
+        await self._actions.wait_disarmed()
+
+    def deferring_failsafes(self, seconds: float) -> AbstractAsyncContextManager[Deferral]:
+        """Defer failsafes: `async with self.deferring_failsafes(30) as deferral`.
+
+        The time in s counts from the first reason for a failsafe on. When it is over, and at the end, PX4 acts. It
+        does not defer: a mode that cannot run, limits of fence, wind and flight time, failed motors, a broken battery.
+
+        Raises ValueError, NoAnswerError, and FlightError if a failsafe is active already.
+        """
+        return self._own.overrides.deferring(seconds)
+
+    @property
+    def _actions(self) -> Actions:
+        return self._own.actions
+
+    @property
+    def _own(self) -> Registered:
+        if self._charge is None:
+            name = type(self).__name__
+            raise FlightError(f"executor {name} is not registered: `await flight.add(...)` registers it")
+        return self._charge

@@ -1,0 +1,184 @@
+"""A vehicle and the modes and executors of a program, from registration to the end."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Sequence
+from contextlib import AbstractAsyncContextManager
+from types import ModuleType, TracebackType
+from typing import TYPE_CHECKING, Final
+
+from msggen.flight.actions import Actions
+from msggen.flight.active import ActiveMode
+from msggen.flight.commands import Commands
+from msggen.flight.connection import Connection
+from msggen.flight.ending import Ending
+from msggen.flight.errors import FlightError, NoAnswerError, RegistrationError
+from msggen.flight.executor import Executor
+from msggen.flight.feeds import Feeds
+from msggen.flight.limits import NO_LIMITS, Fence, Limits
+from msggen.flight.link import LinkConnection, Need, connected
+from msggen.flight.mode import Mode
+from msggen.flight.offboard import Offboard, offboard
+from msggen.flight.parts import NEEDED, Part, Parts
+from msggen.flight.space import Frame
+from msggen.flight.telemetry import Telemetry
+from msggen.live.links.link_types import DEFAULT
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
+    from msggen.live import Vehicle
+
+_HEARD = 5.0
+"""The time in s within which a vehicle publishes its status."""
+_NEEDED: Final = (
+    Need("out", "vehicle_status"),
+    Need("out", "vehicle_command_ack"),
+    Need("out", "vehicle_local_position"),
+    Need("out", "failsafe_flags"),
+    Need("out", "mode_completed"),
+    Need("in", "vehicle_command"),
+)
+
+
+class Flight(Actions):
+    """A vehicle that a program flies: by actions, by Offboard mode, and by modes and executors of its own.
+
+    To be used with `async with`. At the end, all modes are unregistered: also after an exception, Ctrl-C and SIGTERM.
+
+    `vehicle` is an address as for `Vehicle`, a Vehicle, or a Connection such as a simulated vehicle. `types` is the
+    generated package, by default that of the Vehicle, or several, of which the one with the definitions of the vehicle
+    is taken.
+
+    A program that was killed and is back within about 1 s goes on with its modes. With `resume`, it does so also if the
+    vehicle has left them meanwhile, and the vehicle enters them at once.
+    """
+
+    def __init__(
+        self,
+        vehicle: str | Vehicle | Connection = DEFAULT,
+        types: ModuleType | Sequence[ModuleType] | None = None,
+        *,
+        limits: Limits = NO_LIMITS,
+        resume: bool = False,
+    ) -> None:
+        self._vehicle, self._types, self._limits, self._resume = vehicle, types, limits, resume
+        self._parts: Parts | None = None
+        self._connection: Connection | None = None
+
+    async def __aenter__(self) -> Self:
+        """Wait for the vehicle. Raises FlightError for an address that cannot be opened, and as `add`."""
+        self._ending = Ending(self._release)
+        self._ending.begin()
+        try:
+            await self._open()
+        except BaseException as error:
+            await self._end(error)
+            raise
+        return self
+
+    async def _open(self) -> None:
+        connection = self._connection = await connected(self._vehicle, self._types, _NEEDED, NEEDED)
+        feeds = Feeds(connection)
+        sender = Commands(connection, feeds)
+        fence = Fence(feeds, self._limits)
+        super().__init__(sender, feeds, fence=fence)
+        self.telemetry = Telemetry(feeds)
+        parts = self._parts = Parts(connection, feeds, sender, fence, resume=self._resume)
+        for need in _NEEDED:
+            if need.direction == "out":
+                feeds[need.topic]
+        feeds["vehicle_status"].call(parts.follow)
+        if parts.is_urgent:
+            return
+        try:
+            await feeds["vehicle_status"].wait(lambda _: True, _HEARD)
+        except TimeoutError:
+            raise NoAnswerError(f"no vehicle_status within {_HEARD:.0f} s") from None
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        await self._end(error)
+
+    async def _end(self, error: BaseException | None) -> None:
+        self.close()
+        if self._parts is not None:
+            await self._parts.settle()
+        if isinstance(self._connection, LinkConnection):
+            await self._connection.close()
+        self._ending.leave(error)
+
+    def _release(self) -> None:
+        if self._parts is not None:
+            self._parts.unregister()
+
+    def close(self) -> None:
+        """Stop all, and unregister it."""
+        if self._parts is not None:
+            self._parts.close()
+            self._feeds.close()
+        self._ending.close()
+
+    async def add(self, *parts: type[Mode | Executor] | Mode | Executor) -> None:
+        """Register modes and executors, each as a class or an object. The mode of an executor is registered with it.
+
+        Raises RegistrationError, UnsupportedError with the messages that the vehicle does not have or has other
+        definitions of, and NoAnswerError.
+        """
+        made = [each() if isinstance(each, type) else each for each in parts]
+        executors = {_mode_of(each): each for each in made if isinstance(each, Executor)}
+        given = {type(each): each for each in made if isinstance(each, Mode)}
+        modes = {owned: given.get(owned) or owned() for owned in executors} | given
+        await self._own.add([Part(mode, executors.get(cls)) for cls, mode in modes.items()])
+
+    async def set_mode(self, mode: str | int | type[Mode] | Mode) -> None:
+        """Select a mode: one of PX4's by its name, such as `hold` or `position`, or by its nav_state, or one of `add`.
+
+        Raises RefusedError with what the vehicle shows, ValueError for an unknown name, NoAnswerError, and FlightError.
+        """
+        await super().set_mode(self.find(mode).ids.mode if isinstance(mode, (Mode, type)) else mode)
+
+    async def fly(self, mode: type[Mode] | Mode) -> None:
+        """Select a mode of `add`, and wait for its end. It holds its place afterwards.
+
+        Raises what its `fly` raises, RefusedError, NoAnswerError, NotReachedError if the mode is left before its end,
+        and FlightError for a mode that is not registered.
+        """
+        await self.find(mode).run(self)
+
+    def find(self, mode: type[Mode] | Mode) -> ActiveMode:
+        """Return a mode that is registered. Raises FlightError."""
+        return self._own.find(mode)
+
+    @property
+    def _own(self) -> Parts:
+        if self._parts is None:
+            raise FlightError("the flight has not begun: `async with Flight(...) as flight`")
+        return self._parts
+
+    def offboard(self, frame: Frame = "ned") -> AbstractAsyncContextManager[Offboard]:
+        """Fly in Offboard mode: `async with flight.offboard() as setpoint`.
+
+        The vehicle holds its place at first. At the end it is in Hold, unless a pilot has taken over. After an
+        exception, PX4's failsafe for the lost signal follows (COM_OBL_RC_ACT).
+        """
+        return offboard(self._own.connection, self._feeds, self, self._fence, frame)
+
+    @property
+    def feeds(self) -> Feeds:
+        """The messages of the vehicle."""
+        return self._feeds
+
+    async def run(self) -> None:
+        """Go on until the program is cancelled."""
+        await asyncio.Event().wait()
+
+
+def _mode_of(executor: Executor) -> type[Mode]:
+    mode: type[Mode] | None = getattr(executor, "mode", None)
+    if mode is None:
+        name = type(executor).__name__
+        raise RegistrationError(f"executor {name} has no mode: PX4 needs one that users select. Set its `mode`")
+    return mode

@@ -1,0 +1,233 @@
+"""A flight mode of a program: what it flies while it is selected."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Sequence
+from contextlib import AbstractAsyncContextManager
+from typing import Any, ClassVar, Protocol
+
+from msggen.flight.checks import Problem
+from msggen.flight.connection import filled
+from msggen.flight.errors import FlightError, NoAnswerError, UnsupportedError
+from msggen.flight.feeds import Feeds
+from msggen.flight.limits import NO_LIMITS, Limits
+from msggen.flight.overrides import Deferral, Keeps, Overrides
+from msggen.flight.requirements import Requirement
+from msggen.flight.setpoints import ATTITUDE, FREE, GOTO, RATES, TRAJECTORY, Kind, finite, trajectory_values
+from msggen.flight.space import Frame, Vector, heading_of, three, turned, turned_heading, wrapped
+from msggen.flight.telemetry import is_estimate, valid_estimate
+
+_SLOW = 0.5
+"""The speed in m/s below which a place is reached."""
+_TURNED = math.radians(10)
+_UNIT = 0.01
+"""By how much the length of a quaternion may differ from 1."""
+
+
+class Registered(Protocol):
+    """What a mode is connected with, once it is registered."""
+
+    feeds: Feeds
+    overrides: Overrides
+
+    def send(self, kind: Kind, **values: Any) -> None:
+        """Send a setpoint from now on."""
+
+    def hold(self) -> bool:
+        """Hold the place where the vehicle is."""
+
+
+class Mode:
+    """A flight mode. A subclass has the name, and the method `fly`.
+
+    `name` is what pilots read; PX4 keeps the slot of a mode by its name, so a switch on a transmitter finds it again.
+    """
+
+    name: ClassVar[str]
+    requires: ClassVar[Requirement] = Requirement.NONE
+    """What the mode needs, besides what its setpoints need."""
+    setpoints: ClassVar[tuple[Kind, ...]] = (GOTO, TRAJECTORY)
+    """The kinds of setpoints that it sends."""
+    frame: ClassVar[Frame] = "ned"
+    """The frame of its places and velocities."""
+    replaces: ClassVar[int | None] = None
+    """The nav_state of the mode of PX4 that it replaces, such as 5 for Return."""
+    limits: ClassVar[Limits] = NO_LIMITS
+    """How far it may fly, besides the limits of the Flight."""
+    is_selectable: ClassVar[bool] = True
+    """Whether a user can select it. Others are for executors. Needs PX4 v1.18."""
+    flies_disarmed: ClassVar[bool] = False
+    """Whether `fly` also runs while the vehicle is disarmed."""
+    is_resumed: bool = False
+    """Whether it goes on with what an earlier program has flown, which was killed."""
+    keeps: ClassVar[Keeps] = Keeps()
+    """What PX4 does not do by itself while the mode flies."""
+    _active: Registered | None = None
+
+    def __init_subclass__(cls, name: str = "", **options: Any) -> None:
+        super().__init_subclass__(**options)
+        cls.name = name or cls.__name__
+
+    async def fly(self) -> None:
+        """Fly, from when the mode is selected and the vehicle armed. It is cancelled when the mode is left.
+
+        The mode of an executor flies when that executor says so: `await self.fly()`.
+        If it returns, the mode is completed, and the vehicle holds its place. If it raises an exception, the mode has
+        failed: PX4 is told, and returns home unless an executor goes on.
+        """
+        raise NotImplementedError
+
+    def problems(self) -> Sequence[Problem]:
+        """Return conditions of its own that are not met. It is called about three times a second, and returns at once.
+
+        With any, PX4 does not enter the mode, and leaves it.
+        """
+        return ()
+
+    # Where the vehicle is
+
+    async def position(self) -> Vector:
+        """Return the place of the vehicle in m, from the origin of its local frame. Raises NoAnswerError."""
+        estimate = await self._estimate()
+        return turned((estimate.x, estimate.y, estimate.z), self.frame)
+
+    async def velocity(self) -> Vector:
+        """Return the velocity in m/s. Raises NoAnswerError."""
+        estimate = await self._estimate()
+        return turned((estimate.vx, estimate.vy, estimate.vz), self.frame)
+
+    async def heading(self) -> float:
+        """Return the heading in rad: from north clockwise, or from east counter-clockwise in ENU."""
+        return turned_heading((await self._estimate()).heading, self.frame)
+
+    async def _estimate(self) -> Any:
+        feeds = self._own.feeds
+        found = valid_estimate(feeds)
+        if found is not None:
+            return found
+        try:
+            return await feeds["vehicle_local_position"].following(is_estimate, timeout=1.0)
+        except TimeoutError:
+            raise NoAnswerError("the vehicle has no valid local position") from None
+
+    # Setpoints
+
+    async def goto(  # noqa: PLR0913 - keywords, each of which has a default
+        self,
+        place: Sequence[float],
+        *,
+        heading: float | None = None,
+        heading_deg: float | None = None,
+        max_speed: float | None = None,
+        max_climb: float | None = None,
+        max_turn_rate: float | None = None,
+        within: float = 0.5,
+    ) -> None:
+        """Fly to a place in m, and return when it is reached: nearer than `within` m, slower than 0.5 m/s.
+
+        Limits in m/s and rad/s only tighten those of the vehicle. The vehicle goes on holding the place afterwards.
+        """
+        north, east, down = turned(finite(three(place), "a place"), self.frame)
+        yaw = heading_of(heading, heading_deg, self.frame)
+        finite([] if yaw is None else [yaw], "a heading")
+        limits = [each for each in (max_speed, max_climb, max_turn_rate) if each is not None]
+        if not all(each > 0.0 for each in finite(limits, "limits")):
+            raise ValueError(f"expected limits above 0, got {limits}")
+        self._own.send(
+            GOTO,
+            position=(north, east, down),
+            flag_control_heading=yaw is not None,
+            heading=yaw or 0.0,
+            flag_set_max_horizontal_speed=max_speed is not None,
+            max_horizontal_speed=max_speed or 0.0,
+            flag_set_max_vertical_speed=max_climb is not None,
+            max_vertical_speed=max_climb or 0.0,
+            flag_set_max_heading_rate=max_turn_rate is not None,
+            max_heading_rate=max_turn_rate or 0.0,
+        )
+
+        def is_reached(estimate: Any) -> bool:
+            is_near = math.dist((estimate.x, estimate.y, estimate.z), (north, east, down)) < within
+            is_slow = math.hypot(estimate.vx, estimate.vy, estimate.vz) < _SLOW
+            return (
+                is_estimate(estimate)
+                and is_near
+                and is_slow
+                and (yaw is None or abs(wrapped(estimate.heading - yaw)) < _TURNED)
+            )
+
+        await self._own.feeds["vehicle_local_position"].following(is_reached)
+
+    def trajectory(  # noqa: PLR0913 - keywords, each of which has a default
+        self,
+        *,
+        position: Sequence[float] = FREE,
+        velocity: Sequence[float] = FREE,
+        acceleration: Sequence[float] = FREE,
+        heading: float | None = None,
+        heading_deg: float | None = None,
+        turn_rate: float = math.nan,
+    ) -> None:
+        """Send a place, a velocity or an acceleration, from now on until the next setpoint. NaN: not controlled.
+
+        Each axis needs one of them; a velocity beside a position is added to it. `turn_rate` is in rad/s.
+        """
+        axes = position, velocity, acceleration
+        self._own.send(TRAJECTORY, **trajectory_values(self.frame, axes, heading, heading_deg, turn_rate))
+
+    def attitude(self, quaternion: Sequence[float], thrust: float, *, turn_rate: float = 0.0) -> None:
+        """Send an attitude from now on: a quaternion w, x, y, z from FRD to NED, and the thrust upwards from 0 to 1."""
+        w, x, y, z = finite([*map(float, quaternion)], "a quaternion")
+        if abs(math.hypot(w, x, y, z) - 1.0) > _UNIT:
+            raise ValueError(f"expected a quaternion of length 1, got {(w, x, y, z)}")
+        finite([turn_rate], "a turn rate")
+        self._own.send(ATTITUDE, q_d=(w, x, y, z), thrust_body=(0.0, 0.0, -_share(thrust)), yaw_sp_move_rate=turn_rate)
+
+    def rates(self, roll: float, pitch: float, yaw: float, thrust: float) -> None:
+        """Send rates in rad/s in FRD from now on, and the thrust upwards from 0 to 1."""
+        finite([roll, pitch, yaw], "rates")
+        self._own.send(RATES, roll=roll, pitch=pitch, yaw=yaw, thrust_body=(0.0, 0.0, -_share(thrust)))
+
+    async def hold(self, seconds: float = 0.0) -> None:
+        """Hold the place where the vehicle is now, for a time in s and afterwards.
+
+        Raises NoAnswerError without a valid position.
+        """
+        await self._estimate()
+        if not self._own.hold():
+            raise UnsupportedError(f"mode {self.name!r} cannot hold a place: add GOTO or TRAJECTORY to its `setpoints`")
+        await asyncio.sleep(seconds)
+
+    def deferring_failsafes(self, seconds: float) -> AbstractAsyncContextManager[Deferral]:
+        """See `Executor.deferring_failsafes`."""
+        return self._own.overrides.deferring(seconds)
+
+    @property
+    def _own(self) -> Registered:
+        if self._active is None:
+            raise FlightError(f"mode {self.name!r} is not registered: `await flight.add(...)` registers it")
+        return self._active
+
+
+def needs_of(mode: Mode) -> Requirement:
+    """Return what a mode needs, with what its setpoints need."""
+    found = mode.requires
+    for kind in mode.setpoints:
+        found |= kind.requires
+    return found
+
+
+def message_of(cls: Any, kind: Kind, mode: Mode, **values: Any) -> Any:
+    """Return the message of a setpoint. Raises UnsupportedError if the mode does not declare its kind."""
+    if kind not in mode.setpoints:
+        known = ", ".join(each.name for each in mode.setpoints)
+        raise UnsupportedError(f"mode {mode.name!r} sends {known} setpoints: add {kind.name} to its `setpoints`")
+    return filled(cls, **values)
+
+
+def _share(thrust: float) -> float:
+    if not 0.0 <= thrust <= 1.0:
+        raise ValueError(f"expected a thrust from 0 to 1, got {thrust:g}")
+    return thrust

@@ -1,0 +1,232 @@
+"""Setpoints: their kinds, their configuration in PX4, and their sending at a steady rate.
+
+Facts: the types of SetpointConfig in PX4 v1.18, and the flags of VehicleControlMode before it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, Final, NamedTuple, TypeVar
+
+from msggen.flight.connection import Connection, Topics, filled
+from msggen.flight.errors import NoAnswerError, UnsupportedError
+from msggen.flight.feeds import Feeds
+from msggen.flight.requirements import ATTITUDE as NEEDS_ATTITUDE
+from msggen.flight.requirements import LOCAL_POSITION, Requirement
+from msggen.flight.space import Frame, heading_of, three, turned
+
+_POSITION_FLAGS = ("allocation", "rates", "attitude", "altitude", "climb_rate", "acceleration", "velocity", "position")
+FREE: Final = (math.nan, math.nan, math.nan)
+"""A vector of which nothing is controlled."""
+_TIMEOUT_MS = 500
+_TRIES, _PATIENCE = 5, 0.3
+_LARGEST = 3.4e38
+_HUNG = 0.5
+"""The time in s without the event loop after which setpoints are not repeated."""
+_IDLE = 0.1
+"""The time in s between two looks at the clock if there is no setpoint."""
+_REPEATS = 3
+"""How often a VehicleControlMode is sent: PX4 before v1.18 does not confirm it."""
+
+
+class Kind(NamedTuple):
+    """A kind of setpoint."""
+
+    name: str
+    number: int
+    """Its type in SetpointConfig."""
+    topic: str
+    rate: float
+    """How often it is sent, in Hz."""
+    flags: tuple[str, ...]
+    """What it controls: `flag_control_..._enabled` of VehicleControlMode."""
+    requires: Requirement
+
+
+GOTO: Final = Kind("goto", 2, "goto_setpoint", 30.0, _POSITION_FLAGS, LOCAL_POSITION)
+TRAJECTORY: Final = Kind("trajectory", 4, "trajectory_setpoint", 50.0, _POSITION_FLAGS, LOCAL_POSITION)
+RATES: Final = Kind("rates", 5, "vehicle_rates_setpoint", 200.0, _POSITION_FLAGS[:2], Requirement.ANGULAR_VELOCITY)
+ATTITUDE: Final = Kind("attitude", 6, "vehicle_attitude_setpoint", 100.0, _POSITION_FLAGS[:3], NEEDS_ATTITUDE)
+
+
+def trajectory_values(
+    frame: Frame,
+    axes: Sequence[Sequence[float]],
+    heading: float | None,
+    heading_deg: float | None,
+    turn_rate: float,
+) -> dict[str, Any]:
+    """Return the fields of a TrajectorySetpoint: position, velocity and acceleration in a frame, and a heading.
+
+    Raises ValueError if an axis has none of them.
+    """
+    position, velocity, acceleration = (turned(three(each), frame) for each in axes)
+    finite([each for each in (*position, *velocity, *acceleration, turn_rate) if not math.isnan(each)], "a trajectory")
+    if any(all(map(math.isnan, axis)) for axis in zip(position, velocity, acceleration, strict=True)):
+        raise ValueError("each axis needs a position, a velocity or an acceleration")
+    yaw = heading_of(heading, heading_deg, frame)
+    finite([] if yaw is None else [yaw], "a heading")
+    return {
+        "position": position,
+        "velocity": velocity,
+        "acceleration": acceleration,
+        "jerk": FREE,
+        "yaw": math.nan if yaw is None else yaw,
+        "yawspeed": turn_rate if frame == "ned" else -turn_rate,
+    }
+
+
+_Values = TypeVar("_Values", bound=Sequence[float])
+
+
+def finite(values: _Values, what: str) -> _Values:
+    """Return numbers that a float32 holds. Raises ValueError for NaN, infinity and larger ones."""
+    if not all(abs(each) <= _LARGEST for each in values):
+        raise ValueError(f"expected finite numbers for {what}, got {tuple(values)}")
+    return values
+
+
+class Configuration:
+    """What PX4 is told of the setpoints of a mode."""
+
+    def __init__(self, connection: Connection, feeds: Feeds, mode: int) -> None:
+        self._connection, self._feeds, self._mode = connection, feeds, mode
+        self._topics = Topics(connection.package)
+        self._has_replies = self._topics.has("in", "setpoint_config")
+        self._left = 0
+        """How often the configuration is still to be sent."""
+        self._kind: Kind | None = None
+        self._end = self._feeds["setpoint_config_reply"].call(self._take) if self._has_replies else None
+
+    async def check(self, kinds: Iterable[Kind]) -> None:
+        """Ask the vehicle whether it takes some kinds of setpoints. Raises UnsupportedError and NoAnswerError.
+
+        Before v1.18, PX4 does not answer such a question.
+        """
+        for kind in kinds:
+            self._topics.incoming(kind.topic)
+            if self._has_replies:
+                reply = await self._ask(kind)
+                if reply.result:
+                    raise UnsupportedError(f"this vehicle does not take {kind.name} setpoints ({_WHY[reply.result]})")
+
+    def apply(self, kind: Kind | None) -> None:
+        """Let PX4 use a kind of setpoints in the mode from now on. None: the mode was left, and has to apply again."""
+        self._kind = kind
+        self._left = 0 if kind is None else 1 if self._has_replies else _REPEATS
+
+    def send(self) -> None:
+        """Send what PX4 has not confirmed. To be called with each setpoint."""
+        if not self._left or self._kind is None:
+            return
+        if self._has_replies:
+            self._connection.publish("setpoint_config", self._request(self._kind, is_applied=True))
+            return
+        self._left -= 1
+        flags = {f"flag_control_{name}_enabled": True for name in self._kind.flags}
+        cls = self._topics.incoming("config_control_setpoints")
+        self._connection.publish("config_control_setpoints", filled(cls, source_id=self._mode, **flags))
+
+    def close(self) -> None:
+        """Take no more answers."""
+        if self._end is not None:
+            self._end()
+
+    def _take(self, reply: Any) -> None:
+        kind = self._kind
+        if kind is not None and reply.source_id == self._mode and reply.type == kind.number and not reply.result:
+            self._left = 0
+
+    def _request(self, kind: Kind, *, is_applied: bool) -> Any:
+        cls = self._topics.incoming("setpoint_config")
+        return cls(type=kind.number, source_id=self._mode, should_apply=is_applied, timeout_ms=_TIMEOUT_MS)
+
+    async def _ask(self, kind: Kind) -> Any:
+        for _ in range(_TRIES):
+            self._connection.publish("setpoint_config", self._request(kind, is_applied=False))
+            try:
+                return await self._feeds["setpoint_config_reply"].following(
+                    lambda reply: bool(reply.source_id == self._mode and reply.type == kind.number), _PATIENCE
+                )
+            except TimeoutError:
+                continue
+        raise NoAnswerError(f"the vehicle has not answered whether it takes {kind.name} setpoints")
+
+
+_WHY = {1: "the mode is not registered", 2: "unsupported by this kind of vehicle", 3: "unknown to this firmware"}
+"""The results of SetpointConfigReply."""
+
+
+class Stream:
+    """Sends the setpoint of a mode at the rate of its kind, as long as the mode is active.
+
+    It runs in the event loop of the program: a program that hangs or has ended sends nothing. If it has hung for 0.5 s,
+    nothing is sent until the vehicle shows that the mode is still active.
+    """
+
+    def __init__(
+        self, connection: Connection, configuration: Configuration, shaped: Callable[[Kind, Any], Any]
+    ) -> None:
+        self._connection, self._configuration, self._shaped = connection, configuration, shaped
+        self._loop = asyncio.get_running_loop()
+        self._timer: asyncio.TimerHandle | None = None
+        self._due = 0.0
+        self._current: tuple[Kind, Any] | None = None
+        self._is_late = False
+        """Whether the program has not run for some time: perhaps the mode was left meanwhile."""
+        self.is_active = False
+
+    def start(self) -> None:
+        """The mode is active."""
+        self.is_active, self._is_late = True, False
+        self._wait(self._loop.time() + _IDLE)
+
+    def confirm(self) -> None:
+        """The mode is active still: what a program that has hung had set is sent again."""
+        self._is_late = False
+
+    def stop(self) -> None:
+        """The mode was left: nothing is sent from now on."""
+        self.is_active = False
+        self.pause()
+        self._cancel()
+        self._configuration.apply(None)
+
+    def pause(self) -> None:
+        """Send nothing until the next setpoint."""
+        self._current = None
+
+    def set(self, kind: Kind, message: Any) -> None:
+        """Send a setpoint at once, and repeat it. It replaces the one before."""
+        if not self.is_active:
+            return
+        if self._current is None or self._current[0] != kind:
+            self._configuration.apply(kind)
+        is_first = self._current is None
+        self._current = kind, message
+        if is_first:
+            self._cancel()
+            self._tick()
+
+    def _tick(self) -> None:
+        now = self._loop.time()
+        self._is_late = self._is_late or now > self._due + _HUNG
+        interval = _IDLE
+        if self._current is not None and not self._is_late:
+            kind, message = self._current
+            interval = 1.0 / kind.rate
+            self._configuration.send()
+            self._connection.publish(kind.topic, self._shaped(kind, message))
+        base = min(self._due, now)  # a setpoint that is set comes before its time
+        self._wait(max(base + interval, now))  # what is late does not come in a burst
+
+    def _wait(self, due: float) -> None:
+        self._due = due
+        self._timer = self._loop.call_at(due, self._tick)
+
+    def _cancel(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None

@@ -1,0 +1,56 @@
+"""Places and directions in the frames that a program chooses: NED as in PX4, or ENU as in ROS."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Literal, NamedTuple, TypeAlias
+
+Frame: TypeAlias = Literal["ned", "enu"]
+"""Axes: north, east, down; or east, north, up."""
+
+
+class Vector(NamedTuple):
+    """A place in m or a velocity in m/s, in the frame of the program."""
+
+    x: float
+    y: float
+    z: float
+
+    def shifted(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Vector:
+        """Return the place that is some m away along the axes."""
+        return Vector(self.x + x, self.y + y, self.z + z)
+
+    def distance(self, other: Vector) -> float:
+        """Return the distance to another place in m."""
+        return math.dist(self, other)
+
+
+def turned(vector: tuple[float, float, float], frame: Frame) -> Vector:
+    """Return a vector in NED as one in a frame, or one in a frame as one in NED: both ways are the same."""
+    x, y, z = vector
+    return Vector(x, y, z) if frame == "ned" else Vector(y, x, -z)
+
+
+def turned_heading(heading: float, frame: Frame) -> float:
+    """Return a heading in rad from north clockwise as one from east counter-clockwise in ENU, or the other way."""
+    return heading if frame == "ned" else wrapped(math.pi / 2 - heading)
+
+
+def heading_of(heading: float | None, heading_deg: float | None, frame: Frame) -> float | None:
+    """Return a heading in NED in rad from one in a frame, in rad or in degrees. Raises ValueError for both."""
+    if heading is not None and heading_deg is not None:
+        raise ValueError("expected heading or heading_deg, got both")
+    found = math.radians(heading_deg) if heading_deg is not None else heading
+    return None if found is None else turned_heading(found, frame)
+
+
+def three(values: Sequence[float]) -> tuple[float, float, float]:
+    """Return three numbers. Raises ValueError for another count."""
+    x, y, z = map(float, values)
+    return x, y, z
+
+
+def wrapped(angle: float) -> float:
+    """Return an angle in rad as one from -pi to pi."""
+    return math.remainder(angle, math.tau)

@@ -1,0 +1,125 @@
+"""What registrations are refused for, and what they leave: nothing."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import pytest
+
+from msggen.flight.errors import RegistrationError, UnsupportedError
+from msggen.flight.executor import Executor
+from msggen.flight.flight import Flight
+from msggen.flight.mode import Mode
+from msggen.flight.setpoints import GOTO
+from msggen.sources.embedded import EMBEDDED
+from support.flown import Flown, fly
+from support.simulation import built
+
+RELEASES = [release for release in EMBEDDED[::-1] if release != "v1.14"]
+RETURN = 5
+
+
+@pytest.fixture(scope="module", params=RELEASES)
+def types(request: pytest.FixtureRequest, px4_types: Any, tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """The types of a release."""
+    return px4_types if request.param == EMBEDDED[0] else built(request.param, tmp_path_factory.mktemp("types"))
+
+
+class GoesAway(Mode, name="Goes away"):
+    pass
+
+
+def test_a_mode_of_another_version_of_the_interface_is_unregistered(types: Any) -> None:
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        commander = vehicle.world.commander
+        commander.rules = commander.rules._replace(api_version=7)
+        with pytest.raises(RegistrationError, match=r"the vehicle has version 7 .* build them from the firmware"):
+            await flight.add(GoesAway)
+        await asyncio.sleep(0.1)
+        assert not commander.components.modes
+
+    fly(types, program)
+
+
+def test_a_mode_that_is_replaced_already_is_refused(types: Any) -> None:
+    class One(Mode, name="One"):
+        replaces = RETURN
+
+    class Two(Mode, name="Two"):
+        replaces = RETURN
+
+    class Owner(Executor):
+        mode = One
+
+    class Nobody(Executor):
+        pass
+
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        with pytest.raises(RegistrationError, match="cannot have an executor"):
+            await flight.add(Owner)
+        with pytest.raises(RegistrationError, match="executor Nobody has no mode"):
+            await flight.add(Nobody)
+        assert not vehicle.times("register_ext_component_request")
+        await flight.add(One)
+        with pytest.raises(RegistrationError, match="another mode replaces mode 5 already"):
+            await flight.add(Two)
+
+    fly(types, program)
+
+
+def test_a_sixth_executor_is_refused_and_leaves_nothing(types: Any) -> None:
+    def executor(number: int) -> type[Executor]:
+        owned = type(f"Mode{number}", (Mode,), {})
+        return type(f"Executor{number}", (Executor,), {"mode": owned})
+
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        for number in range(5):
+            await flight.add(executor(number))
+        with pytest.raises(RegistrationError, match="no slot is free"):
+            await flight.add(executor(5))
+        assert len(vehicle.world.commander.components.modes) == 5
+
+    fly(types, program)
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("a" * 24, ""),
+        ("a" * 22 + "é", ""),
+        ("a" * 23 + "é", "has 25 bytes, expected 1 to 24"),
+        ("a" * 21 + "飛", ""),
+        ("a" * 22 + "飛", "has 25 bytes"),
+        ("a\0b", "has a zero"),
+    ],
+)
+def test_names_are_whole_or_refused(px4_types: Any, name: str, text: str) -> None:
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        mode = type("Mode", (Mode,), {}, name=name)
+        if text:
+            with pytest.raises(RegistrationError, match=text):
+                await flight.add(mode)
+            assert not vehicle.times("register_ext_component_request")
+            return
+        await flight.add(mode)
+        assert [each.name for each in vehicle.world.commander.components.modes.values()] == [name]
+        flight.close()
+        await asyncio.sleep(0.1)
+        assert not vehicle.world.commander.components.modes
+
+    fly(px4_types, program)
+
+
+def test_a_mode_whose_setpoints_the_vehicle_does_not_take_is_unregistered(px4_types: Any) -> None:
+    class Odd(Mode):
+        setpoints = (GOTO, GOTO._replace(name="rover", number=7))
+
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        with pytest.raises(UnsupportedError, match="does not take rover setpoints"):
+            await flight.add(Odd)
+        await asyncio.sleep(0.1)
+        assert not vehicle.world.commander.components.modes
+        await flight.add(GoesAway)
+
+    fly(px4_types, program)
