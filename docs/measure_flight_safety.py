@@ -46,14 +46,9 @@ class LossyVehicle(NearVehicle):
 
     is_cut = False
 
-    def publish(self, topic: str, message: Any) -> None:
+    def loses(self, _topic: str) -> bool:
         """See NearVehicle."""
-        if not self.is_cut:
-            super().publish(topic, message)
-
-    def subscribe(self, topic: str, take: Callable[[Any], None]) -> Callable[[], None]:
-        """See NearVehicle."""
-        return super().subscribe(topic, lambda message: None if self.is_cut else take(message))
+        return self.is_cut
 
 
 class Goto(Mode, name="Goto"):

@@ -85,6 +85,8 @@ class Answers:
         self._has_short_queue = not topics.has("in", "setpoint_config")
         self._checks: dict[int, Callable[[], Verdict]] = {}
         self._only_asked: set[int] = set()
+        self._asked = 0
+        """The checks that the last request says that it is for, as a mask of bits: from v1.17 on."""
         self._loop = asyncio.get_running_loop()
         self._end = feeds["arming_check_request"].call(self._take)
         self._timers: list[asyncio.TimerHandle] = []
@@ -112,26 +114,27 @@ class Answers:
 
     def _take(self, request: Any) -> None:
         self._cancel()
+        self._asked = getattr(request, "valid_registrations_mask", 0)
         number = request.request_id
         self._answer(number)
         self._later(_AGAIN, self._answer, number)
         for lost in range(_MOST_LOST):
             self._later(_OVERDUE + lost * _INTERVAL, self._answer, (number + 1 + lost) % _NUMBERS)
 
-    def _answer(self, request: int) -> None:
+    def _answer(self, number: int) -> None:
         for index, check in enumerate(sorted(self._checks)):
-            if check in self._only_asked and not getattr(request, "valid_registrations_mask", 0) >> check & 1:
+            if check in self._only_asked and not self._asked >> check & 1:
                 continue
             turn = index // _MOST_AT_ONCE if self._has_short_queue else 0
             if turn:
-                self._later(turn * _PAUSE, self._reply, request, check)
+                self._later(turn * _PAUSE, self._reply, number, check)
             else:
-                self._reply(request, check)
+                self._reply(number, check)
 
     def _later(self, seconds: float, call: Callable[..., None], *values: int) -> None:
         self._timers.append(self._loop.call_later(seconds, call, *values))
 
-    def _reply(self, request: int, check: int) -> None:
+    def _reply(self, number: int, check: int) -> None:
         verdict = self._checks.get(check)
         if verdict is None:
             return
@@ -139,7 +142,7 @@ class Answers:
         events = [self._event(each) for each in found.problems[:_MOST_EVENTS]]
         reply = filled(
             self._class,
-            request_id=request,
+            request_id=number,
             registration_id=check,
             can_arm_and_run=found.can_run and not found.problems,
             num_events=len(events),

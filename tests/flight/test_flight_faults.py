@@ -17,19 +17,12 @@ from msggen.flight.mode import Mode
 from msggen.flight.requirements import LOCAL_POSITION
 from msggen.flight.setpoints import ATTITUDE, TRAJECTORY
 from msggen.live.sim import Options
-from msggen.sources.embedded import EMBEDDED
 from support.flown import EXTERNAL, Flown, fly
-from support.simulation import built
 
-RELEASES = [release for release in EMBEDDED[::-1] if release != "v1.14"]
+pytest_plugins = ["support.flight_releases"]
+
 HOLD, RETURN, TAKEOFF = 4, 5, 17
 SETPOINTS = {"goto_setpoint", "trajectory_setpoint", "vehicle_attitude_setpoint", "vehicle_rates_setpoint"}
-
-
-@pytest.fixture(scope="module", params=RELEASES)
-def types(request: pytest.FixtureRequest, px4_types: Any, tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """The types of a release."""
-    return px4_types if request.param == EMBEDDED[0] else built(request.param, tmp_path_factory.mktemp("types"))
 
 
 def unresponsive(types: Any) -> tuple[float, float]:

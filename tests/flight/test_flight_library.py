@@ -16,19 +16,12 @@ from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode, needs_of
 from msggen.flight.requirements import Requirement
 from msggen.flight.setpoints import ATTITUDE, GOTO, RATES, TRAJECTORY, Kind
-from msggen.sources.embedded import EMBEDDED
 from support.flown import EXTERNAL, Flown, fly
 from support.repository import ROOT
-from support.simulation import built
 
-RELEASES = [release for release in EMBEDDED[::-1] if release != "v1.14"]
+pytest_plugins = ["support.flight_releases"]
+
 HOLD, RETURN, TAKEOFF, DESCEND = 4, 5, 17, 12
-
-
-@pytest.fixture(scope="module", params=RELEASES)
-def types(request: pytest.FixtureRequest, px4_types: Any, tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """The types of a release."""
-    return px4_types if request.param == EMBEDDED[0] else built(request.param, tmp_path_factory.mktemp("types"))
 
 
 class Picky(Mode, name="Picky"):

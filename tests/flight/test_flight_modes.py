@@ -20,19 +20,13 @@ from msggen.flight.setpoints import ATTITUDE, RATES
 from msggen.flight.space import Vector
 from msggen.live.sim import Options
 from msggen.live.sim.near import NearVehicle
-from msggen.sources.embedded import EMBEDDED
 from support.examples import examples
 from support.flown import EXTERNAL, Flown, fly
 from support.simulation import built
 
-RELEASES = [release for release in EMBEDDED[::-1] if release != "v1.14"]
+pytest_plugins = ["support.flight_releases"]
+
 HOLD, RETURN, LAND = 4, 5, 18
-
-
-@pytest.fixture(scope="module", params=RELEASES)
-def types(request: pytest.FixtureRequest, px4_types: Any, tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """The types of a release."""
-    return px4_types if request.param == EMBEDDED[0] else built(request.param, tmp_path_factory.mktemp("types"))
 
 
 class Square(Mode, name="Square"):

@@ -14,21 +14,14 @@ from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
 from msggen.flight.overrides import Deferral, Keeps
 from msggen.live.sim import Options
-from msggen.sources.embedded import EMBEDDED
 from support.flown import EXTERNAL, Flown, fly
-from support.simulation import built
 
-RELEASES = [release for release in EMBEDDED[::-1] if release != "v1.14"]
+pytest_plugins = ["support.flight_releases"]
+
 HOLD, RETURN = 4, 5
 REQUEST = "config_overrides_request"
 RETURNS = Options(parameters={"COM_LOW_BAT_ACT": 3.0})
 """A critical battery lets PX4 return."""
-
-
-@pytest.fixture(scope="module", params=RELEASES)
-def types(request: pytest.FixtureRequest, px4_types: Any, tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """The types of a release."""
-    return px4_types if request.param == EMBEDDED[0] else built(request.param, tmp_path_factory.mktemp("types"))
 
 
 class Waits(Mode, name="Waits"):

@@ -12,18 +12,11 @@ from msggen.flight.executor import Executor
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
 from msggen.flight.setpoints import GOTO
-from msggen.sources.embedded import EMBEDDED
 from support.flown import Flown, fly
-from support.simulation import built
 
-RELEASES = [release for release in EMBEDDED[::-1] if release != "v1.14"]
+pytest_plugins = ["support.flight_releases"]
+
 RETURN = 5
-
-
-@pytest.fixture(scope="module", params=RELEASES)
-def types(request: pytest.FixtureRequest, px4_types: Any, tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """The types of a release."""
-    return px4_types if request.param == EMBEDDED[0] else built(request.param, tmp_path_factory.mktemp("types"))
 
 
 class GoesAway(Mode, name="Goes away"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import random
 from collections.abc import Callable, Coroutine
 from types import ModuleType
 from typing import Any, NamedTuple, TypeVar
@@ -30,6 +31,14 @@ class Flown(NearVehicle):
     def __init__(self, package: ModuleType, options: Options = Options()) -> None:  # noqa: B008 - it is immutable
         super().__init__(package, options)
         self.sent: list[Sent] = []
+        self.loss = 0.0
+        """The share of messages that get lost, each way. 1: programs and vehicle do not hear each other."""
+        self.lost: set[str] = set()
+        """The topics of which no message arrives."""
+        self._losses = random.Random(f"losses {options.seed} {options.key}")  # noqa: S311 - not for secrets
+
+    def loses(self, topic: str) -> bool:
+        return topic in self.lost or (self.loss > 0.0 and self._losses.random() < self.loss)
 
     def publish(self, topic: str, message: Any) -> None:
         self.sent.append(Sent(self.time / 1e6, topic, message))
@@ -41,9 +50,7 @@ class Flown(NearVehicle):
 
     def lose_position(self, *, is_lost: bool = True) -> None:
         """Lose the position at once, or find it again."""
-        self.world.has_position = not is_lost
-        if hasattr(self.world, "has_gps"):
-            self.world.has_gps = not is_lost
+        self.world.has_position = self.world.has_gps = not is_lost
 
     def hang(self, seconds: float) -> None:
         """Let the vehicle move while the event loop of the program stands still. To be called in the program."""

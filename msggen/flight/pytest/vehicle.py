@@ -15,8 +15,6 @@ from msggen.flight.runners import CallerRunner
 from msggen.live.sim import Options
 from msggen.live.sim.loop import SimulatedLoop
 from msggen.live.sim.near import NearVehicle
-from msggen.live.sim.programs import Programs
-from msggen.live.sim.vehicle import world_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -85,7 +83,7 @@ class SimVehicle(NearVehicle):
         airspace: Airspace | None = None,
     ) -> None:
         super().__init__(package, options)
-        self._options, self._recording, self._limit = options, recording, limit
+        self._recording, self._limit = recording, limit
         self._flown = Flown()
         self.airspace = Airspace() if airspace is None else airspace
         """All vehicles that share the clock."""
@@ -209,23 +207,13 @@ class SimVehicle(NearVehicle):
             self._recording.observe(self.world, now)
 
     def publish(self, topic: str, message: Any) -> None:
-        """See NearVehicle. Raises LookupError and EncodeError also for a message that is lost."""
+        """See NearVehicle."""
         super().publish(topic, message)
         self._flown.sent.append(Sent(self.time / 1e6, topic, message))
-        if self.faults.loses(topic):
-            self._arrived.pop()
 
-    def restart(self) -> None:
-        """Stand at the start again, and forget all but the slots of modes. The clock goes on."""
-        before = self.world
-        self.world = world_of(self.package, self._options)
-        self.world.time = self.time
-        self.world.battery, self.world.has_sticks = before.battery, before.has_sticks
-        self.world.has_position = before.has_position
-        self.world.commander.components = before.commander.components
-        self.world.commander.components.restart()
-        self._programs = Programs(self.world, self._publish)
-        self._arrived.clear()
+    def loses(self, topic: str) -> bool:
+        """See NearVehicle."""
+        return self.faults.loses(topic)
 
     def close(self, *, is_kept: bool) -> None:
         """End the recording, and remove it unless it is kept."""
@@ -241,8 +229,7 @@ class SimVehicle(NearVehicle):
     def _send(self, topic: str, message: Any) -> None:
         if self._recording is not None:
             self._recording.add(topic, message)
-        if not self.faults.loses(topic):
-            super()._send(topic, message)
+        super()._send(topic, message)
 
 
 def _inside(trace: TracebackType | None, code: CodeType | None) -> TracebackType | None:

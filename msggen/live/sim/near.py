@@ -18,7 +18,7 @@ from msggen.live.sim.programs import Programs
 from msggen.live.sim.publishing import STATUS, FlightLog, Schedule, publication_of
 from msggen.live.sim.requests import Requests
 from msggen.live.sim.values import Clocks, Filler, Scene
-from msggen.live.sim.vehicle import status_of, world_of
+from msggen.live.sim.vehicle import restarted, status_of, world_of
 from msggen.live.sim.world import STEP
 
 Take = Callable[[Any], None]
@@ -44,12 +44,7 @@ class NearVehicle:
         self._status: Sequence[object] = ()
         self._schedule = Schedule(out, 0)
         self._options = options
-        self._losses = random.Random(f"losses {options.seed} {options.key}")  # noqa: S311 - not for secrets
         self.time = 0
-        self.loss = 0.0
-        """The share of messages that get lost, each way. 1: programs and vehicle do not hear each other."""
-        self.lost: set[str] = set()
-        """The topics of which no message arrives."""
 
     @property
     def next_time(self) -> int:
@@ -87,19 +82,18 @@ class NearVehicle:
     def publish(self, topic: str, message: Any) -> None:
         """Send a message of a program on a topic, which is named as in uORB.
 
-        Raises LookupError for a topic that the vehicle does not read.
+        Raises LookupError for a topic that the vehicle does not read, and EncodeError. Both also come for a message that
+        gets lost.
         """
         if topic not in self._inputs:
             raise LookupError(f"the vehicle does not read '{topic}'")
-        if not self._is_lost(topic):
-            self._arrived.append((topic, type(message).decode(message.encode())))
+        received = type(message).decode(message.encode())
+        if not self.loses(topic):
+            self._arrived.append((topic, received))
 
     def restart(self) -> None:
-        """Restart the vehicle: it knows nothing of programs but the slots of their names."""
-        components = self.world.commander.components
-        components.restart()
-        self.world = world_of(self.package, self._options)
-        self.world.commander.components, self.world.time = components, self.time
+        """Restart the vehicle at home: it knows nothing of programs but the slots of their names."""
+        self.world = restarted(self.world, self.package, self._options)
         self._arrived.clear()
         self._start()
 
@@ -109,8 +103,9 @@ class NearVehicle:
         requests = Requests(self.world, self._publish, self._tell, {})
         self._handlers = {**self._programs.handlers, **requests.handlers}
 
-    def _is_lost(self, topic: str) -> bool:
-        return topic in self.lost or (self.loss > 0.0 and self._losses.random() < self.loss)
+    def loses(self, _topic: str) -> bool:
+        """Whether the next message of a topic gets lost on its way. Here, none does."""
+        return False
 
     def _receive(self, topic: str, message: Any) -> None:
         if self._log is not None:
@@ -133,5 +128,5 @@ class NearVehicle:
         takers = self._takers[topic]
         if takers:
             loop = asyncio.get_running_loop()
-            for take in [] if self._is_lost(topic) else takers:
+            for take in [] if self.loses(topic) else takers:
                 loop.call_soon(take, type(message).decode(message.encode()))
