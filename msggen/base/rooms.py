@@ -35,7 +35,7 @@ ROOMS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "live.owner": ("base", "live.link", "live.links", "live.vehicle"),
         "live.ros": ("base", "live.link", "live.messages", "live.vehicle"),
         "live": ("base",),
-        "flight": ("live.link", "live"),
+        "flight": ("base", "live.link", "live"),
         "flight.pytest": ("base", "sources", "generate", "live.sim", "flight", "recordings.live"),
         "recordings.source": (),
         "recordings.stores": ("base",),

@@ -19,6 +19,7 @@ from msggen.flight.flight import Flight
 from msggen.flight.limits import Limits
 from msggen.flight.mode import Mode
 from msggen.flight.overrides import Deferral, Keeps
+from msggen.flight.places import GlobalPlace
 from msggen.flight.requirements import GLOBAL_POSITION, LOCAL_POSITION, Requirement
 from msggen.flight.setpoints import ATTITUDE, GOTO, RATES, TRAJECTORY
 from msggen.flight.space import Vector
@@ -35,6 +36,7 @@ __all__ = [
     "Executor",
     "Flight",
     "FlightError",
+    "GlobalPlace",
     "Keeps",
     "LimitError",
     "Limits",

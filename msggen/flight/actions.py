@@ -7,16 +7,21 @@ from __future__ import annotations
 
 import asyncio
 import math
+from collections.abc import Awaitable, Mapping
 from contextlib import suppress
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
+from msggen.base import earth
 from msggen.flight import commands
 from msggen.flight.commands import Commands
-from msggen.flight.errors import FlightError, LimitError, NoAnswerError, NotReachedError
+from msggen.flight.errors import FlightError, LimitError, NotReachedError
 from msggen.flight.feeds import Condition, Feeds
 from msggen.flight.limits import Fence
+from msggen.flight.places import GlobalPlace, local_place, sea_level
 from msggen.flight.setpoints import finite
+from msggen.flight.telemetry import is_landed, valid_estimate
 
+_Result = TypeVar("_Result")
 RETURN, HOLD, TAKEOFF, LAND = 5, 4, 17, 18
 """NAVIGATION_STATE_* of VehicleStatus."""
 _MODES: Final = {
@@ -34,27 +39,27 @@ _MODES: Final = {
 }
 _ENTERED = 3.0
 """The time in s within which a vehicle shows what it has accepted: PX4 publishes its status at 2 Hz or more."""
-_KNOWN = 1.0
-"""The time in s within which the vehicle shows its altitude."""
 _GRACE = 0.5
 """The time in s for which the end of a mode can be told after the mode was left."""
 _NEAR = 1.0
 """The distance in m within which a place by latitude and longitude is reached."""
 _SLOW = 0.5
-_EARTH_RADIUS = 6_371_000.0
 
 
 class Actions:
     """Actions of a user, or of the executor of an id."""
 
-    def __init__(self, sender: Commands, feeds: Feeds, executor: int = 0, fence: Fence | None = None) -> None:
-        self._commands, self._feeds, self._executor = sender, feeds, executor
-        self._fence = Fence(feeds) if fence is None else fence
+    def __init__(
+        self, sender: Commands, feeds: Feeds, fence: Fence, replacements: Mapping[int, int], executor: int = 0
+    ) -> None:
+        """Take the nav_states of modes that replace others, by those of the others."""
+        self._commands, self._feeds, self._fence = sender, feeds, fence
+        self._replacements, self._executor = replacements, executor
 
     async def arm(self) -> None:
         """Arm. Raises RefusedError with what the vehicle shows, and NoAnswerError."""
-        await self._send(commands.ARM_DISARM, 1.0, 0.0, what="arm", shown=_is_armed)
-        await self._until(_is_armed, "armed")
+        await self._send(commands.ARM_DISARM, 1.0, 0.0, what="arm", shown=is_armed)
+        await self._until(is_armed, "armed")
 
     async def disarm(self) -> None:
         """Disarm on the ground. Raises RefusedError in the air, and NoAnswerError."""
@@ -62,24 +67,36 @@ class Actions:
         await self._until(_is_disarmed, "disarmed")
 
     async def takeoff(self, altitude: float | None = None) -> None:
-        """Take off, and return when the altitude is reached: in m above the start, by default MIS_TAKEOFF_ALT.
+        """Take off, and return when the altitude is reached: in m above the present one, by default MIS_TAKEOFF_ALT.
 
         The vehicle has to be armed, or it waits until it is. Raises RefusedError, NoAnswerError, NotReachedError, and
         LimitError.
         """
         if altitude is not None and not finite([altitude], "an altitude")[0] > 0.0:
-            raise ValueError(f"expected an altitude above the start, got {altitude:g} m")
-        await self._check_takeoff(altitude)
-        above_sea = math.nan if altitude is None else await self._sea_level() + altitude
-        await self._send(commands.TAKEOFF, *[math.nan] * 6, above_sea, what="take off", shown=_is_in(TAKEOFF))
-        await self._completed(TAKEOFF, "the takeoff")
+            raise ValueError(f"expected an altitude above the present one, got {altitude:g} m")
+        sea = math.nan if altitude is None else await sea_level(self._feeds)
+        goal = math.nan if altitude is None else self._feeds["vehicle_local_position"].latest.z - altitude
+        await self._check_takeoff(goal)
+        await self._send(commands.TAKEOFF, *[math.nan] * 6, sea - goal, what="take off", shown=self._is_in(TAKEOFF))
+        try:
+            await self._completed(TAKEOFF, "the takeoff")
+        except NotReachedError:
+            if not self._is_up(goal):  # the message that tells the end was lost
+                raise
+
+    def _is_up(self, goal: float) -> bool:
+        """Whether PX4 has gone on from a takeoff to Hold, at an altitude in the local frame, or NaN for any."""
+        status, place = self._feeds["vehicle_status"].latest, valid_estimate(self._feeds)
+        if status.nav_state != HOLD or place is None or is_landed(self._feeds):
+            return False
+        return math.isnan(goal) or bool(abs(place.z - goal) < _NEAR)
 
     async def land(self) -> None:
         """Land where the vehicle is, and return when it has landed. It disarms 2 s later (COM_DISARM_LAND).
 
         Raises RefusedError, NoAnswerError and NotReachedError.
         """
-        await self._send(commands.LAND, what="land", shown=_is_in(LAND))
+        await self._send(commands.LAND, what="land", shown=self._is_in(LAND))
         await self._completed(LAND, "the landing")
 
     async def return_home(self) -> None:
@@ -87,7 +104,7 @@ class Actions:
 
         Raises RefusedError, NoAnswerError and NotReachedError.
         """
-        await self._send(commands.RETURN, what="return", shown=_is_in(RETURN))
+        await self._send(commands.RETURN, what="return", shown=self._is_in(RETURN))
         await self._completed(RETURN, "the return")
 
     async def hold(self) -> None:
@@ -103,8 +120,10 @@ class Actions:
         if number is None:
             raise ValueError(f"expected one of the modes {', '.join(_MODES)}, or a nav_state, got {mode!r}")
 
+        modes = self._modes_for(number)
+
         def is_selected(status: Any) -> bool:
-            return bool(status.nav_state_user_intention == number)
+            return status.nav_state_user_intention in modes
 
         await self._send(commands.SET_NAV_STATE, float(number), what=f"mode {mode}", shown=is_selected)
         await self._until(is_selected, f"in mode {mode}")
@@ -115,19 +134,22 @@ class Actions:
         """Fly to a place in Hold mode, and return when it is reached: nearer than 1 m, slower than 0.5 m/s.
 
         Latitude and longitude are in degrees, the altitude in m above mean sea level, by default the present one.
-        Raises RefusedError, NoAnswerError, NotReachedError if another mode is selected on the way, and LimitError.
+        Raises RefusedError, NoAnswerError, NotReachedError if another mode is selected on the way, LimitError, and
+        FlightError on the ground.
         """
-        _place(latitude, longitude, altitude or 0.0)
-        await self._check_place(latitude, longitude, altitude)
+        place = GlobalPlace(latitude, longitude, altitude or 0.0)
+        await self._check_place(place, is_level=altitude is None)
+        if is_landed(self._feeds):
+            raise FlightError("the vehicle is on the ground: take off first")
         above_sea = math.nan if altitude is None else altitude
         values = -1.0, 1.0, math.nan, math.radians(heading_deg), latitude, longitude, above_sea
         await self._send(commands.REPOSITION, *values, what="go to a place")
         reached = self._feeds["vehicle_global_position"].following(
             lambda place: _is_near(place, latitude, longitude, altitude)
         )
-        await self._before_left(HOLD, reached, "the flight to a place")
+        await self.before_left(HOLD, reached, "the flight to a place")
         slow = self._feeds["vehicle_local_position"].following(lambda each: math.hypot(each.vx, each.vy) < _SLOW)
-        await self._before_left(HOLD, slow, "the flight to a place")
+        await self.before_left(HOLD, slow, "the flight to a place")
 
     async def set_home(
         self, latitude: float | None = None, longitude: float | None = None, altitude: float | None = None
@@ -142,7 +164,7 @@ class Actions:
         elif len(place) < 3:  # noqa: PLR2004 - latitude, longitude, altitude
             raise ValueError("expected latitude, longitude and altitude, or none of them")
         else:
-            _place(*place)
+            GlobalPlace(*place)
             await self._send(commands.SET_HOME, 0.0, *[math.nan] * 3, *place, what="set the home position")
 
     async def set_origin(self, latitude: float, longitude: float, altitude: float) -> None:
@@ -150,21 +172,40 @@ class Actions:
 
         In degrees and in m above mean sea level. Raises ValueError, RefusedError and NoAnswerError.
         """
-        _place(latitude, longitude, altitude)
+        GlobalPlace(latitude, longitude, altitude)
         place = latitude, longitude, altitude
         await self._send(commands.SET_ORIGIN, *[math.nan] * 4, *place, what="set the origin")
 
     async def wait_armed(self) -> None:
-        """Wait until the vehicle is armed."""
-        await self._feeds["vehicle_status"].wait(_is_armed)
+        """Wait until the vehicle is armed. Raises NoAnswerError if it is not heard for 10 s."""
+        await self._feeds.while_heard(self._feeds["vehicle_status"].wait(is_armed))
 
     async def wait_disarmed(self) -> None:
-        """Wait until the vehicle is disarmed."""
-        await self._feeds["vehicle_status"].wait(_is_disarmed)
+        """Wait until the vehicle is disarmed. Raises NoAnswerError if it is not heard for 10 s."""
+        await self._feeds.while_heard(self._feeds["vehicle_status"].wait(_is_disarmed))
 
     async def wait_for_status(self, condition: Condition, seconds: float) -> None:
         """Wait until a VehicleStatus meets a condition. Raises TimeoutError."""
         await self._feeds["vehicle_status"].wait(condition, seconds)
+
+    async def before_left(self, mode: int, waiting: Awaitable[_Result], what: str) -> _Result:
+        """Return what comes, unless the vehicle leaves a mode before: NotReachedError. Raises NoAnswerError, too."""
+        status = self._feeds["vehicle_status"]
+        modes = self._modes_for(mode)
+        goal = asyncio.ensure_future(waiting)
+        left = asyncio.ensure_future(status.following(lambda each: each.nav_state not in modes))
+        both = asyncio.ensure_future(asyncio.wait([goal, left], return_when=asyncio.FIRST_COMPLETED))
+        try:
+            await self._feeds.while_heard(both)
+            if not goal.done():
+                await asyncio.wait([goal], timeout=_GRACE)
+            if not goal.done():
+                raise NotReachedError(f"{what} has not ended: the vehicle is in mode {left.result().nav_state}")
+            return goal.result()
+        finally:
+            for each in (goal, left, both):
+                each.cancel()
+            await asyncio.gather(goal, left, both, return_exceptions=True)
 
     # inside
 
@@ -179,63 +220,45 @@ class Actions:
 
     async def _completed(self, mode: int, what: str) -> None:
         """Wait until a mode of PX4 has reached its end. Messages from before it was entered do not count."""
-        await self._until(_is_in(mode), f"in mode {mode}")
-        completed = self._feeds["mode_completed"].following(lambda each: bool(each.nav_state == mode))
-        found = await self._before_left(mode, completed, what)
+        await self._until(self._is_in(mode), f"in mode {mode}")
+        modes = self._modes_for(mode)
+        completed = self._feeds["mode_completed"].following(lambda each: each.nav_state in modes)
+        found = await self.before_left(mode, completed, what)
         if found.result:
             raise NotReachedError(f"{what} has ended with result {found.result} of ModeCompleted")
 
-    async def _before_left(self, mode: int, waiting: Any, what: str) -> Any:
-        """Return what comes, unless the vehicle leaves a mode before. Raises NotReachedError then."""
-        goal = asyncio.ensure_future(waiting)
-        left = asyncio.ensure_future(
-            self._feeds["vehicle_status"].following(lambda status: bool(status.nav_state != mode))
-        )
-        try:
-            await asyncio.wait([goal, left], return_when=asyncio.FIRST_COMPLETED)
-            if not goal.done():
-                await asyncio.wait([goal], timeout=_GRACE)
-            if not goal.done():
-                raise NotReachedError(f"{what} has not ended: the vehicle is in mode {left.result().nav_state}")
-            return goal.result()
-        finally:
-            for each in (goal, left):
-                each.cancel()
-            await asyncio.gather(goal, left, return_exceptions=True)
+    def _modes_for(self, mode: int) -> frozenset[int]:
+        """Return the nav_states that the vehicle can show for a mode."""
+        return frozenset({mode, self._replacements.get(mode, mode)})
 
-    async def _check_takeoff(self, altitude: float | None) -> None:
+    def _is_in(self, mode: int) -> Condition:
+        modes = self._modes_for(mode)
+        return lambda status: status.nav_state in modes
+
+    async def _check_takeoff(self, goal: float) -> None:
+        """Raise LimitError for an altitude in the local frame that is too high, or NaN, which is not known."""
         if math.isinf(self._fence.limits.height):
             return
-        if altitude is None:
+        if math.isnan(goal):
             raise LimitError("with a limit on the height, a takeoff needs its altitude: MIS_TAKEOFF_ALT is not known")
         await self._wait_for_home()
-        self._fence.check_place((math.nan, math.nan, -altitude))
+        self._fence.check_place((math.nan, math.nan, goal))
 
-    async def _check_place(self, latitude: float, longitude: float, altitude: float | None) -> None:
+    async def _check_place(self, place: GlobalPlace, *, is_level: bool) -> None:
+        """Raise LimitError for a place beyond the limits. The altitude does not count if the flight is level."""
         if self._fence.limits.is_open:
             return
         await self._wait_for_home()
-        origin = await self._origin()
-        north = math.radians(latitude - origin.ref_lat) * _EARTH_RADIUS
-        east = math.radians(longitude - origin.ref_lon) * _EARTH_RADIUS * math.cos(math.radians(origin.ref_lat))
-        self._fence.check_place((north, east, math.nan if altitude is None else origin.ref_alt - altitude))
+        north, east, down = await local_place(self._feeds, place, "ned")
+        self._fence.check_place((north, east, math.nan if is_level else down))
 
     async def _wait_for_home(self) -> None:
         with suppress(TimeoutError):  # the fence says that there is none
             await self._feeds["home_position"].wait(lambda _: True, _ENTERED)
 
-    async def _sea_level(self) -> float:
-        """Return the altitude of the origin of the local frame above mean sea level in m."""
-        return float((await self._origin()).ref_alt)
 
-    async def _origin(self) -> Any:
-        try:
-            return await self._feeds["vehicle_local_position"].wait(lambda each: bool(each.z_global), _KNOWN)
-        except TimeoutError:
-            raise NoAnswerError("the vehicle does not know its altitude above sea level") from None
-
-
-def _is_armed(status: Any) -> bool:
+def is_armed(status: Any) -> bool:
+    """Whether a VehicleStatus shows that the vehicle is armed."""
     return bool(status.arming_state == status.ARMING_STATE_ARMED)
 
 
@@ -243,21 +266,7 @@ def _is_disarmed(status: Any) -> bool:
     return bool(status.arming_state != status.ARMING_STATE_ARMED)
 
 
-def _is_in(mode: int) -> Condition:
-    return lambda status: bool(status.nav_state == mode)
-
-
-def _place(latitude: float, longitude: float, altitude: float) -> None:
-    """Raise ValueError for what is no place on earth."""
-    finite([latitude, longitude, altitude], "a place")
-    if abs(latitude) > 90.0 or abs(longitude) > 180.0:  # noqa: PLR2004 - degrees
-        raise ValueError(
-            f"expected a latitude from -90 to 90 and a longitude from -180 to 180, got {latitude}, {longitude}"
-        )
-
-
 def _is_near(place: Any, latitude: float, longitude: float, altitude: float | None) -> bool:
-    north = math.radians(place.lat - latitude) * _EARTH_RADIUS
-    east = math.radians(place.lon - longitude) * _EARTH_RADIUS * math.cos(math.radians(latitude))
+    north, east = earth.local((latitude, longitude), place.lat, place.lon)
     up = 0.0 if altitude is None else place.alt - altitude
     return math.hypot(north, east, up) < _NEAR

@@ -4,23 +4,27 @@ from __future__ import annotations
 
 import asyncio
 import math
+from logging import getLogger
 from typing import Any
 
-from msggen.flight.actions import Actions
+from msggen.flight.actions import Actions, is_armed
 from msggen.flight.checks import Verdict
 from msggen.flight.connection import Connection, Topics, filled
 from msggen.flight.errors import FlightError, NotReachedError
 from msggen.flight.feeds import Feeds
 from msggen.flight.limits import Fence
-from msggen.flight.mode import Mode, message_of, needs_of
+from msggen.flight.mode import NO_LIFT, Mode, message_of, needs_of
 from msggen.flight.overrides import OF_MODE, Overrides
 from msggen.flight.registration import Ids
-from msggen.flight.setpoints import GOTO, TRAJECTORY, Configuration, Kind, Stream
-from msggen.flight.telemetry import valid_estimate
+from msggen.flight.setpoints import FREE, GOTO, TRAJECTORY, Configuration, Kind, Stream
+from msggen.flight.telemetry import is_landed, valid_estimate
 
+LOGGER = getLogger("msggen.flight")
 _SUCCESS, _FAILURE = 0, 100
 _BRAKING = 3.0
 """The deceleration in m/s2 with which PX4 comes to rest: MPC_ACC_HOR."""
+_UNDER_WAY = 1.5
+"""The time in s for which a command to enter a mode can still take effect."""
 _REPEAT = 0.1
 """The time in s after which the end of a mode is told again, until PX4 has left it."""
 
@@ -37,15 +41,25 @@ class ActiveMode:
         self.has_failed = False
         """Whether `fly` has raised an exception since the mode was selected."""
         self._was_armed = False
+        self._begins_on_ground = False
+        """Whether the vehicle has not been in the air since the mode was entered, as far as that is known."""
         self._wanted: asyncio.Future[None] | None = None
         """What the next run of `fly` returns or raises, for the executor that waits for it."""
         self._flown: asyncio.Future[None] | None = None
         """The same for the present run."""
+        self._is_flying = False
+        """Whether `fly` runs, and has not been cancelled."""
+        self._abandoned = float("-inf")
+        """When a run that had not begun was given up. The mode may be entered shortly afterwards."""
+        self._has_problem = False
+        """Whether the conditions of the program have raised an exception, which was told."""
         self._connection = connection
         self._topics = Topics(connection.package)
         self.configuration = Configuration(connection, feeds, ids.mode)
-        self._stream = Stream(connection, self.configuration, self._fence.shaped)
+        self._stream = Stream(connection, feeds, self.configuration, self._fence.shaped)
         self._task: asyncio.Task[None] | None = None
+        self._ended: asyncio.Task[None] | None = None
+        """The last run that was cancelled."""
         self._lost: FlightError | None = None
         """Why the mode has ended, if the vehicle knows it no longer."""
         mode._active = self  # noqa: SLF001 - its own part
@@ -58,80 +72,115 @@ class ActiveMode:
     def verdict(self) -> Verdict:
         """Return the reply to an arming check. An exception in the conditions of a program says that it cannot run."""
         try:
-            problems = self.mode.problems()
+            problems = tuple(self.mode.problems())
         except Exception as error:  # noqa: BLE001 - whatever a program raises
-            _report(f"the conditions of mode {self.mode.name!r} have failed", error)
+            if not self._has_problem:
+                _report(f"the conditions of mode {self.mode.name!r} have failed", error)
+            self._has_problem = True
             return Verdict(can_run=False, requires=needs_of(self.mode))
+        self._has_problem = False
         return Verdict(not self.has_failed, needs_of(self.mode), problems)
 
     def send(self, kind: Kind, **values: Any) -> None:
-        """Send a setpoint from now on, while the mode is active. Raises LimitError, and UnsupportedError."""
-        self._fence.check(kind, values)
-        self._stream.set(kind, message_of(self._topics.incoming(kind.topic), kind, self.mode, **values))
+        """Send a setpoint from now on. Raises NotReachedError unless `fly` runs, LimitError, and UnsupportedError."""
+        self._check_flying()
+        self._set(kind, **values)
 
     def hold(self) -> bool:
-        """Hold the place where the vehicle comes to rest.
+        """Hold the place where the vehicle comes to rest. Raises NotReachedError unless `fly` runs.
 
         Return False if that is not known, or the mode has no setpoints for it.
         """
+        self._check_flying()
+        return self._hold()
+
+    def _check_flying(self) -> None:
+        if not self._is_flying:
+            raise NotReachedError(f"mode {self.mode.name!r} does not fly: its `fly` has ended, or has not begun")
+
+    def _set(self, kind: Kind, **values: Any) -> None:
+        self._fence.check(kind, values)
+        if self._begins_on_ground and kind in (GOTO, TRAJECTORY):
+            self._begins_on_ground = False
+            if is_landed(self.feeds):
+                LOGGER.warning("mode %r is on the ground, and %s %s", self.mode.name, kind.name, NO_LIFT)
+        self._stream.set(kind, message_of(self._topics.incoming(kind.topic), kind, self.mode, **values))
+
+    def _hold(self) -> bool:
         estimate = valid_estimate(self.feeds)
         if estimate is None:
             return False
         place = self._fence.nearest(_stopped(estimate))
         if GOTO in self.mode.setpoints:
-            self.send(GOTO, position=place)
+            self._set(GOTO, position=place)
         elif TRAJECTORY in self.mode.setpoints:
-            free = (float("nan"),) * 3
-            self.send(
-                TRAJECTORY, position=place, velocity=free, acceleration=free, jerk=free, yaw=estimate.heading,
-                yawspeed=float("nan"),
-            )  # fmt: skip
+            rest = {"velocity": FREE, "acceleration": FREE, "jerk": FREE, "yawspeed": math.nan}
+            self._set(TRAJECTORY, position=place, yaw=estimate.heading, **rest)
         else:
             return False
         return True
 
-    def await_end(self) -> asyncio.Future[None]:
-        """Return what becomes done when the next run of `fly` ends, and has its exception."""
-        self._wanted = asyncio.get_running_loop().create_future()
-        self._wanted.add_done_callback(lambda each: each.cancelled() or each.exception())  # perhaps nobody waits
-        return self._wanted
-
-    def abandon(self, flown: asyncio.Future[None]) -> None:
-        """End the run of `fly` that was waited for, if it has not ended. The vehicle holds its place."""
-        if self._wanted is flown:
-            self._wanted = None
-        if self._flown is flown:
-            self._end_run()
-            self.has_failed = not self._hold_or_stop()
-
     async def run(self, actions: Actions) -> None:
-        """Select the mode, and wait for the end of `fly`. Raises what it raises, and NotReachedError if it is left."""
-        flown = self.await_end()
+        """Select the mode, and wait for the end of `fly`.
+
+        Raises what `fly` raises, NotReachedError if the mode is left, and FlightError while the vehicle is disarmed.
+        """
+        status = self.feeds["vehicle_status"].latest
+        if not (self.mode.flies_disarmed or is_armed(status)):
+            raise FlightError(f"mode {self.mode.name!r} flies an armed vehicle: arm first, or `await flight.wait_armed()`")
+        flown = self._await_end()
         try:
             if self.is_active:
                 self.restart()
             else:
                 await actions.set_mode(self.ids.mode)
-            await flown
+            await self.feeds.while_heard(flown)
         except BaseException:
-            self.abandon(flown)
+            self._abandon(flown)
             raise
+
+    def _await_end(self) -> asyncio.Future[None]:
+        """Return what becomes done when the next run of `fly` ends, and has its exception."""
+        self._give_up(NotReachedError(f"mode {self.mode.name!r} is flown anew"))
+        self._wanted = asyncio.get_running_loop().create_future()
+        self._wanted.add_done_callback(lambda each: each.cancelled() or each.exception())  # perhaps nobody waits
+        return self._wanted
+
+    def _abandon(self, flown: asyncio.Future[None]) -> None:
+        """End the run of `fly` that was waited for, if it has not ended. The vehicle holds its place."""
+        if self._wanted is flown:
+            self._wanted = None
+            self._abandoned = asyncio.get_running_loop().time()
+        if self._flown is flown:
+            self._end_run()
+            self.has_failed = not self._hold_or_stop()
+
+    def _give_up(self, error: FlightError) -> None:
+        """Tell who waits for a run that has not begun that it does not come."""
+        wanted, self._wanted = self._wanted, None
+        if wanted is not None and not wanted.done():
+            wanted.set_exception(error)
 
     def restart(self) -> None:
         """Run `fly` once more, while the mode is active."""
+        before = self._task or self._ended
         self._end_run()
         self._flown, self._wanted = self._wanted, None
-        self._task = asyncio.get_running_loop().create_task(self._fly(self._flown), name=f"fly {self.mode.name}")
+        self._task = asyncio.get_running_loop().create_task(
+            self._fly(self._flown, before), name=f"fly {self.mode.name}"
+        )
 
     def lose(self, error: FlightError) -> None:
         """End `fly` with an error, because the vehicle knows the mode no longer."""
         self._lost = error
         if self.is_active:
             _report(f"mode {self.mode.name!r} has ended", error)
+        self._give_up(error)
         self._leave()
 
     def close(self) -> None:
         """Send nothing any more."""
+        self._give_up(FlightError(f"mode {self.mode.name!r} is not registered any more"))
         self._leave()
         self.configuration.close()
         self.overrides.close()
@@ -139,12 +188,12 @@ class ActiveMode:
 
     def follow(self, status: Any) -> None:
         """Enter or leave the mode with a VehicleStatus."""
-        is_armed = status.arming_state == status.ARMING_STATE_ARMED
+        has_armed = is_armed(status)
         is_selected = status.nav_state == self.ids.mode
-        if status.nav_state_user_intention != self.ids.mode or (self._was_armed and not is_armed):
+        if status.nav_state_user_intention != self.ids.mode or (self._was_armed and not has_armed):
             self.has_failed = False
-        self._was_armed = is_armed
-        is_active = is_selected and (is_armed or self.mode.flies_disarmed)
+        self._was_armed = has_armed
+        is_active = is_selected and (has_armed or self.mode.flies_disarmed)
         if is_active and self.is_active:
             self._stream.confirm()
         elif is_active:
@@ -153,9 +202,14 @@ class ActiveMode:
             self._leave()
 
     def _enter(self) -> None:
+        self._begins_on_ground = is_landed(self.feeds)
         self._stream.start()
         self.overrides.renew()
-        if not self._is_owned or self._wanted is not None:
+        if self._wanted is not None:
+            self.restart()
+        elif asyncio.get_running_loop().time() - self._abandoned < _UNDER_WAY:
+            self.has_failed = not self._hold_or_stop()
+        elif not self._is_owned:
             self.restart()
 
     def _leave(self) -> None:
@@ -163,16 +217,20 @@ class ActiveMode:
         self._end_run()
 
     def _end_run(self) -> None:
+        self._is_flying = False
         if self._task is not None:
             self._task.cancel(None if self._lost is None else str(self._lost))
-            self._task = None
+            self._ended, self._task = self._task, None
         flown, self._flown = self._flown, None
         if flown is not None and not flown.done():
             flown.set_exception(self._lost or NotReachedError(f"mode {self.mode.name!r} was left before its end"))
 
-    async def _fly(self, flown: asyncio.Future[None] | None) -> None:
-        """Run `fly`, and tell how it ended until the mode is left."""
+    async def _fly(self, flown: asyncio.Future[None] | None, before: asyncio.Task[None] | None) -> None:
+        """Run `fly`, once the run before has come to its end, and tell how it ended until the mode is left."""
+        if before is not None:
+            await asyncio.wait([before])
         result = _FAILURE
+        self._is_flying = True
         try:
             await self.mode.fly()
         except asyncio.CancelledError:
@@ -181,8 +239,13 @@ class ActiveMode:
                 self._tell(result)
             raise
         except Exception as error:  # noqa: BLE001 - whatever a program raises
+            if self._task is not asyncio.current_task():
+                self._report_late(error)
+                return
             self._fail(error, flown)
         else:
+            if self._task is not asyncio.current_task():
+                return
             result = _SUCCESS
             self.has_failed = not self._hold_or_stop()
             if flown is not None and not flown.done():
@@ -190,6 +253,11 @@ class ActiveMode:
         while True:
             self._tell(result)
             await asyncio.sleep(_REPEAT)
+
+    def _report_late(self, error: Exception) -> None:
+        """Tell of an exception after the mode was left, but for that of a setpoint, which nobody takes any more."""
+        if not isinstance(error, NotReachedError):
+            _report(f"mode {self.mode.name!r} was left, and its end has failed", error)
 
     def _fail(self, error: Exception, flown: asyncio.Future[None] | None) -> None:
         is_held = self._hold_or_stop()
@@ -202,7 +270,8 @@ class ActiveMode:
 
     def _hold_or_stop(self) -> bool:
         """Let no setpoint of a program that has ended go on. Return whether the vehicle holds its place."""
-        is_held = self.hold()
+        self._is_flying = False
+        is_held = self._hold()
         if not is_held:
             self._stream.pause()
         return is_held

@@ -17,6 +17,7 @@ from msggen.flight.feeds import Condition
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
 from msggen.flight.offboard import Offboard
+from msggen.flight.places import GlobalPlace
 from msggen.flight.runners import CallerRunner, Runner, ThreadRunner
 from msggen.flight.setpoints import FREE
 from msggen.flight.space import Frame
@@ -159,7 +160,7 @@ class BlockingFlight:
         context = self._own.offboard(frame)
         setpoint = self._wait(context.__aenter__())
         if self._runner is not None:
-            setpoint.is_alive = self._runner.is_alive
+            setpoint.stream.is_alive = self._runner.is_alive
         try:
             yield BlockingOffboard(setpoint, self._wait)
         except BaseException as error:
@@ -263,7 +264,9 @@ class BlockingOffboard:
 
         self._wait(change())
 
-    def goto(self, place: Sequence[float], *, heading_deg: float | None = None, within: float = 0.5) -> None:
+    def goto(
+        self, place: Sequence[float] | GlobalPlace, *, heading_deg: float | None = None, within: float = 0.5
+    ) -> None:
         """See `Offboard.goto`."""
         self._wait(self._setpoint.goto(place, heading_deg=heading_deg, within=within))
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from msggen.flight.actions import LAND, RETURN, Actions
 from msggen.flight.active import ActiveMode
-from msggen.flight.errors import FlightError, RefusedError
+from msggen.flight.errors import FlightError, NotReachedError, RefusedError
 from msggen.flight.executor import Executor
 from msggen.flight.mode import Mode
 from msggen.flight.overrides import Overrides
@@ -31,6 +31,8 @@ class Charge:
         find: Callable[[type[Mode] | Mode], ActiveMode],
     ) -> None:
         self.executor, self.ids, self.actions, self.overrides, self.find = executor, ids, actions, overrides, find
+        self._wanted: asyncio.Future[None] | None = None
+        """What `run` returns or raises, for who waits for it."""
         self._task: asyncio.Task[None] | None = None
         self._ended: asyncio.Task[None] | None = None
         """The last run that was cancelled."""
@@ -47,6 +49,24 @@ class Charge:
         """Whether `run` is under way."""
         return self._task is not None
 
+    async def wait_end(self, actions: Actions) -> None:
+        """Select the mode of the executor as a user does, and wait for the end of `run`.
+
+        Raises what `run` raises, and NotReachedError if the executor is no longer in charge.
+        """
+        self._finish(NotReachedError(f"{self._name} is started anew"))
+        wanted = self._wanted = asyncio.get_running_loop().create_future()
+        wanted.add_done_callback(lambda each: each.cancelled() or each.exception())  # perhaps nobody waits
+        if self._task is None:
+            self._has_run = False
+        try:
+            await actions.set_mode(self.ids.mode)
+            await self.find(self.executor.mode).feeds.while_heard(wanted)
+        except BaseException:
+            if self._wanted is wanted:
+                self._wanted = None
+            raise
+
     async def fly(self, mode: type[Mode] | Mode) -> None:
         """Fly a mode, and wait for its end."""
         active = self.find(mode)
@@ -59,6 +79,7 @@ class Charge:
     def close(self) -> None:
         """End the executor."""
         self._stop()
+        self._finish(FlightError(f"{self._name} is not registered any more"))
         self.overrides.close()
         self.executor._charge = None  # noqa: SLF001 - as above
 
@@ -71,7 +92,7 @@ class Charge:
             self._has_run = self._has_run and bool(status.failsafe)  # not if a user has taken over
             self._stop()
         else:
-            if self._task is not None and is_chosen:
+            if is_chosen:
                 self._stop()
                 self._has_run = False
             self._was_cut = self._was_cut and is_armed
@@ -97,6 +118,17 @@ class Charge:
         if self._task is not None:
             self._task.cancel()
             self._ended, self._task = self._task, None
+            self._finish(NotReachedError(f"{self._name} is no longer in charge: another mode was selected, or is needed"))
+
+    def _finish(self, error: Exception | None = None) -> None:
+        """Tell who waits for the end of `run` how it has ended."""
+        wanted, self._wanted = self._wanted, None
+        if wanted is not None and not wanted.done():
+            wanted.set_result(None) if error is None else wanted.set_exception(error)
+
+    @property
+    def _name(self) -> str:
+        return f"executor {type(self.executor).__name__}"
 
     async def _run(self, before: asyncio.Task[None] | None) -> None:
         """Run it, once the run before has come to its end."""
@@ -104,10 +136,12 @@ class Charge:
             if before is not None:
                 await asyncio.wait([before])
             await self.executor.run()
+            if self._task is asyncio.current_task():
+                self._finish()
         except asyncio.CancelledError:
             if self._task is not asyncio.current_task():  # it is out of charge
                 raise
-            await self._fail(FlightError(f"`run` of executor {type(self.executor).__name__} was cancelled"))
+            await self._fail(FlightError(f"`run` of {self._name} was cancelled"))
         except Exception as error:  # noqa: BLE001 - whatever a program raises
             await self._fail(error)
         finally:
@@ -117,7 +151,8 @@ class Charge:
     async def _fail(self, error: Exception) -> None:
         """Let PX4 return home: from the mode of the executor by its failsafe, from others by a command."""
         self.find(self.executor.mode).has_failed = True
-        context = {"message": f"executor {type(self.executor).__name__} has failed", "exception": error}
+        self._finish(error)
+        context = {"message": f"{self._name} has failed", "exception": error}
         asyncio.get_running_loop().call_exception_handler(context)
         with suppress(TimeoutError, FlightError):
             await self.actions.wait_for_status(self._is_left_alone, _UNDER_WAY)

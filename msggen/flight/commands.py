@@ -5,14 +5,15 @@ Numbers are those of VehicleCommand, which have been the same since v1.15.
 
 from __future__ import annotations
 
+import asyncio
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import Any, Final
 
 from msggen.flight.connection import Connection, Topics, filled
-from msggen.flight.errors import NoAnswerError, RefusedError
-from msggen.flight.feeds import Feeds
+from msggen.flight.errors import FlightError, NoAnswerError, RefusedError
+from msggen.flight.feeds import Condition, Feeds
 from msggen.flight.reasons import reasons_for
 
 ARM_DISARM: Final = 400
@@ -44,6 +45,13 @@ class Commands:
     def __init__(self, connection: Connection, feeds: Feeds) -> None:
         self._connection, self._feeds = connection, feeds
         self._topics = Topics(connection.package)
+        self._lock = asyncio.Lock()
+        """One command at a time: an answer tells only the number of the command."""
+        self._is_closed = False
+
+    def close(self) -> None:
+        """Send nothing any more."""
+        self._is_closed = True
 
     async def send(
         self,
@@ -51,7 +59,7 @@ class Commands:
         *parameters: float,
         executor: int = 0,
         what: str = "",
-        shown: Callable[[Any], bool] | None = None,
+        shown: Condition | None = None,
     ) -> None:
         """Send a command until the vehicle answers. Parameters that are not given are NaN.
 
@@ -78,23 +86,28 @@ class Commands:
             is_mine = answer.command == number and answer.target_component == source
             return bool(is_mine and answer.result != _IN_PROGRESS)
 
-        answer = None
-        with self._noticing(shown) as has_shown:
-            for _ in range(_TRIES):
-                self._connection.publish(topic, message)
-                with suppress(TimeoutError):
-                    answer = await self._feeds["vehicle_command_ack"].following(is_answer, _PATIENCE)
-                    break
-                if has_shown():
-                    return
+        async with self._lock:
+            answer = await self._answered(topic, message, is_answer, what, shown)
         if answer is not None and answer.result != _ACCEPTED:
             raise RefusedError(what, answer.result, [*self._reasons(number, values)])
-        if answer is not None:
-            return
+
+    async def _answered(
+        self, topic: str, message: Any, is_answer: Condition, what: str, shown: Condition | None
+    ) -> Any:
+        """Send a message until the vehicle answers, and return that, or None if it has shown the effect."""
+        with self._noticing(shown) as has_shown:
+            for _ in range(_TRIES):
+                if self._is_closed:
+                    raise FlightError(f"{what}: the flight has ended")
+                self._connection.publish(topic, message)
+                with suppress(TimeoutError):
+                    return await self._feeds["vehicle_command_ack"].following(is_answer, _PATIENCE)
+                if has_shown():
+                    return None
         raise NoAnswerError(f"{what}: the vehicle has not answered {_TRIES} times within {_PATIENCE} s")
 
     @contextmanager
-    def _noticing(self, shown: Callable[[Any], bool] | None) -> Iterator[Callable[[], bool]]:
+    def _noticing(self, shown: Condition | None) -> Iterator[Callable[[], bool]]:
         """Notice whether a VehicleStatus shows something."""
         found: list[Any] = []
         end = self._feeds["vehicle_status"].call(lambda each: found.append(each) if shown and shown(each) else None)

@@ -51,10 +51,16 @@ class Topics:
         found = self._endpoints.get((direction, topic))
         if found is None:
             raise UnsupportedError(
-                f"the firmware does not bridge /fmu/{direction}/{topic}: it has to be in its dds_topics.yaml, "
-                "and flight modes need PX4 v1.15 or later"
+                f"the firmware does not bridge /fmu/{direction}/{topic}: it has to be in its dds_topics.yaml{_since(topic)}"
             )
         return found
+
+
+def _since(topic: str) -> str:
+    """Return which release first has a topic, if that is later than v1.14."""
+    if topic in {"home_position", "vehicle_land_detected"}:
+        return ", which has it from v1.16 on"
+    return ", and flight modes need PX4 v1.15 or later"
 
 
 def filled(cls: Any, **values: Any) -> Any:

@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from contextlib import suppress
-from typing import Any
+from typing import Any, TypeVar
 
 from msggen.flight.connection import Connection, Take, Topics
+from msggen.flight.errors import NoAnswerError
 
+_Result = TypeVar("_Result")
+SILENCE = 10.0
+"""The time in s without a VehicleStatus after which nothing is expected any more. PX4 restarts faster."""
+_LOOK = 1.0
+"""The time in s between two looks at that."""
 Condition = Callable[[Any], bool]
 """Says whether a message is the one that a task waits for."""
 
@@ -68,8 +74,8 @@ class Feed:
         for take in [*self._takers]:
             take(message)
         for future, condition in [*self._waiting.items()]:
-            if not future.done() and condition(message):
-                future.set_result(message)
+            if not future.done():
+                _answer(future, condition, message)
 
 
 class Feeds:
@@ -87,8 +93,29 @@ class Feeds:
             self._feeds[topic] = Feed(self._connection, topic)
         return self._feeds[topic]
 
+    async def while_heard(self, waiting: Awaitable[_Result]) -> _Result:
+        """Return what comes. Raises NoAnswerError once the vehicle has not been heard for 10 s."""
+        task = asyncio.ensure_future(waiting)
+        try:
+            while not (await asyncio.wait([task], timeout=_LOOK))[0]:
+                if self["vehicle_status"].age > SILENCE:
+                    raise NoAnswerError(f"no vehicle_status for {SILENCE:.0f} s: the link is lost, or the vehicle is off")
+            return task.result()
+        finally:
+            task.cancel()
+            await asyncio.gather(task, return_exceptions=True)
+
     def close(self) -> None:
         """End all subscriptions."""
         for feed in self._feeds.values():
             feed.close()
         self._feeds.clear()
+
+
+def _answer(future: asyncio.Future[Any], condition: Condition, message: Any) -> None:
+    """End the wait for a message if it is the one. An exception of the condition belongs to the task that waits."""
+    try:
+        if condition(message):
+            future.set_result(message)
+    except Exception as error:  # noqa: BLE001 - whatever a program raises
+        future.set_exception(error)

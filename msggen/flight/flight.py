@@ -22,7 +22,7 @@ from msggen.flight.mode import Mode
 from msggen.flight.offboard import Offboard, offboard
 from msggen.flight.parts import NEEDED, Part, Parts
 from msggen.flight.space import Frame
-from msggen.flight.telemetry import Telemetry
+from msggen.flight.telemetry import Telemetry, is_landed
 from msggen.live.links.link_types import DEFAULT
 
 if TYPE_CHECKING:
@@ -89,6 +89,7 @@ class Flight(Actions):
         for need in _NEEDED:
             if need.direction == "out":
                 feeds[need.topic]
+        is_landed(feeds)  # so that it is known before it is needed
         feeds["vehicle_status"].call(parts.follow)
         if parts.is_urgent:
             return

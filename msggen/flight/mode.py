@@ -10,18 +10,23 @@ from typing import Any, ClassVar, Protocol
 
 from msggen.flight.checks import Problem
 from msggen.flight.connection import filled
-from msggen.flight.errors import FlightError, NoAnswerError, UnsupportedError
+from msggen.flight.errors import FlightError, NoAnswerError, NotReachedError, UnsupportedError
 from msggen.flight.feeds import Feeds
 from msggen.flight.limits import NO_LIMITS, Limits
 from msggen.flight.overrides import Deferral, Keeps, Overrides
+from msggen.flight.places import GlobalPlace, check_within, local_place
 from msggen.flight.requirements import Requirement
 from msggen.flight.setpoints import ATTITUDE, FREE, GOTO, RATES, TRAJECTORY, Kind, finite, trajectory_values
-from msggen.flight.space import Frame, Vector, heading_of, three, turned, turned_heading, wrapped
-from msggen.flight.telemetry import is_estimate, valid_estimate
+from msggen.flight.space import Frame, Vector, heading_of, turned, turned_heading, wrapped
+from msggen.flight.telemetry import NO_ESTIMATE, is_estimate, is_landed, valid_estimate
 
 _SLOW = 0.5
 """The speed in m/s below which a place is reached."""
 _TURNED = math.radians(10)
+NO_LIFT = (
+    "does not lift a vehicle off the ground: take off first, `await flight.takeoff(5.0)`, or "
+    "`await self.takeoff(5.0)` in an executor"
+)
 _UNIT = 0.01
 """By how much the length of a quaternion may differ from 1."""
 
@@ -68,7 +73,7 @@ class Mode:
 
     def __init_subclass__(cls, name: str = "", **options: Any) -> None:
         super().__init_subclass__(**options)
-        cls.name = name or cls.__name__
+        cls.name = name or cls.__dict__.get("name") or cls.__name__
 
     async def fly(self) -> None:
         """Fly, from when the mode is selected and the vehicle armed. It is cancelled when the mode is left.
@@ -110,13 +115,13 @@ class Mode:
         try:
             return await feeds["vehicle_local_position"].following(is_estimate, timeout=1.0)
         except TimeoutError:
-            raise NoAnswerError("the vehicle has no valid local position") from None
+            raise NoAnswerError(NO_ESTIMATE) from None
 
     # Setpoints
 
     async def goto(  # noqa: PLR0913 - keywords, each of which has a default
         self,
-        place: Sequence[float],
+        place: Sequence[float] | GlobalPlace,
         *,
         heading: float | None = None,
         heading_deg: float | None = None,
@@ -128,13 +133,19 @@ class Mode:
         """Fly to a place in m, and return when it is reached: nearer than `within` m, slower than 0.5 m/s.
 
         Limits in m/s and rad/s only tighten those of the vehicle. The vehicle goes on holding the place afterwards.
+        Raises NoAnswerError if the vehicle does not know where it is, LimitError, and NotReachedError on the ground, and
+        if the mode does not fly.
         """
-        north, east, down = turned(finite(three(place), "a place"), self.frame)
+        north, east, down = await local_place(self._own.feeds, place, self.frame)
         yaw = heading_of(heading, heading_deg, self.frame)
         finite([] if yaw is None else [yaw], "a heading")
         limits = [each for each in (max_speed, max_climb, max_turn_rate) if each is not None]
         if not all(each > 0.0 for each in finite(limits, "limits")):
             raise ValueError(f"expected limits above 0, got {limits}")
+        check_within(within)
+        await self._estimate()
+        if is_landed(self._own.feeds):
+            raise NotReachedError(f"mode {self.name!r} is on the ground, and goto {NO_LIFT}")
         self._own.send(
             GOTO,
             position=(north, east, down),
@@ -173,7 +184,12 @@ class Mode:
         """Send a place, a velocity or an acceleration, from now on until the next setpoint. NaN: not controlled.
 
         Each axis needs one of them; a velocity beside a position is added to it. `turn_rate` is in rad/s.
+
+        Raises ValueError, LimitError, NoAnswerError without a valid position, and NotReachedError if the mode does not fly.
         """
+        latest = self._own.feeds["vehicle_local_position"].latest
+        if latest is None or not is_estimate(latest):
+            raise NoAnswerError(NO_ESTIMATE)
         axes = position, velocity, acceleration
         self._own.send(TRAJECTORY, **trajectory_values(self.frame, axes, heading, heading_deg, turn_rate))
 

@@ -4,41 +4,62 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import AsyncIterator, Callable, Sequence
-from contextlib import asynccontextmanager
+from collections.abc import AsyncIterator, Sequence
+from contextlib import asynccontextmanager, suppress
 from typing import Any
 
 from msggen.flight.actions import Actions
 from msggen.flight.connection import Connection, Topics, filled
-from msggen.flight.errors import NoAnswerError
+from msggen.flight.errors import NoAnswerError, NotReachedError
 from msggen.flight.feeds import Feeds
 from msggen.flight.limits import Fence
-from msggen.flight.setpoints import FREE, TRAJECTORY, finite, trajectory_values
-from msggen.flight.space import Frame, three, turned
-from msggen.flight.telemetry import is_estimate, valid_estimate
+from msggen.flight.places import GlobalPlace, check_within, local_place
+from msggen.flight.setpoints import FREE, TRAJECTORY, Kind, Stream, trajectory_values
+from msggen.flight.space import Frame, check_frame, turned
+from msggen.flight.telemetry import NO_ESTIMATE, is_estimate, valid_estimate
 
-_INTERVAL = 0.02
-"""The time in s between two setpoints, as for a mode. PX4 wants 2 Hz of OffboardControlMode."""
+OFFBOARD, HOLD = 14, 4
+"""NAVIGATION_STATE_* of VehicleStatus."""
+_INTERVAL = 0.1
+"""The time in s between two heartbeats before the mode is entered. PX4 wants 2 Hz."""
 _BEFORE = 1.0
-"""How long setpoints are sent before the mode is selected: PX4 refuses it without them."""
-_HOLD = 4
+"""How long heartbeats are sent before the mode is selected: PX4 refuses it without them."""
+
+
+class _Heartbeat:
+    """OffboardControlMode: it says what is controlled."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+        self._class = Topics(connection.package).incoming("offboard_control_mode")
+        self.values: dict[str, Any] = {}
+
+    def apply(self, kind: Kind | None) -> None:
+        """See Configured. There is one kind."""
+
+    def send(self) -> None:
+        """See Configured."""
+        kinds = {
+            name: any(math.isfinite(each) for each in self.values[name])
+            for name in ("position", "velocity", "acceleration")
+        }
+        self._connection.publish("offboard_control_mode", filled(self._class, **kinds))
 
 
 class Offboard:
     """The setpoint of Offboard mode, which is sent at a steady rate until the next one.
 
-    `position`, `velocity` and `acceleration` are in `frame`, headings in rad in it, or in degrees.
+    `position`, `velocity` and `acceleration` are in `frame`, headings in rad in it, or in degrees. Nothing is sent once
+    the vehicle has left the mode.
     """
 
-    def __init__(self, connection: Connection, feeds: Feeds, fence: Fence, frame: Frame) -> None:
-        self._connection, self._feeds, self._fence, self._frame = connection, feeds, fence, frame
-        topics = Topics(connection.package)
-        self._heartbeat = topics.incoming("offboard_control_mode")
-        self._setpoint = topics.incoming("trajectory_setpoint")
-        self._values: dict[str, Any] = {}
+    def __init__(self, connection: Connection, feeds: Feeds, actions: Actions, fence: Fence, frame: Frame) -> None:
+        self._feeds, self._actions, self._fence, self._frame = feeds, actions, fence, check_frame(frame)
+        self._setpoint = Topics(connection.package).incoming("trajectory_setpoint")
+        self._heartbeat = _Heartbeat(connection)
+        self.stream = Stream(connection, feeds, self._heartbeat, fence.shaped)
+        self._is_left = False
         self._timer: asyncio.TimerHandle | None = None
-        self.is_alive: Callable[[], bool] = lambda: True
-        """Whether the program runs. Nothing is sent while it does not: PX4's failsafe follows."""
 
     def trajectory(  # noqa: PLR0913 - keywords, each of which has a default
         self,
@@ -50,40 +71,60 @@ class Offboard:
         heading_deg: float | None = None,
         turn_rate: float = math.nan,
     ) -> None:
-        """See `Mode.trajectory`."""
+        """See `Mode.trajectory`. Raises NotReachedError once the vehicle has left Offboard mode."""
         values = trajectory_values(self._frame, (position, velocity, acceleration), heading, heading_deg, turn_rate)
         self._fence.check(TRAJECTORY, values)
-        self._values = values
+        if self._is_left:
+            raise NotReachedError("the vehicle has left Offboard mode")
+        self._heartbeat.values = values
+        self.stream.set(TRAJECTORY, filled(self._setpoint, **values))
 
-    async def goto(self, place: Sequence[float], *, heading_deg: float | None = None, within: float = 0.5) -> None:
-        """Fly to a place, and return when it is nearer than `within` m."""
-        goal = turned(finite(three(place), "a place"), self._frame)
-        self.trajectory(position=place, heading_deg=heading_deg)
-        await self._feeds["vehicle_local_position"].following(
+    async def goto(
+        self, place: Sequence[float] | GlobalPlace, *, heading_deg: float | None = None, within: float = 0.5
+    ) -> None:
+        """Fly to a place, and return when it is nearer than `within` m. Raises as `Mode.goto`."""
+        goal = await local_place(self._feeds, place, self._frame)
+        check_within(within)
+        self.trajectory(position=turned(goal, self._frame), heading_deg=heading_deg)
+        reached = self._feeds["vehicle_local_position"].following(
             lambda each: is_estimate(each) and math.dist((each.x, each.y, each.z), goal) < within
         )
+        await self._actions.before_left(OFFBOARD, reached, "the flight to a place")
 
-    def _start(self) -> None:
+    async def enter(self) -> None:
+        """Select Offboard mode: the vehicle holds its place at first."""
         estimate = valid_estimate(self._feeds)
         if estimate is None:
-            raise NoAnswerError("the vehicle has no valid local position")
-        place = turned(self._fence.nearest((estimate.x, estimate.y, estimate.z)), self._frame)
-        self.trajectory(position=place)
-        self._send()
+            raise NoAnswerError(NO_ESTIMATE)
+        self.trajectory(position=turned(self._fence.nearest((estimate.x, estimate.y, estimate.z)), self._frame))
+        self._beat()
+        await asyncio.sleep(_BEFORE)
+        await self._actions.set_mode(OFFBOARD)
 
-    def _send(self) -> None:
-        self._timer = asyncio.get_running_loop().call_later(_INTERVAL, self._send)
-        if not self.is_alive():
-            return
-        kinds = {
-            name: any(math.isfinite(each) for each in self._values[name])
-            for name in ("position", "velocity", "acceleration")
-        }
-        self._connection.publish("offboard_control_mode", filled(self._heartbeat, **kinds))
-        setpoint = self._fence.shaped(TRAJECTORY, filled(self._setpoint, **self._values))
-        self._connection.publish("trajectory_setpoint", setpoint)
+    def follow(self, status: Any) -> None:
+        """Begin or end with a VehicleStatus."""
+        is_active = status.nav_state == OFFBOARD
+        if is_active and self.stream.is_active:
+            self.stream.confirm()
+        elif is_active and not self._is_left:
+            self._cancel()
+            self.stream.start()
+            self.stream.set(TRAJECTORY, filled(self._setpoint, **self._heartbeat.values))
+        elif self.stream.is_active:
+            self.close()
 
-    def _stop(self) -> None:
+    def close(self) -> None:
+        """Send nothing any more."""
+        self._is_left = True
+        self._cancel()
+        self.stream.stop()
+
+    def _beat(self) -> None:
+        self._timer = asyncio.get_running_loop().call_later(_INTERVAL, self._beat)
+        if self.stream.is_alive():
+            self._heartbeat.send()
+
+    def _cancel(self) -> None:
         if self._timer is not None:
             self._timer.cancel()
 
@@ -93,15 +134,15 @@ async def offboard(
     connection: Connection, feeds: Feeds, actions: Actions, fence: Fence, frame: Frame = "ned"
 ) -> AsyncIterator[Offboard]:
     """Select Offboard mode, keep its heartbeat, and hold with PX4's own mode at the end. See `Flight.offboard`."""
-    found = Offboard(connection, feeds, fence, frame)
-    await feeds["vehicle_local_position"].wait(lambda _: True, 1.0)
-    found._start()  # noqa: SLF001 - its own part
+    found = Offboard(connection, feeds, actions, fence, frame)
+    with suppress(TimeoutError):
+        await feeds["vehicle_local_position"].wait(lambda _: True, 1.0)
+    end = feeds["vehicle_status"].call(found.follow)
     try:
-        await asyncio.sleep(_BEFORE)
-        await actions.set_mode("offboard")
+        await found.enter()
         yield found
-        status = feeds["vehicle_status"].latest
-        if status.nav_state == status.NAVIGATION_STATE_OFFBOARD:
-            await actions.set_mode(_HOLD)
+        if found.stream.is_active:
+            await actions.set_mode(HOLD)
     finally:
-        found._stop()  # noqa: SLF001 - as above
+        end()
+        found.close()

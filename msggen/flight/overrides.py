@@ -70,6 +70,7 @@ class Overrides:
         """How long failsafes are deferred, None for not at all."""
         self._is_used = False
         """Whether PX4 was told anything."""
+        self._is_closed = False
         self._timers: list[asyncio.TimerHandle] = []
 
     async def begin(self) -> None:
@@ -85,6 +86,10 @@ class Overrides:
 
     def close(self) -> None:
         """Tell nothing any more."""
+        self._is_closed = True
+        self._cancel()
+
+    def _cancel(self) -> None:
         for timer in self._timers:
             timer.cancel()
         self._timers.clear()
@@ -94,6 +99,8 @@ class Overrides:
         """See `Executor.deferring_failsafes`."""
         if not 0 < seconds <= _LONGEST:
             raise ValueError(f"expected a time of more than 0 s and at most {_LONGEST} s, got {seconds:g}")
+        if self._seconds is not None:
+            raise FlightError("failsafes are deferred already: their end would end both")
         self._seconds = math.ceil(seconds)
         try:
             await self._confirm()
@@ -128,7 +135,9 @@ class Overrides:
 
     def _repeat(self) -> None:
         """Tell PX4 now and a few times later, without waiting: messages can get lost."""
-        self.close()
+        self._cancel()
+        if self._is_closed:
+            return
         request = self._request()
         self._publish(request)
         loop = asyncio.get_running_loop()

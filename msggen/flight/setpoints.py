@@ -8,7 +8,7 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, Final, NamedTuple, TypeVar
+from typing import Any, Final, NamedTuple, Protocol, TypeVar
 
 from msggen.flight.connection import Connection, Topics, filled
 from msggen.flight.errors import NoAnswerError, UnsupportedError
@@ -25,6 +25,8 @@ _TRIES, _PATIENCE = 5, 0.3
 _LARGEST = 3.4e38
 _HUNG = 0.5
 """The time in s without the event loop after which setpoints are not repeated."""
+_SILENT = 1.6
+"""The time in s without a VehicleStatus after which setpoints are not repeated. PX4 publishes it at 2 Hz or more."""
 _IDLE = 0.1
 """The time in s between two looks at the clock if there is no setpoint."""
 _REPEATS = 3
@@ -159,17 +161,30 @@ _WHY = {1: "the mode is not registered", 2: "unsupported by this kind of vehicle
 """The results of SetpointConfigReply."""
 
 
+class Configured(Protocol):
+    """What goes with setpoints."""
+
+    def apply(self, kind: Kind | None) -> None:
+        """Take the kind of the setpoints that follow, None once the mode is left."""
+
+    def send(self) -> None:
+        """Send what goes with each setpoint."""
+
+
 class Stream:
     """Sends the setpoint of a mode at the rate of its kind, as long as the mode is active.
 
     It runs in the event loop of the program: a program that hangs or has ended sends nothing. If it has hung for 0.5 s,
-    nothing is sent until the vehicle shows that the mode is still active.
+    nothing is sent until the vehicle shows that the mode is still active. Nothing is sent to a vehicle that is not heard.
     """
 
     def __init__(
-        self, connection: Connection, configuration: Configuration, shaped: Callable[[Kind, Any], Any]
+        self, connection: Connection, feeds: Feeds, configuration: Configured, shaped: Callable[[Kind, Any], Any]
     ) -> None:
         self._connection, self._configuration, self._shaped = connection, configuration, shaped
+        self._status = feeds["vehicle_status"]
+        self.is_alive: Callable[[], bool] = lambda: True
+        """Whether the program runs, if that is not shown by the event loop."""
         self._loop = asyncio.get_running_loop()
         self._timer: asyncio.TimerHandle | None = None
         self._due = 0.0
@@ -214,13 +229,16 @@ class Stream:
         now = self._loop.time()
         self._is_late = self._is_late or now > self._due + _HUNG
         interval = _IDLE
-        if self._current is not None and not self._is_late:
+        if self._current is not None and self._may_send():
             kind, message = self._current
             interval = 1.0 / kind.rate
             self._configuration.send()
             self._connection.publish(kind.topic, self._shaped(kind, message))
         base = min(self._due, now)  # a setpoint that is set comes before its time
         self._wait(max(base + interval, now))  # what is late does not come in a burst
+
+    def _may_send(self) -> bool:
+        return not self._is_late and self._status.age <= _SILENT and self.is_alive()
 
     def _wait(self, due: float) -> None:
         self._due = due

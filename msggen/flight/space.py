@@ -4,10 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Literal, NamedTuple, TypeAlias
+from typing import Literal, NamedTuple, TypeAlias, get_args
 
 Frame: TypeAlias = Literal["ned", "enu"]
 """Axes: north, east, down; or east, north, up."""
+
+
+def check_frame(frame: Frame) -> Frame:
+    """Return a frame. Raises ValueError for another word."""
+    if frame not in get_args(Frame):
+        raise ValueError(f"expected the frame {' or '.join(map(repr, get_args(Frame)))}, got {frame!r}")
+    return frame
 
 
 class Vector(NamedTuple):

@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple, TypeVar
 
-from msggen.flight.errors import NoAnswerError
+from msggen.flight.errors import NoAnswerError, UnsupportedError
 from msggen.flight.feeds import Feeds
 from msggen.flight.space import Vector
 
@@ -18,6 +18,7 @@ _FRESH = 0.5
 """The age in s up to which estimates are valid."""
 _SLOW = 3.0
 """The same for what is published rarely: home, battery, landing."""
+NO_ESTIMATE = "the vehicle has no valid local position: it needs GPS, or another source of its position"
 _PATIENCE = 1.0
 """How long the first message of a topic is waited for, in s."""
 
@@ -144,6 +145,16 @@ def valid_estimate(feeds: Feeds) -> Any:
     feed = feeds["vehicle_local_position"]
     is_valid = feed.latest is not None and feed.age < _FRESH and is_estimate(feed.latest)
     return feed.latest if is_valid else None
+
+
+def is_landed(feeds: Feeds) -> bool:
+    """Whether the vehicle is on the ground, as far as it has told. The first call asks for that."""
+    try:
+        found = feeds["vehicle_land_detected"].latest
+    except UnsupportedError:  # v1.15 tells only when it has taken off
+        status = feeds["vehicle_status"].latest
+        return status is not None and not status.takeoff_time
+    return found is not None and bool(found.landed)
 
 
 def _local_position(message: Any, age: float) -> LocalPosition:

@@ -82,8 +82,7 @@ class NearVehicle:
     def publish(self, topic: str, message: Any) -> None:
         """Send a message of a program on a topic, which is named as in uORB.
 
-        Raises LookupError for a topic that the vehicle does not read, and EncodeError. Both also come for a message that
-        gets lost.
+        Raises LookupError for a topic that the vehicle does not read, and EncodeError: for messages that get lost, too.
         """
         if topic not in self._inputs:
             raise LookupError(f"the vehicle does not read '{topic}'")

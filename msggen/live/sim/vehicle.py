@@ -356,7 +356,7 @@ def world_of(package: ModuleType, options: Options) -> World:
 
 
 def restarted(before: World, package: ModuleType, options: Options) -> World:
-    """Return the world of a vehicle that restarts at home. It forgets all but the slots of modes, and its clock goes on."""
+    """Return the world of a vehicle that restarts at home. Only its clock and the slots of modes stay."""
     found = world_of(package, options)
     for name in ("time", "battery", "has_gps", "has_position", "has_sticks", "has_ground_station"):
         setattr(found, name, getattr(before, name))
