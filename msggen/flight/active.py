@@ -1,4 +1,4 @@
-"""What a registered mode does: it is entered, it flies, it is left."""
+"""A registered mode: entering it, flying it and leaving it."""
 
 from __future__ import annotations
 
@@ -22,32 +22,32 @@ _SUCCESS, _FAILURE = 0, 100
 _BRAKING = 3.0
 """The deceleration in m/s2 with which PX4 comes to rest: MPC_ACC_HOR."""
 _REPEAT = 0.1
-"""The time in s after which the end of a mode is told again, until PX4 has left it."""
+"""The period in s at which the end of a mode is reported, until PX4 has left it."""
 
 
 class ActiveMode:
-    """A mode with the ids that the vehicle has given."""
+    """A mode with the ids that the vehicle has assigned."""
 
     def __init__(self, mode: Mode, ids: Ids, connection: Connection, feeds: Feeds, fence: Fence) -> None:
         self.mode, self.ids, self.feeds = mode, ids, feeds
         self._fence = fence.tightened(mode.limits)
         self.overrides = Overrides(connection, feeds, OF_MODE, ids.mode, mode.keeps)
         self._is_owned = ids.executor > 0
-        """Whether it flies when its executor says so. Otherwise, whenever it is selected and the vehicle is armed."""
+        """Whether its executor starts `fly`. Otherwise, `fly` starts when the mode is selected and armed."""
         self.has_failed = False
         """Whether `fly` has raised an exception since the mode was selected."""
         self._was_armed = False
         self._wanted: asyncio.Future[None] | None = None
-        """What the next run of `fly` returns or raises, for the executor that waits for it."""
+        """The result of the next run of `fly`, for the executor that waits for it."""
         self._flown: asyncio.Future[None] | None = None
-        """The same for the present run."""
+        """The same for the current run."""
         self._connection = connection
         self._topics = Topics(connection.package)
         self.configuration = Configuration(connection, feeds, ids.mode)
         self._stream = Stream(connection, self.configuration, self._fence.shaped)
         self._task: asyncio.Task[None] | None = None
         self._lost: FlightError | None = None
-        """Why the mode has ended, if the vehicle knows it no longer."""
+        """Why the mode has ended, if the vehicle no longer knows it."""
         mode._active = self  # noqa: SLF001 - its own part
 
     @property
@@ -56,11 +56,11 @@ class ActiveMode:
         return self._stream.is_active
 
     def verdict(self) -> Verdict:
-        """Return the reply to an arming check. An exception in the conditions of a program says that it cannot run."""
+        """Return the reply to an arming check. If `problems` raises an exception, the reply is that it cannot run."""
         try:
             problems = self.mode.problems()
         except Exception as error:  # noqa: BLE001 - whatever a program raises
-            _report(f"the conditions of mode {self.mode.name!r} have failed", error)
+            _report(f"`problems` of mode {self.mode.name!r} has failed", error)
             return Verdict(can_run=False, requires=needs_of(self.mode))
         return Verdict(not self.has_failed, needs_of(self.mode), problems)
 
@@ -72,7 +72,7 @@ class ActiveMode:
     def hold(self) -> bool:
         """Hold the place where the vehicle comes to rest.
 
-        Return False if that is not known, or the mode has no setpoints for it.
+        Return False if this place is not known, or if the mode has no setpoints for it.
         """
         estimate = valid_estimate(self.feeds)
         if estimate is None:
@@ -91,13 +91,13 @@ class ActiveMode:
         return True
 
     def await_end(self) -> asyncio.Future[None]:
-        """Return what becomes done when the next run of `fly` ends, and has its exception."""
+        """Return a future that is done when the next run of `fly` ends. It has the exception of that run, if any."""
         self._wanted = asyncio.get_running_loop().create_future()
         self._wanted.add_done_callback(lambda each: each.cancelled() or each.exception())  # perhaps nobody waits
         return self._wanted
 
     def abandon(self, flown: asyncio.Future[None]) -> None:
-        """End the run of `fly` that was waited for, if it has not ended. The vehicle holds its place."""
+        """End the run of `fly` behind a future, if it has not ended. The vehicle holds its place."""
         if self._wanted is flown:
             self._wanted = None
         if self._flown is flown:
@@ -105,7 +105,7 @@ class ActiveMode:
             self.has_failed = not self._hold_or_stop()
 
     async def run(self, actions: Actions) -> None:
-        """Select the mode, and wait for the end of `fly`. Raises what it raises, and NotReachedError if it is left."""
+        """Select the mode, and wait for the end of `fly`. Raises its exception, and NotReachedError if it is left."""
         flown = self.await_end()
         try:
             if self.is_active:
@@ -124,14 +124,14 @@ class ActiveMode:
         self._task = asyncio.get_running_loop().create_task(self._fly(self._flown), name=f"fly {self.mode.name}")
 
     def lose(self, error: FlightError) -> None:
-        """End `fly` with an error, because the vehicle knows the mode no longer."""
+        """End `fly` with an error, because the vehicle no longer knows the mode."""
         self._lost = error
         if self.is_active:
             _report(f"mode {self.mode.name!r} has ended", error)
         self._leave()
 
     def close(self) -> None:
-        """Send nothing any more."""
+        """Leave the mode, and send nothing more."""
         self._leave()
         self.configuration.close()
         self.overrides.close()
@@ -171,7 +171,7 @@ class ActiveMode:
             flown.set_exception(self._lost or NotReachedError(f"mode {self.mode.name!r} was left before its end"))
 
     async def _fly(self, flown: asyncio.Future[None] | None) -> None:
-        """Run `fly`, and tell how it ended until the mode is left."""
+        """Run `fly`, then report its result until the mode is left."""
         result = _FAILURE
         try:
             await self.mode.fly()
@@ -201,7 +201,7 @@ class ActiveMode:
             _report(f"mode {self.mode.name!r} has failed", error)
 
     def _hold_or_stop(self) -> bool:
-        """Let no setpoint of a program that has ended go on. Return whether the vehicle holds its place."""
+        """Replace the last setpoint of `fly`, which has ended. Return whether the vehicle holds its place."""
         is_held = self.hold()
         if not is_held:
             self._stream.pause()
@@ -213,7 +213,7 @@ class ActiveMode:
 
 
 def _stopped(estimate: Any) -> tuple[float, float, float]:
-    """Return where the vehicle comes to rest if it brakes now: it does not fly back from there."""
+    """Return where the vehicle comes to rest if it brakes now, so that it does not fly back."""
     speeds = estimate.vx, estimate.vy, estimate.vz
     seconds = math.hypot(*speeds) / _BRAKING / 2.0
     x, y, z = (here + speed * seconds for here, speed in zip((estimate.x, estimate.y, estimate.z), speeds, strict=True))

@@ -24,7 +24,7 @@ class Connection(Protocol):
         """Send a message."""
 
     def subscribe(self, topic: str, take: Take) -> Callable[[], None]:
-        """Call `take` for each message, in the thread of the event loop. Return what ends that."""
+        """Call `take` for each message, in the thread of the event loop. Return a function that ends this."""
 
 
 class Topics:
@@ -51,13 +51,13 @@ class Topics:
         found = self._endpoints.get((direction, topic))
         if found is None:
             raise UnsupportedError(
-                f"the firmware does not bridge /fmu/{direction}/{topic}: it has to be in its dds_topics.yaml, "
-                "and flight modes need PX4 v1.15 or later"
+                f"the firmware does not bridge /fmu/{direction}/{topic}: add it to dds_topics.yaml. "
+                "Flight modes need PX4 v1.15 or later"
             )
         return found
 
 
 def filled(cls: Any, **values: Any) -> Any:
-    """Return a message with those of some values that its class has: releases differ."""
+    """Return a message with the values that its class has fields for, because releases differ."""
     names = {field.name for field in cls.__msg__.fields}
     return cls(**{name: value for name, value in values.items() if name in names})

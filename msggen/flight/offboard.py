@@ -1,4 +1,4 @@
-"""Offboard mode: setpoints of a program that has no mode of its own."""
+"""Offboard mode: setpoints of a program without a mode of its own."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from msggen.flight.telemetry import is_estimate, valid_estimate
 _INTERVAL = 0.02
 """The time in s between two setpoints, as for a mode. PX4 wants 2 Hz of OffboardControlMode."""
 _BEFORE = 1.0
-"""How long setpoints are sent before the mode is selected: PX4 refuses it without them."""
+"""How long setpoints are sent before the mode is selected, in s. Without them, PX4 refuses the mode."""
 _HOLD = 4
 
 
 class Offboard:
     """The setpoint of Offboard mode, which is sent at a steady rate until the next one.
 
-    `position`, `velocity` and `acceleration` are in `frame`, headings in rad in it, or in degrees.
+    Vectors and headings are in `frame`. `heading` is in rad, `heading_deg` in degrees.
     """
 
     def __init__(self, connection: Connection, feeds: Feeds, fence: Fence, frame: Frame) -> None:
@@ -38,7 +38,7 @@ class Offboard:
         self._values: dict[str, Any] = {}
         self._timer: asyncio.TimerHandle | None = None
         self.is_alive: Callable[[], bool] = lambda: True
-        """Whether the program runs. Nothing is sent while it does not: PX4's failsafe follows."""
+        """Whether the program runs. If not, nothing is sent, and PX4's failsafe follows."""
 
     def trajectory(  # noqa: PLR0913 - keywords, each of which has a default
         self,
@@ -92,7 +92,7 @@ class Offboard:
 async def offboard(
     connection: Connection, feeds: Feeds, actions: Actions, fence: Fence, frame: Frame = "ned"
 ) -> AsyncIterator[Offboard]:
-    """Select Offboard mode, keep its heartbeat, and hold with PX4's own mode at the end. See `Flight.offboard`."""
+    """Select Offboard mode, send its heartbeat, and switch to Hold at the end. See `Flight.offboard`."""
     found = Offboard(connection, feeds, fence, frame)
     await feeds["vehicle_local_position"].wait(lambda _: True, 1.0)
     found._start()  # noqa: SLF001 - its own part
