@@ -238,7 +238,7 @@ def table(packages: Sequence[ModuleType], names: Sequence[str]) -> list[str]:
 _CELLS = {
     "the program, in its mode": 0,
     "the program, in Offboard mode": 2,
-    "the link or the program, which is back in flight": 7,
+    "the link or the program, which then comes back in flight": 7,
     "`fly` raises an exception": 5,
 }
 """The rows of the second table on the page that have times of the first one, and their rows in it."""

@@ -2,7 +2,7 @@
 
 Usage: python inspection.py [udp://127.0.0.1:8888]
 
-Who selects the mode "Inspection" starts it: this program as here, or a pilot with a switch.
+Selecting the mode "Inspection" starts the executor. Here the program selects it; a pilot can use a switch instead.
 """
 
 import asyncio
@@ -20,13 +20,13 @@ LEAST_CHARGE = 0.3
 
 
 class Inspection(Mode, name="Inspection"):
-    """Fly around the mast, and look at it from all sides."""
+    """Fly around the mast, and view it from all sides."""
 
     frame = "enu"
     battery = 1.0
 
     def problems(self) -> list[Problem]:
-        """Refuse to begin with little charge. Below it in flight, PX4 returns home."""
+        """Report a low battery: PX4 does not enter the mode, and in flight it returns home."""
         return [Problem("inspection_low_battery")] if self.battery < LEAST_CHARGE else []
 
     async def fly(self) -> None:
@@ -54,7 +54,7 @@ class Inspector(Executor):
 
 
 async def main(flight: Flight) -> None:
-    """Start the executor, and watch the battery until it has ended."""
+    """Start the executor, and watch the battery until the vehicle is disarmed."""
     inspection = Inspection()
     await flight.add(Inspector, inspection)
     await flight.set_mode(Inspection)

@@ -1,8 +1,8 @@
-"""Land on a target that moves, by where it is seen from the vehicle.
+"""Land on a moving target, by its position as seen from the vehicle.
 
 Usage: python precision_landing.py [udp://127.0.0.1:8888]
 
-In place of a camera, `Target` computes what one would measure: how far to the north and to the east the target is.
+Instead of a camera, `Target` computes what a camera would measure: how far north and east the target is.
 """
 
 import asyncio
@@ -15,45 +15,45 @@ from msggen.flight import TRAJECTORY, Executor, Flight, Limits, Mode, Vector
 
 INTERVAL = 0.05  # s between two measurements
 GAIN = 0.8  # m/s towards the target for each m of distance
-SMOOTHING = 0.1  # the share of a new measurement in the velocity of the target
-NEAR = 0.3  # m beside the target, within which the vehicle descends
-ABOVE = 0.15  # more m of that for each m of height
+SMOOTHING = 0.1  # the weight of a new measurement in the estimated velocity of the target
+NEAR = 0.3  # m of horizontal distance to the target, within which the vehicle descends
+ABOVE = 0.15  # m added to NEAR for each m of height
 FAST, SLOW = 1.0, 0.4  # m/s downwards
 LOW = 2.0  # m, below which the vehicle descends slowly
 
 
 class Target:
-    """A platform that drives to the north-east."""
+    """A platform that drives north-east."""
 
     def __init__(self, place: tuple[float, float] = (8.0, 3.0), velocity: tuple[float, float] = (0.5, 0.3)) -> None:
         self.place, self.velocity, self.start = place, velocity, asyncio.get_running_loop().time()
 
     def now(self) -> tuple[float, float]:
-        """Return where it is: north and east in m."""
+        """Return the position of the target: north and east in m."""
         seconds = asyncio.get_running_loop().time() - self.start
         return self.place[0] + self.velocity[0] * seconds, self.place[1] + self.velocity[1] * seconds
 
     def seen_from(self, place: Vector) -> tuple[float, float]:
-        """Return what a camera would measure: how far away it is to the north and to the east in m."""
+        """Return what a camera at a place would measure: how far north and east the target is, in m."""
         north, east = self.now()
         return north - place.x, east - place.y
 
 
 class Motion(NamedTuple):
-    """What is known of the target: its place and its velocity."""
+    """The estimated motion of the target: its place and its velocity."""
 
     place: tuple[float, float]
     velocity: tuple[float, float] = (0.0, 0.0)
 
     def after(self, place: tuple[float, float]) -> "Motion":
-        """Return what is known after one more measurement."""
+        """Return the estimate after one more measurement of the place."""
         moved = [(now - before) / INTERVAL for now, before in zip(place, self.place, strict=True)]
         north, east = (old + SMOOTHING * (new - old) for old, new in zip(self.velocity, moved, strict=True))
         return Motion(place, (north, east))
 
 
 class PreciseLanding(Mode, name="Precise Landing"):
-    """Follow the target, and descend while it is below."""
+    """Follow the target, and descend while the vehicle is above it."""
 
     setpoints = (TRAJECTORY,)
 

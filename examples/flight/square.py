@@ -1,4 +1,4 @@
-"""Fly a square in a flight mode of this program's own. A pilot can select it, too, by the name "Square".
+"""Fly a square in a flight mode that this program registers. A pilot can also select the mode, as "Square".
 
 Usage: python square.py [udp://127.0.0.1:8888]
 """
@@ -13,12 +13,12 @@ CORNERS = [(5.0, 0.0), (5.0, 5.0), (0.0, 5.0), (0.0, 0.0)]  # north and east in 
 
 
 class Square(Mode, name="Square"):
-    """Fly a square at the present height, from where the mode was entered."""
+    """Fly a square at the current height, from the place where the mode was entered."""
 
     requires = LOCAL_POSITION
 
     async def fly(self) -> None:
-        """Fly to the corners. If a pilot takes over, this ends with the current `await`."""
+        """Fly to the corners. If a pilot takes over, the current `await` is cancelled."""
         start = await self.position()
         for north, east in CORNERS:
             await self.goto(start.shifted(north, east), max_speed=2.0)

@@ -1,4 +1,4 @@
-"""Fly two vehicles: the first one flies a square, and the second one moves as the first does, 3 m higher.
+"""Fly two vehicles: the first one flies a square, and the second one makes the same movements, 3 m higher.
 
 Usage: python two_vehicles.py [udp://127.0.0.1:8888]
 
@@ -29,7 +29,7 @@ class Lead(Mode, name="Lead"):
 
 
 class Follow(Mode, name="Follow"):
-    """Move as another vehicle does."""
+    """Copy the movements of another vehicle."""
 
     setpoints = (TRAJECTORY,)
 
@@ -37,12 +37,12 @@ class Follow(Mode, name="Follow"):
         self.leader = leader.telemetry
 
     async def fly(self) -> None:
-        """Fly until the mode is left. An estimate that is too old raises an error, and PX4 returns home."""
+        """Fly until the mode is left. If the leader's position is too old, raise an error, so that PX4 returns home."""
         start, origin = await self.position(), (await self.leader.local_position()).position
         while True:
             there = await self.leader.local_position()
             if not there.is_valid:
-                raise RuntimeError(f"the leader was last heard {there.age:.1f} s ago")
+                raise RuntimeError(f"no valid position of the leader: the last one is {there.age:.1f} s old")
             north, east, down = (now - before for now, before in zip(there.position, origin, strict=True))
             self.trajectory(position=start.shifted(north, east, down), velocity=there.velocity)
             await asyncio.sleep(INTERVAL)
@@ -68,12 +68,12 @@ async def main(first: Flight, second: Flight) -> None:
     following = asyncio.ensure_future(second.fly(Follow))
     await first.fly(Lead)
     await asyncio.gather(end(first), end(second))
-    with suppress(NotReachedError):  # Land has ended it
+    with suppress(NotReachedError):  # landing has ended the mode
         await following
 
 
 async def connect() -> None:
-    """Fly two vehicles on a link, which have the keys 1 and 2."""
+    """Fly two vehicles on one link, with the keys 1 and 2."""
     arguments = sys.argv[1:]
     with Vehicle(*arguments, types=px4_types, key=1) as one, Vehicle(*arguments, types=px4_types, key=2) as other:
         async with Flight(one) as first, Flight(other) as second:

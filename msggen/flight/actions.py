@@ -1,6 +1,6 @@
-"""What a vehicle is told to do, each of which returns when it is done: arm, take off, land, return, select a mode.
+"""Actions of a vehicle: arm, take off, land, return, select a mode. Each returns when it is done.
 
-They are commands of a user, or of an executor.
+They are sent as commands of a user or of an executor.
 """
 
 from __future__ import annotations
@@ -38,16 +38,16 @@ _MODES: Final = {
     "land": LAND,
 }
 _ENTERED = 3.0
-"""The time in s within which a vehicle shows what it has accepted: PX4 publishes its status at 2 Hz or more."""
+"""The time in s within which the status shows the effect of a command: PX4 publishes it at 2 Hz or more."""
 _GRACE = 0.5
-"""The time in s for which the end of a mode can be told after the mode was left."""
+"""The time in s for which the completion of a mode can still arrive after the mode was left."""
 _NEAR = 1.0
 """The distance in m within which a place by latitude and longitude is reached."""
 _SLOW = 0.5
 
 
 class Actions:
-    """Actions of a user, or of the executor of an id."""
+    """Actions of a user, or of the executor with an id."""
 
     def __init__(
         self, sender: Commands, feeds: Feeds, fence: Fence, replacements: Mapping[int, int], executor: int = 0
@@ -57,7 +57,7 @@ class Actions:
         self._replacements, self._executor = replacements, executor
 
     async def arm(self) -> None:
-        """Arm. Raises RefusedError with what the vehicle shows, and NoAnswerError."""
+        """Arm. Raises RefusedError with the reasons that the vehicle reports, and NoAnswerError."""
         await self._send(commands.ARM_DISARM, 1.0, 0.0, what="arm", shown=is_armed)
         await self._until(is_armed, "armed")
 
@@ -67,13 +67,13 @@ class Actions:
         await self._until(_is_disarmed, "disarmed")
 
     async def takeoff(self, altitude: float | None = None) -> None:
-        """Take off, and return when the altitude is reached: in m above the present one, by default MIS_TAKEOFF_ALT.
+        """Take off, and return when the altitude is reached. It is in m above the current one, by default MIS_TAKEOFF_ALT.
 
-        The vehicle has to be armed, or it waits until it is. Raises RefusedError, NoAnswerError, NotReachedError, and
+        A vehicle that is not armed takes off once it is armed. Raises RefusedError, NoAnswerError, NotReachedError, and
         LimitError.
         """
         if altitude is not None and not finite([altitude], "an altitude")[0] > 0.0:
-            raise ValueError(f"expected an altitude above the present one, got {altitude:g} m")
+            raise ValueError(f"expected an altitude above the current one, got {altitude:g} m")
         sea = math.nan if altitude is None else await sea_level(self._feeds)
         goal = math.nan if altitude is None else self._feeds["vehicle_local_position"].latest.z - altitude
         await self._check_takeoff(goal)
@@ -100,7 +100,7 @@ class Actions:
         await self._completed(LAND, "the landing")
 
     async def return_home(self) -> None:
-        """Return to the home position, and return from here when the vehicle has landed there.
+        """Fly to the home position and land. The call ends when the vehicle has landed.
 
         Raises RefusedError, NoAnswerError and NotReachedError.
         """
@@ -112,9 +112,9 @@ class Actions:
         await self.set_mode("hold")
 
     async def set_mode(self, mode: str | int) -> None:
-        """Select a mode by its name, such as `hold` or `position`, or by its nav_state. Raises RefusedError.
+        """Select a mode by its name, such as `hold` or `position`, or by its nav_state.
 
-        Raises ValueError for an unknown name, NoAnswerError, and FlightError if the mode is not entered.
+        Raises ValueError for an unknown name, RefusedError, NoAnswerError, and FlightError if the mode is not entered.
         """
         number = _MODES.get(mode.lower()) if isinstance(mode, str) else mode
         if number is None:
@@ -133,7 +133,7 @@ class Actions:
     ) -> None:
         """Fly to a place in Hold mode, and return when it is reached: nearer than 1 m, slower than 0.5 m/s.
 
-        Latitude and longitude are in degrees, the altitude in m above mean sea level, by default the present one.
+        Latitude and longitude are in degrees, the altitude in m above mean sea level, by default the current one.
         Raises RefusedError, NoAnswerError, NotReachedError if another mode is selected on the way, LimitError, and
         FlightError on the ground.
         """
@@ -154,7 +154,7 @@ class Actions:
     async def set_home(
         self, latitude: float | None = None, longitude: float | None = None, altitude: float | None = None
     ) -> None:
-        """Set the home position: where the vehicle is, or a place in degrees and in m above mean sea level.
+        """Set the home position: to where the vehicle is, or to a place in degrees and in m above mean sea level.
 
         Raises ValueError, RefusedError and NoAnswerError.
         """
@@ -168,9 +168,9 @@ class Actions:
             await self._send(commands.SET_HOME, 0.0, *[math.nan] * 3, *place, what="set the home position")
 
     async def set_origin(self, latitude: float, longitude: float, altitude: float) -> None:
-        """Set the origin of the local frame, for a vehicle that does not know where on earth it is.
+        """Set the origin of the local frame, for a vehicle without a global position.
 
-        In degrees and in m above mean sea level. Raises ValueError, RefusedError and NoAnswerError.
+        The origin is in degrees and in m above mean sea level. Raises ValueError, RefusedError and NoAnswerError.
         """
         GlobalPlace(latitude, longitude, altitude)
         place = latitude, longitude, altitude
@@ -200,7 +200,7 @@ class Actions:
             if not goal.done():
                 await asyncio.wait([goal], timeout=_GRACE)
             if not goal.done():
-                raise NotReachedError(f"{what} has not ended: the vehicle is in mode {left.result().nav_state}")
+                raise NotReachedError(f"{what} was not completed: the vehicle is in mode {left.result().nav_state}")
             return goal.result()
         finally:
             for each in (goal, left, both):
@@ -219,13 +219,13 @@ class Actions:
             raise FlightError(f"the vehicle has accepted the command, but is not {what} after {_ENTERED:g} s") from None
 
     async def _completed(self, mode: int, what: str) -> None:
-        """Wait until a mode of PX4 has reached its end. Messages from before it was entered do not count."""
+        """Wait until a mode of PX4 is completed. Messages from before the mode was entered do not count."""
         await self._until(self._is_in(mode), f"in mode {mode}")
         modes = self._modes_for(mode)
         completed = self._feeds["mode_completed"].following(lambda each: each.nav_state in modes)
         found = await self.before_left(mode, completed, what)
         if found.result:
-            raise NotReachedError(f"{what} has ended with result {found.result} of ModeCompleted")
+            raise NotReachedError(f"{what} has failed: ModeCompleted has result {found.result}")
 
     def _modes_for(self, mode: int) -> frozenset[int]:
         """Return the nav_states that the vehicle can show for a mode."""
@@ -240,7 +240,7 @@ class Actions:
         if math.isinf(self._fence.limits.height):
             return
         if math.isnan(goal):
-            raise LimitError("with a limit on the height, a takeoff needs its altitude: MIS_TAKEOFF_ALT is not known")
+            raise LimitError("with a limit on the height, takeoff needs an altitude: MIS_TAKEOFF_ALT is not known")
         await self._wait_for_home()
         self._fence.check_place((math.nan, math.nan, goal))
 
@@ -253,7 +253,7 @@ class Actions:
         self._fence.check_place((north, east, math.nan if is_level else down))
 
     async def _wait_for_home(self) -> None:
-        with suppress(TimeoutError):  # the fence says that there is none
+        with suppress(TimeoutError):  # the fence raises the error
             await self._feeds["home_position"].wait(lambda _: True, _ENTERED)
 
 

@@ -1,4 +1,4 @@
-"""What a registered mode does: it is entered, it flies, it is left."""
+"""A registered mode: entering it, flying it and leaving it."""
 
 from __future__ import annotations
 
@@ -26,33 +26,33 @@ _BRAKING = 3.0
 _UNDER_WAY = 1.5
 """The time in s for which a command to enter a mode can still take effect."""
 _REPEAT = 0.1
-"""The time in s after which the end of a mode is told again, until PX4 has left it."""
+"""The period in s at which the end of a mode is reported, until PX4 has left it."""
 
 
 class ActiveMode:
-    """A mode with the ids that the vehicle has given."""
+    """A mode with the ids that the vehicle has assigned."""
 
     def __init__(self, mode: Mode, ids: Ids, connection: Connection, feeds: Feeds, fence: Fence) -> None:
         self.mode, self.ids, self.feeds = mode, ids, feeds
         self._fence = fence.tightened(mode.limits)
         self.overrides = Overrides(connection, feeds, OF_MODE, ids.mode, mode.keeps)
         self._is_owned = ids.executor > 0
-        """Whether it flies when its executor says so. Otherwise, whenever it is selected and the vehicle is armed."""
+        """Whether its executor starts `fly`. Otherwise, `fly` starts when the mode is selected and armed."""
         self.has_failed = False
         """Whether `fly` has raised an exception since the mode was selected."""
         self._was_armed = False
         self._begins_on_ground = False
         """Whether the vehicle has not been in the air since the mode was entered, as far as that is known."""
         self._wanted: asyncio.Future[None] | None = None
-        """What the next run of `fly` returns or raises, for the executor that waits for it."""
+        """The result of the next run of `fly`, for the executor that waits for it."""
         self._flown: asyncio.Future[None] | None = None
-        """The same for the present run."""
+        """The same for the current run."""
         self._is_flying = False
         """Whether `fly` runs, and has not been cancelled."""
         self._abandoned = float("-inf")
         """When a run that had not begun was given up. The mode may be entered shortly afterwards."""
         self._has_problem = False
-        """Whether the conditions of the program have raised an exception, which was told."""
+        """Whether `problems` has raised an exception, which was reported."""
         self._connection = connection
         self._topics = Topics(connection.package)
         self.configuration = Configuration(connection, feeds, ids.mode)
@@ -61,7 +61,7 @@ class ActiveMode:
         self._ended: asyncio.Task[None] | None = None
         """The last run that was cancelled."""
         self._lost: FlightError | None = None
-        """Why the mode has ended, if the vehicle knows it no longer."""
+        """Why the mode has ended, if the vehicle no longer knows it."""
         mode._active = self  # noqa: SLF001 - its own part
 
     @property
@@ -70,12 +70,12 @@ class ActiveMode:
         return self._stream.is_active
 
     def verdict(self) -> Verdict:
-        """Return the reply to an arming check. An exception in the conditions of a program says that it cannot run."""
+        """Return the reply to an arming check. If `problems` raises an exception, the reply is that it cannot run."""
         try:
             problems = tuple(self.mode.problems())
         except Exception as error:  # noqa: BLE001 - whatever a program raises
             if not self._has_problem:
-                _report(f"the conditions of mode {self.mode.name!r} have failed", error)
+                _report(f"`problems` of mode {self.mode.name!r} has failed", error)
             self._has_problem = True
             return Verdict(can_run=False, requires=needs_of(self.mode))
         self._has_problem = False
@@ -89,7 +89,7 @@ class ActiveMode:
     def hold(self) -> bool:
         """Hold the place where the vehicle comes to rest. Raises NotReachedError unless `fly` runs.
 
-        Return False if that is not known, or the mode has no setpoints for it.
+        Return False if this place is not known, or if the mode has no setpoints for it.
         """
         self._check_flying()
         return self._hold()
@@ -140,14 +140,14 @@ class ActiveMode:
             raise
 
     def _await_end(self) -> asyncio.Future[None]:
-        """Return what becomes done when the next run of `fly` ends, and has its exception."""
+        """Return a future that is done when the next run of `fly` ends. It has the exception of that run, if any."""
         self._give_up(NotReachedError(f"mode {self.mode.name!r} is flown anew"))
         self._wanted = asyncio.get_running_loop().create_future()
         self._wanted.add_done_callback(lambda each: each.cancelled() or each.exception())  # perhaps nobody waits
         return self._wanted
 
     def _abandon(self, flown: asyncio.Future[None]) -> None:
-        """End the run of `fly` that was waited for, if it has not ended. The vehicle holds its place."""
+        """End the run of `fly` behind a future, if it has not ended. The vehicle holds its place."""
         if self._wanted is flown:
             self._wanted = None
             self._abandoned = asyncio.get_running_loop().time()
@@ -171,7 +171,7 @@ class ActiveMode:
         )
 
     def lose(self, error: FlightError) -> None:
-        """End `fly` with an error, because the vehicle knows the mode no longer."""
+        """End `fly` with an error, because the vehicle no longer knows the mode."""
         self._lost = error
         if self.is_active:
             _report(f"mode {self.mode.name!r} has ended", error)
@@ -282,7 +282,7 @@ class ActiveMode:
 
 
 def _stopped(estimate: Any) -> tuple[float, float, float]:
-    """Return where the vehicle comes to rest if it brakes now: it does not fly back from there."""
+    """Return where the vehicle comes to rest if it brakes now, so that it does not fly back."""
     speeds = estimate.vx, estimate.vy, estimate.vz
     seconds = math.hypot(*speeds) / _BRAKING / 2.0
     x, y, z = (here + speed * seconds for here, speed in zip((estimate.x, estimate.y, estimate.z), speeds, strict=True))

@@ -31,16 +31,16 @@ _Result = TypeVar("_Result")
 
 @runtime_checkable
 class _OnItsClock(Protocol):
-    """A connection whose time goes on only while a program waits."""
+    """A connection whose time advances only while a program waits."""
 
     def new_loop(self) -> asyncio.AbstractEventLoop:
         """Return a loop on its clock."""
 
 
 class BlockingFlight:
-    """A vehicle that a program flies, as `Flight`, whose arguments it takes. To be used with `with`.
+    """A `Flight` for programs without asyncio. It takes the same arguments, and is used with `with`.
 
-    Modes and executors are the same as those of `Flight`, and run in a thread of their own. SIGTERM ends the block.
+    Modes and executors are the same as those of `Flight`, and run in a separate thread. SIGTERM ends the block.
     """
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
@@ -75,7 +75,7 @@ class BlockingFlight:
 
     @property
     def telemetry(self) -> BlockingTelemetry:
-        """What the vehicle knows of itself."""
+        """The telemetry of the vehicle."""
         return BlockingTelemetry(self._own.telemetry, self._wait)
 
     # Actions
@@ -147,16 +147,16 @@ class BlockingFlight:
         self._wait(self._own.fly(mode))
 
     def run(self) -> None:
-        """Go on until Ctrl-C or SIGTERM."""
+        """Wait until Ctrl-C or SIGTERM."""
         self._wait(self._own.run())
 
     def sleep(self, seconds: float) -> None:
-        """Wait. In Offboard mode the setpoint goes on meanwhile, which it does for 0.5 s at most in `time.sleep`."""
+        """Wait. In Offboard mode, the setpoint is still sent. During `time.sleep`, it is sent for 0.5 s at most."""
         self._wait(asyncio.sleep(seconds))
 
     @contextmanager
     def offboard(self, frame: Frame = "ned") -> Iterator[BlockingOffboard]:
-        """See `Flight.offboard`. No setpoint is sent once the program has called nothing of msggen for 0.5 s."""
+        """See `Flight.offboard`. No setpoint is sent if the program has not called msggen for 0.5 s."""
         context = self._own.offboard(frame)
         setpoint = self._wait(context.__aenter__())
         if self._runner is not None:
@@ -186,7 +186,7 @@ class BlockingFlight:
         return await Flight(*self._arguments, **self._options).__aenter__()
 
     async def _leave(self) -> None:
-        """Unregister all. Once more does nothing."""
+        """Unregister everything. A second call does nothing."""
         flight, self._flight = self._flight, None
         if flight is not None:
             await flight.__aexit__(None, None, None)
@@ -198,7 +198,7 @@ class BlockingFlight:
 
 
 class BlockingTelemetry:
-    """What a vehicle knows of itself, as `Telemetry`."""
+    """The telemetry of a vehicle, as in `Telemetry`."""
 
     def __init__(self, telemetry: Telemetry, wait: Callable[[Coroutine[Any, Any, Any]], Any]) -> None:
         self._telemetry, self._wait = telemetry, wait
@@ -235,7 +235,7 @@ class BlockingTelemetry:
 
 
 class BlockingOffboard:
-    """The setpoint of Offboard mode, as `Offboard`."""
+    """The setpoint of Offboard mode, as in `Offboard`."""
 
     def __init__(self, setpoint: Offboard, wait: Callable[[Coroutine[Any, Any, Any]], Any]) -> None:
         self._setpoint, self._wait = setpoint, wait
@@ -272,7 +272,7 @@ class BlockingOffboard:
 
 
 async def _left(context: Any, error: BaseException) -> None:
-    """Leave a context with an exception of another thread. Ctrl-C and SIGTERM arrive as a cancellation."""
+    """Leave a context with an exception of another thread. Ctrl-C and SIGTERM become a cancellation."""
     told = error if isinstance(error, Exception) else asyncio.CancelledError()
     try:
         await context.__aexit__(type(told), told, told.__traceback__)
@@ -282,7 +282,7 @@ async def _left(context: Any, error: BaseException) -> None:
 
 
 def _ending_at_sigterm() -> Callable[[], None]:
-    """Let SIGTERM end the program as sys.exit does, unless it has a handler. Return what ends that."""
+    """Let SIGTERM end the program like sys.exit, unless it has a handler. Return a function that undoes this."""
     is_main = threading.current_thread() is threading.main_thread()
     if not is_main or signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL:
         return lambda: None

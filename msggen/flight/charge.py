@@ -1,4 +1,4 @@
-"""What a registered executor does: it comes into charge, it runs, it is out of charge."""
+"""A registered executor: taking charge, running, and losing charge."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from msggen.flight.overrides import Overrides
 from msggen.flight.registration import Ids
 
 _UNDER_WAY = 1.5
-"""The time in s for which a command that was sent before an executor has failed can still change the mode."""
+"""The time in s for which a command from before the failure of an executor can still change the mode."""
 
 
 class Charge:
-    """An executor with the ids that the vehicle has given."""
+    """An executor with the ids that the vehicle has assigned."""
 
     def __init__(
         self,
@@ -39,9 +39,9 @@ class Charge:
         self._has_run = False
         """Whether `run` has begun since a user has selected the mode."""
         self._was_cut = False
-        """Whether a failsafe has ended it in flight. It begins anew if the failsafe clears in flight."""
+        """Whether a failsafe has ended `run` in flight. `run` starts again if the failsafe clears in flight."""
         self._was_own = self._flies_own = False
-        """Whether its own mode was the one that flies, and whether it has asked for that."""
+        """Whether its own mode was active, and whether the executor itself has selected it."""
         executor._charge = self  # noqa: SLF001 - its own part
 
     @property
@@ -84,7 +84,7 @@ class Charge:
         self.executor._charge = None  # noqa: SLF001 - as above
 
     def follow(self, status: Any) -> None:
-        """Begin or end with a VehicleStatus."""
+        """Start or stop the executor according to a VehicleStatus."""
         is_armed = bool(status.arming_state == status.ARMING_STATE_ARMED)
         is_chosen = self._is_chosen(status) and is_armed
         if status.executor_in_charge != self.ids.executor:
@@ -102,7 +102,7 @@ class Charge:
             self._has_run = False
 
     def _is_chosen(self, status: Any) -> bool:
-        """Whether a user has gone back to the mode of the executor while that flew another one."""
+        """Whether a user has selected the mode of the executor while the executor flew another mode."""
         was_own, self._was_own = self._was_own, status.nav_state == self.ids.mode
         return self._was_own and not was_own and not self._flies_own
 
@@ -131,7 +131,7 @@ class Charge:
         return f"executor {type(self.executor).__name__}"
 
     async def _run(self, before: asyncio.Task[None] | None) -> None:
-        """Run it, once the run before has come to its end."""
+        """Run the executor, after the previous run has ended."""
         try:
             if before is not None:
                 await asyncio.wait([before])
@@ -139,17 +139,17 @@ class Charge:
             if self._task is asyncio.current_task():
                 self._finish()
         except asyncio.CancelledError:
-            if self._task is not asyncio.current_task():  # it is out of charge
+            if self._task is not asyncio.current_task():  # the executor is no longer in charge
                 raise
             await self._fail(FlightError(f"`run` of {self._name} was cancelled"))
         except Exception as error:  # noqa: BLE001 - whatever a program raises
             await self._fail(error)
         finally:
-            if self._task is asyncio.current_task():  # and not the next one already
+            if self._task is asyncio.current_task():  # not yet the next one
                 self._task = None
 
     async def _fail(self, error: Exception) -> None:
-        """Let PX4 return home: from the mode of the executor by its failsafe, from others by a command."""
+        """Return home: PX4's failsafe does this from the mode of the executor, a command from other modes."""
         self.find(self.executor.mode).has_failed = True
         self._finish(error)
         context = {"message": f"{self._name} has failed", "exception": error}
@@ -162,6 +162,6 @@ class Charge:
                 await self.actions.set_mode(LAND)
 
     def _is_left_alone(self, status: Any) -> bool:
-        """Whether the vehicle is armed in a mode in which nobody commands it any more, such as Takeoff."""
+        """Whether the vehicle is armed in a mode in which it now gets no commands, such as Takeoff."""
         is_armed = bool(status.arming_state == status.ARMING_STATE_ARMED)
         return is_armed and status.nav_state not in {self.ids.mode, RETURN, LAND}

@@ -12,16 +12,16 @@ from msggen.flight.feeds import Feeds
 from msggen.flight.requirements import Requirement
 
 _MOST_AT_ONCE = 4
-"""How many replies the queue of PX4 before v1.18 holds."""
+"""How many replies PX4's queue holds before v1.18."""
 _PAUSE = 0.012
-"""The time in s in which PX4's commander takes its replies."""
+"""The time in s within which PX4's commander reads the replies."""
 _AGAIN = 0.1
-"""The time in s after which a reply is sent once more: it can get lost."""
+"""The time in s after which a reply is sent again, because the first one can get lost."""
 _OVERDUE = 0.33
-"""The time in s after a request at which the next one must have been sent: PX4 sends one every 0.31 s."""
+"""The time in s after a request by which the next one is overdue: PX4 sends one every 0.31 s."""
 _INTERVAL = 0.314
 _MOST_LOST = 3
-"""How many requests in a row are answered that have not arrived."""
+"""How many overdue requests in a row are answered."""
 _NUMBERS = 256
 _MOST_EVENTS = 5
 _EVENT_SIZE = 25
@@ -40,9 +40,9 @@ class Severity(IntEnum):
 
 
 class Problem(NamedTuple):
-    """A condition of a program's own that is not met. The mode cannot be entered, and is left, until it is.
+    """An unmet condition of a program. While there is one, PX4 does not enter the mode, or leaves it.
 
-    A ground station shows a text only if its event metadata has the id of `event`.
+    A ground station shows a text only if its event metadata contains the id of `event`.
     """
 
     event: str
@@ -56,7 +56,7 @@ class Problem(NamedTuple):
 
 
 def event_id(name: str) -> int:
-    """Return the id of an event from its name: the lower 24 bits of the FNV-1a hash, and the component 1."""
+    """Return the id of an event from its name: the lower 24 bits of the FNV-1a hash, and component 1."""
     found = 0x811C9DC5
     for octet in name.encode():
         found = (found ^ octet) * 0x01000193 & 0xFFFFFFFF
@@ -72,10 +72,10 @@ class Verdict(NamedTuple):
 
 
 class Answers:
-    """Replies to the requests of the vehicle for all checks of a program, at once.
+    """Replies at once to the requests of the vehicle, for all checks of a program.
 
-    PX4 gives a mode up after three or four requests without a reply. So that a lossy link does not end flights, each
-    reply is sent twice, and requests that are overdue are answered, too: their numbers are known.
+    PX4 gives up a mode after three or four requests without a reply. So that a lossy link does not end flights, each
+    reply is sent twice, and overdue requests are answered before they arrive: their numbers are known.
     """
 
     def __init__(self, connection: Connection, feeds: Feeds) -> None:
@@ -90,19 +90,19 @@ class Answers:
         self._loop = asyncio.get_running_loop()
         self._end = feeds["arming_check_request"].call(self._take)
         self._timers: list[asyncio.TimerHandle] = []
-        """What is still to be replied to the last request."""
+        """The replies to the last request that are still to be sent."""
 
     def add(self, check: int, verdict: Callable[[], Verdict], *, only_asked: bool = False) -> None:
-        """Reply for the check of an id. With `only_asked`, only to requests that say that they are for it."""
+        """Reply for the check with an id. With `only_asked`, only to requests whose mask contains the check."""
         self._checks[check] = verdict
         (self._only_asked.add if only_asked else self._only_asked.discard)(check)
 
     def remove(self, check: int) -> None:
-        """Reply no more for a check."""
+        """Stop replying for a check."""
         self._checks.pop(check, None)
 
     def close(self) -> None:
-        """Reply no more."""
+        """Stop replying."""
         self._checks.clear()
         self._cancel()
         self._end()

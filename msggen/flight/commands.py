@@ -1,6 +1,6 @@
 """Commands to the vehicle: VehicleCommand with its acknowledgement.
 
-Numbers are those of VehicleCommand, which have been the same since v1.15.
+The numbers are those of VehicleCommand, and have been the same since v1.15.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ EXECUTOR: Final = 1000
 """COMPONENT_MODE_EXECUTOR_START: executor 1 sends commands as component 1001."""
 _ACCEPTED, _IN_PROGRESS = 0, 5
 _TRIES = 6
-"""With a loss of 20 % both ways, one command in 460 stays without an answer."""
+"""With 20 % loss in both directions, one command in 460 gets no answer."""
 _PATIENCE = 0.3
-"""How long an acknowledgement is waited for, in s. PX4 v1.18 takes 4 to 17 ms."""
+"""How long to wait for an acknowledgement, in s. PX4 v1.18 takes 4 to 17 ms."""
 
 
 class Commands:
-    """Sends commands of a user, or of an executor with an id."""
+    """Sends commands of a user or of an executor."""
 
     def __init__(self, connection: Connection, feeds: Feeds) -> None:
         self._connection, self._feeds = connection, feeds
@@ -63,10 +63,10 @@ class Commands:
     ) -> None:
         """Send a command until the vehicle answers. Parameters that are not given are NaN.
 
-        The answer can get lost. A command whose effect a VehicleStatus has `shown` is not sent once more: meanwhile,
-        something else may have been commanded.
+        The answer can get lost. `shown` says whether a VehicleStatus shows the effect of the command. If one does, the
+        command is not sent again, because it could undo a later command.
 
-        Raises RefusedError with what the vehicle shows, and NoAnswerError after six tries of 0.3 s.
+        Raises RefusedError with the reasons that the vehicle reports, and NoAnswerError after six tries of 0.3 s.
         """
         topic = "vehicle_command_mode_executor" if executor else "vehicle_command"
         source = EXECUTOR + executor if executor else COMPANION
@@ -104,11 +104,11 @@ class Commands:
                     return await self._feeds["vehicle_command_ack"].following(is_answer, _PATIENCE)
                 if has_shown():
                     return None
-        raise NoAnswerError(f"{what}: the vehicle has not answered {_TRIES} times within {_PATIENCE} s")
+        raise NoAnswerError(f"{what}: no answer from the vehicle to {_TRIES} tries of {_PATIENCE} s")
 
     @contextmanager
     def _noticing(self, shown: Condition | None) -> Iterator[Callable[[], bool]]:
-        """Notice whether a VehicleStatus shows something."""
+        """Return a function that says whether a VehicleStatus has met a condition since."""
         found: list[Any] = []
         end = self._feeds["vehicle_status"].call(lambda each: found.append(each) if shown and shown(each) else None)
         try:
@@ -117,13 +117,13 @@ class Commands:
             end()
 
     def _target(self) -> dict[str, int]:
-        """Return the ids of the vehicle, or those of any vehicle before its first status."""
+        """Return the ids of the vehicle. Before its first status, return 0, which addresses any vehicle."""
         status = self._feeds["vehicle_status"].latest
         ids = (0, 0) if status is None else (status.system_id, status.component_id)
         return dict(zip(("target_system", "target_component"), ids, strict=True))
 
     def _reasons(self, number: int, values: Sequence[float]) -> Iterator[str]:
-        """Yield why the vehicle refuses a command, as far as it shows that."""
+        """Yield the reasons for which the vehicle refuses a command, as far as its messages show them."""
         if number == ARM_DISARM and values[0]:
             yield from reasons_for(self._feeds)
         elif number == SET_NAV_STATE:

@@ -24,7 +24,7 @@ class Connection(Protocol):
         """Send a message."""
 
     def subscribe(self, topic: str, take: Take) -> Callable[[], None]:
-        """Call `take` for each message, in the thread of the event loop. Return what ends that."""
+        """Call `take` for each message, in the thread of the event loop. Return a function that ends this."""
 
 
 class Topics:
@@ -51,7 +51,7 @@ class Topics:
         found = self._endpoints.get((direction, topic))
         if found is None:
             raise UnsupportedError(
-                f"the firmware does not bridge /fmu/{direction}/{topic}: it has to be in its dds_topics.yaml{_since(topic)}"
+                f"the firmware does not bridge /fmu/{direction}/{topic}: add it to dds_topics.yaml. {_since(topic)}"
             )
         return found
 
@@ -59,11 +59,11 @@ class Topics:
 def _since(topic: str) -> str:
     """Return which release first has a topic, if that is later than v1.14."""
     if topic in {"home_position", "vehicle_land_detected"}:
-        return ", which has it from v1.16 on"
-    return ", and flight modes need PX4 v1.15 or later"
+        return "PX4 v1.16 and later have it there"
+    return "Flight modes need PX4 v1.15 or later"
 
 
 def filled(cls: Any, **values: Any) -> Any:
-    """Return a message with those of some values that its class has: releases differ."""
+    """Return a message with the values that its class has fields for, because releases differ."""
     names = {field.name for field in cls.__msg__.fields}
     return cls(**{name: value for name, value in values.items() if name in names})

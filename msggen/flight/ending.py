@@ -1,4 +1,4 @@
-"""The end of a program that flies: by a signal, also while it computes, and with its interpreter."""
+"""The end of a program that flies: by a signal, even while it computes, and at the exit of the interpreter."""
 
 from __future__ import annotations
 
@@ -11,30 +11,30 @@ from types import FrameType
 from typing import Any
 
 _TERMINATED = 128 + signal.SIGTERM
-"""The exit code of a program that SIGTERM has ended."""
+"""The exit code of a program that was ended by SIGTERM."""
 
 
 class Ending:
     """Tells the vehicle when a program ends, and cancels its task at SIGTERM.
 
-    Signals are for programs whose event loop is in the main thread. A handler of SIGTERM of the program's own is kept.
+    Signals are handled only if the event loop runs in the main thread. A SIGTERM handler of the program is kept.
     """
 
     def __init__(self, release: Callable[[], None]) -> None:
-        """Take what tells the vehicle, in any thread. It can be called several times."""
+        """Take the function that tells the vehicle. It is called from any thread, and may be called several times."""
         self._release = release
         self._task = asyncio.current_task()
         self._loop = asyncio.get_running_loop()
         self.is_terminated = False
 
     def begin(self) -> None:
-        """Watch for the end."""
+        """Start to watch for the end."""
         atexit.register(self._release)
         if threading.current_thread() is threading.main_thread():
             _handlers.add(self)
 
     def close(self) -> None:
-        """Watch no more."""
+        """Stop watching."""
         atexit.unregister(self._release)
         _handlers.remove(self)
 
@@ -44,7 +44,7 @@ class Ending:
             raise SystemExit(_TERMINATED) from None
 
     def take(self, number: int) -> None:
-        """Take a signal. The program may hang, or hold a lock of the link: another thread tells the vehicle."""
+        """Handle a signal. Another thread tells the vehicle: the program may hang or hold a lock of the link."""
         threading.Thread(target=self._release, name="msggen flight end", daemon=True).start()
         if number == signal.SIGTERM and self._task is not None:
             self.is_terminated = True
@@ -70,7 +70,7 @@ class _Handlers:
                 signal.signal(number, self._take)
 
     def remove(self, ending: Ending) -> None:
-        """Put the handlers from before back after the last flight."""
+        """Restore the previous handlers after the last flight."""
         if ending not in self._endings:
             return
         self._endings.remove(ending)

@@ -1,4 +1,4 @@
-"""What goes wrong when a program flies a vehicle."""
+"""Errors of programs that fly a vehicle."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ from collections.abc import Sequence
 
 
 class FlightError(Exception):
-    """A vehicle cannot do, or has not done, what a program asked for."""
+    """The vehicle cannot do, or has not done, what the program asked for."""
 
 
 class UnsupportedError(FlightError):
-    """The firmware, or this vehicle, does not have what is needed. The text says which has."""
+    """The firmware or the vehicle lacks a feature. The text names the release that has it, or another cure."""
 
 
 class LimitError(FlightError):
-    """A place is beyond the limits of the program, or they cannot be kept. Nothing was sent."""
+    """A place is beyond the limits of the program, or the limits cannot be enforced. Nothing was sent."""
 
 
 class RegistrationError(FlightError):
@@ -26,21 +26,21 @@ class NoAnswerError(FlightError):
 
 
 class RestartedError(FlightError):
-    """The vehicle has restarted, and what a program flew has ended."""
+    """The vehicle has restarted, which has ended the modes of the program."""
 
 
 class RefusedError(FlightError):
-    """The vehicle refuses a command. `reasons` are those that the vehicle shows, for people."""
+    """The vehicle refuses a command. `reasons` are texts for people, as far as the vehicle shows the reasons."""
 
     def __init__(self, what: str, result: int, reasons: Sequence[str] = ()) -> None:
-        """Take what was refused, and the result of VehicleCommandAck."""
+        """Take the name of the command, and the result in VehicleCommandAck."""
         self.result, self.reasons = result, tuple(reasons)
         why = f": {', '.join(reasons)}" if reasons else ""
         super().__init__(f"{what}: {_RESULTS.get(result, f'result {result}')}{why}")
 
 
 class NotReachedError(FlightError):
-    """A mode of PX4, such as a takeoff, has ended before its goal."""
+    """A mode, such as Takeoff, has ended before its goal was reached."""
 
 
 _RESULTS = {

@@ -11,11 +11,11 @@ from msggen.flight.mode import Mode
 from msggen.flight.overrides import Deferral, Keeps, Overrides
 
 Start: TypeAlias = Literal["armed", "selected", "registered"]
-"""When `run` begins: when the vehicle is armed in its mode, when its mode is selected, or once it is registered."""
+"""When `run` starts: when the vehicle is armed in the mode, when the mode is selected, or after registration."""
 
 
 class Registered(Protocol):
-    """What an executor is connected with, once it is registered."""
+    """The connection of a registered executor to the vehicle."""
 
     actions: Actions
     overrides: Overrides
@@ -25,25 +25,26 @@ class Registered(Protocol):
 
 
 class Executor:
-    """A sequence of modes. A subclass has the mode that it belongs to, and the method `run`.
+    """A sequence of modes. A subclass sets the mode that it belongs to, and defines the method `run`.
 
-    It is in charge while its mode is selected, and goes on while it lets PX4 or other modes fly. A pilot or a ground
-    station that selects another mode ends it at once. A failsafe ends it, too: if that clears, `run` begins anew.
+    Selecting its mode puts the executor in charge, and it stays in charge while it lets PX4 or other modes fly. A pilot
+    or a ground station that selects another mode ends it at once. A failsafe also ends it: when the failsafe clears,
+    `run` starts again.
     """
 
     mode: ClassVar[type[Mode]]
-    """The mode that a user selects to start it. It may be flown or not."""
+    """The mode that a user selects to start the executor. `run` need not fly it."""
     starts: ClassVar[Start] = "armed"
     is_resumed: bool = False
-    """Whether it goes on with what an earlier program has begun, which was killed: the vehicle may be in the air."""
+    """Whether it continues the flight of an earlier program that was killed: the vehicle may be in the air."""
     keeps: ClassVar[Keeps] = Keeps()
-    """What PX4 does not do by itself while the executor is in charge."""
+    """What PX4 leaves unchanged while the executor is in charge."""
     _charge: Registered | None = None
 
     async def run(self) -> None:
-        """Do what is to be done. It is cancelled when the executor is no longer in charge.
+        """Fly the sequence. It is cancelled when the executor is no longer in charge.
 
-        An exception ends it: its mode counts as failed, and PX4 returns home.
+        If it raises an exception, its mode counts as failed, and the vehicle returns home.
         """
         raise NotImplementedError
 
@@ -56,7 +57,7 @@ class Executor:
         await self._actions.disarm()
 
     async def takeoff(self, altitude: float | None = None) -> None:
-        """See `Actions.takeoff`. PX4 stays in Takeoff at the end, until the next mode."""
+        """See `Actions.takeoff`. Afterwards, PX4 stays in Takeoff until the next mode."""
         await self._actions.takeoff(altitude)
 
     async def land(self) -> None:
@@ -68,9 +69,9 @@ class Executor:
         await self._actions.return_home()
 
     async def fly(self, mode: type[Mode] | Mode | None = None) -> None:
-        """Fly a mode that is registered, by default its own one, and wait for its end.
+        """Fly a registered mode, by default the executor's own, and wait for its end.
 
-        Raises what its `fly` raises, RefusedError, NoAnswerError, NotReachedError if the mode is left before its end,
+        Raises what `fly` of the mode raises, RefusedError, NoAnswerError, NotReachedError if the mode is left early,
         and FlightError for a mode that is not registered.
         """
         await self._own.fly(self.mode if mode is None else mode)
@@ -82,10 +83,10 @@ class Executor:
     def deferring_failsafes(self, seconds: float) -> AbstractAsyncContextManager[Deferral]:
         """Defer failsafes: `async with self.deferring_failsafes(30) as deferral`.
 
-        The time in s counts from the first reason for a failsafe on. When it is over, and at the end, PX4 acts. It
-        does not defer: a mode that cannot run, limits of fence, wind and flight time, failed motors, a broken battery.
+        The time in s starts with the first reason for a failsafe. PX4 acts when it is over, or when the block ends. Not
+        deferred are: a mode that cannot run, limits of fence, wind and flight time, failed motors, a broken battery.
 
-        Raises ValueError, NoAnswerError, and FlightError if a failsafe is active already.
+        Raises ValueError, NoAnswerError, and FlightError if a failsafe is already active.
         """
         return self._own.overrides.deferring(seconds)
 

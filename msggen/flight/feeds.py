@@ -1,4 +1,4 @@
-"""The last message of each topic, and tasks that wait for one."""
+"""The last message of each topic, and waiting for the next one."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ class Feed:
 
     @property
     def age(self) -> float:
-        """The time in s since the last message arrived, infinite without one."""
+        """The time in s since the last message arrived, or infinity if none has arrived."""
         return self._loop.time() - self._time
 
     def call(self, take: Take) -> Callable[[], None]:
-        """Call a function for each message. Return what ends that."""
+        """Call a function for each message. Return a function that ends this."""
         self._takers.append(take)
 
         def end() -> None:
@@ -48,13 +48,13 @@ class Feed:
         return end
 
     async def wait(self, condition: Condition, timeout: float | None = None) -> Any:
-        """Return the last message, or the first one from now on, for which a condition holds. Raises TimeoutError."""
+        """Return the last message if it meets a condition, else the next one that does. Raises TimeoutError."""
         if self.latest is not None and condition(self.latest):
             return self.latest
         return await self.following(condition, timeout)
 
     async def following(self, condition: Condition, timeout: float | None = None) -> Any:
-        """Return the first message from now on for which a condition holds. Raises TimeoutError after `timeout` s."""
+        """Return the next message that meets a condition. Raises TimeoutError after `timeout` s."""
         future: asyncio.Future[Any] = self._loop.create_future()
         self._waiting[future] = condition
         timer = None if timeout is None else self._loop.call_later(timeout, self._give_up, future)
@@ -79,7 +79,7 @@ class Feed:
 
 
 class Feeds:
-    """The feeds of a vehicle by topic. A topic is subscribed to when it is first asked for."""
+    """The feeds of a vehicle by topic. A topic is subscribed to on first use."""
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection

@@ -43,16 +43,16 @@ _NEEDED: Final = (
 
 
 class Flight(Actions):
-    """A vehicle that a program flies: by actions, by Offboard mode, and by modes and executors of its own.
+    """A vehicle that a program flies: with actions, in Offboard mode, or with its own modes and executors.
 
-    To be used with `async with`. At the end, all modes are unregistered: also after an exception, Ctrl-C and SIGTERM.
+    Use it with `async with`. All modes are unregistered at the end, also after an exception, Ctrl-C or SIGTERM.
 
     `vehicle` is an address as for `Vehicle`, a Vehicle, or a Connection such as a simulated vehicle. `types` is the
-    generated package, by default that of the Vehicle, or several, of which the one with the definitions of the vehicle
-    is taken.
+    generated package, by default that of the Vehicle. With several packages, the first one that has the definitions of
+    the vehicle is used.
 
-    A program that was killed and is back within about 1 s goes on with its modes. With `resume`, it does so also if the
-    vehicle has left them meanwhile, and the vehicle enters them at once.
+    If a program was killed and is back within about 1 s, it continues to fly its modes. With `resume`, it also
+    continues if the vehicle has left them meanwhile: the vehicle enters them again at once.
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class Flight(Actions):
         self._connection: Connection | None = None
 
     async def __aenter__(self) -> Self:
-        """Wait for the vehicle. Raises FlightError for an address that cannot be opened, and as `add`."""
+        """Wait for the vehicle. Raises FlightError for an address that cannot be opened, and the errors of `add`."""
         self._ending = Ending(self._release)
         self._ending.begin()
         try:
@@ -116,7 +116,7 @@ class Flight(Actions):
             self._parts.unregister()
 
     def close(self) -> None:
-        """Stop all, and unregister it."""
+        """Stop all modes and executors, and unregister them."""
         if self._parts is not None:
             self._parts.close()
             self._feeds.close()
@@ -125,8 +125,8 @@ class Flight(Actions):
     async def add(self, *parts: type[Mode | Executor] | Mode | Executor) -> None:
         """Register modes and executors, each as a class or an object. The mode of an executor is registered with it.
 
-        Raises RegistrationError, UnsupportedError with the messages that the vehicle does not have or has other
-        definitions of, and NoAnswerError.
+        Raises RegistrationError, NoAnswerError, and UnsupportedError if the vehicle lacks messages or has other
+        definitions of them.
         """
         made = [each() if isinstance(each, type) else each for each in parts]
         executors = {_mode_of(each): each for each in made if isinstance(each, Executor)}
@@ -135,35 +135,36 @@ class Flight(Actions):
         await self._own.add([Part(mode, executors.get(cls)) for cls, mode in modes.items()])
 
     async def set_mode(self, mode: str | int | type[Mode] | Mode) -> None:
-        """Select a mode: one of PX4's by its name, such as `hold` or `position`, or by its nav_state, or one of `add`.
+        """Select a mode: by its name in PX4, such as `hold` or `position`, by its nav_state, or a registered mode.
 
-        Raises RefusedError with what the vehicle shows, ValueError for an unknown name, NoAnswerError, and FlightError.
+        Raises RefusedError with the reasons that the vehicle reports, ValueError for an unknown name, NoAnswerError,
+        and FlightError.
         """
         await super().set_mode(self.find(mode).ids.mode if isinstance(mode, (Mode, type)) else mode)
 
     async def fly(self, mode: type[Mode] | Mode) -> None:
-        """Select a mode of `add`, and wait for its end. It holds its place afterwards.
+        """Select a registered mode, and wait for its end. Afterwards, the vehicle holds its place in this mode.
 
-        Raises what its `fly` raises, RefusedError, NoAnswerError, NotReachedError if the mode is left before its end,
+        Raises what `fly` of the mode raises, RefusedError, NoAnswerError, NotReachedError if the mode is left early,
         and FlightError for a mode that is not registered.
         """
         await self.find(mode).run(self)
 
     def find(self, mode: type[Mode] | Mode) -> ActiveMode:
-        """Return a mode that is registered. Raises FlightError."""
+        """Return a registered mode. Raises FlightError if it is not registered."""
         return self._own.find(mode)
 
     @property
     def _own(self) -> Parts:
         if self._parts is None:
-            raise FlightError("the flight has not begun: `async with Flight(...) as flight`")
+            raise FlightError("the flight has not begun: use `async with Flight(...) as flight`")
         return self._parts
 
     def offboard(self, frame: Frame = "ned") -> AbstractAsyncContextManager[Offboard]:
         """Fly in Offboard mode: `async with flight.offboard() as setpoint`.
 
-        The vehicle holds its place at first. At the end it is in Hold, unless a pilot has taken over. After an
-        exception, PX4's failsafe for the lost signal follows (COM_OBL_RC_ACT).
+        The vehicle first holds its place. At the end, it switches to Hold, unless a pilot has taken over. After an
+        exception, PX4's failsafe for a lost Offboard signal follows (COM_OBL_RC_ACT).
         """
         return offboard(self._own.connection, self._feeds, self, self._fence, frame)
 
@@ -173,7 +174,7 @@ class Flight(Actions):
         return self._feeds
 
     async def run(self) -> None:
-        """Go on until the program is cancelled."""
+        """Wait until the program is cancelled."""
         await asyncio.Event().wait()
 
 
@@ -181,5 +182,5 @@ def _mode_of(executor: Executor) -> type[Mode]:
     mode: type[Mode] | None = getattr(executor, "mode", None)
     if mode is None:
         name = type(executor).__name__
-        raise RegistrationError(f"executor {name} has no mode: PX4 needs one that users select. Set its `mode`")
+        raise RegistrationError(f"executor {name} has no mode: set its `mode`, which users select to start it")
     return mode

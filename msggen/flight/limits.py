@@ -1,6 +1,6 @@
-"""Limits on height and distance, which are kept before a setpoint is sent.
+"""Limits on height and distance, which are applied before a setpoint is sent.
 
-Places beyond them are errors. Velocities and accelerations are reduced on the way to them.
+A place beyond a limit is an error. Velocities and accelerations are reduced as the vehicle approaches a limit.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ from msggen.flight.space import Vector
 _GAIN = 0.5
 """The speed in m/s towards a limit that is 1 m away, low enough that a multicopter does not overshoot."""
 _BRAKING = 2.0
-"""The deceleration in m/s^2 that is relied on. PX4's limits are 3 and more by default."""
+"""The deceleration in m/s^2 that the vehicle is assumed to reach. PX4's limits are 3 and more by default."""
 _HORIZON = 0.5
-"""The time in s within which an acceleration may bring the vehicle to the speed that is allowed."""
+"""The time in s within which an acceleration may bring the vehicle to the allowed speed."""
 _FRESH = 0.5
-"""The age in s up to which an estimate counts."""
+"""The age in s up to which an estimate is used."""
 _ALONG = 0.01
-"""The share of a direction below which no speed along it is controlled."""
+"""The controlled share of a direction below which the speed along it counts as not controlled."""
 _UP: Final = Vector(0.0, 0.0, -1.0)
 _UNLIMITED: Final = (ATTITUDE, RATES)
-"""The kinds of setpoints for which no limit can be kept."""
+"""The kinds of setpoints for which limits cannot be enforced."""
 
 
 @dataclass(frozen=True)
 class Limits:
-    """How far a program may fly from the home position, in m. Without a number there is no limit."""
+    """How far a program may fly from the home position, in m. By default, there is no limit."""
 
     height: float = math.inf
     """Above the home position."""
@@ -60,7 +60,7 @@ NO_LIMITS: Final = Limits()
 
 
 class _Here(NamedTuple):
-    """Where the vehicle is, seen from home, in NED."""
+    """The place relative to home, and the velocity, in NED."""
 
     place: Vector
     velocity: Vector
@@ -71,20 +71,20 @@ class Fence:
 
     def __init__(self, feeds: Feeds, limits: Limits = NO_LIMITS) -> None:
         self.limits, self._feeds = limits, feeds
-        if not limits.is_open:  # so that both are known before they are needed
+        if not limits.is_open:  # subscribe now, so that both are known when they are needed
             feeds["home_position"], feeds["vehicle_local_position"]
 
     def tightened(self, limits: Limits) -> Fence:
-        """Return a fence that also keeps other limits."""
+        """Return a fence that also enforces other limits."""
         return self if limits.is_open else Fence(self._feeds, self.limits.tightened(limits))
 
     def check_kinds(self, kinds: Sequence[Kind]) -> None:
-        """Raise UnsupportedError if no limit can be kept for a kind of setpoint."""
+        """Raise UnsupportedError if limits cannot be enforced for a kind of setpoint."""
         found = [each.name for each in kinds if each in _UNLIMITED]
         if found and not self.limits.is_open:
             raise UnsupportedError(
-                f"limits cannot be kept with {' and '.join(found)} setpoints: take them out of `setpoints`, "
-                "or leave out the limits and set those of PX4 (GF_MAX_HOR_DIST, GF_MAX_VER_DIST)"
+                f"limits cannot be enforced for {' and '.join(found)} setpoints: remove them from `setpoints`, "
+                "or remove the limits and set those of PX4 (GF_MAX_HOR_DIST, GF_MAX_VER_DIST)"
             )
 
     def check(self, kind: Kind, values: Mapping[str, Any]) -> None:
@@ -94,11 +94,11 @@ class Fence:
             self.check_place(values["position"])
 
     def check_place(self, place: Sequence[float]) -> None:
-        """Raise LimitError if a place is beyond the limits. Raises NoAnswerError without a home."""
+        """Raise LimitError if a place is beyond the limits, and NoAnswerError if there is no home position."""
         if self.limits.is_open or all(map(math.isnan, place)):
             return
         if math.isnan(place[0]) != math.isnan(place[1]) and not math.isinf(self.limits.distance):
-            raise LimitError("a distance cannot be limited if only one horizontal axis has a position: give both")
+            raise LimitError("the distance cannot be limited if only one horizontal axis has a position: give both")
         x, y, z = _from_home(place, self._home())
         height, distance = (0.0 if math.isnan(z) else -z), _length(x, y)
         if not height <= self.limits.height:
@@ -109,7 +109,7 @@ class Fence:
             )
 
     def nearest(self, place: Sequence[float]) -> Vector:
-        """Return the place within the limits that is nearest to one: where the vehicle holds."""
+        """Return the place within the limits that is nearest to a place. The vehicle holds there."""
         if self.limits.is_open:
             return Vector(*place)
         home = self._home()
@@ -119,7 +119,7 @@ class Fence:
         return Vector(home.x + x * share, home.y + y * share, home.z + max(z, -self.limits.height))
 
     def shaped(self, kind: Kind, message: Any) -> Any:
-        """Return a setpoint whose velocity and acceleration lead to no place beyond the limits."""
+        """Return a setpoint whose velocity and acceleration do not lead beyond the limits."""
         if kind != TRAJECTORY or self.limits.is_open:
             return message
         found = copy.copy(message)
@@ -130,7 +130,7 @@ class Fence:
 
     def _slowed(self, velocity: Sequence[float], acceleration: Sequence[float]) -> tuple[Vector, Vector]:
         here = self._here()
-        if here is None:  # it stops, for it could be anywhere
+        if here is None:  # it stops, because it could be anywhere
             return _stopped(velocity), _stopped(acceleration)
         height, distance = self.limits.height, self.limits.distance
         speed, pull = Vector(*velocity), Vector(*acceleration)
@@ -145,7 +145,7 @@ class Fence:
     def _home(self) -> Vector:
         home = self._feeds["home_position"].latest
         if home is None or not home.valid_lpos:
-            raise NoAnswerError("the vehicle has no home position, from which limits are measured")
+            raise NoAnswerError("the vehicle has no home position, which limits are measured from")
         return Vector(home.x, home.y, home.z)
 
     def _here(self) -> _Here | None:
@@ -160,7 +160,7 @@ class Fence:
 
 
 def allowed(left: float) -> float:
-    """Return the speed in m/s towards a limit that is some m away: 0 at the limit and beyond it."""
+    """Return the allowed speed in m/s towards a limit at a distance in m: 0 at the limit and beyond it."""
     return 0.0 if left <= 0.0 else min(_GAIN * left, math.sqrt(2.0 * _BRAKING * left))
 
 
@@ -175,17 +175,17 @@ def _stopped(vector: Sequence[float]) -> Vector:
 
 
 def _length(*values: float) -> float:
-    """Return the length of what is controlled of a vector."""
+    """Return the length of the controlled part of a vector."""
     return math.hypot(*(each for each in values if not math.isnan(each)))
 
 
 def _along(vector: Sequence[float], direction: Vector) -> float:
-    """Return the part of a vector in a direction, of what is controlled of it."""
+    """Return the component of the controlled part of a vector in a direction."""
     return sum(each * part for each, part in zip(vector, direction, strict=True) if not math.isnan(each))
 
 
 def _slowed_level(velocity: Vector, place: Vector, distance: float) -> Vector:
-    """Return a velocity of which the horizontal part lets the vehicle stop in its direction within the distance."""
+    """Return a velocity, reduced horizontally so that the vehicle can stop within the distance."""
     size = _length(velocity.x, velocity.y)
     most = allowed(_way_left(_direction(velocity), place, distance))
     if size <= most:
@@ -194,7 +194,7 @@ def _slowed_level(velocity: Vector, place: Vector, distance: float) -> Vector:
 
 
 def _braked_level(acceleration: Vector, here: _Here, distance: float) -> Vector:
-    """Return an acceleration that lets the vehicle stop within the distance, where it flies to and away from home."""
+    """Return an acceleration, reduced towards where the vehicle flies, away from home, and in its own direction."""
     found = acceleration
     for direction in (_direction(here.velocity), _direction(here.place), _direction(acceleration)):
         most = allowed(_way_left(direction, here.place, distance))
@@ -203,14 +203,14 @@ def _braked_level(acceleration: Vector, here: _Here, distance: float) -> Vector:
 
 
 def _direction(vector: Vector) -> Vector:
-    """Return the horizontal direction of what is controlled of a vector."""
+    """Return the horizontal direction of the controlled part of a vector."""
     x, y = (0.0 if math.isnan(each) else each for each in vector[:2])
     size = math.hypot(x, y)
     return Vector(x / size, y / size, 0.0) if size else Vector(0.0, 0.0, 0.0)
 
 
 def _way_left(direction: Vector, place: Vector, distance: float) -> float:
-    """Return how far a place is from the circle around home in a direction. From outside: how far it comes nearer."""
+    """Return the distance to the circle around home in a direction. From outside: the part that leads nearer home."""
     along = direction.x * place.x + direction.y * place.y
     beyond = place.x * place.x + place.y * place.y - distance * distance
     if beyond >= 0.0:
@@ -219,7 +219,7 @@ def _way_left(direction: Vector, place: Vector, distance: float) -> float:
 
 
 def _cut(vector: Sequence[float], direction: Vector, most: float) -> Vector:
-    """Return a vector with no more than some length in a direction. What is not controlled stays so."""
+    """Return a vector with at most a given component in a direction. Values that are not controlled stay NaN."""
     excess = _along(vector, direction) - most
     controlled = [0.0 if math.isnan(each) else part for each, part in zip(vector, direction, strict=True)]
     size = sum(each * each for each in controlled)

@@ -1,4 +1,4 @@
-"""A vehicle on a real link: programs are told at once what does not fit, and its thread never waits for a program."""
+"""A vehicle on a real link. Types that do not fit are an error at once, and its thread never waits for a program."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ if TYPE_CHECKING:
 LOGGER = getLogger("msggen.flight")
 _POLL = 0.02
 _REMIND = 12.0
-"""The time in s after which a program that waits for a vehicle is told what to check."""
+"""The time in s without a vehicle after which a warning says what to check."""
 _KNOWN = 10.0
-"""The time in s within which a vehicle has told its definitions: PX4 takes 1 to 2 s for all of them."""
+"""The time in s to wait for the definitions of the vehicle: PX4 takes 1 to 2 s for all of them."""
 _WAITING: Final = 256
-"""The most messages of a topic that wait for a program that hangs. The oldest are dropped."""
+"""How many messages of a topic wait for a program that hangs. Older ones are dropped."""
 
 
 class Need(NamedTuple):
@@ -41,7 +41,7 @@ class LinkConnection:
     """The connection of a `Vehicle`. Its messages come from the thread of the link."""
 
     def __init__(self, vehicle: Vehicle, packages: Sequence[ModuleType], *, is_own: bool = False) -> None:
-        """Take a vehicle and one package or more. A vehicle that `is_own` is closed at the end."""
+        """Take a vehicle and one package or more. With `is_own`, the vehicle is closed at the end."""
         self._packages = packages
         self._choose(packages[0])
         self._vehicle, self._is_own = vehicle, is_own
@@ -52,9 +52,9 @@ class LinkConnection:
         self.package, self._topics = package, Topics(package)
 
     async def open(self, needs: Iterable[Need], further: Iterable[Need] = ()) -> None:
-        """Wait for a vehicle and its definitions, and choose the package that has those that are needed.
+        """Wait for a vehicle and its definitions, and choose the package that fits them.
 
-        Raises UnsupportedError with what differs if none has, NoAnswerError, and FlightError if the link has failed.
+        Raises UnsupportedError with the differences if none fits, NoAnswerError, and FlightError if the link fails.
         """
         await self._connected()
         needs = [*needs]
@@ -71,7 +71,7 @@ class LinkConnection:
         raise errors[0]
 
     def check(self, needs: Iterable[Need]) -> None:
-        """Raise UnsupportedError if the vehicle does not have some topics, or other definitions of them."""
+        """Raise UnsupportedError if the vehicle lacks some topics, or has other definitions of them."""
         try:
             remote, routes, firmware = self._vehicle.remote, self._vehicle.routes, self._vehicle.firmware
         except LinkError as error:
@@ -93,13 +93,13 @@ class LinkConnection:
             )
         if missing:
             raise UnsupportedError(
-                f"the vehicle has {firmware}, and does not bridge {', '.join(missing)}: they have to be in its "
-                "dds_topics.yaml, and flight modes need PX4 v1.15 or later"
+                f"the vehicle has {firmware}, and does not bridge {', '.join(missing)}: add this to dds_topics.yaml. "
+                "Flight modes need PX4 v1.15 or later"
             )
 
     @property
     def identity(self) -> str:
-        """What tells the vehicle from others, "" if it is not connected, or has no address."""
+        """A text that identifies the vehicle, or "" if it is not connected or has no address."""
         try:
             remote, address = self._vehicle.remote, parse_address(self._vehicle.url)
         except LinkError:
@@ -109,7 +109,7 @@ class LinkConnection:
         return f"{address.scheme} {place} {address.domain} {remote.key} {remote.namespace}"
 
     def publish(self, topic: str, message: Any) -> None:
-        """See Connection. While the vehicle is not connected, messages are lost, as on the way to it."""
+        """See Connection. While the vehicle is not connected, messages are lost without an error."""
         try:
             self._vehicle.publish(message, self._topics.endpoint("in", topic))
         except (FormatError, TopicError) as error:
@@ -139,7 +139,7 @@ class LinkConnection:
             await asyncio.to_thread(self._vehicle.close)
 
     async def _connected(self) -> None:
-        """Wait for a vehicle. A thread that waited could not be ended by a cancellation."""
+        """Wait for a vehicle. It polls, because a cancellation cannot end a waiting thread."""
         begin, has_told = self._loop.time(), False
         while not self._vehicle.is_connected:
             is_late = not has_told and self._loop.time() - begin > _REMIND
@@ -154,7 +154,7 @@ class LinkConnection:
             await asyncio.sleep(_POLL)
 
     async def _known(self, needs: Sequence[Need]) -> None:
-        """Wait until the vehicle has told the definitions that are needed, or was asked for all."""
+        """Wait until the needed definitions of the vehicle are known, or all have been requested."""
         topics = self._topics
         types = {topics.endpoint(*each).message.__msg__.ros_type for each in needs if topics.has(*each)}
         end = self._loop.time() + _KNOWN
@@ -166,7 +166,7 @@ class LinkConnection:
             if firmware.is_complete or types <= firmware.hashes.keys():
                 return
             if self._loop.time() > end:
-                raise NoAnswerError(f"the vehicle has not told its definitions within {_KNOWN:.0f} s")
+                raise NoAnswerError(f"no definitions from the vehicle within {_KNOWN:.0f} s")
             await asyncio.sleep(_POLL)
 
 
@@ -176,7 +176,7 @@ async def connected(
     needs: Iterable[Need],
     further: Iterable[Need],
 ) -> Connection:
-    """Return the connection of a vehicle, or of that at an address. See `LinkConnection.open` for what it raises."""
+    """Return the connection of a vehicle, or of the one at an address. Raises the errors of `LinkConnection.open`."""
     from msggen.live import Vehicle
 
     if not isinstance(vehicle, (str, Vehicle)):
@@ -198,7 +198,7 @@ async def connected(
 
 
 class _Inbox:
-    """Messages on the way from the thread of a link to a program, of which a program that hangs loses the oldest."""
+    """Messages on the way from the thread of a link to a program. If the program hangs, the oldest are dropped."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop, take: Take) -> None:
         self._loop, self._take = loop, take
@@ -217,18 +217,18 @@ class _Inbox:
             self._is_closed = True
 
     def close(self) -> None:
-        """Deliver nothing any more."""
+        """Deliver nothing more."""
         self._is_closed = True
         self._waiting.clear()
 
     def _deliver(self) -> None:
-        self._is_scheduled = False  # before the messages: one that comes meanwhile is delivered, now or then
+        self._is_scheduled = False  # before the loop, so that no message that arrives meanwhile is left
         while self._waiting and not self._is_closed:
             self._take(self._waiting.popleft())
 
 
 def _differs(route: Route, cls: Any, hashes: Mapping[str, int]) -> bool:
-    """Whether a vehicle has another definition of a message on a route, as far as it has told that."""
+    """Whether a vehicle has another definition of a message on a route, as far as it is known."""
     info = cls.__msg__
     own: int = info.message_hash
     return version_of(route.name) != info.message_version or hashes.get(route.ros_type, own) != own

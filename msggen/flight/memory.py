@@ -1,7 +1,7 @@
-"""The ids of modes in a folder of the user: a program that was killed goes on with them, and two are told apart.
+"""The ids of modes in a folder of the user. A program can continue after it was killed, and two cannot fly one mode.
 
-There is a file for each vehicle and name. The program that flies the mode locks it. Its time of modification tells when
-the program has last heard the vehicle, of the monotonic clock.
+There is a file for each vehicle and name. The program that flies the mode holds a lock. The modification time of the
+file, on the monotonic clock, is when the program last heard the vehicle.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _VERSION: Final = 1
 _SUFFIX: Final = ".json"
 _LONGEST: Final = 1 << 16
 _TOUCH = 0.5
-"""The time in s between two notes that a program is alive."""
+"""The period in s at which a program notes that it is alive."""
 
 
 class Remembered(NamedTuple):
@@ -37,20 +37,20 @@ class Remembered(NamedTuple):
 
     ids: Ids
     armed_time: int
-    """`armed_time` of VehicleStatus, since boot: it tells this boot of the vehicle. 0 while it was disarmed."""
+    """`armed_time` of VehicleStatus, since boot, by which a boot of the vehicle is recognized. 0 if it was disarmed."""
     mode_time: int
     """`nav_state_timestamp` of VehicleStatus, for the same purpose."""
     age: float
-    """The time in s since that program was alive, infinite if the computer has restarted since."""
+    """The time in s since that program was last alive, or infinity if the computer has restarted since."""
     is_over: bool
-    """Whether the program has ended its mode itself."""
+    """Whether the program itself has unregistered its mode."""
 
 
 class Memory:
-    """The ids of the modes of a program at one vehicle."""
+    """The ids that one vehicle has assigned to the modes of a program."""
 
     def __init__(self, vehicle: str) -> None:
-        """Take what tells the vehicle from others. Nothing is read."""
+        """Take a text that identifies the vehicle. Nothing is read."""
         self._folder = os.path.join(os.path.dirname(records_folder()), "flights")
         self._vehicle = vehicle
         self._boot = boot_id()
@@ -60,9 +60,9 @@ class Memory:
         self._is_told = False
 
     def claim(self, name: str) -> Remembered | None:
-        """Return what an earlier program has left of a name, and keep others from it.
+        """Return what an earlier program has noted for a name, and lock the name.
 
-        Raises RegistrationError if a program is running that flies it.
+        Raises RegistrationError if a running program flies this mode.
         """
         try:
             os.makedirs(self._folder, mode=0o700, exist_ok=True)
@@ -75,14 +75,14 @@ class Memory:
             return None
 
     def is_younger(self, age: float) -> bool:
-        """Whether a program was alive less than some s ago, at any vehicle."""
+        """Whether a program was alive less than `age` s ago, at any vehicle."""
         now = time.monotonic()
         with suppress(OSError), os.scandir(self._folder) as entries:
             return any(now - each.stat().st_mtime < age for each in entries if each.name.endswith(_SUFFIX))
         return False
 
     def write(self, ids: Ids, status: Any, *, is_over: bool = False) -> None:
-        """Note the ids of a mode, if they or the boot of the vehicle are not noted yet."""
+        """Note the ids of a mode and the boot of the vehicle, unless this is already noted."""
         content = {
             "version": _VERSION,
             "vehicle": self._vehicle,
@@ -101,7 +101,7 @@ class Memory:
             self._tell(error)
 
     def touch(self) -> None:
-        """Note that the program is alive, unless that was noted a short time ago."""
+        """Note that the program is alive, unless this was noted a short time ago."""
         now = time.monotonic()
         if now - self._touched >= _TOUCH:
             self._touched = now
@@ -109,7 +109,7 @@ class Memory:
                 _stamp(self._path(name))
 
     def release(self, name: str) -> None:
-        """Let other programs have a name."""
+        """Unlock a name for other programs."""
         self._written.pop(name, None)
         lock = self._locks.pop(name, None)
         if lock is not None:
@@ -151,7 +151,7 @@ class Memory:
         except FileNotFoundError:
             return None
         except (KeyError, TypeError, ValueError, RecursionError):
-            LOGGER.warning("what an earlier program has left of mode %r is damaged, and is not used: %s", name, path)
+            LOGGER.warning("the ids of mode %r from an earlier program are damaged and not used: %s", name, path)
             return None
 
     def _replace(self, path: str, data: bytes) -> None:
@@ -173,7 +173,7 @@ class Memory:
     def _tell(self, error: OSError) -> None:
         if not self._is_told:
             self._is_told = True
-            LOGGER.warning("the next program cannot go on with the modes of this one: %s", error)
+            LOGGER.warning("the next program cannot continue the modes of this one: %s", error)
 
 
 def _stamp(path: str) -> None:

@@ -1,4 +1,4 @@
-"""A flight mode of a program: what it flies while it is selected."""
+"""A flight mode of a program."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _UNIT = 0.01
 
 
 class Registered(Protocol):
-    """What a mode is connected with, once it is registered."""
+    """The connection of a registered mode to the vehicle."""
 
     feeds: Feeds
     overrides: Overrides
@@ -45,30 +45,30 @@ class Registered(Protocol):
 
 
 class Mode:
-    """A flight mode. A subclass has the name, and the method `fly`.
+    """A flight mode. A subclass sets the name, and defines the method `fly`.
 
-    `name` is what pilots read; PX4 keeps the slot of a mode by its name, so a switch on a transmitter finds it again.
+    Pilots see `name`. PX4 keeps a slot for each name, so that a switch on a transmitter always selects the same mode.
     """
 
     name: ClassVar[str]
     requires: ClassVar[Requirement] = Requirement.NONE
-    """What the mode needs, besides what its setpoints need."""
+    """The requirements of the mode, besides those of its setpoints."""
     setpoints: ClassVar[tuple[Kind, ...]] = (GOTO, TRAJECTORY)
-    """The kinds of setpoints that it sends."""
+    """The kinds of setpoints that the mode sends."""
     frame: ClassVar[Frame] = "ned"
     """The frame of its places and velocities."""
     replaces: ClassVar[int | None] = None
-    """The nav_state of the mode of PX4 that it replaces, such as 5 for Return."""
+    """The nav_state of the PX4 mode that this mode replaces, such as 5 for Return."""
     limits: ClassVar[Limits] = NO_LIMITS
-    """How far it may fly, besides the limits of the Flight."""
+    """How far the mode may fly. The limits of the Flight also apply."""
     is_selectable: ClassVar[bool] = True
-    """Whether a user can select it. Others are for executors. Needs PX4 v1.18."""
+    """Whether a user can select the mode. If not, only executors use it, which needs PX4 v1.18."""
     flies_disarmed: ClassVar[bool] = False
     """Whether `fly` also runs while the vehicle is disarmed."""
     is_resumed: bool = False
-    """Whether it goes on with what an earlier program has flown, which was killed."""
+    """Whether the mode continues the flight of an earlier program that was killed."""
     keeps: ClassVar[Keeps] = Keeps()
-    """What PX4 does not do by itself while the mode flies."""
+    """What PX4 leaves unchanged while the mode is active."""
     _active: Registered | None = None
 
     def __init_subclass__(cls, name: str = "", **options: Any) -> None:
@@ -76,25 +76,25 @@ class Mode:
         cls.name = name or cls.__dict__.get("name") or cls.__name__
 
     async def fly(self) -> None:
-        """Fly, from when the mode is selected and the vehicle armed. It is cancelled when the mode is left.
+        """Fly, once the mode is selected and the vehicle is armed. `fly` is cancelled when the mode is left.
 
-        The mode of an executor flies when that executor says so: `await self.fly()`.
-        If it returns, the mode is completed, and the vehicle holds its place. If it raises an exception, the mode has
-        failed: PX4 is told, and returns home unless an executor goes on.
+        The mode of an executor flies only when the executor calls `await self.fly()`.
+        If `fly` returns, the mode is completed, and the vehicle holds its place. If it raises an exception, the mode
+        has failed: PX4 is told, and the vehicle returns home unless an executor continues.
         """
         raise NotImplementedError
 
     def problems(self) -> Sequence[Problem]:
-        """Return conditions of its own that are not met. It is called about three times a second, and returns at once.
+        """Return the unmet conditions of the mode. It is called several times a second, and must return at once.
 
-        With any, PX4 does not enter the mode, and leaves it.
+        While there are any, PX4 does not enter the mode, or leaves it.
         """
         return ()
 
     # Where the vehicle is
 
     async def position(self) -> Vector:
-        """Return the place of the vehicle in m, from the origin of its local frame. Raises NoAnswerError."""
+        """Return the place of the vehicle in m, relative to the origin of its local frame. Raises NoAnswerError."""
         estimate = await self._estimate()
         return turned((estimate.x, estimate.y, estimate.z), self.frame)
 
@@ -104,7 +104,7 @@ class Mode:
         return turned((estimate.vx, estimate.vy, estimate.vz), self.frame)
 
     async def heading(self) -> float:
-        """Return the heading in rad: from north clockwise, or from east counter-clockwise in ENU."""
+        """Return the heading in rad: clockwise from north, or counter-clockwise from east in ENU."""
         return turned_heading((await self._estimate()).heading, self.frame)
 
     async def _estimate(self) -> Any:
@@ -132,7 +132,8 @@ class Mode:
     ) -> None:
         """Fly to a place in m, and return when it is reached: nearer than `within` m, slower than 0.5 m/s.
 
-        Limits in m/s and rad/s only tighten those of the vehicle. The vehicle goes on holding the place afterwards.
+        The limits, in m/s and rad/s, can only be tighter than those of PX4. Afterwards, the vehicle holds the place.
+
         Raises NoAnswerError if the vehicle does not know where it is, LimitError, and NotReachedError on the ground, and
         if the mode does not fly.
         """
@@ -181,9 +182,9 @@ class Mode:
         heading_deg: float | None = None,
         turn_rate: float = math.nan,
     ) -> None:
-        """Send a place, a velocity or an acceleration, from now on until the next setpoint. NaN: not controlled.
+        """Send a place, a velocity or an acceleration, until the next setpoint. NaN means not controlled.
 
-        Each axis needs one of them; a velocity beside a position is added to it. `turn_rate` is in rad/s.
+        Each axis needs one of them; with a position, the velocity is a feed-forward. `turn_rate` is in rad/s.
 
         Raises ValueError, LimitError, NoAnswerError without a valid position, and NotReachedError if the mode does not fly.
         """
@@ -194,7 +195,7 @@ class Mode:
         self._own.send(TRAJECTORY, **trajectory_values(self.frame, axes, heading, heading_deg, turn_rate))
 
     def attitude(self, quaternion: Sequence[float], thrust: float, *, turn_rate: float = 0.0) -> None:
-        """Send an attitude from now on: a quaternion w, x, y, z from FRD to NED, and the thrust upwards from 0 to 1."""
+        """Send an attitude from now on: a quaternion w, x, y, z from FRD to NED, and the thrust up, from 0 to 1."""
         w, x, y, z = finite([*map(float, quaternion)], "a quaternion")
         if abs(math.hypot(w, x, y, z) - 1.0) > _UNIT:
             raise ValueError(f"expected a quaternion of length 1, got {(w, x, y, z)}")
@@ -202,12 +203,12 @@ class Mode:
         self._own.send(ATTITUDE, q_d=(w, x, y, z), thrust_body=(0.0, 0.0, -_share(thrust)), yaw_sp_move_rate=turn_rate)
 
     def rates(self, roll: float, pitch: float, yaw: float, thrust: float) -> None:
-        """Send rates in rad/s in FRD from now on, and the thrust upwards from 0 to 1."""
+        """Send rates in rad/s in FRD from now on, and the thrust up, from 0 to 1."""
         finite([roll, pitch, yaw], "rates")
         self._own.send(RATES, roll=roll, pitch=pitch, yaw=yaw, thrust_body=(0.0, 0.0, -_share(thrust)))
 
     async def hold(self, seconds: float = 0.0) -> None:
-        """Hold the place where the vehicle is now, for a time in s and afterwards.
+        """Stop and hold the place. Returns after a time in s, but the vehicle holds until the next setpoint.
 
         Raises NoAnswerError without a valid position.
         """
@@ -228,7 +229,7 @@ class Mode:
 
 
 def needs_of(mode: Mode) -> Requirement:
-    """Return what a mode needs, with what its setpoints need."""
+    """Return the requirements of a mode, with those of its setpoints."""
     found = mode.requires
     for kind in mode.setpoints:
         found |= kind.requires
@@ -239,7 +240,7 @@ def message_of(cls: Any, kind: Kind, mode: Mode, **values: Any) -> Any:
     """Return the message of a setpoint. Raises UnsupportedError if the mode does not declare its kind."""
     if kind not in mode.setpoints:
         known = ", ".join(each.name for each in mode.setpoints)
-        raise UnsupportedError(f"mode {mode.name!r} sends {known} setpoints: add {kind.name} to its `setpoints`")
+        raise UnsupportedError(f"mode {mode.name!r} declares {known} setpoints: add {kind.name} to its `setpoints`")
     return filled(cls, **values)
 
 

@@ -1,4 +1,4 @@
-"""Offboard mode: setpoints of a program that has no mode of its own."""
+"""Offboard mode: setpoints of a program without a mode of its own."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ OFFBOARD, HOLD = 14, 4
 _INTERVAL = 0.1
 """The time in s between two heartbeats before the mode is entered. PX4 wants 2 Hz."""
 _BEFORE = 1.0
-"""How long heartbeats are sent before the mode is selected: PX4 refuses it without them."""
+"""How long heartbeats are sent before the mode is selected, in s. Without them, PX4 refuses the mode."""
 
 
 class _Heartbeat:
@@ -49,8 +49,8 @@ class _Heartbeat:
 class Offboard:
     """The setpoint of Offboard mode, which is sent at a steady rate until the next one.
 
-    `position`, `velocity` and `acceleration` are in `frame`, headings in rad in it, or in degrees. Nothing is sent once
-    the vehicle has left the mode.
+    Vectors and headings are in `frame`. `heading` is in rad, `heading_deg` in degrees. Nothing is sent once the vehicle
+    has left the mode.
     """
 
     def __init__(self, connection: Connection, feeds: Feeds, actions: Actions, fence: Fence, frame: Frame) -> None:
@@ -133,7 +133,7 @@ class Offboard:
 async def offboard(
     connection: Connection, feeds: Feeds, actions: Actions, fence: Fence, frame: Frame = "ned"
 ) -> AsyncIterator[Offboard]:
-    """Select Offboard mode, keep its heartbeat, and hold with PX4's own mode at the end. See `Flight.offboard`."""
+    """Select Offboard mode, send its heartbeat, and switch to Hold at the end. See `Flight.offboard`."""
     found = Offboard(connection, feeds, actions, fence, frame)
     with suppress(TimeoutError):
         await feeds["vehicle_local_position"].wait(lambda _: True, 1.0)

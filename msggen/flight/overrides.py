@@ -1,4 +1,4 @@
-"""What a mode or an executor changes of PX4's own doings: failsafes, disarming after landing, the home position."""
+"""What a mode or an executor overrides in PX4: failsafes, disarming after landing, setting the home position."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _SHOWN = 1.0
 
 
 class Keeps(NamedTuple):
-    """What stays as it is, as long as the mode is active or the executor in charge."""
+    """What PX4 leaves unchanged while the mode is active or the executor is in charge."""
 
     armed: bool = False
     """The vehicle is not disarmed after landing."""
@@ -35,12 +35,12 @@ class Keeps(NamedTuple):
 
 
 def check_overrides(topics: Topics, keeps: Keeps) -> None:
-    """Raise UnsupportedError if the firmware does not have what is kept."""
+    """Raise UnsupportedError if the firmware does not support an override."""
     if keeps == Keeps():
         return
     names = {field.name for field in topics.incoming(_REQUEST).__msg__.fields}
     if keeps.home and "disable_auto_set_home" not in names:
-        raise UnsupportedError("to keep the home position needs PX4 v1.18: this firmware sets it at takeoff")
+        raise UnsupportedError("keeping the home position needs PX4 v1.18: this firmware sets it at takeoff")
 
 
 class Deferral:
@@ -51,11 +51,11 @@ class Deferral:
 
     @property
     def is_waiting(self) -> bool:
-        """Whether a failsafe waits: there is a reason for it, and PX4 acts at the end, or when the time is over."""
+        """Whether a failsafe is pending: PX4 has a reason for it, and acts at the end or when the time is over."""
         return _is_waiting(self._feeds["vehicle_status"].latest)
 
     async def wait(self) -> None:
-        """Wait until a failsafe waits."""
+        """Wait until a failsafe is pending."""
         await self._feeds["vehicle_status"].wait(_is_waiting)
 
 
@@ -67,25 +67,25 @@ class Overrides:
         self._kind, self._number, self._keeps = kind, number, keeps
         self._topics = Topics(connection.package)
         self._seconds: int | None = None
-        """How long failsafes are deferred, None for not at all."""
+        """How long failsafes are deferred in s, or None if they are not."""
         self._is_used = False
-        """Whether PX4 was told anything."""
+        """Whether anything was sent to PX4."""
         self._is_closed = False
         self._timers: list[asyncio.TimerHandle] = []
 
     async def begin(self) -> None:
-        """Tell PX4 what is kept. Raises NoAnswerError."""
+        """Send the overrides to PX4. Raises NoAnswerError."""
         if self._keeps != Keeps():
             await self._confirm()
 
     def renew(self) -> None:
-        """Tell PX4 once more, because the mode is active, or the executor in charge, again: without a deferral."""
+        """Send the overrides again, without a deferral: the mode is active again, or the executor in charge again."""
         if self._is_used:
             self._seconds = None
             self._repeat()
 
     def close(self) -> None:
-        """Tell nothing any more."""
+        """Send nothing more."""
         self._is_closed = True
         self._cancel()
 
@@ -115,11 +115,12 @@ class Overrides:
             await self._feeds["vehicle_status"].wait(lambda each: bool(each.failsafe_defer_state != _OFF), _SHOWN)
         except TimeoutError:
             raise FlightError(
-                "PX4 does not defer failsafes: one is active, or the mode is not, or the executor is not in charge"
+                "PX4 does not defer failsafes: one is already active, the mode is not active, or the executor "
+                "is not in charge"
             ) from None
 
     async def _confirm(self) -> None:
-        """Tell PX4 until it confirms that. Before v1.18 it does not: tell it a few times. Raises NoAnswerError."""
+        """Send the overrides until PX4 confirms them. Before v1.18, send them a few times. Raises NoAnswerError."""
         if not self._topics.has("out", _CONFIRM):
             self._repeat()
             return
@@ -134,7 +135,7 @@ class Overrides:
         raise NoAnswerError("the vehicle has not confirmed the overrides")
 
     def _repeat(self) -> None:
-        """Tell PX4 now and a few times later, without waiting: messages can get lost."""
+        """Send the overrides now and a few times later, because messages can get lost. Does not wait."""
         self._cancel()
         if self._is_closed:
             return

@@ -1,4 +1,4 @@
-"""The modes and executors of a program at a vehicle: they are registered, again after a restart, and unregistered."""
+"""The modes and executors of a program: registering, registering again after a restart, and unregistering them."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ from msggen.flight.setpoints import ATTITUDE, GOTO, RATES, TRAJECTORY
 
 LOGGER = getLogger("msggen.flight")
 _READY = 1.0
-"""The time in s within which the vehicle takes the first reply of a mode: it asks every 0.3 s."""
+"""The time in s to wait until the vehicle has read the first reply of a mode: it asks every 0.3 s."""
 _APART = 0.02
-"""The time in s between two unregistrations: PX4 keeps one, and takes it within 10 ms."""
+"""The time in s between two unregistrations: PX4's queue holds one, and PX4 reads it within 10 ms."""
 _AGAIN = 1.0
 _ALWAYS: Final = (
     Need("in", "register_ext_component_request"),
@@ -48,7 +48,7 @@ _CONFIGURATION: Final = (
     Need("out", "setpoint_config_reply"),
     Need("in", "config_control_setpoints"),
 )
-"""Those of them that the release has."""
+"""Needed as far as the release has them."""
 _OF_EXECUTORS: Final = Need("in", "vehicle_command_mode_executor")
 NEEDED: Final = (
     *_ALWAYS,
@@ -56,7 +56,7 @@ NEEDED: Final = (
     _OF_EXECUTORS,
     *(Need("in", kind.topic) for kind in (GOTO, TRAJECTORY, ATTITUDE, RATES)),
 )
-"""What modes and executors can need."""
+"""All topics that modes and executors can need."""
 
 
 class Part(NamedTuple):
@@ -67,7 +67,7 @@ class Part(NamedTuple):
 
     @property
     def wanted(self) -> Wanted:
-        """What is registered."""
+        """The registration to request."""
         mode, executor = self.mode, self.executor
         return Wanted(
             mode.name,
@@ -79,7 +79,7 @@ class Part(NamedTuple):
 
 
 def _needs_of(connection: Connection, parts: list[Part]) -> Iterator[Need]:
-    """Yield the topics that some modes and executors need of a vehicle."""
+    """Yield the topics that modes and executors need."""
     topics = Topics(connection.package)
     yield from _ALWAYS
     yield from (each for each in _CONFIGURATION if topics.has(*each))
@@ -90,7 +90,7 @@ def _needs_of(connection: Connection, parts: list[Part]) -> Iterator[Need]:
 
 
 class Parts:
-    """What a program has registered."""
+    """The modes and executors that a program has registered."""
 
     def __init__(self, connection: Connection, feeds: Feeds, sender: Commands, fence: Fence, *, resume: bool) -> None:
         self.connection, self._feeds, self._commands, self._fence = connection, feeds, sender, fence
@@ -105,7 +105,7 @@ class Parts:
         self._memory = Memory(identity) if identity else None
         self._renewal: asyncio.Task[None] | None = None
         self._registered: dict[str, Ids] = {}
-        """Of this program, for the end, which other threads can bring."""
+        """The ids of this program. At its end, another thread may unregister them."""
         self._lock = threading.Lock()
 
     async def add(self, parts: list[Part]) -> None:
@@ -119,13 +119,13 @@ class Parts:
             self._parts.append(part)
 
     def _check(self, part: Part) -> None:
-        """Raise what is wrong before anything is sent."""
+        """Raise an error before anything is sent."""
         mode, executor = part.mode, part.executor
         if any(each.mode.name == mode.name for each in self._parts):
-            raise RegistrationError(f"a mode of the name {mode.name!r} is registered already")
+            raise RegistrationError(f"a mode with the name {mode.name!r} is registered already")
         if executor is not None and mode.replaces is not None:
             raise RegistrationError(
-                f"{mode.name}: a mode that replaces one of PX4 cannot have an executor: PX4 never puts it in charge"
+                f"{mode.name}: a mode that replaces a PX4 mode cannot have an executor: PX4 never puts it in charge"
             )
         topics = Topics(self.connection.package)
         for each in (mode, executor):
@@ -133,23 +133,23 @@ class Parts:
                 check_overrides(topics, each.keeps)
 
     async def settle(self) -> None:
-        """Wait until all that was unregistered has been told."""
+        """Wait until all unregistrations are sent."""
         await self._registrar.settle()
 
     @property
     def is_urgent(self) -> bool:
-        """Whether an earlier program may have been killed just now, so that no time is to be lost."""
+        """Whether an earlier program may have been killed just now. Then this one must answer at once."""
         return self._memory is not None and self._memory.is_younger(FRESH)
 
     def find(self, mode: type[Mode] | Mode) -> ActiveMode:
-        """Return a mode that is registered. Raises FlightError."""
+        """Return a registered mode. Raises FlightError if it is not registered."""
         found = self._modes.get(mode if isinstance(mode, type) else type(mode))
         if found is None:
             raise FlightError(f"mode {mode.name!r} is not registered: `await flight.add(...)` registers it")
         return found
 
     def follow(self, status: Any) -> None:
-        """Let executors and modes begin and end. Executors are first: one that is ended does not see its mode end."""
+        """Start and end executors and modes. Executors come first, so that one that ends does not see its mode end."""
         if self._restarts is not None:
             self._restarts.take(status)
         for charge in [*self._charges]:
@@ -162,7 +162,7 @@ class Parts:
             self._memory.touch()
 
     def stop(self) -> None:
-        """Stop all, without a word to the vehicle."""
+        """Stop all modes and executors, and send nothing."""
         for charge in self._charges:
             charge.close()
         for active in self._modes.values():
@@ -173,7 +173,7 @@ class Parts:
         self._modes.clear()
 
     def close(self) -> None:
-        """Stop all, and unregister it."""
+        """Stop all modes and executors, and unregister them."""
         if self._renewal is not None:
             self._renewal.cancel()
         self.stop()
@@ -184,7 +184,7 @@ class Parts:
         self._parts.clear()
 
     def unregister(self) -> None:
-        """Unregister all. From any thread, and several times."""
+        """Unregister all modes. Can be called from any thread, and several times."""
         is_link = isinstance(self.connection, LinkConnection)
         with self._lock:
             while self._registered:
@@ -198,7 +198,7 @@ class Parts:
                     time.sleep(_APART)
 
     async def _add(self, part: Part, *, is_again: bool = False) -> None:
-        """Register a mode, or go on with the ids that an earlier program has left, unless it registers again."""
+        """Register a mode, or continue with the ids of an earlier program. With `is_again`, always register."""
         answers, restarts = self._watch()
         resuming = Resuming(self._memory, self._feeds, answers, self._registrar, resume=self._resume)
         try:
@@ -259,9 +259,9 @@ class Parts:
             self._memory.release(active.ids.name)
 
     async def _until_ready(self, active: ActiveMode) -> None:
-        """Wait until the vehicle has taken the first reply of a mode: before that it refuses to arm in it."""
+        """Wait until the vehicle has read the first reply of a mode. Until then, it refuses to arm in the mode."""
         bit = 1 << active.ids.mode
-        with suppress(TimeoutError):  # a mode whose conditions are not met
+        with suppress(TimeoutError):  # the conditions of the mode are not met
             await self._feeds["failsafe_flags"].following(lambda flags: not flags.mode_req_other & bit, _READY)
 
     # after a restart
@@ -270,7 +270,7 @@ class Parts:
         return sum(1 << active.ids.check for active in self._modes.values())
 
     def _lose(self, why: str) -> None:
-        """End what is flown, because the vehicle knows its ids no longer, and register all again."""
+        """End all modes, because the vehicle no longer knows their ids, and register them again."""
         LOGGER.warning("%s: all modes are registered again", why)
         for active in self._modes.values():
             active.lose(RestartedError(f"{why}, so mode {active.mode.name!r} has ended"))
@@ -285,10 +285,10 @@ class Parts:
             while type(part.mode) not in self._modes:
                 try:
                     await self._add_again(part)
-                except NoAnswerError:  # the vehicle starts
+                except NoAnswerError:  # the vehicle is still starting
                     await asyncio.sleep(_AGAIN)
                 except FlightError as error:
-                    context = {"message": f"mode {part.mode.name!r} is not registered again", "exception": error}
+                    context = {"message": f"mode {part.mode.name!r} could not be registered again", "exception": error}
                     asyncio.get_running_loop().call_exception_handler(context)
                     break
 

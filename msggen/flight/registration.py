@@ -11,28 +11,28 @@ from msggen.flight.errors import NoAnswerError, RegistrationError, UnsupportedEr
 from msggen.flight.feeds import Feeds
 
 NAME_SIZE: Final = 25
-"""The bytes of a name in RegisterExtComponentRequest, a zero at its end among them."""
+"""The bytes of a name in RegisterExtComponentRequest, with the zero at its end."""
 _TRIES = 5
 _PATIENCE = 1.0
 _LOOP = 0.02
-"""The time in s in which PX4 reads a message that ends a registration: its queue holds one."""
+"""The time in s within which PX4 reads an unregistration: its queue holds one."""
 _REQUEST, _REPLY, _END = "register_ext_component_request", "register_ext_component_reply", "unregister_ext_component"
 
 
 class Wanted(NamedTuple):
-    """What is registered under a name."""
+    """The registration to request under a name."""
 
     name: str
     mode: bool = True
     executor: bool = False
     replaces: int | None = None
-    """The nav_state of the mode of PX4 that it replaces."""
+    """The nav_state of the PX4 mode that it replaces."""
     is_immediate: bool = False
     is_selectable: bool = True
 
 
 class Ids(NamedTuple):
-    """The ids that the vehicle has given, -1 for what was not asked for."""
+    """The ids that the vehicle has assigned, -1 for what was not requested."""
 
     name: str
     check: int
@@ -41,25 +41,25 @@ class Ids(NamedTuple):
 
 
 def packed(name: str) -> bytes:
-    """Return a name as the field of a message has it. Raises RegistrationError if it is too long or empty."""
+    """Return a name as the bytes of a message field. Raises RegistrationError if it is too long or empty."""
     data = name.encode()
     if not 0 < len(data) < NAME_SIZE:
         raise RegistrationError(f"the name {name!r} has {len(data)} bytes, expected 1 to {NAME_SIZE - 1}")
     if b"\0" in data:
-        raise RegistrationError(f"the name {name!r} has a zero, which ends names in PX4")
+        raise RegistrationError(f"the name {name!r} has a zero byte, which ends names in PX4")
     return data.ljust(NAME_SIZE, b"\0")
 
 
 class Registrar:
-    """Registers with a vehicle."""
+    """Registers and unregisters modes, executors and arming checks."""
 
     def __init__(self, connection: Connection, feeds: Feeds) -> None:
         self._connection, self._feeds = connection, feeds
         self._topics = Topics(connection.package)
         self._free = 0.0
-        """When PX4 can take the next message that ends a registration."""
+        """When PX4 can read the next unregistration."""
         self._given: dict[int, Ids | None] = {}
-        """What was given for a request, None if the program has given up."""
+        """The ids assigned for each request, None without a reply in time."""
         self._waiting: set[int] = set()
         self._is_watching = False
 
@@ -85,9 +85,10 @@ class Registrar:
         return ids
 
     def unregister(self, ids: Ids) -> None:
-        """End a registration. There is no answer. From any thread.
+        """End a registration. PX4 does not answer. Can be called from any thread.
 
-        PX4 reads one at a time, so others follow later; outside of the loop of the program, the caller waits.
+        PX4 reads one unregistration at a time, so further ones are sent later. Outside the event loop, the caller waits
+        between them.
         """
         message = filled(
             self._topics.incoming(_END),
@@ -109,11 +110,11 @@ class Registrar:
             self._connection.publish(_END, message)
 
     async def settle(self) -> None:
-        """Wait until all that was unregistered has been told."""
+        """Wait until all unregistrations are sent."""
         await asyncio.sleep(max(0.0, self._free - _LOOP - asyncio.get_running_loop().time()))
 
     def _watch(self) -> None:
-        """Unregister what the vehicle has registered twice, because a reply was late, or for a program that gave up."""
+        """Unregister what was registered twice because a reply was late, or after the program has given up."""
         if not self._is_watching:
             self._is_watching = True
             self._feeds[_REPLY].call(self._take)
@@ -129,7 +130,7 @@ class Registrar:
     def _request(self, wanted: Wanted) -> Any:
         cls = self._topics.incoming(_REQUEST)
         if not wanted.is_selectable and "not_user_selectable" not in {field.name for field in cls.__msg__.fields}:
-            raise UnsupportedError(f"{wanted.name}: modes that no user can select need PX4 v1.18")
+            raise UnsupportedError(f"{wanted.name}: `is_selectable = False` needs PX4 v1.18")
         return filled(
             cls,
             request_id=random.getrandbits(63),
@@ -158,15 +159,15 @@ class Registrar:
                     continue
         finally:
             self._waiting.discard(request.request_id)
-        raise NoAnswerError(f"the vehicle has not answered a registration {_TRIES} times within {_PATIENCE:.0f} s")
+        raise NoAnswerError(f"no answer from the vehicle to {_TRIES} registrations of {_PATIENCE:.0f} s")
 
     def _why(self, wanted: Wanted) -> str:
-        """Return what the vehicle may refuse a registration for: its reply does not tell."""
+        """Return the likely reason of a refusal. The reply of the vehicle has none."""
         status = self._feeds["vehicle_status"].latest
         if status is not None and status.arming_state == status.ARMING_STATE_ARMED:
             return "the vehicle is armed. Register before arming, or set COM_MODE_ARM_CHK to 1"
         if wanted.replaces is not None:
-            return f"another mode replaces mode {wanted.replaces} already, or no slot is free"
+            return f"another mode already replaces mode {wanted.replaces}, or no slot is free"
         return "no slot is free: PX4 has 8 modes, 8 arming checks and 5 executors"
 
 

@@ -1,4 +1,4 @@
-"""What a mode needs of the vehicle: PX4 does not enter it without that, and leaves it when that is lost."""
+"""Requirements of modes. PX4 enters a mode only if they are met, and leaves it when one of them is lost."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Requirement(Flag):
     MISSION = auto()
     HOME_POSITION = auto()
     MANUAL_CONTROL = auto()
-    """A pilot's sticks."""
+    """Stick input of a pilot."""
     PREVENT_ARMING = auto()
     """The vehicle is not armed in this mode."""
 

@@ -1,4 +1,4 @@
-"""Tells when a vehicle no longer knows what a program has registered: it has restarted, or has removed it."""
+"""Detects that a vehicle no longer knows the modes of a program: it has restarted, or has removed them."""
 
 from __future__ import annotations
 
@@ -9,39 +9,39 @@ from typing import Any, Final
 from msggen.flight.feeds import Feeds
 
 _GAP = 1.0
-"""The time in s without a VehicleStatus after which the next one can be from after a restart: PX4 takes 2 s or more."""
+"""The time in s without a VehicleStatus that can be a restart: PX4 takes 2 s or more."""
 _QUIET = 3.0
-"""The time in s without a request for arming checks after which none are registered: PX4 asks every 0.3 s.
+"""The time in s without an arming-check request after which nothing is registered: PX4 sends one every 0.3 s.
 
-At a loss of 20 %, five requests in a row are lost in some flights, and ten in none."""
+At a loss of 20 %, some flights lose five requests in a row, and none loses ten."""
 _MISSES = 5
-"""How many requests without an own id show that it is removed: one that answers again is in the second one."""
+"""How many requests without an own id show that it was removed. A mode that answers again is in the second one."""
 _UTC: Final = 10**15
-"""Timestamps in us from this one on are since 1970, others since boot."""
+"""Timestamps in us from this value on count from 1970, smaller ones from boot."""
 
 
 class Restarts:
     """Watches the clocks of a vehicle, and whether it asks for the checks of a program."""
 
     def __init__(self, feeds: Feeds, checks: Callable[[], int], tell: Callable[[str], None]) -> None:
-        """Take what returns the own checks as a mask of bits, and what is told why they are lost."""
+        """Take a function that returns the own checks as a bit mask, and one to call with the reason of a loss."""
         self._feeds, self._checks, self._tell = feeds, checks, tell
         self._loop = asyncio.get_running_loop()
         self._last: Any = None
         self._mode_time = 0
         self._heard = float("-inf")
         self._since = 0.0
-        """When the vehicle was heard again, or all was registered: before that, no request can be missed."""
+        """When the vehicle was heard again, or everything was registered. Before that, no request can be missed."""
         self._misses = 0
         self.close = feeds["arming_check_request"].call(self._take_request)
-        """Watches no more."""
+        """Stops watching."""
 
     def begin(self) -> None:
         """Expect requests from now on."""
         self._since, self._misses = self._loop.time(), 0
 
     def take(self, status: Any) -> None:
-        """Take a VehicleStatus, before others do: what was flown has ended if the vehicle has restarted."""
+        """Take a VehicleStatus before modes and executors do: if the vehicle has restarted, they end first."""
         now, last = self._loop.time(), self._last
         if now - self._heard > _GAP:
             self._since = now
@@ -55,7 +55,7 @@ class Restarts:
         self._mode_time = max(self._mode_time, status.nav_state_timestamp)
 
     def _goes_back(self, status: Any, *, is_gap: bool) -> bool:
-        """Whether a clock of the vehicle goes back. Messages that overtake others are no restart."""
+        """Whether a clock of the vehicle goes back. Reordered messages do not count."""
         before, after = self._last.timestamp, status.timestamp
         if max(before, after) < _UTC and after + _GAP * 1e6 < before:
             return True

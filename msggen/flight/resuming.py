@@ -1,4 +1,4 @@
-"""What a program does with the ids that one before it has left: it goes on with them, or removes them."""
+"""Continuing with the ids that an earlier program has left, or removing them."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from msggen.flight.registration import Ids, Registrar
 
 LOGGER = getLogger("msggen.flight")
 FRESH = 2.0
-"""The age in s up to which an earlier program's ids are its own for certain: a vehicle does not start faster."""
+"""The age in s up to which the ids of an earlier program are surely valid: no vehicle restarts faster."""
 _HEARD = 2.0
 _REMOVED = 0.05
-"""The time in s in which a vehicle has removed a mode."""
+"""The time in s within which a vehicle removes a mode."""
 _ASKED = 0.5
-"""The time in s within which a vehicle asks for the checks of modes, which it does every 0.3 s."""
+"""The time in s to wait for an arming-check request: the vehicle sends one every 0.3 s."""
 
 
 class Resuming:
@@ -35,10 +35,10 @@ class Resuming:
         self._found: Remembered | None = None
 
     async def ids_of(self, mode: Mode) -> Ids | None:
-        """Return the ids with which the vehicle still flies, or can fly, a mode, or None: it is to be registered.
+        """Return the ids of a mode if the vehicle still has them. None: the mode has to be registered.
 
-        Raises RegistrationError if another program flies it, or if the vehicle has lost it in flight and the program
-        was not told to resume.
+        Raises RegistrationError if another program flies the mode, or if the vehicle has left it in flight and the
+        program was started without `resume`.
         """
         self._found = self._memory.claim(mode.name) if self._memory is not None else None
         found = self._found
@@ -57,11 +57,11 @@ class Resuming:
         return ids
 
     def tell_slot(self, ids: Ids) -> None:
-        """Warn of a mode that has another slot than before."""
+        """Log a warning if a mode has another slot than before."""
         if self._found is not None and self._found.ids.mode != ids.mode:
             LOGGER.warning(
-                "mode %r is mode %d of the vehicle and was %d before: another program flies a mode of this name, or "
-                "one that was killed did; a switch of a transmitter selects the old one",
+                "mode %r is mode %d of the vehicle and was %d before: another program has, or a killed program had, a "
+                "mode of this name; a switch of a transmitter selects the old one",
                 *(ids.name, ids.mode, self._found.ids.mode),
             )
 
@@ -76,12 +76,12 @@ class Resuming:
         if not await self._is_lost(found.ids) or self._resume:
             return found.ids
         raise RegistrationError(
-            f"{found.ids.name}: an earlier program has lost the mode in flight. Flight(..., resume=True) goes on with "
-            "it, or let the vehicle land first"
+            f"{found.ids.name}: the vehicle has left this mode of an earlier program in flight. Use "
+            "Flight(..., resume=True) to continue the mode, or let the vehicle land first"
         )
 
     async def _is_lost(self, ids: Ids) -> bool:
-        """Whether the vehicle waits no longer for the replies of a mode."""
+        """Whether the vehicle no longer waits for the replies of a mode."""
         flags = await self._feeds["failsafe_flags"].wait(lambda _: True, _HEARD)
         if flags.mode_req_other >> ids.mode & 1:
             return True
@@ -93,7 +93,7 @@ class Resuming:
 
 
 def is_asked(request: Any, check: int) -> bool:
-    """Whether a request is for a check. Before v1.17, it does not tell."""
+    """Whether a request is for a check. Before v1.17, requests do not say this."""
     return bool(getattr(request, "valid_registrations_mask", -1) >> check & 1)
 
 

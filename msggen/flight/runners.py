@@ -1,4 +1,4 @@
-"""Event loops for programs without asyncio: in a thread of its own, or in the thread that calls."""
+"""Event loops for programs without asyncio: in a separate thread, or in the calling thread."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from msggen.flight.errors import FlightError
 
 _Result = TypeVar("_Result")
 _LOOK = 0.2
-"""The time in s after which a thread sees that another one has ended."""
+"""The period in s at which a thread checks whether another one has ended."""
 _PATIENCE = 2.0
-"""How long the end of a task, and of the thread, is waited for, in s."""
+"""How long to wait for the end of a task, and of the thread, in s."""
 _HANGS = 3.0
-"""The time in s after which a loop that does nothing hangs."""
+"""The time in s after which a loop that does nothing counts as hanging."""
 _LIFE = 0.5
 """The time in s for which a program counts as alive after its last call."""
 
@@ -31,14 +31,14 @@ class Runner(Protocol):
         """Run a coroutine, and return what it returns. Raises FlightError after the end."""
 
     def is_alive(self) -> bool:
-        """Whether the program runs: it waits for a coroutine, or has done so within 0.5 s."""
+        """Whether the program runs: it waits for a coroutine, or waited for one within the last 0.5 s."""
 
     def close(self) -> None:
         """End all tasks."""
 
 
 class CallerRunner:
-    """A loop in the thread that calls: time stands still between two calls, as for a simulated vehicle."""
+    """A loop in the calling thread, for a simulated vehicle: time stands still between two calls."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self._loop = loop
@@ -66,7 +66,7 @@ class CallerRunner:
 
 
 class ThreadRunner:
-    """A loop in a thread of its own, which ends with the thread that made it. `at_end` is run last."""
+    """A loop in a separate thread, which ends with the thread that created it. `at_end` runs last."""
 
     def __init__(self, at_end: Callable[[], Coroutine[Any, Any, object]]) -> None:
         self._at_end = at_end
@@ -83,7 +83,7 @@ class ThreadRunner:
         """See Runner. An exception in this thread, such as a KeyboardInterrupt, cancels the coroutine."""
         if threading.current_thread() is self._thread:
             coroutine.close()
-            raise FlightError("a mode or an executor cannot wait for this call: it would wait for itself")
+            raise FlightError("a mode or an executor cannot call this: it would wait for itself")
         with self._lock:
             if self._loop.is_closed():
                 raise _closed(coroutine)
@@ -104,19 +104,19 @@ class ThreadRunner:
         return self._owner.is_alive() and (self._calls > 0 or time.monotonic() - self._called < _LIFE)
 
     def close(self) -> None:
-        """See Runner. A task that does not end is left to its thread, with a warning."""
+        """See Runner. If a task does not end, its thread is left running, with a warning."""
         with suppress(RuntimeError):  # the loop is closed
             self._loop.call_soon_threadsafe(self._is_closing.set)
         self._thread.join(2 * _PATIENCE)
         if self._thread.is_alive():
-            logging.getLogger(__name__).warning("a mode or an executor does not end: its thread is left")
+            logging.getLogger(__name__).warning("a mode or an executor does not end: its thread is left running")
 
     def _result(self, future: Future[_Result]) -> _Result:
         while not wait([future], _LOOK).done:  # so that a signal is seen on every system
             if not self._thread.is_alive():
                 raise FlightError("the flight has ended")
             if time.monotonic() - self._beat > _HANGS:
-                raise FlightError(f"a mode or an executor has not let others run for {_HANGS:g} s: use asyncio there")
+                raise FlightError(f"a mode or an executor has blocked the loop for {_HANGS:g} s: use asyncio there")
         return future.result()
 
     def _work(self) -> None:
@@ -137,7 +137,7 @@ class ThreadRunner:
 
 
 async def _end() -> None:
-    """Cancel all tasks, and wait for their end for some time."""
+    """Cancel all tasks, and wait a limited time for their end."""
     left = asyncio.all_tasks() - {asyncio.current_task()}
     for task in left:
         task.cancel()

@@ -1,6 +1,6 @@
-"""Setpoints: their kinds, their configuration in PX4, and their sending at a steady rate.
+"""Setpoints: their kinds, their configuration in PX4, and sending them at a steady rate.
 
-Facts: the types of SetpointConfig in PX4 v1.18, and the flags of VehicleControlMode before it.
+The kinds are types of SetpointConfig in PX4 v1.18, and flags of VehicleControlMode before.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from msggen.flight.space import Frame, heading_of, three, turned
 
 _POSITION_FLAGS = ("allocation", "rates", "attitude", "altitude", "climb_rate", "acceleration", "velocity", "position")
 FREE: Final = (math.nan, math.nan, math.nan)
-"""A vector of which nothing is controlled."""
+"""A vector that is not controlled."""
 _TIMEOUT_MS = 500
 _TRIES, _PATIENCE = 5, 0.3
 _LARGEST = 3.4e38
@@ -28,9 +28,9 @@ _HUNG = 0.5
 _SILENT = 1.6
 """The time in s without a VehicleStatus after which setpoints are not repeated. PX4 publishes it at 2 Hz or more."""
 _IDLE = 0.1
-"""The time in s between two looks at the clock if there is no setpoint."""
+"""The period in s of checks of the clock if there is no setpoint."""
 _REPEATS = 3
-"""How often a VehicleControlMode is sent: PX4 before v1.18 does not confirm it."""
+"""How often a VehicleControlMode is sent, because PX4 does not confirm it before v1.18."""
 
 
 class Kind(NamedTuple):
@@ -91,7 +91,7 @@ def finite(values: _Values, what: str) -> _Values:
 
 
 class Configuration:
-    """What PX4 is told of the setpoints of a mode."""
+    """The configuration of the setpoints of a mode in PX4."""
 
     def __init__(self, connection: Connection, feeds: Feeds, mode: int) -> None:
         self._connection, self._feeds, self._mode = connection, feeds, mode
@@ -103,24 +103,24 @@ class Configuration:
         self._end = self._feeds["setpoint_config_reply"].call(self._take) if self._has_replies else None
 
     async def check(self, kinds: Iterable[Kind]) -> None:
-        """Ask the vehicle whether it takes some kinds of setpoints. Raises UnsupportedError and NoAnswerError.
+        """Ask the vehicle whether it supports kinds of setpoints. Raises UnsupportedError and NoAnswerError.
 
-        Before v1.18, PX4 does not answer such a question.
+        Before v1.18, PX4 cannot be asked.
         """
         for kind in kinds:
             self._topics.incoming(kind.topic)
             if self._has_replies:
                 reply = await self._ask(kind)
                 if reply.result:
-                    raise UnsupportedError(f"this vehicle does not take {kind.name} setpoints ({_WHY[reply.result]})")
+                    raise UnsupportedError(f"the vehicle does not support {kind.name} setpoints ({_WHY[reply.result]})")
 
     def apply(self, kind: Kind | None) -> None:
-        """Let PX4 use a kind of setpoints in the mode from now on. None: the mode was left, and has to apply again."""
+        """Let PX4 use a kind of setpoints in the mode from now on. None: the mode was left."""
         self._kind = kind
         self._left = 0 if kind is None else 1 if self._has_replies else _REPEATS
 
     def send(self) -> None:
-        """Send what PX4 has not confirmed. To be called with each setpoint."""
+        """Send the configuration if PX4 has not confirmed it. Call this with each setpoint."""
         if not self._left or self._kind is None:
             return
         if self._has_replies:
@@ -132,7 +132,7 @@ class Configuration:
         self._connection.publish("config_control_setpoints", filled(cls, source_id=self._mode, **flags))
 
     def close(self) -> None:
-        """Take no more answers."""
+        """Stop reading replies."""
         if self._end is not None:
             self._end()
 
@@ -154,10 +154,10 @@ class Configuration:
                 )
             except TimeoutError:
                 continue
-        raise NoAnswerError(f"the vehicle has not answered whether it takes {kind.name} setpoints")
+        raise NoAnswerError(f"the vehicle has not answered whether it supports {kind.name} setpoints")
 
 
-_WHY = {1: "the mode is not registered", 2: "unsupported by this kind of vehicle", 3: "unknown to this firmware"}
+_WHY = {1: "the mode is not registered", 2: "not for this kind of vehicle", 3: "unknown to this firmware"}
 """The results of SetpointConfigReply."""
 
 
@@ -172,10 +172,10 @@ class Configured(Protocol):
 
 
 class Stream:
-    """Sends the setpoint of a mode at the rate of its kind, as long as the mode is active.
+    """Sends the setpoint of a mode at the rate of its kind, while the mode is active.
 
-    It runs in the event loop of the program: a program that hangs or has ended sends nothing. If it has hung for 0.5 s,
-    nothing is sent until the vehicle shows that the mode is still active. Nothing is sent to a vehicle that is not heard.
+    It runs in the event loop of the program, so a program that hangs or has ended sends nothing. After a hang of 0.5 s,
+    nothing is sent until the vehicle shows that the mode is still active, and nothing while the vehicle is not heard.
     """
 
     def __init__(
@@ -190,20 +190,20 @@ class Stream:
         self._due = 0.0
         self._current: tuple[Kind, Any] | None = None
         self._is_late = False
-        """Whether the program has not run for some time: perhaps the mode was left meanwhile."""
+        """Whether the program has not run for 0.5 s. The mode may have been left meanwhile."""
         self.is_active = False
 
     def start(self) -> None:
-        """The mode is active."""
+        """Begin: the mode is active."""
         self.is_active, self._is_late = True, False
         self._wait(self._loop.time() + _IDLE)
 
     def confirm(self) -> None:
-        """The mode is active still: what a program that has hung had set is sent again."""
+        """Send again after a hang: the mode is still active."""
         self._is_late = False
 
     def stop(self) -> None:
-        """The mode was left: nothing is sent from now on."""
+        """Send nothing from now on: the mode was left."""
         self.is_active = False
         self.pause()
         self._cancel()
@@ -214,7 +214,7 @@ class Stream:
         self._current = None
 
     def set(self, kind: Kind, message: Any) -> None:
-        """Send a setpoint at once, and repeat it. It replaces the one before."""
+        """Send a setpoint, and repeat it until the next one."""
         if not self.is_active:
             return
         if self._current is None or self._current[0] != kind:
@@ -234,8 +234,8 @@ class Stream:
             interval = 1.0 / kind.rate
             self._configuration.send()
             self._connection.publish(kind.topic, self._shaped(kind, message))
-        base = min(self._due, now)  # a setpoint that is set comes before its time
-        self._wait(max(base + interval, now))  # what is late does not come in a burst
+        base = min(self._due, now)  # a new setpoint comes before its time
+        self._wait(max(base + interval, now))  # late setpoints do not come in a burst
 
     def _may_send(self) -> bool:
         return not self._is_late and self._status.age <= _SILENT and self.is_alive()

@@ -25,7 +25,7 @@ class Vector(NamedTuple):
     z: float
 
     def shifted(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Vector:
-        """Return the place that is some m away along the axes."""
+        """Return the place that is shifted along the axes, in m."""
         return Vector(self.x + x, self.y + y, self.z + z)
 
     def distance(self, other: Vector) -> float:
@@ -34,18 +34,18 @@ class Vector(NamedTuple):
 
 
 def turned(vector: tuple[float, float, float], frame: Frame) -> Vector:
-    """Return a vector in NED as one in a frame, or one in a frame as one in NED: both ways are the same."""
+    """Convert a vector from NED to a frame, or from a frame to NED: both are the same computation."""
     x, y, z = vector
     return Vector(x, y, z) if frame == "ned" else Vector(y, x, -z)
 
 
 def turned_heading(heading: float, frame: Frame) -> float:
-    """Return a heading in rad from north clockwise as one from east counter-clockwise in ENU, or the other way."""
+    """Convert a heading in rad from NED (clockwise from north) to ENU (counter-clockwise from east), or back."""
     return heading if frame == "ned" else wrapped(math.pi / 2 - heading)
 
 
 def heading_of(heading: float | None, heading_deg: float | None, frame: Frame) -> float | None:
-    """Return a heading in NED in rad from one in a frame, in rad or in degrees. Raises ValueError for both."""
+    """Return a heading in a frame, in rad or in degrees, as one in NED in rad. Raises ValueError if both are given."""
     if heading is not None and heading_deg is not None:
         raise ValueError("expected heading or heading_deg, got both")
     found = math.radians(heading_deg) if heading_deg is not None else heading

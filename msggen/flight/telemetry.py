@@ -1,4 +1,4 @@
-"""What a vehicle knows of itself, as small values with their age and whether they are valid.
+"""Telemetry: small values with their age and validity.
 
 Places and velocities are in NED. Angles are in rad, lengths in m, speeds in m/s.
 """
@@ -17,21 +17,21 @@ _Value = TypeVar("_Value")
 _FRESH = 0.5
 """The age in s up to which estimates are valid."""
 _SLOW = 3.0
-"""The same for what is published rarely: home, battery, landing."""
+"""The same for values that are published rarely: home, battery, landing."""
 NO_ESTIMATE = "the vehicle has no valid local position: it needs GPS, or another source of its position"
 _PATIENCE = 1.0
-"""How long the first message of a topic is waited for, in s."""
+"""How long to wait for the first message of a topic, in s."""
 
 
 class LocalPosition(NamedTuple):
-    """The place from the origin of the local frame: VehicleLocalPosition."""
+    """The place relative to the origin of the local frame: VehicleLocalPosition."""
 
     position: Vector
     velocity: Vector
     heading: float
-    """From north clockwise."""
+    """Clockwise from north."""
     age: float
-    """In s, since it has arrived."""
+    """In s, since the message has arrived."""
     is_valid: bool
 
 
@@ -97,7 +97,7 @@ class Land(NamedTuple):
 
 
 class Telemetry:
-    """Values of a vehicle. Each raises NoAnswerError if nothing has come within 1 s, when it is asked for first."""
+    """Values of a vehicle. Each raises NoAnswerError if its first message does not arrive within 1 s."""
 
     def __init__(self, feeds: Feeds) -> None:
         self._feeds = feeds

@@ -330,4 +330,4 @@ def test_conditions_that_raise_an_exception_say_no(px4_types: Any, caplog: pytes
         return await vehicle.until(lambda: vehicle.world.mode == RETURN, 2.0)
 
     assert fly(px4_types, program) < 0.6  # and not after 1 s without any reply
-    assert "the conditions of mode 'Broken' have failed" in caplog.text
+    assert "`problems` of mode 'Broken' has failed" in caplog.text

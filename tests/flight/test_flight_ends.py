@@ -132,7 +132,7 @@ def follows(
         assert any("return" in each.text for each in vehicle.changes) == is_lost
         following.signal(signal.SIGTERM)
     else:
-        assert "earlier program has lost the mode in flight" in following.wait("RegistrationError")
+        assert "the vehicle has left this mode of an earlier program in flight" in following.wait("RegistrationError")
         assert commander(simulator).mode == RETURN
     following.end()
 

@@ -41,7 +41,7 @@ class Late(Flown):
 
 def test_a_mode_that_the_vehicle_cannot_fly_does_not_stay_registered(px4_types: Any) -> None:
     async def program(flight: Flight, vehicle: Flown) -> None:
-        with pytest.raises(UnsupportedError, match="does not take fixed wing setpoints"):
+        with pytest.raises(UnsupportedError, match="does not support fixed wing setpoints"):
             await flight.add(Glides)
         await vehicle.until(lambda: not vehicle.world.commander.components.modes, 0.1)
         await flight.add(Waits)

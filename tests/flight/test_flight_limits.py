@@ -254,7 +254,7 @@ def test_takeoffs_and_places_on_earth_are_limited(px4_types: Any) -> None:
         before = len(vehicle.times("vehicle_command"))
         with pytest.raises(LimitError, match=r"16\.0 m above home"):
             await flight.takeoff(16.0)
-        with pytest.raises(LimitError, match="needs its altitude"):
+        with pytest.raises(LimitError, match="needs an altitude"):
             await flight.takeoff()
         home = vehicle.world.home
         with pytest.raises(LimitError, match="m from home"):

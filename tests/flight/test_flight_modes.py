@@ -258,7 +258,7 @@ def test_a_kind_that_a_mode_does_not_declare_is_an_error(px4_types: Any, caplog:
 
     vehicle = fly(px4_types, program)
     assert not vehicle.times("vehicle_rates_setpoint")
-    assert "mode 'Plain' sends goto, trajectory setpoints: add rates to its `setpoints`" in caplog.text
+    assert "mode 'Plain' declares goto, trajectory setpoints: add rates to its `setpoints`" in caplog.text
 
 
 @settings(max_examples=examples(30))

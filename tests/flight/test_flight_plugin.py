@@ -261,7 +261,7 @@ def test_package(sim_vehicle):
     ("options", "told"),
     [
         ("parameter={}", "unknown option 'parameter' of a simulated vehicle, expected one of types, limit, key*"),
-        ("'v1.17'", "*the options of the marker sim_vehicle have names*"),
+        ("'v1.17'", "*the marker sim_vehicle takes its options by name*"),
         ("parameters={'COM_NONE': 1}", "unknown parameter 'COM_NONE' of a simulated vehicle, expected one of COM_*"),
         ("types='v1.13'", "*No module named 'v1*"),
     ],

@@ -45,7 +45,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.getgroup("flight").addoption(
         _OPTION,
         metavar="DIR",
-        help="keep the recordings of all simulated flights in a folder, not only of failed tests",
+        help="keep the recordings of all simulated flights in a folder, not only those of failed tests",
     )
 
 
@@ -70,7 +70,7 @@ def new_sim_vehicle(
 ) -> Iterator[Callable[..., SimVehicle]]:
     """A function that makes a simulated vehicle. All vehicles of a test share a clock.
 
-    It takes the options of the marker, which stand before those of the marker.
+    It takes the same options as the marker, and overrides those of the marker.
     """
     item = request.node
     airspace = item.stash[_AIRSPACE] = Airspace()
@@ -93,17 +93,17 @@ def new_sim_vehicle(
 
 @pytest.fixture
 def sim_vehicle(new_sim_vehicle: Callable[..., SimVehicle]) -> SimVehicle:
-    """A simulated vehicle, disarmed on the ground, for 1 s. `@pytest.mark.sim_vehicle(...)` has its options."""
+    """A simulated vehicle, 1 s after boot, disarmed on the ground. `@pytest.mark.sim_vehicle(...)` sets options."""
     return new_sim_vehicle()
 
 
 def _marked(item: pytest.Item) -> dict[str, Any]:
-    """Return the options of the markers of a test. Those of the function stand before those of its class and module."""
+    """Return the options of the markers of a test. Those of the function override those of its class and module."""
     found: dict[str, Any] = {}
     for marker in item.iter_markers(_MARKER):
         found = {**marker.kwargs, **found}
         if marker.args:
-            raise pytest.UsageError(f"{item.nodeid}: the options of the marker {_MARKER} have names, such as seed=1")
+            raise pytest.UsageError(f"{item.nodeid}: the marker {_MARKER} takes its options by name, such as seed=1")
     return found
 
 
@@ -127,7 +127,7 @@ def _check(what: str, given: Iterable[str], known: Collection[str]) -> None:
 
 
 def _package(types: ModuleType | str) -> ModuleType:
-    """Return a generated package: itself, or that of a name or of a release of PX4."""
+    """Return a generated package, given itself, its name, or a release of PX4."""
     if isinstance(types, ModuleType):
         return types
     return import_module(types) if unknown_release(types) else package_of(types)
@@ -150,7 +150,7 @@ def _shared(config: pytest.Config, factory: pytest.TempPathFactory) -> str:
 
 
 def _file_name(node: str) -> str:
-    """Return the id of a test as the name of a file. What is lost of it is in a digest at the end."""
+    """Return the id of a test as a file name. If characters are lost, a digest at the end keeps it unique."""
     path, _, test = node.partition("::")
     name = path.removesuffix(".py").replace("/", "-") + "-" + test.replace("::", "-").replace("[", "-").rstrip("]")
     safe = re.sub(r"[^\w.-]", "_", name)[-_LONGEST:]
@@ -159,7 +159,7 @@ def _file_name(node: str) -> str:
 
 @pytest.hookimpl(hookwrapper=True)
 def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, Any, None]:
-    """Tell in the report of a failed test what was flown, and where its recording is."""
+    """Add what was flown, and the path of the recording, to the report of a failed test."""
     outcome = yield
     report: pytest.TestReport = outcome.get_result()
     airspace = item.stash.get(_AIRSPACE, default=None)
@@ -182,7 +182,7 @@ def _told(vehicles: Sequence[SimVehicle]) -> Iterator[str]:
 
 @pytest.hookimpl(hookwrapper=True, trylast=True)
 def pytest_pycollect_makeitem() -> Generator[None, Any, None]:
-    """Let async tests with a simulated vehicle run on its clock. Other plugins for async tests see usual ones."""
+    """Run async tests with a simulated vehicle on its clock. Other plugins see them as tests without `async`."""
     outcome = yield
     found = outcome.get_result()
     for each in found if isinstance(found, list) else [found]:
@@ -204,5 +204,5 @@ def _on_the_clock(item: pytest.Function) -> Callable[..., None]:
         limit = _marked(item).get("limit", _LIMIT)
         item.stash[_AIRSPACE].run(test(**arguments), limit)
 
-    del run.__wrapped__  # pytest would take the async function for the test
+    del run.__wrapped__  # otherwise pytest sees the async function
     return run

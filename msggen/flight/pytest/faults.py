@@ -1,4 +1,4 @@
-"""What goes wrong in a test: faults of a simulated vehicle, of its link and of its pilot, at once or at a time."""
+"""Faults of a simulated vehicle, of its link and of its pilot, at once or at a given time."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ _BOOT = 2.0
 
 
 class Vehicle(Protocol):
-    """What has faults."""
+    """A vehicle that has faults."""
 
     world: World
     time: int
     """In us."""
 
     def restart(self) -> None:
-        """Begin again."""
+        """Restart the vehicle."""
 
 
 class _Loss(NamedTuple):
@@ -53,7 +53,7 @@ class Faults:
         self.lose_messages(1.0, seconds=seconds, at=at)
 
     def lose_messages(self, share: float, *topics: str, seconds: float = math.inf, at: float | None = None) -> None:
-        """Lose a share of the messages, from 0 to 1, in both directions: of some topics as uORB names them, or all.
+        """Lose a share of the messages, from 0 to 1, in both directions: of the given uORB topics, or of all.
 
         Raises ValueError for another share.
         """
@@ -63,7 +63,7 @@ class Faults:
         self._during(seconds, at, lambda: self._losses.append(loss), lambda: self._losses.remove(loss))
 
     def silence_program(self, seconds: float = math.inf, *, at: float | None = None) -> None:
-        """Lose the replies of the program to arming checks, by which PX4 knows that it lives."""
+        """Lose the replies of the program to arming checks, which tell PX4 that the program lives."""
         self.lose_messages(1.0, *_REPLIES, seconds=seconds, at=at)
 
     # The vehicle
@@ -71,7 +71,7 @@ class Faults:
     def low_battery(self, remaining: float = 0.1, *, at: float | None = None) -> None:
         """Leave a share of the battery's charge: PX4 calls 0.15 low, 0.07 critical, 0.05 an emergency.
 
-        What PX4 does then is COM_LOW_BAT_ACT, by default a warning. Raises ValueError for a share outside of 0 to 1.
+        COM_LOW_BAT_ACT says what PX4 does then, by default a warning. Raises ValueError for a share outside 0 to 1.
         """
         if not 0.0 <= remaining <= 1.0:
             raise ValueError(f"expected a share from 0 to 1, got {remaining:g}")
@@ -83,18 +83,18 @@ class Faults:
         self._begin(at, drain)
 
     def lose_position(self, seconds: float = math.inf, *, at: float | None = None) -> None:
-        """Let the vehicle not know its position."""
+        """Let the vehicle lose the estimate of its position."""
         self._during(seconds, at, lambda: self._know(is_known=False), lambda: self._know(is_known=True))
 
     def restart(self, *, at: float | None = None) -> None:
-        """Restart the vehicle, which takes 2 s: it stands at its start again, and knows no programs."""
+        """Restart the vehicle, which takes 2 s. It is back at its start, and knows no programs."""
         self._begin(at, self._vehicle.restart)
         self.lose_link(_BOOT, at=at)
 
     # The pilot
 
     def sticks(self, *, there: bool, at: float | None = None) -> None:
-        """Let a pilot's sticks be there, or not. A vehicle that has seen them returns once they are gone."""
+        """Start or stop the stick input of a pilot. A vehicle that has had stick input returns when it is lost."""
 
         def change() -> None:
             self._vehicle.world.has_sticks = there
@@ -118,7 +118,7 @@ class Faults:
     # What the vehicle calls
 
     def advance(self, now: int) -> None:
-        """Let happen what is due at a time in us."""
+        """Apply the faults that are due at a time in us."""
         while self._due and self._due[0][0] <= now:
             heapq.heappop(self._due)[2]()
 

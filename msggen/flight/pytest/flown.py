@@ -1,4 +1,4 @@
-"""What a simulated vehicle has flown, and what a test asks about it. Times are in s since boot, places in m in NED."""
+"""The record of a simulated flight, and questions about it. Times are in s since boot, places in m in NED."""
 
 from __future__ import annotations
 
@@ -30,15 +30,15 @@ class Place(NamedTuple):
 
 
 class ModeChange(NamedTuple):
-    """The beginning of a mode, or of its flight if it was selected before the vehicle was armed."""
+    """The time at which a mode started to fly: when it was entered, or when the vehicle was armed in it."""
 
     time: float
     mode: str
-    """A name of PX4's modes in lower case, such as `takeoff`, or the name of a mode of a program."""
+    """The name of a PX4 mode in lower case, such as `takeoff`, or the name of a mode of a program."""
 
 
 class Sent(NamedTuple):
-    """A message of a program. One that was lost on the way is here, too."""
+    """A message of a program, even if it was lost on the way."""
 
     time: float
     topic: str
@@ -70,7 +70,7 @@ class Flown:
         self._due = 0
 
     def observe(self, world: World, now: int) -> None:
-        """Look at the vehicle at a time in us."""
+        """Record the state of the vehicle at a time in us."""
         mode = world.mode if world.is_armed else None
         if mode not in (None, self._mode):
             self.changes.append(ModeChange(now / 1e6, mode_name(world)))
@@ -92,7 +92,7 @@ class Flown:
         return np.array(self.places, dtype=np.float64).reshape(-1, 4)
 
     def within(self, radius: float, height: float) -> Answer:
-        """Tell whether all places are nearer to the start than `radius` m, and lower than `height` m."""
+        """Return whether all places are within `radius` m of the start, and not higher than `height` m."""
 
         def outside(place: Place) -> bool:
             return math.hypot(place.north, place.east) > radius or -place.down > height
@@ -107,7 +107,7 @@ class Flown:
         return Answer(is_true=True, text=f"never more than {farthest:.1f} m from the start and {highest:.1f} m high")
 
     def passed(self, goals: Sequence[Sequence[float]], within: float) -> Answer:
-        """Tell whether the vehicle has passed some places, one after the other."""
+        """Return whether the vehicle has passed the places, one after the other."""
         begin = 0
         for goal in goals:
             near = [_distance(each, goal) for each in self.places[begin:]]
@@ -120,12 +120,12 @@ class Flown:
 
 
 def _distance(place: Place, goal: Sequence[float]) -> float:
-    """Return the distance to a goal: north, east, and down if it has that."""
+    """Return the distance to a goal, which is north and east, or north, east and down."""
     return math.dist(place[1 : 1 + len(goal)], goal)
 
 
 def mode_name(world: World) -> str:
-    """Return the name of the mode that flies."""
+    """Return the name of the active mode."""
     own = world.commander.components.modes.get(world.mode)
     return MODE_NAMES[world.mode] if own is None else own.name
 

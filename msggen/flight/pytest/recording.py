@@ -29,13 +29,13 @@ _TOPICS = frozenset(
         "vehicle_status",
     }
 )
-"""What is recorded at a rate, besides the messages of programs and the answers to them."""
+"""The topics that are recorded at a fixed rate. Messages of programs and their answers are recorded, too."""
 _INTERVAL = 100_000
 """The time in us between two samples."""
 
 
 class Recording:
-    """A ULog that is written while a vehicle flies. Raises OSError, as for a folder that cannot be written."""
+    """A ULog that is written while a vehicle flies. Raises OSError if the file cannot be written."""
 
     def __init__(self, path: str, package: ModuleType, options: Options, start: int) -> None:
         self.path = path

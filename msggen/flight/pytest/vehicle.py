@@ -23,13 +23,13 @@ if TYPE_CHECKING:
 _Result = TypeVar("_Result")
 _Parameters = ParamSpec("_Parameters")
 _LOOK = 0.05
-"""The time in s between two looks at a condition."""
+"""The period in s at which a condition is checked."""
 _BEFORE = 1_000_000
-"""The time in us for which a vehicle has stood when a test begins."""
+"""The time in us since boot when a test begins."""
 
 
 class Airspace:
-    """Vehicles that share a clock. One can be added at any time."""
+    """Vehicles that share a clock. Vehicles can be added at any time."""
 
     def __init__(self) -> None:
         self.vehicles: list[SimVehicle] = []
@@ -68,9 +68,9 @@ class Airspace:
 
 
 class SimVehicle(NearVehicle):
-    """A vehicle near the program, on its own clock: `Flight(sim_vehicle)` and `BlockingFlight(sim_vehicle)` fly it.
+    """A vehicle in the process of the test: `Flight(sim_vehicle)` and `BlockingFlight(sim_vehicle)` fly it.
 
-    Its clock moves while programs wait. `limit` is the time in s after which a program that has not ended fails.
+    Its clock advances while programs wait. `limit` is the time in s after which a program that has not ended fails.
     """
 
     def __init__(
@@ -88,7 +88,7 @@ class SimVehicle(NearVehicle):
         self.airspace = Airspace() if airspace is None else airspace
         """All vehicles that share the clock."""
         self.faults = Faults(self, f"{options.seed} {options.key}")
-        """What goes wrong: `sim_vehicle.faults.lose_link(2.0, at=12.0)`."""
+        """Faults on request: `sim_vehicle.faults.lose_link(2.0, at=12.0)`."""
         begin = max(_BEFORE, self.airspace.time)
         self.airspace.vehicles.append(self)
         while self.time < begin:
@@ -105,9 +105,9 @@ class SimVehicle(NearVehicle):
         *arguments: _Parameters.args,
         **options: _Parameters.kwargs,
     ) -> _Result:
-        """Run a coroutine function with a `Flight` of this vehicle, and return what it returns.
+        """Run a coroutine function with a `Flight` of this vehicle, and return its result.
 
-        Can be repeated: the vehicle goes on from where it is. Raises TimeoutError after `limit` s of flight.
+        Can be called again: the vehicle continues as it is. Raises TimeoutError after `limit` s of flight.
         """
         __tracebackhide__ = True
 
@@ -128,7 +128,7 @@ class SimVehicle(NearVehicle):
         return self.airspace.new_loop()
 
     async def until(self, condition: Callable[[], bool], seconds: float = 60.0) -> float:
-        """Wait until something is so. Return how long that took in s. Raises TimeoutError."""
+        """Wait until a condition holds. Return how long this took in s. Raises TimeoutError."""
         begin = self.time
         while not condition():
             if self.time - begin >= seconds * 1e6:
@@ -140,7 +140,7 @@ class SimVehicle(NearVehicle):
 
     @property
     def mode(self) -> str:
-        """The name of the mode that flies."""
+        """The name of the active mode."""
         return mode_name(self.world)
 
     @property
@@ -150,7 +150,7 @@ class SimVehicle(NearVehicle):
 
     @property
     def mode_changes(self) -> list[ModeChange]:
-        """The modes with the times at which they began."""
+        """The same modes, with the times at which they started."""
         return [*self._flown.changes]
 
     @property
@@ -160,7 +160,7 @@ class SimVehicle(NearVehicle):
 
     @property
     def position(self) -> tuple[float, float, float]:
-        """Where the vehicle is: north, east and down of its start in m."""
+        """Where the vehicle is, relative to its start: north, east and down in m."""
         return self.world.flight.position
 
     @property
@@ -180,15 +180,15 @@ class SimVehicle(NearVehicle):
 
     @property
     def state(self) -> str:
-        """The state for people, such as `armed, takeoff`."""
+        """The state as a text for people, such as `armed, takeoff`."""
         return self.world.state(was_armed=False)
 
     def flown_within(self, radius: float, height: float) -> Answer:
-        """Tell whether the vehicle was never farther from its start than `radius` m, nor higher than `height` m."""
+        """Return whether the vehicle stayed within `radius` m of its start, and not higher than `height` m."""
         return self._flown.within(radius, height)
 
     def flown_past(self, *places: Sequence[float], within: float = 1.0) -> Answer:
-        """Tell whether the vehicle has passed places, one after the other: north, east, and down if it counts."""
+        """Return whether the vehicle has passed the places in this order: each is north, east and optionally down."""
         return self._flown.passed(places, within)
 
     @property
@@ -233,7 +233,7 @@ class SimVehicle(NearVehicle):
 
 
 def _inside(trace: TracebackType | None, code: CodeType | None) -> TracebackType | None:
-    """Return the part of a traceback that begins in a coroutine, as event loops say nothing. All of it if none does."""
+    """Return the part of a traceback from a coroutine on, without the event loop. Return all of it if there is none."""
     found = trace
     while found is not None and found.tb_frame.f_code is not code:
         found = found.tb_next
