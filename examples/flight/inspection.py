@@ -54,15 +54,14 @@ class Inspector(Executor):
 
 
 async def main(flight: Flight) -> None:
-    """Start the executor, and watch the battery until the vehicle is disarmed."""
+    """Start the executor, and watch the battery until its end."""
     inspection = Inspection()
     await flight.add(Inspector, inspection)
-    await flight.set_mode(Inspection)
-    await flight.wait_armed()
-    landing = asyncio.ensure_future(flight.wait_disarmed())
-    while not landing.done():
+    inspecting = asyncio.ensure_future(flight.fly(Inspector))
+    while not inspecting.done():
         inspection.battery = (await flight.telemetry.battery()).remaining
-        await asyncio.wait([landing], timeout=1.0)
+        await asyncio.wait([inspecting], timeout=1.0)
+    await inspecting
 
 
 async def connect() -> None:

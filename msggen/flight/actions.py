@@ -5,11 +5,9 @@ They are sent as commands of a user or of an executor.
 
 from __future__ import annotations
 
-import asyncio
 import math
-from collections.abc import Awaitable, Mapping
-from contextlib import suppress
-from typing import Any, Final, TypeVar
+from collections.abc import Mapping
+from typing import Any, Final
 
 from msggen.base import earth
 from msggen.flight import commands
@@ -21,7 +19,6 @@ from msggen.flight.places import GlobalPlace, local_place, sea_level
 from msggen.flight.setpoints import finite
 from msggen.flight.telemetry import is_landed, valid_estimate
 
-_Result = TypeVar("_Result")
 RETURN, HOLD, TAKEOFF, LAND = 5, 4, 17, 18
 """NAVIGATION_STATE_* of VehicleStatus."""
 _MODES: Final = {
@@ -39,8 +36,6 @@ _MODES: Final = {
 }
 _ENTERED = 3.0
 """The time in s within which the status shows the effect of a command: PX4 publishes it at 2 Hz or more."""
-_GRACE = 0.5
-"""The time in s for which the completion of a mode can still arrive after the mode was left."""
 _NEAR = 1.0
 """The distance in m within which a place by latitude and longitude is reached."""
 _SLOW = 0.5
@@ -67,7 +62,7 @@ class Actions:
         await self._until(_is_disarmed, "disarmed")
 
     async def takeoff(self, altitude: float | None = None) -> None:
-        """Take off, and return when the altitude is reached. It is in m above the current one, by default MIS_TAKEOFF_ALT.
+        """Take off, and return at an altitude in m above the current one, by default MIS_TAKEOFF_ALT.
 
         A vehicle that is not armed takes off once it is armed. Raises RefusedError, NoAnswerError, NotReachedError, and
         LimitError.
@@ -120,13 +115,17 @@ class Actions:
         if number is None:
             raise ValueError(f"expected one of the modes {', '.join(_MODES)}, or a nav_state, got {mode!r}")
 
+        await self._select(number, str(mode))
+
+    async def _select(self, number: int, name: str) -> None:
+        """Select a mode by its nav_state, and wait until the vehicle shows it."""
         modes = self._modes_for(number)
 
         def is_selected(status: Any) -> bool:
             return status.nav_state_user_intention in modes
 
-        await self._send(commands.SET_NAV_STATE, float(number), what=f"mode {mode}", shown=is_selected)
-        await self._until(is_selected, f"in mode {mode}")
+        await self._send(commands.SET_NAV_STATE, float(number), what=f"mode {name}", shown=is_selected)
+        await self._until(is_selected, f"in mode {name}")
 
     async def goto(
         self, latitude: float, longitude: float, altitude: float | None = None, *, heading_deg: float = math.nan
@@ -147,9 +146,9 @@ class Actions:
         reached = self._feeds["vehicle_global_position"].following(
             lambda place: _is_near(place, latitude, longitude, altitude)
         )
-        await self.before_left(HOLD, reached, "the flight to a place")
+        await self._feeds.within({HOLD}, reached, "the flight to a place")
         slow = self._feeds["vehicle_local_position"].following(lambda each: math.hypot(each.vx, each.vy) < _SLOW)
-        await self.before_left(HOLD, slow, "the flight to a place")
+        await self._feeds.within({HOLD}, slow, "the flight to a place")
 
     async def set_home(
         self, latitude: float | None = None, longitude: float | None = None, altitude: float | None = None
@@ -188,25 +187,6 @@ class Actions:
         """Wait until a VehicleStatus meets a condition. Raises TimeoutError."""
         await self._feeds["vehicle_status"].wait(condition, seconds)
 
-    async def before_left(self, mode: int, waiting: Awaitable[_Result], what: str) -> _Result:
-        """Return what comes, unless the vehicle leaves a mode before: NotReachedError. Raises NoAnswerError, too."""
-        status = self._feeds["vehicle_status"]
-        modes = self._modes_for(mode)
-        goal = asyncio.ensure_future(waiting)
-        left = asyncio.ensure_future(status.following(lambda each: each.nav_state not in modes))
-        both = asyncio.ensure_future(asyncio.wait([goal, left], return_when=asyncio.FIRST_COMPLETED))
-        try:
-            await self._feeds.while_heard(both)
-            if not goal.done():
-                await asyncio.wait([goal], timeout=_GRACE)
-            if not goal.done():
-                raise NotReachedError(f"{what} was not completed: the vehicle is in mode {left.result().nav_state}")
-            return goal.result()
-        finally:
-            for each in (goal, left, both):
-                each.cancel()
-            await asyncio.gather(goal, left, both, return_exceptions=True)
-
     # inside
 
     async def _send(self, command: int, *parameters: float, what: str, shown: Condition | None = None) -> None:
@@ -223,7 +203,7 @@ class Actions:
         await self._until(self._is_in(mode), f"in mode {mode}")
         modes = self._modes_for(mode)
         completed = self._feeds["mode_completed"].following(lambda each: each.nav_state in modes)
-        found = await self.before_left(mode, completed, what)
+        found = await self._feeds.within(modes, completed, what)
         if found.result:
             raise NotReachedError(f"{what} has failed: ModeCompleted has result {found.result}")
 
@@ -241,20 +221,16 @@ class Actions:
             return
         if math.isnan(goal):
             raise LimitError("with a limit on the height, takeoff needs an altitude: MIS_TAKEOFF_ALT is not known")
-        await self._wait_for_home()
+        await self._fence.wait_for_home()
         self._fence.check_place((math.nan, math.nan, goal))
 
     async def _check_place(self, place: GlobalPlace, *, is_level: bool) -> None:
         """Raise LimitError for a place beyond the limits. The altitude does not count if the flight is level."""
         if self._fence.limits.is_open:
             return
-        await self._wait_for_home()
+        await self._fence.wait_for_home()
         north, east, down = await local_place(self._feeds, place, "ned")
         self._fence.check_place((north, east, math.nan if is_level else down))
-
-    async def _wait_for_home(self) -> None:
-        with suppress(TimeoutError):  # the fence raises the error
-            await self._feeds["home_position"].wait(lambda _: True, _ENTERED)
 
 
 def is_armed(status: Any) -> bool:

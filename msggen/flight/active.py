@@ -127,13 +127,13 @@ class ActiveMode:
         """
         status = self.feeds["vehicle_status"].latest
         if not (self.mode.flies_disarmed or is_armed(status)):
-            raise FlightError(f"mode {self.mode.name!r} flies an armed vehicle: arm first, or `await flight.wait_armed()`")
+            raise FlightError(f"mode {self.mode.name!r} needs an armed vehicle: `await flight.arm()` or `wait_armed()`")
         flown = self._await_end()
         try:
             if self.is_active:
                 self.restart()
             else:
-                await actions.set_mode(self.ids.mode)
+                await actions._select(self.ids.mode, self.mode.name)  # noqa: SLF001 - of the same library
             await self.feeds.while_heard(flown)
         except BaseException:
             self._abandon(flown)

@@ -104,7 +104,7 @@ class BlockingFlight:
         """See `Flight.hold`."""
         self._wait(self._own.hold())
 
-    def set_mode(self, mode: str | int | type[Mode] | Mode) -> None:
+    def set_mode(self, mode: str | int | type[Mode | Executor] | Mode | Executor) -> None:
         """See `Flight.set_mode`."""
         self._wait(self._own.set_mode(mode))
 
@@ -142,9 +142,9 @@ class BlockingFlight:
         """See `Flight.add`."""
         self._wait(self._own.add(*parts))
 
-    def fly(self, mode: type[Mode] | Mode) -> None:
+    def fly(self, part: type[Mode | Executor] | Mode | Executor) -> None:
         """See `Flight.fly`."""
-        self._wait(self._own.fly(mode))
+        self._wait(self._own.fly(part))
 
     def run(self) -> None:
         """Wait until Ctrl-C or SIGTERM."""

@@ -60,7 +60,7 @@ class Charge:
         if self._task is None:
             self._has_run = False
         try:
-            await actions.set_mode(self.ids.mode)
+            await actions._select(self.ids.mode, self.executor.mode.name)  # noqa: SLF001 - of the same library
             await self.find(self.executor.mode).feeds.while_heard(wanted)
         except BaseException:
             if self._wanted is wanted:
@@ -118,7 +118,7 @@ class Charge:
         if self._task is not None:
             self._task.cancel()
             self._ended, self._task = self._task, None
-            self._finish(NotReachedError(f"{self._name} is no longer in charge: another mode was selected, or is needed"))
+            self._finish(NotReachedError(f"{self._name} is no longer in charge: the vehicle has changed its mode"))
 
     def _finish(self, error: Exception | None = None) -> None:
         """Tell who waits for the end of `run` how it has ended."""

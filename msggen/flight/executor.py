@@ -91,6 +91,11 @@ class Executor:
         return self._own.overrides.deferring(seconds)
 
     @property
+    def is_registered(self) -> bool:
+        """Whether a flight has registered it."""
+        return self._charge is not None
+
+    @property
     def _actions(self) -> Actions:
         return self._own.actions
 

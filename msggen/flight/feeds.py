@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Container
 from contextlib import suppress
 from typing import Any, TypeVar
 
 from msggen.flight.connection import Connection, Take, Topics
-from msggen.flight.errors import NoAnswerError
+from msggen.flight.errors import NoAnswerError, NotReachedError
 
 _Result = TypeVar("_Result")
 SILENCE = 10.0
 """The time in s without a VehicleStatus after which nothing is expected any more. PX4 restarts faster."""
+_GRACE = 0.5
+"""The time in s for which a message can still arrive after the vehicle has left a mode."""
 _LOOK = 1.0
 """The time in s between two looks at that."""
 Condition = Callable[[Any], bool]
@@ -93,13 +95,34 @@ class Feeds:
             self._feeds[topic] = Feed(self._connection, topic)
         return self._feeds[topic]
 
+    def has(self, topic: str) -> bool:
+        """Whether the firmware publishes a topic, as far as its types tell."""
+        return self._topics.has("out", topic)
+
+    async def within(self, modes: Container[int], waiting: Awaitable[_Result], what: str) -> _Result:
+        """Return what comes while the vehicle is in some modes. Raises NotReachedError after that, and NoAnswerError."""
+        goal = asyncio.ensure_future(waiting)
+        left = asyncio.ensure_future(self["vehicle_status"].following(lambda each: each.nav_state not in modes))
+        both = asyncio.ensure_future(asyncio.wait([goal, left], return_when=asyncio.FIRST_COMPLETED))
+        try:
+            await self.while_heard(both)
+            if not goal.done():
+                await asyncio.wait([goal], timeout=_GRACE)
+            if not goal.done():
+                raise NotReachedError(f"{what} was not completed: the vehicle is in mode {left.result().nav_state}")
+            return goal.result()
+        finally:
+            for each in (goal, left, both):
+                each.cancel()
+            await asyncio.gather(goal, left, both, return_exceptions=True)
+
     async def while_heard(self, waiting: Awaitable[_Result]) -> _Result:
         """Return what comes. Raises NoAnswerError once the vehicle has not been heard for 10 s."""
         task = asyncio.ensure_future(waiting)
         try:
             while not (await asyncio.wait([task], timeout=_LOOK))[0]:
                 if self["vehicle_status"].age > SILENCE:
-                    raise NoAnswerError(f"no vehicle_status for {SILENCE:.0f} s: the link is lost, or the vehicle is off")
+                    raise NoAnswerError(f"no vehicle_status for {SILENCE:.0f} s: is the link lost, or the vehicle off?")
             return task.result()
         finally:
             task.cancel()

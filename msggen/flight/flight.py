@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Sequence
 from contextlib import AbstractAsyncContextManager
 from types import ModuleType, TracebackType
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from msggen.flight.actions import Actions
 from msggen.flight.active import ActiveMode
@@ -21,12 +21,13 @@ from msggen.flight.link import LinkConnection, Need, connected
 from msggen.flight.mode import Mode
 from msggen.flight.offboard import Offboard, offboard
 from msggen.flight.parts import NEEDED, Part, Parts
+from msggen.flight.registration import Ids
 from msggen.flight.space import Frame
 from msggen.flight.telemetry import Telemetry, is_landed
 from msggen.live.links.link_types import DEFAULT
 
 if TYPE_CHECKING:
-    from typing_extensions import Self
+    from typing_extensions import Self, TypeIs
 
     from msggen.live import Vehicle
 
@@ -40,6 +41,10 @@ _NEEDED: Final = (
     Need("out", "mode_completed"),
     Need("in", "vehicle_command"),
 )
+
+
+_NOT_BEGUN = "the flight has not begun: `async with Flight(...) as flight`"
+_OF_BEGUN = frozenset({"_commands", "_feeds", "_fence", "_replacements", "_executor", "telemetry"})
 
 
 class Flight(Actions):
@@ -69,6 +74,8 @@ class Flight(Actions):
 
     async def __aenter__(self) -> Self:
         """Wait for the vehicle. Raises FlightError for an address that cannot be opened, and the errors of `add`."""
+        if self._parts is not None or self._connection is not None:
+            raise FlightError("a flight is used once: make another one")
         self._ending = Ending(self._release)
         self._ending.begin()
         try:
@@ -83,9 +90,9 @@ class Flight(Actions):
         feeds = Feeds(connection)
         sender = Commands(connection, feeds)
         fence = Fence(feeds, self._limits)
-        super().__init__(sender, feeds, fence=fence)
-        self.telemetry = Telemetry(feeds)
         parts = self._parts = Parts(connection, feeds, sender, fence, resume=self._resume)
+        super().__init__(sender, feeds, fence, parts.replacements)
+        self.telemetry = Telemetry(feeds)
         for need in _NEEDED:
             if need.direction == "out":
                 feeds[need.topic]
@@ -111,6 +118,13 @@ class Flight(Actions):
             await self._connection.close()
         self._ending.leave(error)
 
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            if name in _OF_BEGUN:
+                raise FlightError(_NOT_BEGUN)
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+
     def _release(self) -> None:
         if self._parts is not None:
             self._parts.unregister()
@@ -118,6 +132,7 @@ class Flight(Actions):
     def close(self) -> None:
         """Stop all modes and executors, and unregister them."""
         if self._parts is not None:
+            self._commands.close()
             self._parts.close()
             self._feeds.close()
         self._ending.close()
@@ -131,33 +146,53 @@ class Flight(Actions):
         made = [each() if isinstance(each, type) else each for each in parts]
         executors = {_mode_of(each): each for each in made if isinstance(each, Executor)}
         given = {type(each): each for each in made if isinstance(each, Mode)}
+        if len(executors) + len(given) < len(made):
+            raise RegistrationError("expected one object of each mode and one executor for it: use subclasses")
         modes = {owned: given.get(owned) or owned() for owned in executors} | given
         await self._own.add([Part(mode, executors.get(cls)) for cls, mode in modes.items()])
 
-    async def set_mode(self, mode: str | int | type[Mode] | Mode) -> None:
+    async def set_mode(self, mode: str | int | type[Mode | Executor] | Mode | Executor) -> None:
         """Select a mode: by its name in PX4, such as `hold` or `position`, by its nav_state, or a registered mode.
 
         Raises RefusedError with the reasons that the vehicle reports, ValueError for an unknown name, NoAnswerError,
         and FlightError.
         """
-        await super().set_mode(self.find(mode).ids.mode if isinstance(mode, (Mode, type)) else mode)
+        if isinstance(mode, (str, int)):
+            await super().set_mode(mode)
+        else:
+            ids = self._ids_of(mode)
+            await self._select(ids.mode, ids.name)
 
-    async def fly(self, mode: type[Mode] | Mode) -> None:
-        """Select a registered mode, and wait for its end. Afterwards, the vehicle holds its place in this mode.
+    async def fly(self, part: type[Mode | Executor] | Mode | Executor) -> None:
+        """Select a registered mode, or the mode of a registered executor, and wait for its end.
 
-        Raises what `fly` of the mode raises, RefusedError, NoAnswerError, NotReachedError if the mode is left early,
-        and FlightError for a mode that is not registered.
+        Afterwards, the vehicle holds its place in this mode. An executor leaves it where its `run` ends.
+
+        Raises what `fly` or `run` raises, RefusedError, NoAnswerError, NotReachedError if the mode is left early or the
+        executor is no longer in charge, and FlightError for a mode that is not registered, and while the vehicle is
+        disarmed.
         """
-        await self.find(mode).run(self)
+        if _is_executor(part):
+            await self._own.find_executor(part).wait_end(self)
+            return
+        active = self.find(part)
+        owner = self._own.owner_of(active)
+        if owner is not None:
+            name = type(owner).__name__
+            raise FlightError(f"mode {active.mode.name!r} belongs to executor {name}: `await flight.fly({name})`")
+        await active.run(self)
 
     def find(self, mode: type[Mode] | Mode) -> ActiveMode:
         """Return a registered mode. Raises FlightError if it is not registered."""
         return self._own.find(mode)
 
+    def _ids_of(self, part: type[Mode | Executor] | Mode | Executor) -> Ids:
+        return self._own.find_executor(part).ids if _is_executor(part) else self.find(part).ids
+
     @property
     def _own(self) -> Parts:
         if self._parts is None:
-            raise FlightError("the flight has not begun: use `async with Flight(...) as flight`")
+            raise FlightError(_NOT_BEGUN)
         return self._parts
 
     def offboard(self, frame: Frame = "ned") -> AbstractAsyncContextManager[Offboard]:
@@ -176,6 +211,10 @@ class Flight(Actions):
     async def run(self) -> None:
         """Wait until the program is cancelled."""
         await asyncio.Event().wait()
+
+
+def _is_executor(part: type[Mode | Executor] | Mode | Executor) -> TypeIs[type[Executor] | Executor]:
+    return issubclass(part if isinstance(part, type) else type(part), Executor)
 
 
 def _mode_of(executor: Executor) -> type[Mode]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
@@ -24,6 +25,8 @@ _HORIZON = 0.5
 """The time in s within which an acceleration may bring the vehicle to the allowed speed."""
 _FRESH = 0.5
 """The age in s up to which an estimate is used."""
+_HOME = 3.0
+"""The time in s to wait for the home position."""
 _ALONG = 0.01
 """The controlled share of a direction below which the speed along it counts as not controlled."""
 _UP: Final = Vector(0.0, 0.0, -1.0)
@@ -33,7 +36,10 @@ _UNLIMITED: Final = (ATTITUDE, RATES)
 
 @dataclass(frozen=True)
 class Limits:
-    """How far a program may fly from the home position, in m. By default, there is no limit."""
+    """How far a program may fly from the home position, in m. By default, there is no limit.
+
+    Before PX4 v1.16, which does not publish the home position, the origin of the local frame counts instead.
+    """
 
     height: float = math.inf
     """Above the home position."""
@@ -71,8 +77,10 @@ class Fence:
 
     def __init__(self, feeds: Feeds, limits: Limits = NO_LIMITS) -> None:
         self.limits, self._feeds = limits, feeds
+        self._has_home = feeds.has("home_position")
         if not limits.is_open:  # subscribe now, so that both are known when they are needed
-            feeds["home_position"], feeds["vehicle_local_position"]
+            for topic in ("home_position", "vehicle_local_position")[not self._has_home :]:
+                feeds[topic]
 
     def tightened(self, limits: Limits) -> Fence:
         """Return a fence that also enforces other limits."""
@@ -142,20 +150,33 @@ class Fence:
             pull = _braked_level(pull, here, distance)
         return speed, pull
 
+    async def wait_for_home(self) -> None:
+        """Wait for some time until the home position is known."""
+        if self._has_home:
+            with suppress(TimeoutError):  # the check of a place raises the error
+                await self._feeds["home_position"].wait(lambda each: bool(each.valid_lpos), _HOME)
+
     def _home(self) -> Vector:
-        home = self._feeds["home_position"].latest
-        if home is None or not home.valid_lpos:
+        found = self._known_home()
+        if found is None:
             raise NoAnswerError("the vehicle has no home position, which limits are measured from")
-        return Vector(home.x, home.y, home.z)
+        return found
+
+    def _known_home(self) -> Vector | None:
+        """Return the home position, or the origin of the local frame if the firmware does not publish it, as v1.15."""
+        if not self._has_home:
+            return Vector(0.0, 0.0, 0.0)
+        home = self._feeds["home_position"].latest
+        return Vector(home.x, home.y, home.z) if home is not None and home.valid_lpos else None
 
     def _here(self) -> _Here | None:
-        feed, home = self._feeds["vehicle_local_position"], self._feeds["home_position"].latest
+        feed, home = self._feeds["vehicle_local_position"], self._known_home()
         found = feed.latest
-        if found is None or home is None or not home.valid_lpos or feed.age > _FRESH:
+        if found is None or home is None or feed.age > _FRESH:
             return None
         if not (found.xy_valid and found.z_valid and found.v_xy_valid and found.v_z_valid):
             return None
-        place = _from_home((found.x, found.y, found.z), Vector(home.x, home.y, home.z))
+        place = _from_home((found.x, found.y, found.z), home)
         return _Here(place, Vector(found.vx, found.vy, found.vz))
 
 

@@ -134,8 +134,8 @@ class Mode:
 
         The limits, in m/s and rad/s, can only be tighter than those of PX4. Afterwards, the vehicle holds the place.
 
-        Raises NoAnswerError if the vehicle does not know where it is, LimitError, and NotReachedError on the ground, and
-        if the mode does not fly.
+        Raises ValueError, NoAnswerError without a valid position, LimitError, and NotReachedError on the ground and if
+        the mode does not fly.
         """
         north, east, down = await local_place(self._own.feeds, place, self.frame)
         yaw = heading_of(heading, heading_deg, self.frame)
@@ -186,7 +186,8 @@ class Mode:
 
         Each axis needs one of them; with a position, the velocity is a feed-forward. `turn_rate` is in rad/s.
 
-        Raises ValueError, LimitError, NoAnswerError without a valid position, and NotReachedError if the mode does not fly.
+        Raises ValueError, NoAnswerError without a valid position, LimitError, and NotReachedError if the mode does not
+        fly.
         """
         latest = self._own.feeds["vehicle_local_position"].latest
         if latest is None or not is_estimate(latest):
@@ -220,6 +221,11 @@ class Mode:
     def deferring_failsafes(self, seconds: float) -> AbstractAsyncContextManager[Deferral]:
         """See `Executor.deferring_failsafes`."""
         return self._own.overrides.deferring(seconds)
+
+    @property
+    def is_registered(self) -> bool:
+        """Whether a flight has registered it."""
+        return self._active is not None
 
     @property
     def _own(self) -> Registered:

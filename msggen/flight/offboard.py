@@ -53,8 +53,8 @@ class Offboard:
     has left the mode.
     """
 
-    def __init__(self, connection: Connection, feeds: Feeds, actions: Actions, fence: Fence, frame: Frame) -> None:
-        self._feeds, self._actions, self._fence, self._frame = feeds, actions, fence, check_frame(frame)
+    def __init__(self, connection: Connection, feeds: Feeds, fence: Fence, frame: Frame) -> None:
+        self._feeds, self._fence, self._frame = feeds, fence, check_frame(frame)
         self._setpoint = Topics(connection.package).incoming("trajectory_setpoint")
         self._heartbeat = _Heartbeat(connection)
         self.stream = Stream(connection, feeds, self._heartbeat, fence.shaped)
@@ -89,17 +89,15 @@ class Offboard:
         reached = self._feeds["vehicle_local_position"].following(
             lambda each: is_estimate(each) and math.dist((each.x, each.y, each.z), goal) < within
         )
-        await self._actions.before_left(OFFBOARD, reached, "the flight to a place")
+        await self._feeds.within({OFFBOARD}, reached, "the flight to a place")
 
-    async def enter(self) -> None:
-        """Select Offboard mode: the vehicle holds its place at first."""
+    def begin(self) -> None:
+        """Send heartbeats: the vehicle will hold its place at first. Raises NoAnswerError without a valid position."""
         estimate = valid_estimate(self._feeds)
         if estimate is None:
             raise NoAnswerError(NO_ESTIMATE)
         self.trajectory(position=turned(self._fence.nearest((estimate.x, estimate.y, estimate.z)), self._frame))
         self._beat()
-        await asyncio.sleep(_BEFORE)
-        await self._actions.set_mode(OFFBOARD)
 
     def follow(self, status: Any) -> None:
         """Begin or end with a VehicleStatus."""
@@ -134,12 +132,14 @@ async def offboard(
     connection: Connection, feeds: Feeds, actions: Actions, fence: Fence, frame: Frame = "ned"
 ) -> AsyncIterator[Offboard]:
     """Select Offboard mode, send its heartbeat, and switch to Hold at the end. See `Flight.offboard`."""
-    found = Offboard(connection, feeds, actions, fence, frame)
+    found = Offboard(connection, feeds, fence, frame)
     with suppress(TimeoutError):
         await feeds["vehicle_local_position"].wait(lambda _: True, 1.0)
     end = feeds["vehicle_status"].call(found.follow)
     try:
-        await found.enter()
+        found.begin()
+        await asyncio.sleep(_BEFORE)
+        await actions.set_mode(OFFBOARD)
         yield found
         if found.stream.is_active:
             await actions.set_mode(HOLD)

@@ -10,12 +10,13 @@ from contextlib import suppress
 from logging import getLogger
 from typing import Any, Final, NamedTuple
 
-from msggen.flight.actions import Actions
+from msggen.flight.actions import Actions, is_armed
 from msggen.flight.active import ActiveMode
 from msggen.flight.charge import Charge
 from msggen.flight.checks import Answers
 from msggen.flight.commands import Commands
 from msggen.flight.connection import Connection, Topics
+from msggen.flight.declared import check_executor, check_mode
 from msggen.flight.errors import FlightError, NoAnswerError, RegistrationError, RestartedError
 from msggen.flight.executor import Executor
 from msggen.flight.feeds import Feeds
@@ -24,7 +25,7 @@ from msggen.flight.link import LinkConnection, Need
 from msggen.flight.memory import Memory
 from msggen.flight.mode import Mode
 from msggen.flight.overrides import OF_EXECUTOR, Overrides, check_overrides
-from msggen.flight.registration import Ids, Registrar, Wanted
+from msggen.flight.registration import ARMED, Ids, Registrar, Wanted
 from msggen.flight.restarts import Restarts
 from msggen.flight.resuming import FRESH, Resuming
 from msggen.flight.setpoints import ATTITUDE, GOTO, RATES, TRAJECTORY
@@ -96,6 +97,9 @@ class Parts:
         self.connection, self._feeds, self._commands, self._fence = connection, feeds, sender, fence
         self._registrar = Registrar(connection, feeds)
         self._resume = resume
+        self._is_closed = False
+        self.replacements: dict[int, int] = {}
+        """The nav_states of own modes that replace PX4 modes, by those of the PX4 modes."""
         self._parts: list[Part] = []
         self._modes: dict[type[Mode], ActiveMode] = {}
         self._charges: list[Charge] = []
@@ -110,23 +114,33 @@ class Parts:
 
     async def add(self, parts: list[Part]) -> None:
         """See `Flight.add`."""
-        if isinstance(self.connection, LinkConnection):
-            self.connection.check(_needs_of(self.connection, parts))
         for part in parts:
             self._check(part)
-            self._fence.tightened(part.mode.limits).check_kinds(part.mode.setpoints)
-            await self._add(part)
-            self._parts.append(part)
+        if isinstance(self.connection, LinkConnection):
+            self.connection.check(_needs_of(self.connection, parts))
+        added: list[Part] = []
+        try:
+            for part in parts:
+                await self._add(part)
+                added.append(part)
+        except BaseException:
+            for part in added:
+                self._drop(self.find(part.mode))
+            raise
+        self._parts += added
 
     def _check(self, part: Part) -> None:
         """Raise an error before anything is sent."""
         mode, executor = part.mode, part.executor
+        if self._is_closed:
+            raise FlightError("the flight has ended")
         if any(each.mode.name == mode.name for each in self._parts):
             raise RegistrationError(f"a mode with the name {mode.name!r} is registered already")
-        if executor is not None and mode.replaces is not None:
-            raise RegistrationError(
-                f"{mode.name}: a mode that replaces a PX4 mode cannot have an executor: PX4 never puts it in charge"
-            )
+        check_mode(mode, is_owned=executor is not None)
+        if executor is not None:
+            check_executor(executor)
+        self._fence.tightened(mode.limits).check_kinds(mode.setpoints)
+        self._registrar.request(part.wanted)
         topics = Topics(self.connection.package)
         for each in (mode, executor):
             if each is not None:
@@ -147,6 +161,18 @@ class Parts:
         if found is None:
             raise FlightError(f"mode {mode.name!r} is not registered: `await flight.add(...)` registers it")
         return found
+
+    def find_executor(self, executor: type[Executor] | Executor) -> Charge:
+        """Return an executor that is registered. Raises FlightError."""
+        cls = executor if isinstance(executor, type) else type(executor)
+        found = next((each for each in self._charges if type(each.executor) is cls), None)
+        if found is None:
+            raise FlightError(f"executor {cls.__name__} is not registered: `await flight.add(...)` registers it")
+        return found
+
+    def owner_of(self, active: ActiveMode) -> Executor | None:
+        """Return the executor that a mode belongs to."""
+        return next((each.executor for each in self._charges if each.ids is active.ids), None)
 
     def follow(self, status: Any) -> None:
         """Start and end executors and modes. Executors come first, so that one that ends does not see its mode end."""
@@ -171,9 +197,11 @@ class Parts:
                 self._answers.remove(active.ids.check)
         self._charges.clear()
         self._modes.clear()
+        self.replacements.clear()
 
     def close(self) -> None:
         """Stop all modes and executors, and unregister them."""
+        self._is_closed = True
         if self._renewal is not None:
             self._renewal.cancel()
         self.stop()
@@ -205,6 +233,7 @@ class Parts:
             ids = None if is_again else await resuming.ids_of(part.mode)
             is_resumed = ids is not None
             if ids is None:
+                await self._check_disarmed(part.mode.name)
                 ids = await self._registrar.register(part.wanted)
         except BaseException:
             if self._memory is not None:
@@ -226,6 +255,12 @@ class Parts:
             self._drop(active)
             raise
 
+    async def _check_disarmed(self, name: str) -> None:
+        """Raise RegistrationError while the vehicle is armed."""
+        with suppress(TimeoutError):  # then, PX4 decides
+            if is_armed(await self._feeds["vehicle_status"].wait(lambda _: True, _READY)):
+                raise RegistrationError(f"{name}: {ARMED}")
+
     def _watch(self) -> tuple[Answers, Restarts]:
         if self._answers is None or self._restarts is None:
             self._answers = Answers(self.connection, self._feeds)
@@ -236,10 +271,12 @@ class Parts:
         active = ActiveMode(part.mode, ids, self.connection, self._feeds, self._fence)
         part.mode.is_resumed = is_resumed
         self._modes[type(part.mode)] = active
+        if part.mode.replaces is not None:
+            self.replacements[part.mode.replaces] = ids.mode
         self._watch()[0].add(ids.check, active.verdict)
         if part.executor is not None:
             part.executor.is_resumed = is_resumed
-            actions = Actions(self._commands, self._feeds, ids.executor, self._fence)
+            actions = Actions(self._commands, self._feeds, self._fence, self.replacements, ids.executor)
             overrides = Overrides(self.connection, self._feeds, OF_EXECUTOR, ids.executor, part.executor.keeps)
             self._charges.append(Charge(part.executor, ids, actions, overrides, self.find))
         return active
@@ -250,6 +287,7 @@ class Parts:
             charge.close()
             self._charges.remove(charge)
         active.close()
+        self.replacements.pop(active.mode.replaces or -1, None)
         del self._modes[type(active.mode)]
         self._watch()[0].remove(active.ids.check)
         with self._lock:

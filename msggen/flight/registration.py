@@ -12,6 +12,7 @@ from msggen.flight.feeds import Feeds
 
 NAME_SIZE: Final = 25
 """The bytes of a name in RegisterExtComponentRequest, with the zero at its end."""
+ARMED: Final = "the vehicle is armed: register before arming. In flight, PX4 refuses it, or the mode that flies is left"
 _TRIES = 5
 _PATIENCE = 1.0
 _LOOP = 0.02
@@ -68,7 +69,7 @@ class Registrar:
 
         Raises RegistrationError if the vehicle refuses, NoAnswerError, and UnsupportedError before v1.15.
         """
-        request = self._request(wanted)
+        request = self.request(wanted)
         self._watch()
         self._given[request.request_id] = None
         reply = await self._ask(request)
@@ -127,7 +128,8 @@ class Registrar:
                 self.unregister(ids)
         self._waiting.discard(reply.request_id)
 
-    def _request(self, wanted: Wanted) -> Any:
+    def request(self, wanted: Wanted) -> Any:
+        """Return the message that registers. Raises RegistrationError, and UnsupportedError if the release lacks it."""
         cls = self._topics.incoming(_REQUEST)
         if not wanted.is_selectable and "not_user_selectable" not in {field.name for field in cls.__msg__.fields}:
             raise UnsupportedError(f"{wanted.name}: `is_selectable = False` needs PX4 v1.18")
@@ -165,7 +167,7 @@ class Registrar:
         """Return the likely reason of a refusal. The reply of the vehicle has none."""
         status = self._feeds["vehicle_status"].latest
         if status is not None and status.arming_state == status.ARMING_STATE_ARMED:
-            return "the vehicle is armed. Register before arming, or set COM_MODE_ARM_CHK to 1"
+            return ARMED
         if wanted.replaces is not None:
             return f"another mode already replaces mode {wanted.replaces}, or no slot is free"
         return "no slot is free: PX4 has 8 modes, 8 arming checks and 5 executors"

@@ -48,7 +48,7 @@ def fly(simulator: Simulator, program: FlyingProgram, height: float = 5.0) -> No
     nan = float("nan")
     assert world.command(TAKEOFF, [nan] * 6 + [world.home.altitude + height]) == 0
     assert world.command(ARM, [1.0] + [nan] * 6) == 0
-    until(lambda: world.mode == HOLD)
+    until(lambda: world.mode == HOLD and -world.flight.position[2] > height - 1.0)
     assert world.command(SET_MODE, [float(EXTERNAL)] + [nan] * 6) == 0
     program.wait("flies")
 

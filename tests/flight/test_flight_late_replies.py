@@ -28,6 +28,9 @@ class Glides(Mode, name="Waits"):
 
     setpoints = (WINGS,)
 
+    async def fly(self) -> None:
+        await self.hold(1000.0)
+
 
 class Late(Flown):
     """A vehicle whose replies to registrations take 1.5 s."""

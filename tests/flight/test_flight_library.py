@@ -88,6 +88,9 @@ def test_mode_requirements(types: Any, kind: Kind, needs: set[str]) -> None:
     class Plain(Mode):
         setpoints = (kind,)
 
+        async def fly(self) -> None:
+            await self.hold(1000.0)
+
     async def program(flight: Flight, vehicle: Flown) -> tuple[Any, Any]:
         await flight.add(Plain)
         await asyncio.sleep(0.5)
@@ -110,6 +113,9 @@ def test_requirements_of_its_own_are_added(types: Any) -> None:
     class Much(Mode):
         setpoints = (RATES,)
         requires = Requirement.HOME_POSITION | Requirement.MANUAL_CONTROL
+
+        async def fly(self) -> None:
+            await self.hold(1000.0)
 
     async def program(flight: Flight, vehicle: Flown) -> Any:
         await flight.add(Much)

@@ -165,6 +165,9 @@ class Fixed:
         x, y, z = home
         self.home = SimpleNamespace(latest=SimpleNamespace(x=x, y=y, z=z, valid_lpos=is_known), age=0.0)
 
+    def has(self, topic: str) -> bool:
+        return topic == "home_position"
+
     def __getitem__(self, topic: str) -> Any:
         return self.home if topic == "home_position" else SimpleNamespace(latest=None, age=math.inf)
 
@@ -349,6 +352,9 @@ def test_without_limits_nothing_changes(px4_types: Any) -> None:
 def test_attitudes_and_rates_are_refused_before_anything_is_sent(px4_types: Any) -> None:
     class Tilts(Mode, name="Tilts"):
         setpoints = (GOTO, ATTITUDE, RATES)
+
+        async def fly(self) -> None:
+            await self.hold(1000.0)
 
     async def program(flight: Flight, vehicle: Flown) -> None:
         with pytest.raises(UnsupportedError, match=r"attitude and rates setpoints: .*GF_MAX_HOR_DIST"):

@@ -224,14 +224,17 @@ pytestmark = pytest.mark.sim_vehicle(seed=3, parameters={"COM_MODE_ARM_CHK": 1})
 
 class Late(Mode):
     async def fly(self):
-        pass
+        await self.hold(5)
 
 def test_module(sim_vehicle, new_sim_vehicle):
-    async def late(flight):
-        await flight.arm()
+    async def ends_in_flight(flight):
         await flight.add(Late)
-    sim_vehicle.run(late)
-    assert "Late" in {each.name for each in sim_vehicle.world.commander.components.modes.values()}
+        await flight.arm()
+        await flight.takeoff(5)
+        flight.close()
+        await asyncio.sleep(1)
+    sim_vehicle.run(ends_in_flight)
+    assert not sim_vehicle.world.commander.components.modes
 
 @pytest.mark.sim_vehicle(home=(47.0, 8.0, 400.0))
 class TestHome:

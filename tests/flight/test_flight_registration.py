@@ -20,7 +20,8 @@ RETURN = 5
 
 
 class GoesAway(Mode, name="Goes away"):
-    pass
+    async def fly(self) -> None:
+        await self.hold(1000.0)
 
 
 def test_a_mode_of_another_version_of_the_interface_is_unregistered(types: Any) -> None:
@@ -36,14 +37,17 @@ def test_a_mode_of_another_version_of_the_interface_is_unregistered(types: Any) 
 
 
 def test_a_mode_that_is_replaced_already_is_refused(types: Any) -> None:
-    class One(Mode, name="One"):
+    class One(GoesAway, name="One"):
         replaces = RETURN
 
-    class Two(Mode, name="Two"):
+    class Two(GoesAway, name="Two"):
         replaces = RETURN
 
     class Owner(Executor):
         mode = One
+
+        async def run(self) -> None:
+            await self.fly()
 
     class Nobody(Executor):
         pass
@@ -63,8 +67,13 @@ def test_a_mode_that_is_replaced_already_is_refused(types: Any) -> None:
 
 def test_a_sixth_executor_is_refused_and_leaves_nothing(types: Any) -> None:
     def executor(number: int) -> type[Executor]:
-        owned = type(f"Mode{number}", (Mode,), {})
-        return type(f"Executor{number}", (Executor,), {"mode": owned})
+        class Flies(Executor):
+            mode = type(f"Mode{number}", (Mode,), {})
+
+            async def run(self) -> None:
+                await self.wait_disarmed()
+
+        return Flies
 
     async def program(flight: Flight, vehicle: Flown) -> None:
         for number in range(5):
@@ -89,7 +98,7 @@ def test_a_sixth_executor_is_refused_and_leaves_nothing(types: Any) -> None:
 )
 def test_names_are_whole_or_refused(px4_types: Any, name: str, text: str) -> None:
     async def program(flight: Flight, vehicle: Flown) -> None:
-        mode = type("Mode", (Mode,), {}, name=name)
+        mode = type("Mode", (GoesAway,), {}, name=name)
         if text:
             with pytest.raises(RegistrationError, match=text):
                 await flight.add(mode)
@@ -107,6 +116,9 @@ def test_names_are_whole_or_refused(px4_types: Any, name: str, text: str) -> Non
 def test_a_mode_whose_setpoints_the_vehicle_does_not_take_is_unregistered(px4_types: Any) -> None:
     class Odd(Mode):
         setpoints = (GOTO, GOTO._replace(name="rover", number=7))
+
+        async def fly(self) -> None:
+            await self.hold(1000.0)
 
     async def program(flight: Flight, vehicle: Flown) -> None:
         with pytest.raises(UnsupportedError, match="does not support rover setpoints"):

@@ -54,7 +54,7 @@ def test_the_page_has_all_faults_and_answers() -> None:
     page = (ROOT / "docs" / "flight_tests.md").read_text(encoding="utf-8")
     names = [name for name in vars(Faults) if not name.startswith("_") and name not in {"advance", "loses"}]
     own = {name for name in vars(SimVehicle) if not name.startswith("_")}
-    told = {"advance", "close", "new_loop", "publish", "recording", "restart", "run_coroutine", "state"}
+    told = {"advance", "close", "loses", "new_loop", "publish", "recording", "restart", "run_coroutine", "state"}
     assert [name for name in names if f"`{name}(" not in page] == []
     assert [name for name in own - told if not re.search(rf"`(sim_vehicle\.)?{name}[`(]", page)] == []
     assert set(re.findall(r"^\| `(\w+)` \| .*$", page.partition("| option |")[2], re.MULTILINE)) <= {
