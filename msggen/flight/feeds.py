@@ -100,7 +100,7 @@ class Feeds:
         return self._topics.has("out", topic)
 
     async def within(self, modes: Container[int], waiting: Awaitable[_Result], what: str) -> _Result:
-        """Return what comes while the vehicle is in some modes. Raises NotReachedError after that, and NoAnswerError."""
+        """Return what comes while the vehicle is in some modes. Raises NotReachedError later, and NoAnswerError."""
         goal = asyncio.ensure_future(waiting)
         left = asyncio.ensure_future(self["vehicle_status"].following(lambda each: each.nav_state not in modes))
         both = asyncio.ensure_future(asyncio.wait([goal, left], return_when=asyncio.FIRST_COMPLETED))

@@ -20,6 +20,7 @@ FRESH = 2.0
 _HEARD = 2.0
 _REMOVED = 0.05
 """The time in s within which a vehicle removes a mode."""
+_TRIES = 3
 _ASKED = 0.5
 """The time in s to wait for an arming-check request: the vehicle sends one every 0.3 s."""
 
@@ -70,8 +71,7 @@ class Resuming:
         if not _is_same_boot(found, status):
             return None
         if status.arming_state != status.ARMING_STATE_ARMED:
-            self._registrar.unregister(found.ids)  # otherwise the mode would get another slot
-            await asyncio.sleep(_REMOVED)
+            await self._remove(found.ids)
             return None
         if not await self._is_lost(found.ids) or self._resume:
             return found.ids
@@ -79,6 +79,18 @@ class Resuming:
             f"{found.ids.name}: the vehicle has left this mode of an earlier program in flight. Use "
             "Flight(..., resume=True) to continue the mode, or let the vehicle land first"
         )
+
+    async def _remove(self, ids: Ids) -> None:
+        """Unregister a mode, and wait for the end of its requests: before that, its name would get another slot."""
+        for _ in range(_TRIES):
+            self._registrar.unregister(ids)
+            await asyncio.sleep(_REMOVED)
+            try:
+                request = await self._feeds["arming_check_request"].following(lambda _: True, _ASKED)
+            except TimeoutError:  # nothing else is registered
+                return
+            if not (hasattr(request, "valid_registrations_mask") and is_asked(request, ids.check)):
+                return
 
     async def _is_lost(self, ids: Ids) -> bool:
         """Whether the vehicle no longer waits for the replies of a mode."""
