@@ -14,11 +14,11 @@ from collections.abc import Callable, Coroutine, Sequence
 from contextlib import suppress
 from pathlib import Path
 from types import ModuleType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 from msggen.flight import TRAJECTORY, Executor, Flight, Mode, NoAnswerError
 from msggen.live.sim.commander.states import MODE_NAMES
-from msggen.live.sim.loop import run
+from msggen.live.sim.loop import SimulatedLoop, run
 from msggen.live.sim.near import NearVehicle
 
 RELEASES = ("v1.15", "v1.18")
@@ -104,14 +104,17 @@ async def in_mode(flight: Flight, mode: type[Mode], seconds: float = 3.0) -> Non
     await asyncio.sleep(seconds)
 
 
-async def observe(vehicle: LossyVehicle) -> Seen:
-    """Wait until the vehicle leaves its mode."""
+async def observe(vehicle: LossyVehicle, hang: Callable[[float], None] | None = None) -> Seen:
+    """Wait until the vehicle leaves its mode, with a function that lets the program hang if that is given."""
     world, begin = vehicle.world, vehicle.time
     mode, place = world.mode, world.flight.position
     for _ in range(round(_WAIT / _STEP)):
         if world.mode != mode:
             break
-        await asyncio.sleep(_STEP)
+        if hang is not None:
+            hang(_STEP)
+        else:
+            await asyncio.sleep(_STEP)
     seconds = math.nan if world.mode == mode else (vehicle.time - begin) / 1e6
     return Seen(seconds, MODE_NAMES[world.mode], math.dist(world.flight.position[:2], place[:2]))
 
@@ -186,15 +189,41 @@ async def back(flight: Flight, vehicle: LossyVehicle) -> Seen:
     return await observe(vehicle)
 
 
+async def hung(flight: Flight, vehicle: LossyVehicle) -> Seen:
+    """Let the program hang: its event loop stands still."""
+    await in_mode(flight, Goto)
+    return await observe(vehicle, cast("SimulatedLoop", asyncio.get_running_loop()).block)
+
+
+async def lost(flight: Flight, vehicle: LossyVehicle) -> Seen:
+    """Take the satellites from the vehicle."""
+    await in_mode(flight, Goto)
+    vehicle.world.has_gps = False
+    return await observe(vehicle)
+
+
+async def restarted(flight: Flight, vehicle: LossyVehicle) -> Seen:
+    """Restart PX4, and measure how long it takes until the mode is registered again."""
+    await in_mode(flight, Goto)
+    vehicle.restart()
+    begin = vehicle.time
+    while not vehicle.world.commander.components.modes:  # noqa: ASYNC110 - the vehicle has no event
+        await asyncio.sleep(_STEP)
+    return Seen((vehicle.time - begin) / 1e6, "registered again", 0.0)
+
+
 CASES: Sequence[tuple[str, Case]] = (
     ("the program is killed, goto", killed_in_goto),
     ("the program is killed, trajectory", killed_in_trajectory),
     ("the program is killed, offboard", killed_in_offboard),
     ("the program is killed, takeoff", killed_in_takeoff),
+    ("the program hangs", hung),
     ("the program ends without landing", ended),
     ("`fly` raises an exception", failed),
     ("the link is lost for 0.5 s", interrupted),
     ("the link is back after 3 s", back),
+    ("the satellites are lost", lost),
+    ("PX4 restarts", restarted),
 )
 
 
@@ -236,10 +265,13 @@ def table(packages: Sequence[ModuleType], names: Sequence[str]) -> list[str]:
 
 
 _CELLS = {
-    "the program, in its mode": 0,
-    "the program, in Offboard mode": 2,
-    "the link or the program, which then comes back in flight": 7,
-    "`fly` raises an exception": 5,
+    "the program, in its mode": "the program is killed, goto",
+    "the program, in Offboard mode": "the program is killed, offboard",
+    "the program hangs": "the program hangs",
+    "the link or the program, which then comes back in flight": "the link is back after 3 s",
+    "`fly` raises an exception": "`fly` raises an exception",
+    "the position, in a mode that requires it": "the satellites are lost",
+    "PX4": "PX4 restarts",
 }
 """The rows of the second table on the page that have times of the first one, and their rows in it."""
 
@@ -248,8 +280,9 @@ def updated(page: str, lines: Sequence[str]) -> str:
     """Return the page with the lines of the table."""
     block = "\n".join(["$ python docs/measure_flight_safety.py", *lines, "```"])
     page = re.sub(r"\$ python docs/measure_flight_safety\.py\n.*?```", lambda _: block, page, count=1, flags=re.DOTALL)
-    for row, number in _CELLS.items():
-        times = re.findall(r"\d\.\d\d to \d\.\d\d", lines[number + 1])[-1]
+    for row, text in _CELLS.items():
+        line = next(each for each in lines if each.startswith(text))
+        times = re.findall(r"\d\.\d\d to \d\.\d\d", line)[-1]
         page = re.sub(rf"(?m)^(\| {re.escape(row)} \|[^|]*?)\d\.\d\d to \d\.\d\d s", rf"\g<1>{times} s", page)
     return page
 

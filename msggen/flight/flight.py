@@ -114,6 +114,7 @@ class Flight(Actions):
         self.close()
         if self._parts is not None:
             await self._parts.settle()
+            self._feeds.close()
         if isinstance(self._connection, LinkConnection):
             await self._connection.close()
         self._ending.leave(error)
@@ -134,7 +135,6 @@ class Flight(Actions):
         if self._parts is not None:
             self._commands.close()
             self._parts.close()
-            self._feeds.close()
         self._ending.close()
 
     async def add(self, *parts: type[Mode | Executor] | Mode | Executor) -> None:

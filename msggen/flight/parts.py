@@ -282,7 +282,9 @@ class Parts:
         return active
 
     def _drop(self, active: ActiveMode) -> None:
-        """Unregister a mode that cannot be flown."""
+        """Unregister a mode that cannot be flown, unless that has been done, or the vehicle has restarted."""
+        if self._modes.get(type(active.mode)) is not active:
+            return
         for charge in [each for each in self._charges if each.ids is active.ids]:
             charge.close()
             self._charges.remove(charge)

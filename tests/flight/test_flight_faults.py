@@ -6,6 +6,7 @@ The bounds are PX4's times. Each test prints what it has measured (`pytest -s`).
 from __future__ import annotations
 
 import asyncio
+import gc
 from typing import Any, ClassVar
 
 import pytest
@@ -290,6 +291,25 @@ def test_a_vehicle_that_restarts_gets_no_setpoint_and_is_not_armed(types: Any) -
         assert not vehicle.world.is_armed
 
     fly(types, program)
+
+
+@pytest.mark.parametrize("seconds", [0.05, 0.1, 0.3, 0.5])
+def test_a_flight_can_end_while_its_modes_are_registered_again(seconds: float, px4_types: Any) -> None:
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        errors: list[Any] = []
+        asyncio.get_running_loop().set_exception_handler(lambda _, context: errors.append(context))
+        await flight.add(GoesAway)
+        vehicle.restart()
+        sent = len(vehicle.times("register_ext_component_request"))
+        await vehicle.until(lambda: len(vehicle.times("register_ext_component_request")) > sent, 5.0)
+        await asyncio.sleep(seconds - 0.05)
+        flight.close()
+        await asyncio.sleep(1.0)
+        gc.collect()
+        assert errors == []
+        assert not vehicle.world.commander.components.modes
+
+    fly(px4_types, program)
 
 
 def test_a_vehicle_that_does_not_answer_commands_is_told(px4_types: Any) -> None:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import asyncio
 import importlib
 import logging
+import os
 import re
+import signal
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -34,6 +36,7 @@ from support.flying import EXTERNAL, PATIENCE, QUICK, FlyingProgram, commander, 
 from support.link_records import nothing_is_left
 from support.ports import free_port
 from support.repository import ROOT
+from support.served import owners
 from support.simulation import built
 
 pytest_plugins = ["support.owned_links"]
@@ -251,6 +254,28 @@ def test_a_vehicle_that_restarts_gets_all_modes_again(
     asyncio.run(restarts())
     assert "mode 'Rests' has ended" in caplog.text
     assert "the vehicle has restarted" in caplog.text
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("owned")
+def test_the_death_of_the_owner_of_the_link_does_not_end_a_mode(url: str, px4_types: Any) -> None:
+    async def stays(simulator: Simulator) -> None:
+        async with Flight(url, px4_types) as flight:
+            await flight.add(Rests)
+            await flight.arm()
+            await flight.takeoff(2.5)
+            await flight.set_mode(Rests)
+            (owner,) = owners()
+            os.kill(owner.state["pid"], signal.SIGKILL)
+            await asyncio.sleep(3.0)
+            assert commander(simulator).mode == EXTERNAL
+            assert "return" not in " ".join(each.text for each in simulator.vehicles[0].changes)
+            assert [each.state["pid"] for each in owners()] != [owner.state["pid"]]
+            assert flight.feeds["vehicle_status"].age < 1.0
+            await flight.land()
+
+    with simulated(px4_types, url) as simulator, nothing_is_left():
+        asyncio.run(stays(simulator))
 
 
 async def until_so(condition: Callable[[], object]) -> None:
