@@ -1,4 +1,4 @@
-"""Registration of modes, executors and arming checks with the vehicle."""
+"""Registration of modes and executors with the vehicle."""
 
 from __future__ import annotations
 
@@ -26,7 +26,6 @@ class Wanted(NamedTuple):
     """The registration to request under a name."""
 
     name: str
-    mode: bool = True
     executor: bool = False
     replaces: int | None = None
     """The nav_state of the PX4 mode that it replaces."""
@@ -54,7 +53,7 @@ def packed(name: str) -> bytes:
 
 
 class Registrar:
-    """Registers and unregisters modes, executors and arming checks."""
+    """Registers and unregisters modes and executors."""
 
     def __init__(self, connection: Connection, feeds: Feeds) -> None:
         self._connection, self._feeds = connection, feeds
@@ -69,7 +68,7 @@ class Registrar:
         self._is_watching = False
 
     async def register(self, wanted: Wanted) -> Ids:
-        """Register a mode, with its executor if it has one, or an arming check.
+        """Register a mode, with its executor if it has one.
 
         Raises RegistrationError if the vehicle refuses, NoAnswerError, and UnsupportedError before v1.15.
         """
@@ -146,7 +145,7 @@ class Registrar:
             name=packed(wanted.name),
             px4_ros2_api_version=cls.LATEST_PX4_ROS2_API_VERSION,
             register_arming_check=True,
-            register_mode=wanted.mode,
+            register_mode=True,
             register_mode_executor=wanted.executor,
             enable_replace_internal_mode=wanted.replaces is not None,
             replace_internal_mode=wanted.replaces or 0,
