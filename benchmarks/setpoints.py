@@ -1,6 +1,6 @@
 """Measure how steadily a program sends setpoints, and how soon the vehicle answers it: on Linux.
 
-    python benchmarks/setpoints.py            two and a half minutes; docs/flight.md shows the tables
+    python benchmarks/setpoints.py            three minutes; docs/flight.md shows the tables
     python benchmarks/setpoints.py --quick    checks in some seconds that it works
 
 The vehicle is `msggen sim`, the program is setpoints_flyer.py, both processes on this computer. Jitter is by how much
@@ -31,9 +31,11 @@ from tables import Table
 
 RATES = (10.0, 50.0, 100.0, 250.0)
 WAYS = ("direct", "shared")
-SECONDS = {10.0: 8.0}
-"""The times for which rates are measured, 4 s for the others."""
-BESIDE = ("alone", "a busy process on each core", "a thread of the program that computes")
+SECONDS = {10.0: 6.0}
+"""The times for which rates are measured, 3 s for the others."""
+ALONE, BUSY = "alone", "a busy process on each core"
+THREADS = {"a thread that computes": 0.005, "the same, `sys.setswitchinterval(0.0005)`": 0.0005}
+"""Threads of the program, by what the program gives to `sys.setswitchinterval`: 0.005 is Python's default."""
 _SO_TIMESTAMPNS = 35
 _ADDRESS = ("127.0.0.1", 0)
 
@@ -138,14 +140,14 @@ def free_port() -> int:
 def steadiness(way: str, beside: str, plan: Sequence[tuple[float, float]]) -> Iterator[str]:
     """Yield the jitter at each rate of a plan, which are sent one after the other for some s."""
     tasks: list[Sequence[object]] = [("steady", *each) for each in plan]
-    if beside == BESIDE[2]:
-        tasks.append(("compute",))
+    if beside in THREADS:
+        tasks.append(("compute", THREADS[beside]))
     port = free_port()
     with contextlib.ExitStack() as stack:
         program = stack.enter_context(flyer(port, way, tasks))
         proxy = stack.enter_context(contextlib.closing(Proxy(port)))
         stack.enter_context(simulated(proxy.port))
-        for _ in range(os.cpu_count() or 1) if beside == BESIDE[1] else ():
+        for _ in range(os.cpu_count() or 1) if beside == BUSY else ():
             stack.enter_context(process("-c", "while True: pass"))
         if program.wait(60):
             raise RuntimeError("the program has failed")
@@ -170,11 +172,11 @@ def answers(way: str, times: int) -> Iterator[list[str]]:
 
 def tables(*, is_quick: bool) -> Iterator[Table]:
     """Measure, and yield tables."""
-    plan = [(rate, 0.5 if is_quick else SECONDS.get(rate, 4.0)) for rate in RATES]
+    plan = [(rate, 0.5 if is_quick else SECONDS.get(rate, 3.0)) for rate in RATES]
     rows = [
         [f"{way}, {beside}", *steadiness(way, beside, plan)]
         for way in WAYS
-        for beside in (BESIDE[:1] if is_quick else BESIDE)
+        for beside in ((ALONE,) if is_quick else (ALONE, BUSY, *THREADS))
     ]
     head = ["jitter in ms: median / 99 % / worst", *(f"{rate:g} Hz" for rate in RATES)]
     yield Table("setpoints", head, rows)

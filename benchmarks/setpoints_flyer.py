@@ -5,7 +5,8 @@ Its arguments are a port, `direct` or `shared`, and what it does, as JSON. It pr
 - `[["steady", 50.0, 4.0], ...]`: it repeats a setpoint at a rate in Hz for a time in s, one after the other.
 - `[["answers", 100]]`: it registers and commands as often. It prints the times in s that the answers took, as JSON.
 
-With `["compute"]` among them, a thread of the program computes meanwhile.
+With `["compute", 0.005]` among them, a thread of the program computes meanwhile. The number is the time in s after
+which Python lets another thread run: `sys.setswitchinterval`.
 """
 
 from __future__ import annotations
@@ -57,6 +58,8 @@ async def ask(vehicle: Vehicle, times: int, types: Any) -> dict[str, list[float]
     connection = LinkConnection(vehicle, [types])
     await connection.open([])
     feeds = Feeds(connection)
+    for topic in ("vehicle_command_ack", "register_ext_component_reply"):  # as a Flight, which asks for them at first
+        feeds[topic]
     await feeds["vehicle_status"].wait(lambda _: True)
     registrar, commands = Registrar(connection, feeds), Commands(connection, feeds)
     registered, acknowledged = list[float](), list[float]()
@@ -94,7 +97,8 @@ def main() -> None:
     types = importlib.import_module("px4_types")
     with Vehicle(f"udp://127.0.0.1:{port}", types, direct=way == "direct") as vehicle:
         print("open", flush=True)
-        if ["compute"] in tasks:
+        for _, seconds in (each for each in tasks if each[0] == "compute"):
+            sys.setswitchinterval(seconds)
             threading.Thread(target=compute, daemon=True).start()
         steps = [(rate, seconds) for word, rate, seconds in (each for each in tasks if each[0] == "steady")]
         if steps:
