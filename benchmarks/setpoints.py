@@ -158,7 +158,7 @@ def steadiness(way: str, beside: str, plan: Sequence[tuple[float, float]]) -> It
 def jitter(times: Sequence[int], rate: float) -> str:
     """Return the median, the 99th percentile and the worst deviation of the intervals, as ms."""
     found = sorted(abs((after - before) / 1e6 - 1e3 / rate) for before, after in pairwise(times))
-    return " / ".join(f"{each:.2f}" for each in (median(found), found[int(len(found) * 0.99)], found[-1]))
+    return " / ".join(f"{each:.1f}" for each in (median(found), found[int(len(found) * 0.99)], found[-1]))
 
 
 def answers(way: str, times: int) -> Iterator[list[str]]:
