@@ -95,13 +95,14 @@ class Commands:
         self, topic: str, message: Any, is_answer: Condition, what: str, shown: Condition | None
     ) -> Any:
         """Send a message until the vehicle answers, and return that, or None if it has shown the effect."""
+        answers = self._feeds["vehicle_command_ack"]  # before the command: a shared link follows it only then
         with self._noticing(shown) as has_shown:
             for _ in range(_TRIES):
                 if self._is_closed:
                     raise FlightError(f"{what}: the flight has ended")
                 self._connection.publish(topic, message)
                 with suppress(TimeoutError):
-                    return await self._feeds["vehicle_command_ack"].following(is_answer, _PATIENCE)
+                    return await answers.following(is_answer, _PATIENCE)
                 if has_shown():
                     return None
         raise NoAnswerError(f"{what}: no answer from the vehicle to {_TRIES} tries of {_PATIENCE} s")

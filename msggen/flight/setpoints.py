@@ -214,14 +214,13 @@ class Stream:
         self._current = None
 
     def set(self, kind: Kind, message: Any) -> None:
-        """Send a setpoint, and repeat it until the next one."""
+        """Repeat a setpoint until the next one. One of another kind is sent at once, others in their turn."""
         if not self.is_active:
             return
-        if self._current is None or self._current[0] != kind:
-            self._configuration.apply(kind)
-        is_first = self._current is None
+        is_new = self._current is None or self._current[0] != kind
         self._current = kind, message
-        if is_first:
+        if is_new:
+            self._configuration.apply(kind)
             self._cancel()
             self._tick()
 

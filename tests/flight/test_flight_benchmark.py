@@ -13,6 +13,7 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="asks Linux for 
 pytest_plugins = ["support.owned_links"]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("owned")
 @pytest.mark.parametrize("way", setpoints.WAYS)
 def test_setpoints_are_measured_at_each_rate(way: str) -> None:
@@ -21,6 +22,7 @@ def test_setpoints_are_measured_at_each_rate(way: str) -> None:
     assert all(re.fullmatch(r"\d+\.\d / \d+\.\d / \d+\.\d", each) for each in found)
 
 
+@pytest.mark.slow
 def test_answers_are_measured() -> None:
     rows = [*setpoints.answers("direct", 2)]
     assert [name for name, *_ in rows] == ["request to registered, direct", "command to acknowledged, direct"]
