@@ -126,7 +126,7 @@ class ActiveMode:
         Raises what `fly` raises, NotReachedError if the mode is left, and FlightError while the vehicle is disarmed.
         """
         status = self.feeds["vehicle_status"].latest
-        if not (self.mode.flies_disarmed or is_armed(status)):
+        if not (self.mode.flies_disarmed or status is None or is_armed(status)):
             raise FlightError(f"mode {self.mode.name!r} needs an armed vehicle: `await flight.arm()` or `wait_armed()`")
         flown = self._await_end()
         try:
