@@ -92,7 +92,7 @@ def test_a_reposition_keeps_what_it_does_not_tell_and_has_a_speed() -> None:
     pilot.take_off()
     height = pilot.world.flight.position[2]
     north = START.place((50.0, 0.0, 0.0))
-    assert pilot.command(REPOSITION, at(north.latitude, NAN, NAN, first=2.0, second=1.0)) == ACCEPTED
+    assert pilot.command(REPOSITION, at(north.latitude, north.longitude, NAN, first=2.0, second=1.0)) == ACCEPTED
     pilot.run(5.0)
     assert speed_of(pilot) == pytest.approx(2.0, abs=0.05)
     assert pilot.world.flight.position[1:] == pytest.approx((0.0, height), abs=0.1)
