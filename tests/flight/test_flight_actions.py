@@ -126,6 +126,19 @@ def test_answers_to_commands_at_once_are_not_mixed_up(types: Any) -> None:
     fly(types, program)
 
 
+def test_a_command_is_not_sent_again_after_the_end_of_the_flight(px4_types: Any) -> None:
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        vehicle.lost = {"vehicle_command_ack"}
+        arming = asyncio.ensure_future(flight.disarm())
+        await asyncio.sleep(0.1)
+        flight.close()
+        with pytest.raises(FlightError, match="the flight has ended"):
+            await arming
+        assert len(vehicle.times("vehicle_command")) == 1
+
+    fly(px4_types, program)
+
+
 # modes that replace PX4's
 
 

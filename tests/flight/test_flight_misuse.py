@@ -313,7 +313,7 @@ def test_a_flight_is_used_in_its_block_and_once(px4_types: Any) -> None:
         sent = len(vehicle.sent)
         for each in ACTIONS:
             with pytest.raises(FlightError, match=r"the flight has ended|not registered"):
-                await each(flight)
+                await asyncio.wait_for(each(flight), 20.0)
         with pytest.raises(FlightError, match="a flight is used once"):
             await flight.__aenter__()
         assert len(vehicle.sent) == sent

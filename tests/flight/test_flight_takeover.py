@@ -57,6 +57,24 @@ def test_after_a_pilot_has_left_offboard_nothing_is_sent(types: Any) -> None:
     fly(types, program)
 
 
+def test_a_block_that_a_pilot_has_left_does_not_go_on_in_offboard(px4_types: Any) -> None:
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        await vehicle.in_air(flight)
+        async with flight.offboard() as setpoint:
+            setpoint.trajectory(velocity=EAST)
+            await asyncio.sleep(1.0)
+            vehicle.choose(HOLD)
+            await asyncio.sleep(0.4)
+            sent = len(vehicle.sent)
+            vehicle.choose(OFFBOARD)  # PX4 has heard the heartbeat within the last second
+            await asyncio.sleep(0.4)
+            assert vehicle.world.mode == OFFBOARD
+            await asyncio.sleep(2.0)
+            assert vehicle.sent[sent:] == []
+
+    fly(px4_types, program)
+
+
 def test_a_flight_to_a_place_ends_when_a_pilot_leaves_offboard(px4_types: Any) -> None:
     async def program(flight: Flight, vehicle: Flown) -> float:
         await vehicle.in_air(flight)
