@@ -231,11 +231,11 @@ def test_a_place_that_cannot_be_reached_is_an_error_before_anything_is_sent(px4_
         await flight.add(Never)
         await vehicle.in_air(flight)
         with pytest.raises(ValueError, match="expected `within` above 0 m"):
-            await flight.fly(Never)
+            await asyncio.wait_for(flight.fly(Never), 20.0)
         assert all(each.message.position[0] < 1.0 for each in vehicle.sent if each.topic == "goto_setpoint")
         async with flight.offboard() as setpoint:
             with pytest.raises(ValueError, match="expected `within` above 0 m"):
-                await setpoint.goto((3.0, 0.0, -10.0), within=within)
+                await asyncio.wait_for(setpoint.goto((3.0, 0.0, -10.0), within=within), 20.0)
             await asyncio.sleep(0.1)
         assert all(each.message.position[0] < 1.0 for each in vehicle.sent if each.topic == "trajectory_setpoint")
 
@@ -268,7 +268,7 @@ def test_a_mode_that_does_not_fly_sends_nothing(px4_types: Any) -> None:
         await vehicle.in_air(flight)
         for setpoint in (mode.goto((3.0, 0.0, -10.0)), mode.hold()):
             with pytest.raises(NotReachedError, match="mode 'Line' does not fly"):
-                await setpoint
+                await asyncio.wait_for(setpoint, 20.0)
         with pytest.raises(NotReachedError, match="mode 'Line' does not fly"):
             mode.trajectory(velocity=(1.0, 0.0, 0.0))
         await asyncio.sleep(0.5)
