@@ -117,15 +117,17 @@ class Awaits(Turns):
     """Has a cleanup that waits, and sends a setpoint."""
 
     async def end(self) -> None:
-        await asyncio.sleep(1.0)
-        self.trajectory(velocity=(0.0, 0.0, 0.0))
+        if self.runs == 1:
+            await asyncio.sleep(1.0)
+            self.trajectory(velocity=(0.0, 0.0, 0.0))
 
 
 class Sends(Turns):
     """Has a cleanup that sends a setpoint at once."""
 
     async def end(self) -> None:
-        self.trajectory(velocity=(0.0, 0.0, 0.0))
+        if self.runs == 1:
+            self.trajectory(velocity=(0.0, 0.0, 0.0))
 
 
 class Raises(Turns):
@@ -166,12 +168,9 @@ def test_the_next_run_is_not_disturbed_by_the_cleanup_of_the_one_before(
         left = vehicle.time / 1e6
         await asyncio.sleep(pause)
         assert setpoints(vehicle, left) == []
-        again = asyncio.ensure_future(flight.fly(mode))
-        if kind is Sends or kind is Awaits:  # a setpoint after the end of a place is one more setpoint
-            await vehicle.until(lambda: math.dist(vehicle.world.flight.position, (0.0, 5.0, -10.0)) < 0.6, 20.0)
-        await asyncio.wait_for(again, 20.0)
+        await asyncio.wait_for(flight.fly(mode), 20.0)
         assert vehicle.world.flight.position[1] > 4.0
-        assert vehicle.world.mode == EXTERNAL
+        assert vehicle.times("trajectory_setpoint") == []
 
     fly(px4_types, program)
     assert mode.runs == 2
@@ -190,6 +189,7 @@ def test_a_flight_that_is_cancelled_and_flown_anew_is_not_disturbed(px4_types: A
         before.cancel()
         await asyncio.wait_for(flight.fly(mode), 20.0)
         assert vehicle.world.flight.position[1] > 4.0
+        assert vehicle.times("trajectory_setpoint") == []
 
     fly(px4_types, program)
     assert mode.runs == 2
@@ -221,27 +221,28 @@ def test_a_fly_that_never_ends_sends_nothing_after_the_mode_was_left(px4_types: 
 # who waits for `fly`
 
 
+async def ends(waiting: asyncio.Future[None], error: type[FlightError], text: str) -> None:
+    """Check with which error a wait ends."""
+    with pytest.raises(error, match=text):
+        await asyncio.wait_for(waiting, 20.0)
+
+
 def test_every_wait_for_a_mode_ends(types: Any) -> None:
     async def program(flight: Flight, vehicle: Flown) -> None:
         await flight.add(Line, Short)
-        with pytest.raises(FlightError, match="'Line' needs an armed vehicle"):
-            await flight.fly(Line)
+        await ends(asyncio.ensure_future(flight.fly(Line)), FlightError, "'Line' needs an armed vehicle")
         assert vehicle.times("vehicle_command") == []
         await vehicle.in_air(flight)
         one, two = (asyncio.ensure_future(flight.fly(Short)) for _ in range(2))
-        await two
-        with pytest.raises(NotReachedError, match="'Short' is flown anew"):
-            await one
+        await asyncio.wait_for(two, 20.0)
+        await ends(one, NotReachedError, "'Short' is flown anew")
         waiting = asyncio.ensure_future(flight.fly(Line))
         await asyncio.sleep(1.0)
         again = asyncio.ensure_future(flight.fly(Line))
         await asyncio.sleep(1.0)
-        with pytest.raises(NotReachedError, match="'Line' was left before its end"):
-            await waiting
+        await ends(waiting, NotReachedError, "'Line' was left before its end")
         flight.close()
-        await vehicle.until(again.done, 0.1)
-        with pytest.raises(FlightError, match="'Line'"):
-            await again
+        await ends(again, FlightError, "'Line'")
 
     fly(types, program)
 
