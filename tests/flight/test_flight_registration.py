@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 from typing import Any
 
 import pytest
 
-from msggen.flight.errors import RegistrationError, UnsupportedError
+from msggen.flight.errors import NoAnswerError, RegistrationError, UnsupportedError
 from msggen.flight.executor import Executor
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
@@ -128,3 +129,43 @@ def test_a_mode_whose_setpoints_the_vehicle_does_not_take_is_unregistered(px4_ty
         await flight.add(GoesAway)
 
     fly(px4_types, program)
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_a_restart_while_modes_are_registered_leaves_nothing(px4_types: Any, count: int) -> None:
+    """The vehicle restarts after the first mode, or in its check: none is known, and all can be registered again."""
+
+    class Second(GoesAway, name="Second"):
+        pass
+
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        adding = asyncio.ensure_future(flight.add(GoesAway, Second))
+        await vehicle.until(lambda: len(vehicle.times("setpoint_config")) >= count * len(Mode.setpoints), 1.0)
+        vehicle.lost = {"setpoint_config"}
+        await asyncio.sleep(0.6)
+        assert len(vehicle.world.commander.components.modes) == count + 1
+        await vehicle.restart_after(1.5)
+        with pytest.raises(NoAnswerError, match="has not answered whether it supports"):
+            await adding
+        await asyncio.sleep(3.0)
+        assert not vehicle.world.commander.components.modes
+        vehicle.lost.clear()
+        await flight.add(GoesAway, Second)
+        assert len(vehicle.world.commander.components.modes) == 2
+
+    fly(px4_types, program)
+
+
+def test_a_flight_can_end_while_modes_are_registered_again(px4_types: Any, caplog: pytest.LogCaptureFixture) -> None:
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        await flight.add(GoesAway)
+        await vehicle.restart_after(2.0)
+        vehicle.lost = {"setpoint_config"}
+        await vehicle.until(lambda: bool(vehicle.world.commander.components.modes), 5.0)
+        flight.close()
+        await asyncio.sleep(0.2)
+        assert not vehicle.world.commander.components.modes
+
+    fly(px4_types, program)
+    gc.collect()  # a task with an exception that nobody has taken reports it when it is collected
+    assert "never retrieved" not in caplog.text
