@@ -23,11 +23,14 @@ class Inspection(Mode, name="Inspection"):
     """Fly around the mast, and view it from all sides."""
 
     frame = "enu"
-    battery = 1.0
+
+    def __init__(self, flight: Flight) -> None:
+        self.battery = flight.feeds["battery_status"]
 
     def problems(self) -> list[Problem]:
         """Report a low battery: PX4 does not enter the mode, and in flight it returns home."""
-        return [Problem("inspection_low_battery")] if self.battery < LEAST_CHARGE else []
+        battery = self.battery.latest
+        return [Problem("inspection_low_battery")] if battery and battery.remaining < LEAST_CHARGE else []
 
     async def fly(self) -> None:
         """Go from view to view."""
@@ -54,14 +57,9 @@ class Inspector(Executor):
 
 
 async def main(flight: Flight) -> None:
-    """Start the executor, and watch the battery until its end."""
-    inspection = Inspection()
-    await flight.add(Inspector, inspection)
-    inspecting = asyncio.ensure_future(flight.fly(Inspector))
-    while not inspecting.done():
-        inspection.battery = (await flight.telemetry.battery()).remaining
-        await asyncio.wait([inspecting], timeout=1.0)
-    await inspecting
+    """Start the executor, and wait for its end."""
+    await flight.add(Inspector, Inspection(flight))
+    await flight.fly(Inspector)
 
 
 async def connect() -> None:

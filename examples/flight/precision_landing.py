@@ -74,6 +74,7 @@ class PreciseLanding(Mode, name="Precise Landing"):
             is_above = math.hypot(*away) < NEAR + ABOVE * height
             self.trajectory(velocity=(north, east, down if is_above else 0.0))
             await asyncio.sleep(INTERVAL)
+        print(f"landed {math.hypot(*self.target.seen_from(await self.position())):.1f} m from the target", flush=True)
 
     def _absolute(self, place: Vector) -> tuple[float, float]:
         north, east = self.target.seen_from(place)
@@ -98,9 +99,7 @@ class Delivery(Executor):
 async def main(flight: Flight, target: Target) -> None:
     """Start the executor, and wait until it has ended."""
     await flight.add(Delivery, PreciseLanding(flight, target))
-    await flight.set_mode(PreciseLanding)
-    await flight.wait_armed()
-    await flight.wait_disarmed()
+    await flight.fly(Delivery)
 
 
 async def connect() -> None:

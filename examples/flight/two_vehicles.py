@@ -67,6 +67,8 @@ async def main(first: Flight, second: Flight) -> None:
     await asyncio.gather(start(first, HEIGHT), start(second, HEIGHT + 3.0))
     following = asyncio.ensure_future(second.fly(Follow))
     await first.fly(Lead)
+    here, there = await first.telemetry.local_position(), await second.telemetry.local_position()
+    print(f"the leader is at {here.position.x:.0f} m north, the other at {there.position.x:.0f} m", flush=True)
     await asyncio.gather(end(first), end(second))
     with suppress(NotReachedError):  # landing has ended the mode
         await following

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, Final
+from contextlib import suppress
+from logging import getLogger
+from typing import Any
 
 from msggen.base import earth
 from msggen.flight import commands
@@ -17,23 +19,11 @@ from msggen.flight.feeds import Condition, Feeds
 from msggen.flight.limits import Fence
 from msggen.flight.places import GlobalPlace, local_place, sea_level
 from msggen.flight.setpoints import finite
-from msggen.flight.telemetry import is_landed, valid_estimate
+from msggen.flight.states import HOLD, LAND, MODES, RETURN, TAKEOFF, described, is_armed, is_disarmed
+from msggen.flight.telemetry import is_known_in_air, is_landed, valid_estimate
 
-RETURN, HOLD, TAKEOFF, LAND = 5, 4, 17, 18
-"""NAVIGATION_STATE_* of VehicleStatus."""
-_MODES: Final = {
-    "manual": 0,
-    "altitude": 1,
-    "position": 2,
-    "mission": 3,
-    "hold": HOLD,
-    "return": RETURN,
-    "descend": 12,
-    "offboard": 14,
-    "stabilized": 15,
-    "takeoff": TAKEOFF,
-    "land": LAND,
-}
+LOGGER = getLogger("msggen.flight")
+
 _ENTERED = 3.0
 """The time in s within which the status shows the effect of a command: PX4 publishes it at 2 Hz or more."""
 _NEAR = 1.0
@@ -58,17 +48,23 @@ class Actions:
 
     async def disarm(self) -> None:
         """Disarm on the ground. Raises RefusedError in the air, and NoAnswerError."""
-        await self._send(commands.ARM_DISARM, 0.0, 0.0, what="disarm", shown=_is_disarmed)
-        await self._until(_is_disarmed, "disarmed")
+        await self._send(commands.ARM_DISARM, 0.0, 0.0, what="disarm", shown=is_disarmed)
+        await self._until(is_disarmed, "disarmed")
 
     async def takeoff(self, altitude: float | None = None) -> None:
         """Take off, and return at an altitude in m above the current one, by default MIS_TAKEOFF_ALT.
 
-        A vehicle that is not armed takes off once it is armed. Raises RefusedError, NoAnswerError, NotReachedError, and
-        LimitError.
+        PX4 ends it within 0.8 m of that (NAV_MC_ALT_RAD). In the air, this does nothing, so a program that is started
+        again does not climb twice.
+
+        Raises ValueError, LimitError, FlightError if the vehicle is not armed or a failsafe flies it, RefusedError,
+        NoAnswerError and NotReachedError.
         """
         if altitude is not None and not finite([altitude], "an altitude")[0] > 0.0:
             raise ValueError(f"expected an altitude above the current one, got {altitude:g} m")
+        await self._check_armed("take off")
+        if self._is_flying():
+            return
         sea = math.nan if altitude is None else await sea_level(self._feeds)
         goal = math.nan if altitude is None else self._feeds["vehicle_local_position"].latest.z - altitude
         await self._check_takeoff(goal)
@@ -78,6 +74,22 @@ class Actions:
         except NotReachedError:
             if not self._is_up(goal):  # the message that tells the end was lost
                 raise
+
+    async def _check_armed(self, what: str) -> None:
+        """Raise FlightError if the vehicle is not armed."""
+        with suppress(TimeoutError):  # the vehicle decides
+            if is_disarmed(await self._feeds["vehicle_status"].wait(lambda _: True, _ENTERED)):
+                raise FlightError(f"{what}: the vehicle is not armed: `await flight.arm()` or `wait_armed()`")
+
+    def _is_flying(self) -> bool:
+        """Whether the vehicle is in the air, as far as that is known. Raises FlightError in a failsafe."""
+        status = self._feeds["vehicle_status"].latest
+        if not is_known_in_air(self._feeds):
+            return False
+        if status.failsafe:
+            raise FlightError(f"{described(status)}, in the air: select another mode first, such as `hold`")
+        LOGGER.info("no takeoff: the vehicle is in the air")
+        return True
 
     def _is_up(self, goal: float) -> bool:
         """Whether PX4 has gone on from a takeoff to Hold, at an altitude in the local frame, or NaN for any."""
@@ -91,6 +103,7 @@ class Actions:
 
         Raises RefusedError, NoAnswerError and NotReachedError.
         """
+        await self._check_armed("land")
         await self._send(commands.LAND, what="land", shown=self._is_in(LAND))
         await self._completed(LAND, "the landing")
 
@@ -99,6 +112,7 @@ class Actions:
 
         Raises RefusedError, NoAnswerError and NotReachedError.
         """
+        await self._check_armed("return")
         await self._send(commands.RETURN, what="return", shown=self._is_in(RETURN))
         await self._completed(RETURN, "the return")
 
@@ -111,9 +125,9 @@ class Actions:
 
         Raises ValueError for an unknown name, RefusedError, NoAnswerError, and FlightError if the mode is not entered.
         """
-        number = _MODES.get(mode.lower()) if isinstance(mode, str) else mode
+        number = MODES.get(mode.lower()) if isinstance(mode, str) else mode
         if number is None:
-            raise ValueError(f"expected one of the modes {', '.join(_MODES)}, or a nav_state, got {mode!r}")
+            raise ValueError(f"expected one of the modes {', '.join(MODES)}, or a nav_state, got {mode!r}")
 
         await self._select(number, str(mode))
 
@@ -181,7 +195,7 @@ class Actions:
 
     async def wait_disarmed(self) -> None:
         """Wait until the vehicle is disarmed. Raises NoAnswerError if it is not heard for 10 s."""
-        await self._feeds.while_heard(self._feeds["vehicle_status"].wait(_is_disarmed))
+        await self._feeds.while_heard(self._feeds["vehicle_status"].wait(is_disarmed))
 
     async def wait_for_status(self, condition: Condition, seconds: float) -> None:
         """Wait until a VehicleStatus meets a condition. Raises TimeoutError."""
@@ -231,15 +245,6 @@ class Actions:
         await self._fence.wait_for_home()
         north, east, down = await local_place(self._feeds, place, "ned")
         self._fence.check_place((north, east, math.nan if is_level else down))
-
-
-def is_armed(status: Any) -> bool:
-    """Whether a VehicleStatus shows that the vehicle is armed."""
-    return bool(status.arming_state == status.ARMING_STATE_ARMED)
-
-
-def _is_disarmed(status: Any) -> bool:
-    return bool(status.arming_state != status.ARMING_STATE_ARMED)
 
 
 def _is_near(place: Any, latitude: float, longitude: float, altitude: float | None) -> bool:

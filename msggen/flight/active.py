@@ -7,7 +7,7 @@ import math
 from logging import getLogger
 from typing import Any
 
-from msggen.flight.actions import Actions, is_armed
+from msggen.flight.actions import Actions
 from msggen.flight.checks import Verdict
 from msggen.flight.connection import Connection, Topics, filled
 from msggen.flight.errors import FlightError, NotReachedError
@@ -17,6 +17,7 @@ from msggen.flight.mode import NO_LIFT, Mode, message_of, needs_of
 from msggen.flight.overrides import OF_MODE, Overrides
 from msggen.flight.registration import Ids
 from msggen.flight.setpoints import FREE, GOTO, TRAJECTORY, Configuration, Kind, Stream
+from msggen.flight.states import described, is_armed
 from msggen.flight.telemetry import is_landed, valid_estimate
 
 LOGGER = getLogger("msggen.flight")
@@ -84,6 +85,10 @@ class ActiveMode:
     def send(self, kind: Kind, **values: Any) -> None:
         """Send a setpoint from now on. Raises NotReachedError unless `fly` runs, LimitError, and UnsupportedError."""
         self._check_flying()
+        if self._begins_on_ground and kind in (GOTO, TRAJECTORY):
+            self._begins_on_ground = False
+            if is_landed(self.feeds):
+                LOGGER.warning("mode %r is on the ground, and %s %s", self.mode.name, kind.name, NO_LIFT)
         self._set(kind, **values)
 
     def hold(self) -> bool:
@@ -100,10 +105,6 @@ class ActiveMode:
 
     def _set(self, kind: Kind, **values: Any) -> None:
         self._fence.check(kind, values)
-        if self._begins_on_ground and kind in (GOTO, TRAJECTORY):
-            self._begins_on_ground = False
-            if is_landed(self.feeds):
-                LOGGER.warning("mode %r is on the ground, and %s %s", self.mode.name, kind.name, NO_LIFT)
         self._stream.set(kind, message_of(self._topics.incoming(kind.topic), kind, self.mode, **values))
 
     def _hold(self) -> bool:
@@ -223,7 +224,9 @@ class ActiveMode:
             self._ended, self._task = self._task, None
         flown, self._flown = self._flown, None
         if flown is not None and not flown.done():
-            flown.set_exception(self._lost or NotReachedError(f"mode {self.mode.name!r} was left before its end"))
+            status = self.feeds["vehicle_status"].latest
+            why = "" if status is None else f": {described(status)}"
+            flown.set_exception(self._lost or NotReachedError(f"mode {self.mode.name!r} was left before its end{why}"))
 
     async def _fly(self, flown: asyncio.Future[None] | None, before: asyncio.Task[None] | None) -> None:
         """Run `fly`, once the run before has come to its end, and tell how it ended until the mode is left."""

@@ -20,7 +20,7 @@ from msggen.flight.offboard import Offboard
 from msggen.flight.places import GlobalPlace
 from msggen.flight.runners import CallerRunner, Runner, ThreadRunner
 from msggen.flight.setpoints import FREE
-from msggen.flight.space import Frame
+from msggen.flight.space import Frame, Vector
 from msggen.flight.telemetry import Attitude, Battery, GlobalPosition, Home, Land, LocalPosition, Telemetry
 
 if TYPE_CHECKING:
@@ -77,6 +77,16 @@ class BlockingFlight:
     def telemetry(self) -> BlockingTelemetry:
         """The telemetry of the vehicle."""
         return BlockingTelemetry(self._own.telemetry, self._wait)
+
+    @property
+    def is_armed(self) -> bool:
+        """Whether the vehicle is armed."""
+        return self._own.is_armed
+
+    @property
+    def mode(self) -> str:
+        """The name of the mode that flies the vehicle."""
+        return self._own.mode
 
     # Actions
 
@@ -263,6 +273,11 @@ class BlockingOffboard:
             )
 
         self._wait(change())
+
+    def position(self) -> Vector:
+        """See `Offboard.position`."""
+        found: Vector = self._wait(self._setpoint.position())
+        return found
 
     def goto(
         self, place: Sequence[float] | GlobalPlace, *, heading_deg: float | None = None, within: float = 0.5

@@ -5,16 +5,19 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 from contextlib import suppress
+from logging import getLogger
 from typing import Any
 
-from msggen.flight.actions import LAND, RETURN, Actions
+from msggen.flight.actions import Actions
 from msggen.flight.active import ActiveMode
 from msggen.flight.errors import FlightError, NotReachedError, RefusedError
 from msggen.flight.executor import Executor
 from msggen.flight.mode import Mode
 from msggen.flight.overrides import Overrides
 from msggen.flight.registration import Ids
+from msggen.flight.states import LAND, RETURN, described, is_armed
 
+LOGGER = getLogger("msggen.flight")
 _UNDER_WAY = 1.5
 """The time in s for which a command from before the failure of an executor can still change the mode."""
 
@@ -36,6 +39,7 @@ class Charge:
         self._task: asyncio.Task[None] | None = None
         self._ended: asyncio.Task[None] | None = None
         """The last run that was cancelled."""
+        self._was_armed = False
         self._has_run = False
         """Whether `run` has begun since a user has selected the mode."""
         self._was_cut = False
@@ -59,6 +63,8 @@ class Charge:
         wanted.add_done_callback(lambda each: each.cancelled() or each.exception())  # perhaps nobody waits
         if self._task is None:
             self._has_run = False
+            if self.executor.starts == "armed" and not self._was_armed:
+                LOGGER.warning("%s starts when the vehicle is armed: see `starts`", self._name)
         try:
             await actions._select(self.ids.mode, self.executor.mode.name)  # noqa: SLF001 - of the same library
             await self.find(self.executor.mode).feeds.while_heard(wanted)
@@ -85,20 +91,20 @@ class Charge:
 
     def follow(self, status: Any) -> None:
         """Start or stop the executor according to a VehicleStatus."""
-        is_armed = bool(status.arming_state == status.ARMING_STATE_ARMED)
-        is_chosen = self._is_chosen(status) and is_armed
+        has_armed = self._was_armed = is_armed(status)
+        is_chosen = self._is_chosen(status) and has_armed
         if status.executor_in_charge != self.ids.executor:
-            self._was_cut = (self._was_cut or self._task is not None) and is_armed and bool(status.failsafe)
+            self._was_cut = (self._was_cut or self._task is not None) and has_armed and bool(status.failsafe)
             self._has_run = self._has_run and bool(status.failsafe)  # not if a user has taken over
-            self._stop()
+            self._stop(status)
         else:
             if is_chosen:
-                self._stop()
+                self._stop(status)
                 self._has_run = False
-            self._was_cut = self._was_cut and is_armed
+            self._was_cut = self._was_cut and has_armed
             if self._task is None and (not self._has_run or self._was_cut):
-                self._begin(is_armed=is_armed)
-        if self.executor.starts == "armed" and not is_armed:
+                self._begin(is_armed=has_armed)
+        if self.executor.starts == "armed" and not has_armed:
             self._has_run = False
 
     def _is_chosen(self, status: Any) -> bool:
@@ -114,11 +120,12 @@ class Charge:
                 self._run(self._ended), name=type(self.executor).__name__
             )
 
-    def _stop(self) -> None:
+    def _stop(self, status: Any = None) -> None:
         if self._task is not None:
             self._task.cancel()
             self._ended, self._task = self._task, None
-            self._finish(NotReachedError(f"{self._name} is no longer in charge: the vehicle has changed its mode"))
+            why = "" if status is None else f": {described(status)}"
+            self._finish(NotReachedError(f"{self._name} is no longer in charge{why}"))
 
     def _finish(self, error: Exception | None = None) -> None:
         """Tell who waits for the end of `run` how it has ended."""
@@ -165,8 +172,7 @@ class Charge:
 
     def _is_left_alone(self, status: Any) -> bool:
         """Whether the vehicle is armed in a mode in which it now gets no commands, such as Takeoff."""
-        is_armed = bool(status.arming_state == status.ARMING_STATE_ARMED)
-        return is_armed and status.nav_state not in {self.ids.mode, RETURN, LAND}
+        return is_armed(status) and status.nav_state not in {self.ids.mode, RETURN, LAND}
 
 
 def _report(message: str, error: Exception) -> None:

@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 
 from msggen.flight.connection import Connection, Take, Topics
 from msggen.flight.errors import FlightError, NoAnswerError, NotReachedError
+from msggen.flight.states import described
 
 _Result = TypeVar("_Result")
 SILENCE = 10.0
@@ -112,7 +113,7 @@ class Feeds:
             if not goal.done():
                 await asyncio.wait([goal], timeout=_GRACE)
             if not goal.done():
-                raise NotReachedError(f"{what} was not completed: the vehicle is in mode {left.result().nav_state}")
+                raise NotReachedError(f"{what} was not completed: {described(left.result())}")
             return goal.result()
         finally:
             for each in (goal, left, both):

@@ -23,6 +23,7 @@ from msggen.flight.offboard import Offboard, offboard
 from msggen.flight.parts import NEEDED, Part, Parts
 from msggen.flight.registration import Ids
 from msggen.flight.space import Frame
+from msggen.flight.states import is_armed
 from msggen.flight.telemetry import Telemetry, is_landed
 from msggen.live.links.link_types import DEFAULT
 
@@ -210,6 +211,17 @@ class Flight(Actions):
             raise FlightError("the flight is in an `offboard()` block already: use its setpoint, or end it first")
         async with self._in_offboard, offboard(connection, self._feeds, self, self._fence, frame) as setpoint:
             yield setpoint
+
+    @property
+    def is_armed(self) -> bool:
+        """Whether the vehicle is armed."""
+        status = self._feeds["vehicle_status"].latest
+        return status is not None and is_armed(status)
+
+    @property
+    def mode(self) -> str:
+        """The name of the mode that flies the vehicle: one of PX4's, such as `hold`, or one of `add`."""
+        return self._own.mode_name()
 
     @property
     def feeds(self) -> Feeds:

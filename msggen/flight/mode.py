@@ -10,15 +10,15 @@ from typing import Any, ClassVar, Protocol
 
 from msggen.flight.checks import Problem
 from msggen.flight.connection import filled
-from msggen.flight.errors import FlightError, NoAnswerError, NotReachedError, UnsupportedError
+from msggen.flight.errors import FlightError, NotReachedError, UnsupportedError
 from msggen.flight.feeds import Feeds
 from msggen.flight.limits import NO_LIMITS, Limits
 from msggen.flight.overrides import Deferral, Keeps, Overrides
-from msggen.flight.places import GlobalPlace, check_within, local_place
+from msggen.flight.places import GlobalPlace, check_within, local_place, warn_of_depth
 from msggen.flight.requirements import Requirement
 from msggen.flight.setpoints import ATTITUDE, FREE, GOTO, RATES, TRAJECTORY, Kind, finite, trajectory_values
 from msggen.flight.space import Frame, Vector, heading_of, turned, turned_heading, wrapped
-from msggen.flight.telemetry import NO_ESTIMATE, is_estimate, is_landed, valid_estimate
+from msggen.flight.telemetry import is_estimate, is_landed, no_estimate, valid_estimate
 
 _SLOW = 0.5
 """The speed in m/s below which a place is reached."""
@@ -115,7 +115,7 @@ class Mode:
         try:
             return await feeds["vehicle_local_position"].following(is_estimate, timeout=1.0)
         except TimeoutError:
-            raise NoAnswerError(NO_ESTIMATE) from None
+            raise no_estimate(feeds) from None
 
     # Setpoints
 
@@ -145,6 +145,7 @@ class Mode:
             raise ValueError(f"expected limits above 0, got {limits}")
         check_within(within)
         await self._estimate()
+        warn_of_depth(self._own.feeds, down)
         if is_landed(self._own.feeds):
             raise NotReachedError(f"mode {self.name!r} is on the ground, and goto {NO_LIFT}")
         self._own.send(
@@ -191,7 +192,7 @@ class Mode:
         """
         latest = self._own.feeds["vehicle_local_position"].latest
         if latest is None or not is_estimate(latest):
-            raise NoAnswerError(NO_ESTIMATE)
+            raise no_estimate(self._own.feeds)
         axes = position, velocity, acceleration
         self._own.send(TRAJECTORY, **trajectory_values(self.frame, axes, heading, heading_deg, turn_rate))
 

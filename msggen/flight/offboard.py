@@ -10,16 +10,15 @@ from typing import Any
 
 from msggen.flight.actions import Actions
 from msggen.flight.connection import Connection, Topics, filled
-from msggen.flight.errors import NoAnswerError, NotReachedError
+from msggen.flight.errors import NotReachedError
 from msggen.flight.feeds import Feeds
 from msggen.flight.limits import Fence
-from msggen.flight.places import GlobalPlace, check_within, local_place
+from msggen.flight.places import GlobalPlace, check_within, local_place, warn_of_depth
 from msggen.flight.setpoints import FREE, TRAJECTORY, Kind, Stream, trajectory_values
-from msggen.flight.space import Frame, check_frame, turned
-from msggen.flight.telemetry import NO_ESTIMATE, is_estimate, valid_estimate
+from msggen.flight.space import Frame, Vector, check_frame, turned
+from msggen.flight.states import HOLD, OFFBOARD, described
+from msggen.flight.telemetry import is_estimate, no_estimate, valid_estimate
 
-OFFBOARD, HOLD = 14, 4
-"""NAVIGATION_STATE_* of VehicleStatus."""
 _INTERVAL = 0.1
 """The time in s between two heartbeats before the mode is entered. PX4 wants 2 Hz."""
 _BEFORE = 1.0
@@ -75,7 +74,7 @@ class Offboard:
         values = trajectory_values(self._frame, (position, velocity, acceleration), heading, heading_deg, turn_rate)
         self._fence.check(TRAJECTORY, values)
         if self._is_left:
-            raise NotReachedError("the vehicle has left Offboard mode")
+            raise NotReachedError(f"Offboard mode has ended: {described(self._feeds['vehicle_status'].latest)}")
         self._heartbeat.values = values
         self.stream.set(TRAJECTORY, filled(self._setpoint, **values))
 
@@ -85,17 +84,25 @@ class Offboard:
         """Fly to a place, and return when it is nearer than `within` m. Raises as `Mode.goto`."""
         goal = await local_place(self._feeds, place, self._frame)
         check_within(within)
+        warn_of_depth(self._feeds, goal.z)
         self.trajectory(position=turned(goal, self._frame), heading_deg=heading_deg)
         reached = self._feeds["vehicle_local_position"].following(
             lambda each: is_estimate(each) and math.dist((each.x, each.y, each.z), goal) < within
         )
         await self._feeds.within({OFFBOARD}, reached, "the flight to a place")
 
+    async def position(self) -> Vector:
+        """Return the place of the vehicle in `frame`. Raises NoAnswerError."""
+        estimate = valid_estimate(self._feeds)
+        if estimate is None:
+            raise no_estimate(self._feeds)
+        return turned((estimate.x, estimate.y, estimate.z), self._frame)
+
     def begin(self) -> None:
         """Send heartbeats: the vehicle will hold its place at first. Raises NoAnswerError without a valid position."""
         estimate = valid_estimate(self._feeds)
         if estimate is None:
-            raise NoAnswerError(NO_ESTIMATE)
+            raise no_estimate(self._feeds)
         self.trajectory(position=turned(self._fence.nearest((estimate.x, estimate.y, estimate.z)), self._frame))
         self._beat()
 

@@ -10,7 +10,7 @@ from contextlib import suppress
 from logging import getLogger
 from typing import Any, Final, NamedTuple
 
-from msggen.flight.actions import Actions, is_armed
+from msggen.flight.actions import Actions
 from msggen.flight.active import ActiveMode
 from msggen.flight.charge import Charge
 from msggen.flight.checks import Answers
@@ -29,6 +29,7 @@ from msggen.flight.registration import ARMED, Ids, Registrar, Wanted
 from msggen.flight.restarts import Restarts
 from msggen.flight.resuming import FRESH, Resuming
 from msggen.flight.setpoints import ATTITUDE, GOTO, RATES, TRAJECTORY
+from msggen.flight.states import is_armed, name_of
 
 LOGGER = getLogger("msggen.flight")
 _READY = 1.0
@@ -169,6 +170,12 @@ class Parts:
         if found is None:
             raise FlightError(f"executor {cls.__name__} is not registered: `await flight.add(...)` registers it")
         return found
+
+    def mode_name(self) -> str:
+        """Return the name of the mode that flies the vehicle."""
+        status = self._feeds["vehicle_status"].latest
+        own = {each.ids.mode: each.ids.name for each in self._modes.values()}
+        return "" if status is None else own.get(status.nav_state) or name_of(status.nav_state)
 
     def owner_of(self, active: ActiveMode) -> Executor | None:
         """Return the executor that a mode belongs to."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from logging import getLogger
 from typing import Any
 
 from msggen.base import earth
@@ -12,6 +13,9 @@ from msggen.flight.feeds import Feeds
 from msggen.flight.setpoints import finite
 from msggen.flight.space import Frame, Vector, three, turned
 
+LOGGER = getLogger("msggen.flight")
+_DEPTH = 1.0
+"""The depth in m below home from which on a place is doubtful."""
 _KNOWN = 1.0
 """The time in s within which the vehicle shows where it is on earth."""
 
@@ -52,6 +56,17 @@ def check_within(within: float) -> None:
     """Raise ValueError unless a distance at which a place is reached is above 0."""
     if not within > 0.0:
         raise ValueError(f"expected `within` above 0 m, got {within:g}")
+
+
+def warn_of_depth(feeds: Feeds, down: float) -> None:
+    """Warn of a place below the ground where the vehicle has taken off: the sign of its altitude is wrong, perhaps."""
+    home = feeds["home_position"].latest if feeds.has("home_position") else None
+    ground = home.z if home is not None and home.valid_lpos else 0.0
+    if down - ground > _DEPTH:
+        LOGGER.warning(
+            "a place %.1f m below home: z points down in NED, and the altitude of a GlobalPlace is above sea level",
+            down - ground,
+        )
 
 
 async def sea_level(feeds: Feeds) -> float:

@@ -47,6 +47,8 @@ def packed(name: str) -> bytes:
     data = name.encode()
     if not 0 < len(data) < NAME_SIZE:
         raise RegistrationError(f"the name {name!r} has {len(data)} bytes, expected 1 to {NAME_SIZE - 1}")
+    if not name.replace("\0", "").isprintable():
+        raise RegistrationError(f"the name {name!r} has characters that are not printable")
     if b"\0" in data:
         raise RegistrationError(f"the name {name!r} has a zero byte, which ends names in PX4")
     return data.ljust(NAME_SIZE, b"\0")

@@ -54,8 +54,10 @@ def heading_of(heading: float | None, heading_deg: float | None, frame: Frame) -
 
 def three(values: Sequence[float]) -> tuple[float, float, float]:
     """Return three numbers. Raises ValueError for another count."""
-    x, y, z = map(float, values)
-    return x, y, z
+    found = tuple(map(float, values))
+    if len(found) != 3:  # noqa: PLR2004 - x, y, z
+        raise ValueError(f"expected three numbers, got {found}")
+    return found
 
 
 def wrapped(angle: float) -> float:

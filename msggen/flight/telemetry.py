@@ -18,7 +18,6 @@ _FRESH = 0.5
 """The age in s up to which estimates are valid."""
 _SLOW = 3.0
 """The same for values that are published rarely: home, battery, landing."""
-NO_ESTIMATE = "the vehicle has no valid local position: it needs GPS, or another source of its position"
 _PATIENCE = 1.0
 """How long to wait for the first message of a topic, in s."""
 
@@ -147,6 +146,14 @@ def valid_estimate(feeds: Feeds) -> Any:
     return feed.latest if is_valid else None
 
 
+def no_estimate(feeds: Feeds) -> NoAnswerError:
+    """Return the error of a vehicle without a valid estimate: it has none, or is not heard."""
+    age = feeds["vehicle_local_position"].age
+    if math.isfinite(age) and age > _FRESH:
+        return NoAnswerError(f"no vehicle_local_position for {age:.1f} s: is the link lost?")
+    return NoAnswerError("the vehicle has no valid local position: it needs GPS, or another source of its position")
+
+
 def is_landed(feeds: Feeds) -> bool:
     """Whether the vehicle is on the ground, as far as it has told. The first call asks for that."""
     try:
@@ -155,6 +162,15 @@ def is_landed(feeds: Feeds) -> bool:
         status = feeds["vehicle_status"].latest
         return status is not None and not status.takeoff_time
     return found is not None and bool(found.landed)
+
+
+def is_known_in_air(feeds: Feeds) -> bool:
+    """Whether the vehicle says that it is not on the ground. v1.15 does not tell."""
+    try:
+        found = feeds["vehicle_land_detected"].latest
+    except UnsupportedError:
+        return False
+    return found is not None and not found.landed
 
 
 def _local_position(message: Any, age: float) -> LocalPosition:
