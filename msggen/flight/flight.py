@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Sequence
-from contextlib import AbstractAsyncContextManager
+from collections.abc import AsyncIterator, Sequence
+from contextlib import asynccontextmanager
 from types import ModuleType, TracebackType
 from typing import TYPE_CHECKING, Any, Final
 
@@ -71,6 +71,7 @@ class Flight(Actions):
         self._vehicle, self._types, self._limits, self._resume = vehicle, types, limits, resume
         self._parts: Parts | None = None
         self._connection: Connection | None = None
+        self._in_offboard = asyncio.Lock()
 
     async def __aenter__(self) -> Self:
         """Wait for the vehicle. Raises FlightError for an address that cannot be opened, and the errors of `add`."""
@@ -195,13 +196,20 @@ class Flight(Actions):
             raise FlightError(_NOT_BEGUN)
         return self._parts
 
-    def offboard(self, frame: Frame = "ned") -> AbstractAsyncContextManager[Offboard]:
+    @asynccontextmanager
+    async def offboard(self, frame: Frame = "ned") -> AsyncIterator[Offboard]:
         """Fly in Offboard mode: `async with flight.offboard() as setpoint`.
 
         The vehicle first holds its place. At the end, it switches to Hold, unless a pilot has taken over. After an
         exception, PX4's failsafe for a lost Offboard signal follows (COM_OBL_RC_ACT).
+
+        Raises RefusedError, NoAnswerError, and FlightError during another `offboard()` block.
         """
-        return offboard(self._own.connection, self._feeds, self, self._fence, frame)
+        connection = self._own.connection
+        if self._in_offboard.locked():
+            raise FlightError("the flight is in an `offboard()` block already: use its setpoint, or end it first")
+        async with self._in_offboard, offboard(connection, self._feeds, self, self._fence, frame) as setpoint:
+            yield setpoint
 
     @property
     def feeds(self) -> Feeds:
