@@ -8,7 +8,7 @@ from contextlib import suppress
 from typing import Any, TypeVar
 
 from msggen.flight.connection import Connection, Take, Topics
-from msggen.flight.errors import NoAnswerError, NotReachedError
+from msggen.flight.errors import FlightError, NoAnswerError, NotReachedError
 
 _Result = TypeVar("_Result")
 SILENCE = 10.0
@@ -87,9 +87,12 @@ class Feeds:
         self._connection = connection
         self._topics = Topics(connection.package)
         self._feeds: dict[str, Feed] = {}
+        self._is_closed = False
 
     def __getitem__(self, topic: str) -> Feed:
-        """Return the feed of a topic, which is named as in uORB. Raises UnsupportedError."""
+        """Return the feed of a topic, named as in uORB. Raises UnsupportedError, and FlightError once closed."""
+        if self._is_closed:
+            raise FlightError("the flight has ended")
         if topic not in self._feeds:
             self._topics.outgoing(topic)
             self._feeds[topic] = Feed(self._connection, topic)
@@ -130,6 +133,7 @@ class Feeds:
 
     def close(self) -> None:
         """End all subscriptions."""
+        self._is_closed = True
         for feed in self._feeds.values():
             feed.close()
         self._feeds.clear()
