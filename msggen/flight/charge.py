@@ -143,7 +143,10 @@ class Charge:
                 raise
             await self._fail(FlightError(f"`run` of {self._name} was cancelled"))
         except Exception as error:  # noqa: BLE001 - whatever a program raises
-            await self._fail(error)
+            if self._task is asyncio.current_task():
+                await self._fail(error)
+            elif not isinstance(error, NotReachedError):
+                _report(f"{self._name} is no longer in charge, and its end has failed", error)
         finally:
             if self._task is asyncio.current_task():  # not yet the next one
                 self._task = None
@@ -152,8 +155,7 @@ class Charge:
         """Return home: PX4's failsafe does this from the mode of the executor, a command from other modes."""
         self.find(self.executor.mode).has_failed = True
         self._finish(error)
-        context = {"message": f"{self._name} has failed", "exception": error}
-        asyncio.get_running_loop().call_exception_handler(context)
+        _report(f"{self._name} has failed", error)
         with suppress(TimeoutError, FlightError):
             await self.actions.wait_for_status(self._is_left_alone, _UNDER_WAY)
             try:
@@ -165,3 +167,7 @@ class Charge:
         """Whether the vehicle is armed in a mode in which it now gets no commands, such as Takeoff."""
         is_armed = bool(status.arming_state == status.ARMING_STATE_ARMED)
         return is_armed and status.nav_state not in {self.ids.mode, RETURN, LAND}
+
+
+def _report(message: str, error: Exception) -> None:
+    asyncio.get_running_loop().call_exception_handler({"message": message, "exception": error})

@@ -52,6 +52,17 @@ class Flown(NearVehicle):
         """Lose the position at once, or find it again."""
         self.world.has_position = self.world.has_gps = not is_lost
 
+    def choose(self, mode: int) -> None:
+        """Select a mode by its nav_state, as a pilot does."""
+        self.world.command(100_001, [float(mode), *[0.0] * 6])
+
+    async def restart_after(self, seconds: float) -> None:
+        """Restart the vehicle as PX4 does: it is not heard for some time before."""
+        self.loss = 1.0
+        await asyncio.sleep(seconds)
+        self.restart()
+        self.loss = 0.0
+
     def hang(self, seconds: float) -> None:
         """Let the vehicle move while the event loop of the program stands still. To be called in the program."""
         loop = asyncio.get_running_loop()
