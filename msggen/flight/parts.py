@@ -125,7 +125,7 @@ class Parts:
                 added.append(part)
         except BaseException:
             for part in added:
-                self._drop(self.find(part.mode))
+                self._drop(part.mode)
             raise
         self._parts += added
 
@@ -252,7 +252,7 @@ class Parts:
                 await charge.overrides.begin()
             await self._until_ready(active)
         except BaseException:
-            self._drop(active)
+            self._drop(part.mode)
             raise
 
     async def _check_disarmed(self, name: str) -> None:
@@ -281,14 +281,16 @@ class Parts:
             self._charges.append(Charge(part.executor, ids, actions, overrides, self.find))
         return active
 
-    def _drop(self, active: ActiveMode) -> None:
-        """Unregister a mode that cannot be flown."""
+    def _drop(self, mode: Mode) -> None:
+        """Unregister a mode that cannot be flown, unless the flight has ended or the vehicle has restarted."""
+        active = self._modes.pop(type(mode), None)
+        if active is None:
+            return
         for charge in [each for each in self._charges if each.ids is active.ids]:
             charge.close()
             self._charges.remove(charge)
         active.close()
-        self.replacements.pop(active.mode.replaces or -1, None)
-        del self._modes[type(active.mode)]
+        self.replacements.pop(-1 if mode.replaces is None else mode.replaces, None)
         self._watch()[0].remove(active.ids.check)
         with self._lock:
             self._registered.pop(active.ids.name, None)
