@@ -164,7 +164,11 @@ def test_a_return_that_a_mode_replaces_ends_with_the_mode(types: Any) -> None:
     async def program(flight: Flight, vehicle: Flown) -> None:
         await flight.add(Returns)
         await vehicle.in_air(flight)
+<<<<<<< HEAD
         await flight.return_home()
+=======
+        await asyncio.wait_for(flight.return_home(), 30.0)
+>>>>>>> w-misuse
         assert vehicle.world.mode == EXTERNAL
         assert vehicle.world.is_armed
 

@@ -29,7 +29,7 @@ class Line(Mode, name="Line"):
 class Ends(Executor):
     """Takes off, and does what `end` says."""
 
-    mode = Line
+    mode: ClassVar[type[Mode]] = Line
     starts: ClassVar[Start] = "selected"
 
     def __init__(self) -> None:
@@ -57,13 +57,37 @@ def test_a_user_waits_for_the_end_of_an_executor(types: Any) -> None:
         await flight.add(executor)
         with pytest.raises(FlightError, match="'Line' belongs to executor Ends"):
             await flight.fly(Line)
-        await flight.fly(Ends)
+        await asyncio.wait_for(flight.fly(Ends), 30.0)
         assert (executor.runs, executor.ends) == (1, 1)
         assert vehicle.world.mode == TAKEOFF
-        await flight.fly(executor)
+        await asyncio.wait_for(flight.fly(executor), 30.0)
         assert (executor.runs, executor.ends) == (2, 2)
 
     fly(types, program)
+
+
+def test_an_executor_that_has_ended_in_its_own_mode_is_flown_anew(px4_types: Any) -> None:
+    class Rests(Mode, name="Rests"):
+        async def fly(self) -> None:
+            await self.hold(1.0)
+
+    class Flies(Ends):
+        mode = Rests
+
+        async def end(self) -> None:
+            await self.fly()
+
+    executor = Flies()
+
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        await flight.add(executor)
+        for runs in (1, 2):
+            await asyncio.wait_for(flight.fly(executor), 40.0)
+            await asyncio.sleep(1.0)
+            assert (executor.runs, executor.ends) == (runs, runs)
+            assert vehicle.world.mode == EXTERNAL
+
+    fly(px4_types, program)
 
 
 def test_the_exception_of_an_executor_reaches_who_waits(px4_types: Any, caplog: pytest.LogCaptureFixture) -> None:
@@ -74,7 +98,7 @@ def test_the_exception_of_an_executor_reaches_who_waits(px4_types: Any, caplog: 
     async def program(flight: Flight, vehicle: Flown) -> None:
         await flight.add(Fails)
         with pytest.raises(LookupError, match="no target"):
-            await flight.fly(Fails)
+            await asyncio.wait_for(flight.fly(Fails), 30.0)
         await vehicle.until(lambda: vehicle.world.mode == RETURN, 3.0)
 
     fly(px4_types, program)
