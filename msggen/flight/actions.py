@@ -52,21 +52,24 @@ class Actions:
         await self._until(is_disarmed, "disarmed")
 
     async def takeoff(self, altitude: float | None = None) -> None:
-        """Take off, and return at an altitude in m above the current one, by default MIS_TAKEOFF_ALT.
+        """Take off, and return at an altitude in m above the ground, by default MIS_TAKEOFF_ALT.
 
-        PX4 ends it within 0.8 m of that (NAV_MC_ALT_RAD). In the air, this does nothing, so a program that is started
-        again does not climb twice.
+        PX4 ends the takeoff within 0.8 m of that (NAV_MC_ALT_RAD). In the air, the altitude is above home, and a vehicle
+        that is as high already does nothing. So a program that is started again does not climb twice.
 
         Raises ValueError, LimitError, FlightError if the vehicle is not armed or a failsafe flies it, RefusedError,
         NoAnswerError and NotReachedError.
         """
         if altitude is not None and not finite([altitude], "an altitude")[0] > 0.0:
-            raise ValueError(f"expected an altitude above the current one, got {altitude:g} m")
+            raise ValueError(f"expected an altitude above the ground, got {altitude:g} m")
         await self._check_armed("take off")
-        if self._is_flying():
-            return
+        is_flying = self._is_flying()
         sea = math.nan if altitude is None else await sea_level(self._feeds)
-        goal = math.nan if altitude is None else self._feeds["vehicle_local_position"].latest.z - altitude
+        place = self._feeds["vehicle_local_position"].latest
+        goal = math.nan if altitude is None else (self._fence.ground if is_flying else place.z) - altitude
+        if is_flying and not place.z > goal + _NEAR:
+            LOGGER.info("no takeoff: the vehicle is in the air")
+            return
         await self._check_takeoff(goal)
         await self._send(commands.TAKEOFF, *[math.nan] * 6, sea - goal, what="take off", shown=self._is_in(TAKEOFF))
         try:
@@ -88,7 +91,6 @@ class Actions:
             return False
         if status.failsafe:
             raise FlightError(f"{described(status)}, in the air: select another mode first, such as `hold`")
-        LOGGER.info("no takeoff: the vehicle is in the air")
         return True
 
     def _is_up(self, goal: float) -> bool:

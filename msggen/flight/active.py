@@ -70,6 +70,11 @@ class ActiveMode:
         """Whether the mode flies the vehicle."""
         return self._stream.is_active
 
+    @property
+    def ground(self) -> float:
+        """See Fence."""
+        return self._fence.ground
+
     def verdict(self) -> Verdict:
         """Return the reply to an arming check. If `problems` raises an exception, the reply is that it cannot run."""
         try:

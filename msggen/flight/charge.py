@@ -56,6 +56,8 @@ class Charge:
     async def wait_end(self, actions: Actions) -> None:
         """Select the mode of the executor as a user does, and wait for the end of `run`.
 
+        A cancellation ends `run`: a mode of PX4 that it has selected goes on.
+
         Raises what `run` raises, and NotReachedError if the executor is no longer in charge.
         """
         self._finish(NotReachedError(f"{self._name} is started anew"))
@@ -71,6 +73,8 @@ class Charge:
         except BaseException:
             if self._wanted is wanted:
                 self._wanted = None
+                self._has_run = True
+                self._stop()
             raise
 
     async def fly(self, mode: type[Mode] | Mode) -> None:

@@ -156,6 +156,12 @@ class Fence:
             with suppress(TimeoutError):  # the check of a place raises the error
                 await self._feeds["home_position"].wait(lambda each: bool(each.valid_lpos), _HOME)
 
+    @property
+    def ground(self) -> float:
+        """How far home is below the origin of the local frame in m: 0 if it is not known."""
+        home = self._known_home()
+        return 0.0 if home is None else home.z
+
     def _home(self) -> Vector:
         found = self._known_home()
         if found is None:

@@ -7,6 +7,7 @@ file, on the monotonic clock, is when the program last heard the vehicle.
 from __future__ import annotations
 
 import json
+import math
 import os
 import tempfile
 import time
@@ -25,7 +26,9 @@ except ImportError:  # Windows: two programs are not told apart
     fcntl = None  # type: ignore[assignment]
 
 LOGGER = getLogger("msggen.flight")
-_VERSION: Final = 1
+_VERSION: Final = 2
+_UTC: Final = 10**15
+"""Timestamps in us from this value on count from 1970, smaller ones from boot."""
 _SUFFIX: Final = ".json"
 _LONGEST: Final = 1 << 16
 _TOUCH = 0.5
@@ -40,6 +43,8 @@ class Remembered(NamedTuple):
     """`armed_time` of VehicleStatus, since boot, by which a boot of the vehicle is recognized. 0 if it was disarmed."""
     mode_time: int
     """`nav_state_timestamp` of VehicleStatus, for the same purpose."""
+    booted: float
+    """The time in s of the monotonic clock at which the vehicle has booted, for the same purpose. NaN if unknown."""
     age: float
     """The time in s since that program was last alive, or infinity if the computer has restarted since."""
     is_over: bool
@@ -96,7 +101,7 @@ class Memory:
             return
         self._written[ids.name] = content
         try:
-            self._replace(self._path(ids.name), json.dumps(content).encode())
+            self._replace(self._path(ids.name), json.dumps({**content, "booted": booted(status)}).encode())
         except OSError as error:
             self._tell(error)
 
@@ -141,11 +146,13 @@ class Memory:
             check, mode, executor = map(int, numbers)
             if content["version"] != _VERSION or content["vehicle"] != self._vehicle or found != name:
                 return None
+            is_same_boot = content["boot"] == self._boot
             return Remembered(
                 Ids(name, check, mode, executor),
                 int(content["armed_time"]),
                 int(content["mode_time"]),
-                age if content["boot"] == self._boot and age >= 0 else float("inf"),
+                float(content["booted"]) if is_same_boot else math.nan,
+                age if is_same_boot and age >= 0 else math.inf,
                 bool(content["is_over"]),
             )
         except FileNotFoundError:
@@ -174,6 +181,12 @@ class Memory:
         if not self._is_told:
             self._is_told = True
             LOGGER.warning("the next program cannot continue the modes of this one: %s", error)
+
+
+def booted(status: Any) -> float:
+    """Return when a vehicle has booted, by the monotonic clock in s, or NaN if its timestamps do not tell that."""
+    timestamp = getattr(status, "timestamp", _UTC)
+    return math.nan if timestamp >= _UTC else time.monotonic() - timestamp / 1e6
 
 
 def _stamp(path: str) -> None:

@@ -40,6 +40,10 @@ class Registered(Protocol):
     def send(self, kind: Kind, **values: Any) -> None:
         """Send a setpoint from now on."""
 
+    @property
+    def ground(self) -> float:
+        """See Fence."""
+
     def hold(self) -> bool:
         """Hold the place where the vehicle is."""
 
@@ -145,7 +149,7 @@ class Mode:
             raise ValueError(f"expected limits above 0, got {limits}")
         check_within(within)
         await self._estimate()
-        warn_of_depth(self._own.feeds, down)
+        warn_of_depth(down - self._own.ground)
         if is_landed(self._own.feeds):
             raise NotReachedError(f"mode {self.name!r} is on the ground, and goto {NO_LIFT}")
         self._own.send(

@@ -84,7 +84,7 @@ class Offboard:
         """Fly to a place, and return when it is nearer than `within` m. Raises as `Mode.goto`."""
         goal = await local_place(self._feeds, place, self._frame)
         check_within(within)
-        warn_of_depth(self._feeds, goal.z)
+        warn_of_depth(goal.z - self._fence.ground)
         self.trajectory(position=turned(goal, self._frame), heading_deg=heading_deg)
         reached = self._feeds["vehicle_local_position"].following(
             lambda each: is_estimate(each) and math.dist((each.x, each.y, each.z), goal) < within

@@ -58,14 +58,12 @@ def check_within(within: float) -> None:
         raise ValueError(f"expected `within` above 0 m, got {within:g}")
 
 
-def warn_of_depth(feeds: Feeds, down: float) -> None:
-    """Warn of a place below the ground where the vehicle has taken off: the sign of its altitude is wrong, perhaps."""
-    home = feeds["home_position"].latest if feeds.has("home_position") else None
-    ground = home.z if home is not None and home.valid_lpos else 0.0
-    if down - ground > _DEPTH:
+def warn_of_depth(depth: float) -> None:
+    """Warn of a place that is some m below home: the sign of its altitude may be wrong."""
+    if depth > _DEPTH:
         LOGGER.warning(
             "a place %.1f m below home: z points down in NED, and the altitude of a GlobalPlace is above sea level",
-            down - ground,
+            depth,
         )
 
 

@@ -10,7 +10,7 @@ from typing import Any
 from msggen.flight.checks import Answers, Verdict
 from msggen.flight.errors import NoAnswerError, RegistrationError
 from msggen.flight.feeds import Feeds
-from msggen.flight.memory import Memory, Remembered
+from msggen.flight.memory import Memory, Remembered, booted
 from msggen.flight.mode import Mode, needs_of
 from msggen.flight.registration import Ids, Registrar
 
@@ -20,6 +20,8 @@ FRESH = 2.0
 _HEARD = 2.0
 _REMOVED = 0.05
 """The time in s within which a vehicle removes a mode."""
+_SAME = 1.0
+"""By how many s the time of a boot may differ: messages take different times. A restart takes longer."""
 _TRIES = 3
 _ASKED = 0.5
 """The time in s to wait for an arming-check request: the vehicle sends one every 0.3 s."""
@@ -113,4 +115,6 @@ def _is_same_boot(found: Remembered, status: Any) -> bool:
     """Whether the vehicle has not restarted since an earlier program has flown it."""
     if found.armed_time and status.armed_time:
         return bool(found.armed_time == status.armed_time)
-    return found.age < FRESH or bool(found.mode_time and found.mode_time == status.nav_state_timestamp)
+    if found.age < FRESH or abs(found.booted - booted(status)) < _SAME:
+        return True
+    return bool(found.mode_time and found.mode_time == status.nav_state_timestamp)

@@ -18,6 +18,7 @@ _FRESH = 0.5
 """The age in s up to which estimates are valid."""
 _SLOW = 3.0
 """The same for values that are published rarely: home, battery, landing."""
+_LIFTED = 1.0
 _PATIENCE = 1.0
 """How long to wait for the first message of a topic, in s."""
 
@@ -165,11 +166,12 @@ def is_landed(feeds: Feeds) -> bool:
 
 
 def is_known_in_air(feeds: Feeds) -> bool:
-    """Whether the vehicle says that it is not on the ground. v1.15 does not tell."""
+    """Whether the vehicle says that it is not on the ground. v1.15 does not: its height above the origin counts."""
     try:
         found = feeds["vehicle_land_detected"].latest
     except UnsupportedError:
-        return False
+        place = valid_estimate(feeds)
+        return not is_landed(feeds) and place is not None and place.z < -_LIFTED
     return found is not None and not found.landed
 
 

@@ -17,7 +17,7 @@ from support.flown import EXTERNAL, Flown, fly
 
 pytest_plugins = ["support.flight_releases"]
 
-HOLD, TAKEOFF, LAND = 4, 17, 18
+HOLD, RETURN, TAKEOFF, LAND = 4, 5, 17, 18
 
 
 class Line(Mode, name="Line"):
@@ -62,7 +62,7 @@ def test_the_limit_of_a_takeoff_counts_from_home(px4_types: Any) -> None:
     run(main(), vehicle)
 
 
-def test_a_second_takeoff_counts_from_where_the_vehicle_is(px4_types: Any) -> None:
+def test_a_takeoff_in_the_air_counts_from_home_and_does_not_descend(types: Any) -> None:
     heights: list[float] = []
 
     class Climbs(Executor):
@@ -71,7 +71,7 @@ def test_a_second_takeoff_counts_from_where_the_vehicle_is(px4_types: Any) -> No
 
         async def run(self) -> None:
             await self.arm()
-            for height in (5.0, 10.0):
+            for height in (5.0, 10.0, 9.5, 4.0, None):
                 await self.takeoff(height)
                 heights.append(-vehicles[0].world.flight.position[2])
 
@@ -82,8 +82,53 @@ def test_a_second_takeoff_counts_from_where_the_vehicle_is(px4_types: Any) -> No
         await flight.add(Climbs)
         await flight.fly(Climbs)
 
+    fly(types, program)
+    assert heights == pytest.approx([5.0, 10.0, 10.0, 10.0, 10.0], abs=1.0)
+    assert heights[1:] == pytest.approx([heights[1]] * 4, abs=0.9)
+
+
+def test_takeoff_and_land_need_an_armed_vehicle(types: Any) -> None:
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        for action, name in (
+            (flight.takeoff(5.0), "take off"),
+            (flight.land(), "land"),
+            (flight.return_home(), "return"),
+        ):
+            with pytest.raises(FlightError, match=f"{name}: the vehicle is not armed"):
+                await action
+        assert not vehicle.times("vehicle_command")
+
+    fly(types, program)
+
+
+def test_takeoff_does_not_end_a_failsafe_in_the_air(px4_types: Any) -> None:
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        await vehicle.in_air(flight)
+        vehicle.world.has_sticks = True
+        await asyncio.sleep(1.0)
+        vehicle.world.has_sticks = False
+        await vehicle.until(lambda: vehicle.world.mode == RETURN, 8.0)
+        await asyncio.sleep(1.0)
+        with pytest.raises(
+            FlightError, match="the vehicle is in mode return, in a failsafe, in the air: select another"
+        ):
+            await flight.takeoff(20.0)
+        assert vehicle.world.mode == RETURN
+
     fly(px4_types, program)
-    assert heights == [pytest.approx(5.0, abs=1.0), pytest.approx(15.0, abs=1.6)]
+
+
+def test_a_flight_tells_whether_it_is_armed_and_which_mode_flies(px4_types: Any) -> None:
+    async def program(flight: Flight, _: Flown) -> None:
+        await flight.add(Line)
+        assert (flight.is_armed, flight.mode) == (False, "hold")
+        await flight.arm()
+        assert flight.is_armed
+        await flight.takeoff(5.0)
+        await flight.set_mode(Line)
+        assert flight.mode == "Line"
+
+    fly(px4_types, program)
 
 
 def test_a_takeoff_whose_end_is_not_told_ends_in_hold(types: Any) -> None:
@@ -102,7 +147,7 @@ def test_a_takeoff_that_a_pilot_ends_below_its_altitude_is_told(types: Any) -> N
         taking_off = asyncio.ensure_future(flight.takeoff(10.0))
         await vehicle.until(lambda: vehicle.world.flight.position[2] < -4.0, 20.0)
         vehicle.choose(HOLD)
-        with pytest.raises(NotReachedError, match="the takeoff was not completed: the vehicle is in mode 4"):
+        with pytest.raises(NotReachedError, match="the takeoff was not completed: the vehicle is in mode hold"):
             await taking_off
 
     fly(types, program)
@@ -164,11 +209,7 @@ def test_a_return_that_a_mode_replaces_ends_with_the_mode(types: Any) -> None:
     async def program(flight: Flight, vehicle: Flown) -> None:
         await flight.add(Returns)
         await vehicle.in_air(flight)
-<<<<<<< HEAD
-        await flight.return_home()
-=======
         await asyncio.wait_for(flight.return_home(), 30.0)
->>>>>>> w-misuse
         assert vehicle.world.mode == EXTERNAL
         assert vehicle.world.is_armed
 

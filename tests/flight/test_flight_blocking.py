@@ -152,6 +152,8 @@ def test_errors_are_the_same(vehicle: SimVehicle) -> None:
             flight.set_mode("sideways")
         with pytest.raises(FlightError, match="'Square' is not registered"):
             flight.set_mode(Square)
+        with pytest.raises(FlightError, match="land: the vehicle is not armed"):
+            flight.land()
         vehicle.faults.low_battery(0.05)
         flight.sleep(1.0)
         with pytest.raises(RefusedError) as caught:
@@ -159,7 +161,7 @@ def test_errors_are_the_same(vehicle: SimVehicle) -> None:
         assert caught.value.reasons
         vehicle.faults.lose_link()
         with pytest.raises(NoAnswerError):
-            flight.land()
+            flight.hold()
 
 
 def test_an_exception_leaves_offboard_to_the_failsafe(vehicle: SimVehicle) -> None:

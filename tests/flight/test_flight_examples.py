@@ -7,6 +7,7 @@ import importlib.util
 import math
 from collections.abc import Coroutine
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -131,9 +132,10 @@ def test_inspection(vehicle: Tracked, capsys: pytest.CaptureFixture[str]) -> Non
 
 def test_inspection_is_refused_with_little_charge() -> None:
     inspection = example("inspection")
-    part = inspection.Inspection()
+    battery = SimpleNamespace(latest=None)
+    part = inspection.Inspection(SimpleNamespace(feeds={"battery_status": battery}))
     assert part.problems() == []
-    part.battery = 0.2
+    battery.latest = SimpleNamespace(remaining=0.2)
     assert [each.event for each in part.problems()] == ["inspection_low_battery"]
 
 

@@ -278,7 +278,7 @@ def test_an_action_that_a_pilot_ends_is_told(px4_types: Any) -> None:
         landing = asyncio.create_task(flight.land())
         await asyncio.sleep(2.0)
         await flight.hold()
-        with pytest.raises(NotReachedError, match="the landing was not completed: the vehicle is in mode 4"):
+        with pytest.raises(NotReachedError, match="the landing was not completed: the vehicle is in mode hold"):
             await landing
 
     fly(px4_types, program)

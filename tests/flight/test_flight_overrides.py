@@ -177,6 +177,20 @@ def test_the_vehicle_is_not_disarmed_after_landing(types: Any, *, keeps: bool) -
     assert ends == ["armed" if keeps else "disarmed", "done"]
 
 
+async def moved(flight: Flight, vehicle: Flown) -> None:
+    """Take off, fly 7 m to the north, and land. The vehicle is armed in the mode that is selected."""
+    selected = vehicle.world.mode
+    await flight.arm()
+    await flight.takeoff(5.0)
+    here = vehicle.world.place
+    await flight.goto(here.latitude + 0.000063, here.longitude)
+    await flight.land()
+    await flight.wait_disarmed()
+    await flight.set_mode(selected)
+    await flight.arm()
+    await flight.disarm()
+
+
 def test_the_home_position_is_kept_in_v1_18_only(types: Any) -> None:
     class Kept(Waits, name="Kept"):
         keeps = Keeps(home=True)
@@ -188,6 +202,11 @@ def test_the_home_position_is_kept_in_v1_18_only(types: Any) -> None:
             assert not vehicle.sent
             return None
         await flight.add(Kept)
+        await moved(flight, vehicle)
+        assert vehicle.world.origin.local(vehicle.world.home)[0] > 6.0, "the mode is not active"
+        await flight.set_mode(Kept)
+        await moved(flight, vehicle)
+        assert vehicle.world.origin.local(vehicle.world.home)[0] < 8.0
         return next(each.message for each in vehicle.sent if each.topic == REQUEST)
 
     request = fly(types, program)

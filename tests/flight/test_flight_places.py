@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import math
+import re
 from typing import Any
 
 import pytest
@@ -160,3 +161,72 @@ def test_a_trajectory_on_the_ground_is_told_once(
         fly(types, program)
     told = [each.getMessage() for each in caplog.records if "does not lift" in each.getMessage()]
     assert [each[:48] for each in told] == ([] if has_lifted else ["mode 'Climbs' is on the ground, and trajectory d"])
+
+
+def test_a_place_below_home_is_told(px4_types: Any, caplog: pytest.LogCaptureFixture) -> None:
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        mode = Visits((5.0, 0.0, -5.0))
+        await flight.add(mode)
+        await vehicle.in_air(flight)
+        with pytest.raises(TimeoutError):
+            await asyncio.wait_for(flight.fly(mode), 2.0)
+        mode.place = GlobalPlace(vehicle.world.home.latitude, vehicle.world.home.longitude, 8.0)
+        with pytest.raises(TimeoutError):
+            await asyncio.wait_for(flight.fly(mode), 2.0)
+
+    with caplog.at_level(logging.WARNING, "msggen.flight"):
+        fly(px4_types, program)
+    told = [each.getMessage().partition(":")[0] for each in caplog.records]
+    assert told == ["a place 5.0 m below home", "a place 480.0 m below home"]
+
+
+def test_a_link_that_is_lost_is_not_told_as_a_lost_position(px4_types: Any) -> None:
+    errors = []
+
+    class Asks(Mode, name="Asks"):
+        async def fly(self) -> None:
+            while True:
+                await asyncio.sleep(0.1)
+                try:
+                    await self.position()
+                except NoAnswerError as error:
+                    errors.append(str(error))
+                    return
+
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        await flight.add(Asks)
+        await vehicle.in_air(flight)
+        await flight.set_mode(Asks)
+        await asyncio.sleep(1.0)
+        vehicle.loss = 1.0
+        await vehicle.until(lambda: bool(errors), 5.0)
+        vehicle.loss = 0.0
+
+    fly(px4_types, program)
+    assert re.fullmatch(r"no vehicle_local_position for 1\.\d s: is the link lost\?", errors[0])
+
+
+def test_offboard_tells_where_the_vehicle_is(px4_types: Any) -> None:
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        await vehicle.in_air(flight)
+        async with flight.offboard("enu") as setpoint:
+            await setpoint.goto((3.0, 2.0, 9.0))
+            assert await setpoint.position() == pytest.approx((3.0, 2.0, 9.0), abs=0.6)
+        vehicle.lose_position()
+        await asyncio.sleep(0.2)
+        with pytest.raises(NoAnswerError, match="needs GPS"):
+            await setpoint.position()
+
+    fly(px4_types, program)
+
+
+@pytest.mark.parametrize("place", [(1.0, 2.0), (1.0, 2.0, 3.0, 4.0)])
+def test_a_place_has_three_numbers(place: tuple[float, ...], px4_types: Any) -> None:
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        mode = Visits(place)
+        await flight.add(mode)
+        await vehicle.in_air(flight)
+        with pytest.raises(ValueError, match="expected three numbers, got"):
+            await flight.fly(mode)
+
+    fly(px4_types, program)

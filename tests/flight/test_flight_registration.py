@@ -94,6 +94,7 @@ def test_a_sixth_executor_is_refused_and_leaves_nothing(types: Any) -> None:
         ("a" * 21 + "飛", ""),
         ("a" * 22 + "飛", "has 25 bytes"),
         ("a\0b", "has a zero"),
+        ("a\nb", "not printable"),
     ],
 )
 def test_names_are_whole_or_refused(px4_types: Any, name: str, text: str) -> None:
