@@ -54,8 +54,8 @@ class Actions:
     async def takeoff(self, altitude: float | None = None) -> None:
         """Take off, and return at an altitude in m above the ground, by default MIS_TAKEOFF_ALT.
 
-        PX4 ends the takeoff within 0.8 m of that (NAV_MC_ALT_RAD). In the air, the altitude is above home, and a vehicle
-        that is as high already does nothing. So a program that is started again does not climb twice.
+        PX4 ends the takeoff within 0.8 m of that (NAV_MC_ALT_RAD). In the air, the altitude is above home. A vehicle
+        that is as high already stays there, so a program that is started again does not climb twice.
 
         Raises ValueError, LimitError, FlightError if the vehicle is not armed or a failsafe flies it, RefusedError,
         NoAnswerError and NotReachedError.

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import signal
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -90,23 +90,42 @@ def test_a_signal_in_flight_lets_px4_return_although_the_program_computes(
 @pytest.mark.slow
 @pytest.mark.parametrize(("pause", "way"), [(0.4, "await"), (0.4, "executes"), (3.0, "await"), (3.0, "resumes")])
 def test_a_program_that_is_back_soon_goes_on(pause: float, way: str, url: str, px4_types: Any) -> None:
-    with ready(url, px4_types, way) as (simulator, program):
-        goes_on = (pause, way) != (3.0, "await")
-        follows(simulator, program, FlyingProgram(url, px4_types, way), pause=pause, goes_on=goes_on)
+    def attempt() -> None:
+        with ready(url, px4_types, way) as (simulator, program):
+            goes_on = (pause, way) != (3.0, "await")
+            follows(simulator, program, FlyingProgram(url, px4_types, way), pause=pause, goes_on=goes_on)
+
+    in_real_time(attempt)
 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("owned")
 def test_a_program_on_a_shared_link_that_is_back_soon_goes_on(url: str, px4_types: Any) -> None:
-    with ready(url, px4_types) as (simulator, program):
-        follows(simulator, program, FlyingProgram(url, px4_types), pause=0.4, goes_on=True)
+    def attempt() -> None:
+        with ready(url, px4_types) as (simulator, program):
+            follows(simulator, program, FlyingProgram(url, px4_types), pause=0.4, goes_on=True)
+
+    in_real_time(attempt)
 
 
 @pytest.mark.slow
 def test_a_program_for_an_older_vehicle_that_is_back_soon_goes_on(url: str, tmp_path: Path) -> None:
     types = built("v1.16", tmp_path)
-    with ready(url, types) as (simulator, program):
-        follows(simulator, program, FlyingProgram(url, types), pause=0.4, goes_on=True)
+
+    def attempt() -> None:
+        with ready(url, types) as (simulator, program):
+            follows(simulator, program, FlyingProgram(url, types), pause=0.4, goes_on=True)
+
+    in_real_time(attempt)
+
+
+def in_real_time(attempt: Callable[[], None], times: int = 3) -> None:
+    """Try a few times: on a busy machine, PX4's 1 s can be over before a program has begun."""
+    for _ in range(times - 1):
+        with suppress(AssertionError):
+            attempt()
+            return
+    attempt()
 
 
 def follows(
