@@ -247,6 +247,8 @@ class Parts:
                 self._memory.release(part.mode.name)
             raise
         self._registered[ids.name] = ids
+        if self._memory is not None:  # at once: a program can be killed before the next VehicleStatus
+            self._memory.write(ids, self._feeds["vehicle_status"].latest)
         active = self._begin(part, ids, is_resumed=is_resumed)
         resuming.tell_slot(ids)
         restarts.begin()
