@@ -325,10 +325,18 @@ class Parts:
         for active in self._modes.values():
             active.lose(RestartedError(f"{why}, so mode {active.mode.name!r} has ended"))
         self.stop()
+        self._remove_selected()
         with self._lock:
             self._registered.clear()
         if self._renewal is None or self._renewal.done():
             self._renewal = asyncio.get_running_loop().create_task(self._renew(), name="msggen flight renewal")
+
+    def _remove_selected(self) -> None:
+        """Unregister what the vehicle keeps although it does not answer, because it is selected."""
+        status = self._feeds["vehicle_status"].latest
+        for ids in self._registered.values():
+            if status is not None and status.nav_state_user_intention == ids.mode:
+                self._registrar.unregister(ids)
 
     async def _renew(self) -> None:
         for part in self._parts:

@@ -14,6 +14,8 @@ _QUIET = 3.0
 """The time in s without an arming-check request after which nothing is registered: PX4 sends one every 0.3 s.
 
 At a loss of 20 %, some flights lose five requests in a row, and none loses ten."""
+_BURST = 0.1
+"""The time in s between two requests within which they have waited for a program that hung, and are outdated."""
 _MISSES = 5
 """How many requests without an own id show that it was removed. A mode that answers again is in the second one."""
 _UTC: Final = 10**15
@@ -33,6 +35,8 @@ class Restarts:
         self._since = 0.0
         """When the vehicle was heard again, or everything was registered. Before that, no request can be missed."""
         self._misses = 0
+        self._asked = float("-inf")
+        """When the last request has come."""
         self.close = feeds["arming_check_request"].call(self._take_request)
         """Stops watching."""
 
@@ -63,6 +67,10 @@ class Restarts:
         return bool(is_later and status.nav_state_timestamp < self._mode_time)
 
     def _take_request(self, request: Any) -> None:
+        now, before = self._loop.time(), self._asked
+        self._asked = now
+        if now - before < _BURST:
+            return
         own = self._checks()
         mask = getattr(request, "valid_registrations_mask", own)  # from v1.17 on
         self._misses = self._misses + 1 if own & ~mask else 0

@@ -312,7 +312,7 @@ def test_a_flight_can_end_while_its_modes_are_registered_again(seconds: float, p
     fly(px4_types, program)
 
 
-def test_a_vehicle_that_does_not_answer_commands_is_told(px4_types: Any) -> None:
+def test_a_vehicle_that_does_not_answer_commands_is_told(types: Any) -> None:
     async def program(flight: Flight, vehicle: Flown) -> float:
         vehicle.lost = {"vehicle_command"}
         begin = vehicle.time
@@ -320,7 +320,7 @@ def test_a_vehicle_that_does_not_answer_commands_is_told(px4_types: Any) -> None
             await flight.arm()
         return (vehicle.time - begin) / 1e6
 
-    assert fly(px4_types, program) == pytest.approx(1.8, abs=0.1)
+    assert fly(types, program) == pytest.approx(1.8, abs=0.1)
 
 
 def test_a_command_whose_effect_is_shown_is_not_sent_again(types: Any) -> None:

@@ -99,10 +99,23 @@ def test_after_a_gap_requests_have_time_to_come(watched: Watched) -> None:
 def test_an_id_that_is_not_asked_for_is_removed_on_the_ground(*, is_armed: bool, count: int, watched: Watched) -> None:
     watched.take(status(50.0, is_armed=is_armed))
     for mask in (OWN, 0, 0, 0, 0, OWN, 0, 0, 0, 0):
+        watched.now += 0.3
         watched.requests.take(SimpleNamespace(valid_registrations_mask=mask))
     assert not watched.told
+    watched.now += 0.3
     watched.requests.take(SimpleNamespace(valid_registrations_mask=0b1))
     assert len(watched.told) == count
+
+
+def test_requests_that_have_waited_for_a_program_that_hung_are_not_counted(watched: Watched) -> None:
+    watched.take(status(50.0))
+    watched.now += 4.0
+    for _ in range(12):
+        watched.requests.take(SimpleNamespace(valid_registrations_mask=0))
+    assert not watched.told
+    watched.now += 0.3
+    watched.requests.take(SimpleNamespace(valid_registrations_mask=OWN))
+    assert not watched.told
 
 
 def test_releases_without_a_mask_are_not_judged_by_it(watched: Watched) -> None:
