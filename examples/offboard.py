@@ -1,4 +1,7 @@
-"""Take off in Offboard mode, fly a square, and land.
+"""Take off in Offboard mode, fly a square, and land, with messages alone.
+
+Use this for PX4 v1.14, or to see what crosses the link. From v1.15 on, msggen.flight needs less code: its `offboard()`
+keeps the heartbeat, its actions take off and land, and pilots can choose its flight modes (examples/flight/square.py).
 
 Usage: python offboard.py [udp://127.0.0.1:8888]
 

@@ -16,7 +16,8 @@ GROUPS = {
         *("docs/sync", "docs/check", "docs/lint", "docs/bump", "docs/ci", "docs/px4_generate", "docs/site"),
     ),
     "Vehicle": (
-        *("docs/vehicle", "docs/connect", "docs/sim", "docs/topic", "docs/top", "docs/command", "docs/doctor"),
+        *("docs/vehicle", "docs/connect", "docs/flight", "docs/flight_safety", "docs/flight_tests", "docs/sim"),
+        *("docs/topic", "docs/top", "docs/command", "docs/doctor"),
         *("docs/links", "docs/link", "docs/beyond", "docs/ros2", "docs/view"),
     ),
     "Recordings": (
@@ -34,7 +35,7 @@ GROUPS = {
     ),
     "Inside": (
         *("docs/design", "docs/design_package", "docs/design_inside", "docs/backend", "docs/fuzz", "docs/libraries"),
-        *("CONTRIBUTING", "SECURITY"),
+        *("docs/flight_compared", "CONTRIBUTING", "SECURITY"),
     ),
 }
 """The pages of each group, in the order in which they are read. `commands` and `api` are made from the program."""

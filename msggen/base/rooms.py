@@ -35,6 +35,8 @@ ROOMS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "live.owner": ("base", "live.link", "live.links", "live.vehicle"),
         "live.ros": ("base", "live.link", "live.messages", "live.vehicle"),
         "live": ("base",),
+        "flight": ("base", "live.link", "live"),
+        "flight.pytest": ("base", "sources", "generate", "live.sim", "flight", "recordings.live"),
         "recordings.source": (),
         "recordings.stores": ("base",),
         "recordings.files": ("base", "definitions", "recordings.source", "recordings.stores"),

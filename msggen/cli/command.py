@@ -52,7 +52,8 @@ def add_to(commands: Commands) -> None:
         help="send a command such as NAV_TAKEOFF to a running vehicle",
         description="Send a VehicleCommand to a running vehicle, and print how it is acknowledged. Parameters have "
         "names, which --list shows with their units; those that are not given are NaN, not set. The command is "
-        "published, so it works in every session, unlike msggen call.",
+        "published, so it works in every session, unlike msggen call. A program that flies uses the actions, the "
+        "Offboard mode and the flight modes of msggen.flight instead, which wait until they are done (docs/flight.md).",
         epilog=f"Exit codes: 0 accepted, 1 not accepted or not answered, {FAILED_CODES}",
     )
     parser.add_argument(

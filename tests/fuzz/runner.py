@@ -40,6 +40,7 @@ NAMES = (
     "settings",
     "sessions",
     "events",
+    "flights",
 )
 """The campaigns, each a module of this package."""
 

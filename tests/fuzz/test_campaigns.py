@@ -121,6 +121,7 @@ PLANTED: dict[str, tuple[str, Any]] = {
     "stores": ("msggen.recordings.fleet.stored.StoredFolder.publish", lambda *_: None),
     "structures": ("msggen.recordings.decode.schemas.too_large", lambda *_: iter(())),
     "sessions": ("msggen.live.xrce.session.REPLIES", 4096),
+    "flights": ("msggen.flight.setpoints.Stream.stop", lambda _: None),
     "events": ("msggen.recordings.decode.event_metadata._object", lambda value: value),
 }
 """An error for each campaign: the function or the number that is replaced, and by what."""

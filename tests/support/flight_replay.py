@@ -200,9 +200,10 @@ class Replay:
         self._answer("setpoint_config_reply", one.type, one.source_id, result, *(each in needed for each in OF_TYPES))
 
     def _override(self, one: Any) -> None:
-        overrides = Overrides(one.disable_auto_disarm, one.defer_failsafes, one.defer_failsafes_timeout_s)
+        values = one.disable_auto_disarm, one.defer_failsafes, one.defer_failsafes_timeout_s
+        overrides = Overrides(*values, one.disable_auto_set_home)
         self.commander.override(one.source_id, overrides, of_executor=one.source_type == one.SOURCE_TYPE_MODE_EXECUTOR)
-        self._answer("config_overrides_confirm", one.source_type, one.source_id, *overrides)
+        self._answer("config_overrides_confirm", one.source_type, one.source_id, *values)
 
     def _command_executor(self, one: Any) -> None:
         """Do a command of an executor, or refuse it."""

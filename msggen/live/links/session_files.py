@@ -54,7 +54,7 @@ class Records:
         self._link = link
         self._tell = tell
         self._has_told = False
-        self._boot = _boot()
+        self._boot = boot_id()
         self._heard: dict[Address, str] = {}
         """The clients that have a file, and its path."""
         self._touched = 0.0
@@ -62,7 +62,7 @@ class Records:
     def load(self) -> list[Record]:
         """Return the records whose clients may still be there. Others are removed, and damaged ones set aside."""
         found: list[Record] = []
-        if not _is_own(self._folder):
+        if not is_own(self._folder):
             self._tell_once(f"the records of sessions are not used: others can write to {self._folder}")
             return found
         for path in self._paths():
@@ -183,7 +183,7 @@ def _digest(text: str) -> str:
     return blake2b(text.encode("utf-8", "backslashreplace"), digest_size=12).hexdigest()
 
 
-def _is_own(folder: str) -> bool:
+def is_own(folder: str) -> bool:
     """Whether nobody else can put a record into a folder, or it does not exist."""
     try:
         told = os.stat(folder)
@@ -208,7 +208,7 @@ def _stamp(path: str) -> None:
         os.utime(path, ns=(now, now))
 
 
-def _boot() -> str:
+def boot_id() -> str:
     """Return what identifies the start of this computer: the monotonic clock begins then."""
     with suppress(OSError), open("/proc/sys/kernel/random/boot_id", encoding="ascii") as file:
         return file.read(64).strip()

@@ -62,8 +62,8 @@ class Vehicle(Protocol):
     def place(self) -> Home:
         """Where it is."""
 
-    def set_home(self, home: Home) -> None:
-        """Let a return end at a place."""
+    def set_home(self, home: Home, *, is_manual: bool = False) -> None:
+        """Let a return end at a place. One that `is_manual` stays at the next takeoff."""
 
     def set_origin(self, origin: Home) -> None:
         """Count the local position from a place."""
@@ -138,13 +138,14 @@ class Order:
         """DO_SET_HOME: here, or at a place."""
         world = self._world
         place = Home(*self._parameters[4:])
-        if self._parameters[0] > 0.5:  # noqa: PLR2004 - a flag
+        is_here = self._parameters[0] > 0.5  # noqa: PLR2004 - a flag
+        if is_here:
             place = world.place
         elif not place.is_possible:
             return self.refuse(states.DENIED, "param5 to param7 are not a latitude, longitude and altitude")
         if not world.has_position:
             return self.refuse(states.TEMPORARILY_REJECTED, "there is no position")
-        world.set_home(place)
+        world.set_home(place, is_manual=not is_here)
         return states.ACCEPTED
 
     def set_origin(self) -> int:

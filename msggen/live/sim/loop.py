@@ -80,6 +80,12 @@ class SimulatedLoop(asyncio.SelectorEventLoop):
         """Return the time of the vehicles in s."""
         return self._simulation.time / 1e6
 
+    def block(self, seconds: float) -> None:
+        """Let time pass while the program stands still, as `time.sleep` does."""
+        end = self._simulation.time + round(seconds * 1e6)
+        while self._simulation.time < end:
+            self._simulation.advance(end)
+
     def call_soon(
         self,
         callback: Callable[[Unpack[_Arguments]], object],

@@ -18,7 +18,7 @@ from msggen.live.sim.programs import Programs
 from msggen.live.sim.publishing import STATUS, FlightLog, Schedule, publication_of
 from msggen.live.sim.requests import Requests
 from msggen.live.sim.values import Clocks, Filler, Scene
-from msggen.live.sim.vehicle import status_of, world_of
+from msggen.live.sim.vehicle import restarted, status_of, world_of
 from msggen.live.sim.world import STEP
 
 Take = Callable[[Any], None]
@@ -40,11 +40,10 @@ class NearVehicle:
         self._takers: dict[str, list[Take]] = defaultdict(list)
         self._arrived: list[tuple[str, Any]] = []
         """The messages that the vehicle takes in its next step."""
-        self._programs = Programs(self.world, self._publish)
-        requests = Requests(self.world, self._publish, self._tell, {})
-        self._handlers = {**self._programs.handlers, **requests.handlers}
+        self._start()
         self._status: Sequence[object] = ()
         self._schedule = Schedule(out, 0)
+        self._options = options
         self.time = 0
 
     @property
@@ -83,11 +82,29 @@ class NearVehicle:
     def publish(self, topic: str, message: Any) -> None:
         """Send a message of a program on a topic, which is named as in uORB.
 
-        Raises LookupError for a topic that the vehicle does not read.
+        Raises LookupError for a topic that the vehicle does not read, and EncodeError: for messages that get lost, too.
         """
         if topic not in self._inputs:
             raise LookupError(f"the vehicle does not read '{topic}'")
-        self._arrived.append((topic, type(message).decode(message.encode())))
+        received = type(message).decode(message.encode())
+        if not self.loses(topic):
+            self._arrived.append((topic, received))
+
+    def restart(self) -> None:
+        """Restart the vehicle at home: it knows nothing of programs but the slots of their names."""
+        self.world = restarted(self.world, self.package, self._options)
+        self._arrived.clear()
+        self._start()
+
+    def _start(self) -> None:
+        """Let the vehicle take messages."""
+        self._programs = Programs(self.world, self._publish)
+        requests = Requests(self.world, self._publish, self._tell, {})
+        self._handlers = {**self._programs.handlers, **requests.handlers}
+
+    def loses(self, _topic: str) -> bool:
+        """Whether the next message of a topic gets lost on its way. Here, none does."""
+        return False
 
     def _receive(self, topic: str, message: Any) -> None:
         if self._log is not None:
@@ -110,5 +127,5 @@ class NearVehicle:
         takers = self._takers[topic]
         if takers:
             loop = asyncio.get_running_loop()
-            for take in takers:
+            for take in [] if self.loses(topic) else takers:
                 loop.call_soon(take, type(message).decode(message.encode()))

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
+from msggen.base import earth
 from msggen.live.sim.attitude import Vector
 
-_EARTH_RADIUS = 6_371_000.0
 _HIGHEST = 1e5
 
 
@@ -26,17 +25,10 @@ class Home(NamedTuple):
 
     def local(self, place: Home) -> Vector:
         """Return the local position of another place, of which this one is the origin. NaN stays."""
-        north = math.radians(place.latitude - self.latitude) * _EARTH_RADIUS
-        east = math.radians(place.longitude - self.longitude) * self._radius
+        north, east = earth.local(self[:2], place.latitude, place.longitude)
         return north, east, self.altitude - place.altitude
 
     def place(self, position: Vector) -> Home:
         """Return the place of a local position."""
         north, east, down = position
-        latitude = self.latitude + math.degrees(north / _EARTH_RADIUS)
-        return Home(latitude, self.longitude + math.degrees(east / self._radius), self.altitude - down)
-
-    @property
-    def _radius(self) -> float:
-        """The radius of the parallel."""
-        return _EARTH_RADIUS * math.cos(math.radians(self.latitude))
+        return Home(*earth.placed(self[:2], north, east), self.altitude - down)

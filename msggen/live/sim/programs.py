@@ -154,7 +154,9 @@ class Programs:
         self._commander.control(message.source_id, controls)
 
     def _take_overrides(self, message: Any, _: int) -> None:
-        overrides = Overrides(message.disable_auto_disarm, message.defer_failsafes, message.defer_failsafes_timeout_s)
+        keeps_home = getattr(message, "disable_auto_set_home", False)
+        seconds = message.defer_failsafes_timeout_s
+        overrides = Overrides(message.disable_auto_disarm, message.defer_failsafes, seconds, keeps_home)
         self._commander.override(message.source_id, overrides, of_executor=message.source_type == _OF_EXECUTOR)
         names = (field.name for field in message.__msg__.fields if field.name != "timestamp")
         self._publish("config_overrides_confirm", **{name: getattr(message, name) for name in names})

@@ -331,14 +331,7 @@ class SimulatedVehicle:
 
     def _restart(self) -> None:
         """Stand at home again, and forget all but the slots of modes. The clock goes on."""
-        before = self.world
-        self.world = world_of(self._package, self.options)
-        self.world.time = self._now
-        for name in ("has_gps", "has_position", "has_sticks", "has_ground_station"):
-            setattr(self.world, name, getattr(before, name))
-        self.world.battery = before.battery
-        self.world.commander.components = before.commander.components
-        self.world.commander.components.restart()
+        self.world = restarted(self.world, self._package, self.options)
         self._answers = Answers()
         self._enter_world()
         self._restart_client()
@@ -360,6 +353,16 @@ def world_of(package: ModuleType, options: Options) -> World:
         rules=rules_of(topics.UORB, has_versions=has_versions, is_sitl=options.board == "sitl"),
         parameters={**PARAMETERS, **options.parameters},
     )
+
+
+def restarted(before: World, package: ModuleType, options: Options) -> World:
+    """Return the world of a vehicle that restarts at home. Only its clock and the slots of modes stay."""
+    found = world_of(package, options)
+    for name in ("time", "battery", "has_gps", "has_position", "has_sticks", "has_ground_station"):
+        setattr(found, name, getattr(before, name))
+    found.commander.components = before.commander.components
+    found.commander.components.restart()
+    return found
 
 
 def status_of(world: World) -> Sequence[object]:

@@ -65,6 +65,9 @@ class World:
         self.autopilot = Autopilot(self.flight, self.setpoints, parameters)
         self.landing = LandDetector()
         self._parameters = parameters
+        self._rests = True, True
+        """Whether the vehicle was disarmed and landed in the last step."""
+        self._is_manual_home = False
         self._loop_time = -LOOP
         self._gps_time = 0
         """When GPS and position were last both there or both gone."""
@@ -90,6 +93,7 @@ class World:
             self.commander.step(self.time, self.senses)
         self.autopilot.enter(self.commander.mode, self.time)
         self._fly(seconds)
+        self._follow_home()
         self.battery.drain(seconds, self.thrust)
 
     def _estimate(self) -> None:
@@ -115,6 +119,13 @@ class World:
         is_resting = flight.is_on_ground and not autopilot.lift.is_pushing
         landing.step(self.time, is_resting=is_resting, is_disturbed=is_disturbed, is_armed=commander.is_armed)
         self._setpoint = target
+
+    def _follow_home(self) -> None:
+        """Let home be where the vehicle is armed, and then where it takes off, as PX4 does with COM_HOME_EN."""
+        before, self._rests = self._rests, (not self.commander.is_armed, self.landing.landed)
+        begins = any(was and not still for was, still in zip(before, self._rests, strict=True))
+        if begins and self.has_position and not self._is_manual_home and not self.commander.keeps_home:
+            self.set_home(self.place)
 
     @property
     def senses(self) -> Senses:
@@ -207,9 +218,9 @@ class World:
         """Above mean sea level in m."""
         return self.origin.altitude - self.flight.position[2]
 
-    def set_home(self, home: Home) -> None:
-        """Let a return end at a place."""
-        self.home, self.has_home = home, True
+    def set_home(self, home: Home, *, is_manual: bool = False) -> None:
+        """Let a return end at a place. One that `is_manual` stays at the next takeoff."""
+        self.home, self.has_home, self._is_manual_home = home, True, is_manual
         self.autopilot.home = self.origin.local(home)
 
     def set_origin(self, origin: Home) -> None:

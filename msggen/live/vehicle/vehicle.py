@@ -223,6 +223,11 @@ class Vehicle:
         return self.firmware
 
     @property
+    def types(self) -> tuple[ModuleType, ...]:
+        """The generated packages that were given."""
+        return tuple(self._packages)
+
+    @property
     def lost(self) -> int:
         """The samples of this session that did not arrive: their sequence numbers are missing."""
         return self._entry().lost

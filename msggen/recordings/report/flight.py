@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from msggen.base.earth import RADIUS
 from msggen.recordings.report.attitude import tilt_of
 from msggen.recordings.report.recorded import Column, Recorded
 
@@ -16,8 +17,6 @@ if TYPE_CHECKING:
 
 _QUARTER = 90
 """The degrees from the equator to a pole."""
-_RADIUS = 6_371_000.0
-"""The radius of the earth in m."""
 _FARTHEST = 2e7
 """Half of the way around the earth in m. A position that is farther away, or no number, is none."""
 _STEP = 1.0
@@ -85,7 +84,7 @@ def _globe(recorded: Recorded, topic: str, latitude: str, longitude: str, scale:
         return None
     north, east = np.radians(north[mask]), np.radians(east[mask])
     turn = (east - east[0] + np.pi) % (2 * np.pi) - np.pi  # across the date line, too
-    return Track(lat.times[mask], turn * np.cos(north[0]) * _RADIUS, (north - north[0]) * _RADIUS, topic)
+    return Track(lat.times[mask], turn * np.cos(north[0]) * RADIUS, (north - north[0]) * RADIUS, topic)
 
 
 def figures_of(recorded: Recorded, track: Track | None) -> list[Figure]:

@@ -94,7 +94,7 @@ def test_a_record_does_not_outlive_the_start_of_the_computer(
     tmp_path: Path, told: Told, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     told.records(tmp_path).write([(ADDRESS, RECORD)])
-    monkeypatch.setattr(module, "_boot", lambda: "another")
+    monkeypatch.setattr(module, "boot_id", lambda: "another")
     assert told.records(tmp_path).load() == []
 
 

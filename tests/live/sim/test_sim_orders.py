@@ -92,7 +92,7 @@ def test_a_reposition_keeps_what_it_does_not_tell_and_has_a_speed() -> None:
     pilot.take_off()
     height = pilot.world.flight.position[2]
     north = START.place((50.0, 0.0, 0.0))
-    assert pilot.command(REPOSITION, at(north.latitude, NAN, NAN, first=2.0, second=1.0)) == ACCEPTED
+    assert pilot.command(REPOSITION, at(north.latitude, north.longitude, NAN, first=2.0, second=1.0)) == ACCEPTED
     pilot.run(5.0)
     assert speed_of(pilot) == pytest.approx(2.0, abs=0.05)
     assert pilot.world.flight.position[1:] == pytest.approx((0.0, height), abs=0.1)
@@ -129,6 +129,23 @@ def test_a_return_ends_at_the_home_that_was_set(
     assert pilot.select(RETURN) == ACCEPTED
     pilot.until(lambda: not pilot.world.is_armed, 180)
     assert pilot.world.flight.position[:2] == pytest.approx(end, abs=0.6)
+
+
+@pytest.mark.parametrize("is_manual", [False, True])
+def test_home_is_where_the_vehicle_takes_off_unless_a_place_was_set(*, is_manual: bool) -> None:
+    pilot = Pilot()
+    pilot.take_off()
+    assert pilot.world.home == pytest.approx(START, abs=0.01)
+    assert pilot.command(REPOSITION, at(*START.place((8.0, -6.0, -5.0)), second=1.0)) == ACCEPTED
+    pilot.run(12.0)
+    if is_manual:
+        assert pilot.command(SET_HOME, at(*START.place((3.0, 0.0, 0.0)), first=0.0)) == ACCEPTED
+    assert pilot.select(LAND) == ACCEPTED
+    pilot.until(lambda: not pilot.world.is_armed)
+    assert pilot.world.origin.local(pilot.world.home)[0] == pytest.approx(3.0 if is_manual else 0.0, abs=0.01)
+    pilot.take_off()
+    expected = (3.0, 0.0) if is_manual else (8.0, -6.0)
+    assert pilot.world.origin.local(pilot.world.home)[:2] == pytest.approx(expected, abs=0.3)
 
 
 def test_home_needs_a_position_and_a_place() -> None:

@@ -45,6 +45,8 @@ class Overrides(NamedTuple):
     """Whether the vehicle stays armed after landing."""
     defers: bool = False
     defer_seconds: int = 0
+    keeps_home: bool = False
+    """Whether the home position stays at takeoff: from v1.18 on."""
 
 
 class Commander:
@@ -280,6 +282,11 @@ class Commander:
         if mode in self.components.modes:
             self._controls[mode] = controls
 
+    @property
+    def keeps_home(self) -> bool:
+        """Whether a mode or an executor keeps the home position."""
+        return self._applied.keeps_home
+
     def override(self, owner: int, overrides: Overrides, *, of_executor: bool) -> None:
         """Take the ConfigOverrides of an executor or a mode. It replaces the one before."""
         if owner in (self.components.executors if of_executor else self.components.modes):
@@ -306,7 +313,9 @@ class Commander:
     def _apply_overrides(self) -> None:
         own = self._overrides.get((False, self.mode), Overrides())
         executor = self._overrides.get((True, self.executor_in_charge), Overrides())
-        found = (executor if executor.defers else own)._replace(keeps_armed=own.keeps_armed or executor.keeps_armed)
+        found = (executor if executor.defers else own)._replace(
+            keeps_armed=own.keeps_armed or executor.keeps_armed, keeps_home=own.keeps_home or executor.keeps_home
+        )
         self.failsafe.defer(found.defer_seconds if found.defers else None)
         self._applied = found
 

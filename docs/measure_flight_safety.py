@@ -1,0 +1,297 @@
+"""What a simulated vehicle does when its program, or the link to it, is gone: `python docs/measure_flight_safety.py`.
+
+It prints the table of docs/flight_safety.md, and with `--write` puts it on that page. A flight takes about 0.1 s: it is
+on the clock of the vehicle.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import re
+import sys
+from collections.abc import Callable, Coroutine, Sequence
+from contextlib import suppress
+from pathlib import Path
+from types import ModuleType
+from typing import Any, NamedTuple, cast
+
+from msggen.flight import TRAJECTORY, Executor, Flight, Mode, NoAnswerError
+from msggen.live.sim.commander.states import MODE_NAMES
+from msggen.live.sim.loop import SimulatedLoop, run
+from msggen.live.sim.near import NearVehicle
+
+RELEASES = ("v1.15", "v1.18")
+PHASES = (0.0, 0.08, 0.16, 0.24)
+"""When a flight begins, in s: PX4 asks programs every 0.3 s, and the times depend on when it has asked last."""
+_WAIT = 8.0
+"""How long a vehicle is observed after a program is gone, in s."""
+_STEP = 0.01
+_SPEED = 3.0
+
+
+class Seen(NamedTuple):
+    """What a vehicle did."""
+
+    seconds: float
+    """When it left the mode, NaN if it did not."""
+    mode: str
+    """The mode at the end."""
+    metres: float
+    """How far it flew on."""
+
+
+class LossyVehicle(NearVehicle):
+    """A vehicle whose link to the program can be cut."""
+
+    is_cut = False
+
+    def loses(self, _topic: str) -> bool:
+        """See NearVehicle."""
+        return self.is_cut
+
+
+class Goto(Mode, name="Goto"):
+    """Flies far away."""
+
+    async def fly(self) -> None:
+        """Fly to a place."""
+        await self.goto((200.0, 0.0, -10.0))
+
+
+class Straight(Mode, name="Straight"):
+    """Flies by velocity."""
+
+    setpoints = (TRAJECTORY,)
+
+    async def fly(self) -> None:
+        """Fly north."""
+        self.trajectory(velocity=(_SPEED, 0.0, 0.0))
+        await asyncio.sleep(math.inf)
+
+
+class Fails(Mode, name="Fails"):
+    """Raises an exception."""
+
+    async def fly(self) -> None:
+        """Fail after 3 s."""
+        await self.hold(3.0)
+        raise ArithmeticError
+
+
+class Lifts(Executor):
+    """Takes off."""
+
+    mode = Goto
+    starts = "selected"
+
+    async def run(self) -> None:
+        """Take off, and fly."""
+        await self.arm()
+        await self.takeoff(10.0)
+        await self.fly()
+
+
+Case = Callable[[Flight, LossyVehicle], Coroutine[Any, Any, Seen]]
+
+
+async def in_mode(flight: Flight, mode: type[Mode], seconds: float = 3.0) -> None:
+    """Take off, and fly a mode for some time."""
+    await flight.add(mode)
+    await flight.arm()
+    await flight.takeoff(10.0)
+    await flight.set_mode(mode)
+    await asyncio.sleep(seconds)
+
+
+async def observe(vehicle: LossyVehicle, hang: Callable[[float], None] | None = None) -> Seen:
+    """Wait until the vehicle leaves its mode, with a function that lets the program hang if that is given."""
+    world, begin = vehicle.world, vehicle.time
+    mode, place = world.mode, world.flight.position
+    for _ in range(round(_WAIT / _STEP)):
+        if world.mode != mode:
+            break
+        if hang is not None:
+            hang(_STEP)
+        else:
+            await asyncio.sleep(_STEP)
+    seconds = math.nan if world.mode == mode else (vehicle.time - begin) / 1e6
+    return Seen(seconds, MODE_NAMES[world.mode], math.dist(world.flight.position[:2], place[:2]))
+
+
+async def killed_in_goto(flight: Flight, vehicle: LossyVehicle) -> Seen:
+    """Kill the program while it flies to a place."""
+    await in_mode(flight, Goto)
+    vehicle.is_cut = True
+    return await observe(vehicle)
+
+
+async def killed_in_trajectory(flight: Flight, vehicle: LossyVehicle) -> Seen:
+    """Kill the program while it flies by velocity."""
+    await in_mode(flight, Straight)
+    vehicle.is_cut = True
+    return await observe(vehicle)
+
+
+async def killed_in_takeoff(flight: Flight, vehicle: LossyVehicle) -> Seen:
+    """Kill the program while its executor takes off."""
+    await flight.add(Lifts)
+    await flight.set_mode(Goto)
+    await flight.wait_armed()
+    await asyncio.sleep(2.0)
+    vehicle.is_cut = True
+    return await observe(vehicle)
+
+
+async def killed_in_offboard(flight: Flight, vehicle: LossyVehicle) -> Seen:
+    """Kill the program while it flies in Offboard mode."""
+    await flight.arm()
+    await flight.takeoff(10.0)
+    with suppress(NoAnswerError):  # nobody answers the selection of Hold at the end
+        async with flight.offboard() as setpoint:
+            setpoint.trajectory(velocity=(_SPEED, 0.0, 0.0))
+            await asyncio.sleep(3.0)
+            vehicle.is_cut = True
+            seen = await observe(vehicle)
+    return seen
+
+
+async def failed(flight: Flight, vehicle: LossyVehicle) -> Seen:
+    """Let `fly` raise an exception."""
+    has_failed = asyncio.Event()
+    asyncio.get_running_loop().set_exception_handler(lambda *_: has_failed.set())
+    await in_mode(flight, Fails, 0.0)
+    await has_failed.wait()
+    return await observe(vehicle)
+
+
+async def ended(flight: Flight, vehicle: LossyVehicle) -> Seen:
+    """Let the program end while it flies."""
+    await in_mode(flight, Goto)
+    flight.close()
+    return await observe(vehicle)
+
+
+async def interrupted(flight: Flight, vehicle: LossyVehicle) -> Seen:
+    """Cut the link for half a second."""
+    await in_mode(flight, Goto)
+    vehicle.is_cut = True
+    asyncio.get_running_loop().call_later(0.5, setattr, vehicle, "is_cut", False)  # noqa: FBT003 - what it is set to
+    return await observe(vehicle)
+
+
+async def back(flight: Flight, vehicle: LossyVehicle) -> Seen:
+    """Cut the link for 3 s, and measure how long the mode takes to come back."""
+    await in_mode(flight, Goto)
+    vehicle.is_cut = True
+    await asyncio.sleep(3.0)
+    vehicle.is_cut = False
+    return await observe(vehicle)
+
+
+async def hung(flight: Flight, vehicle: LossyVehicle) -> Seen:
+    """Let the program hang: its event loop stands still."""
+    await in_mode(flight, Goto)
+    return await observe(vehicle, cast("SimulatedLoop", asyncio.get_running_loop()).block)
+
+
+async def lost(flight: Flight, vehicle: LossyVehicle) -> Seen:
+    """Take the satellites from the vehicle."""
+    await in_mode(flight, Goto)
+    vehicle.world.has_gps = False
+    return await observe(vehicle)
+
+
+async def restarted(flight: Flight, vehicle: LossyVehicle) -> Seen:
+    """Restart PX4, and measure how long it takes until the mode is registered again."""
+    await in_mode(flight, Goto)
+    vehicle.restart()
+    begin = vehicle.time
+    while not vehicle.world.commander.components.modes:  # noqa: ASYNC110 - the vehicle has no event
+        await asyncio.sleep(_STEP)
+    return Seen((vehicle.time - begin) / 1e6, "registered again", 0.0)
+
+
+CASES: Sequence[tuple[str, Case]] = (
+    ("the program is killed, goto", killed_in_goto),
+    ("the program is killed, trajectory", killed_in_trajectory),
+    ("the program is killed, offboard", killed_in_offboard),
+    ("the program is killed, takeoff", killed_in_takeoff),
+    ("the program hangs", hung),
+    ("the program ends without landing", ended),
+    ("`fly` raises an exception", failed),
+    ("the link is lost for 0.5 s", interrupted),
+    ("the link is back after 3 s", back),
+    ("the satellites are lost", lost),
+    ("PX4 restarts", restarted),
+)
+
+
+def measure(package: ModuleType, case: Case, phase: float) -> Seen:
+    """Fly a case."""
+    vehicle = LossyVehicle(package)
+
+    async def main() -> Seen:
+        await asyncio.sleep(1.0 + phase)
+        async with Flight(vehicle) as flight:
+            try:
+                return await case(flight, vehicle)
+            finally:
+                vehicle.is_cut = False
+
+    return run(main(), vehicle)
+
+
+def times_of(seen: Sequence[Seen]) -> str:
+    """Return the shortest and the longest time."""
+    times = [each.seconds for each in seen]
+    return "-" if any(map(math.isnan, times)) else f"{min(times):.2f} to {max(times):.2f}"
+
+
+def then_of(seen: Sequence[Seen]) -> str:
+    """Return what the vehicle does at the end, and how far it flew on at most."""
+    (mode,) = {each.mode for each in seen}
+    metres = max(each.metres for each in seen)
+    return mode if metres < 1.0 or times_of(seen) == "-" else f"{mode}, {metres:.0f} m further on"
+
+
+def table(packages: Sequence[ModuleType], names: Sequence[str]) -> list[str]:
+    """Return the lines of the table."""
+    lines = [f"{'seconds':34}" + "".join(f"{name:14}" for name in names) + "then"]
+    for text, case in CASES:
+        found = [[measure(package, case, phase) for phase in PHASES] for package in packages]
+        lines.append(f"{text:34}" + "".join(f"{times_of(each):14}" for each in found) + then_of(found[-1]))
+    return lines
+
+
+_CELLS = {
+    "the program, in its mode": "the program is killed, goto",
+    "the program, in Offboard mode": "the program is killed, offboard",
+    "the program hangs": "the program hangs",
+    "the link or the program, which then comes back in flight": "the link is back after 3 s",
+    "`fly` raises an exception": "`fly` raises an exception",
+    "the position, in a mode that requires it": "the satellites are lost",
+    "PX4": "PX4 restarts",
+}
+"""The rows of the second table on the page that have times of the first one, and their rows in it."""
+
+
+def updated(page: str, lines: Sequence[str]) -> str:
+    """Return the page with the lines of the table."""
+    block = "\n".join(["$ python docs/measure_flight_safety.py", *lines, "```"])
+    page = re.sub(r"\$ python docs/measure_flight_safety\.py\n.*?```", lambda _: block, page, count=1, flags=re.DOTALL)
+    for row, text in _CELLS.items():
+        line = next(each for each in lines if each.startswith(text))
+        times = re.findall(r"\d\.\d\d to \d\.\d\d", line)[-1]
+        page = re.sub(rf"(?m)^(\| {re.escape(row)} \|[^|]*?)\d\.\d\d to \d\.\d\d s", rf"\g<1>{times} s", page)
+    return page
+
+
+if __name__ == "__main__":
+    from msggen.generate.cache import package_of
+
+    found = table([package_of(each) for each in RELEASES], RELEASES)
+    print(*found, sep="\n")
+    if "--write" in sys.argv[1:]:
+        path = Path(__file__).with_name("flight_safety.md")
+        path.write_text(updated(path.read_text(encoding="utf-8"), found), encoding="utf-8")

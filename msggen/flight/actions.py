@@ -1,0 +1,255 @@
+"""Actions of a vehicle: arm, take off, land, return, select a mode. Each returns when it is done.
+
+They are sent as commands of a user or of an executor.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from contextlib import suppress
+from logging import getLogger
+from typing import Any
+
+from msggen.base import earth
+from msggen.flight import commands
+from msggen.flight.commands import Commands
+from msggen.flight.errors import FlightError, LimitError, NotReachedError
+from msggen.flight.feeds import Condition, Feeds
+from msggen.flight.limits import Fence
+from msggen.flight.places import GlobalPlace, local_place, sea_level
+from msggen.flight.setpoints import finite
+from msggen.flight.states import HOLD, LAND, MODES, RETURN, TAKEOFF, described, is_armed, is_disarmed
+from msggen.flight.telemetry import is_known_in_air, is_landed, valid_estimate
+
+LOGGER = getLogger("msggen.flight")
+
+_ENTERED = 3.0
+"""The time in s within which the status shows the effect of a command: PX4 publishes it at 2 Hz or more."""
+_NEAR = 1.0
+"""The distance in m within which a place by latitude and longitude is reached."""
+_SLOW = 0.5
+
+
+class Actions:
+    """Actions of a user, or of the executor with an id."""
+
+    def __init__(
+        self, sender: Commands, feeds: Feeds, fence: Fence, replacements: Mapping[int, int], executor: int = 0
+    ) -> None:
+        """Take the nav_states of modes that replace others, by those of the others."""
+        self._commands, self._feeds, self._fence = sender, feeds, fence
+        self._replacements, self._executor = replacements, executor
+
+    async def arm(self) -> None:
+        """Arm. Raises RefusedError with the reasons that the vehicle reports, and NoAnswerError."""
+        await self._send(commands.ARM_DISARM, 1.0, 0.0, what="arm", shown=is_armed)
+        await self._until(is_armed, "armed")
+
+    async def disarm(self) -> None:
+        """Disarm on the ground. Raises RefusedError in the air, and NoAnswerError."""
+        await self._send(commands.ARM_DISARM, 0.0, 0.0, what="disarm", shown=is_disarmed)
+        await self._until(is_disarmed, "disarmed")
+
+    async def takeoff(self, altitude: float | None = None) -> None:
+        """Take off, and return at an altitude in m above the ground, by default MIS_TAKEOFF_ALT.
+
+        PX4 ends the takeoff within 0.8 m of that (NAV_MC_ALT_RAD). In the air, the altitude is above home. A vehicle
+        that is as high already stays there, so a program that is started again does not climb twice.
+
+        Raises ValueError, LimitError, FlightError if the vehicle is not armed or a failsafe flies it, RefusedError,
+        NoAnswerError and NotReachedError.
+        """
+        if altitude is not None and not finite([altitude], "an altitude")[0] > 0.0:
+            raise ValueError(f"expected an altitude above the ground, got {altitude:g} m")
+        await self._check_armed("take off")
+        is_flying = self._is_flying()
+        sea = math.nan if altitude is None else await sea_level(self._feeds)
+        place = self._feeds["vehicle_local_position"].latest
+        goal = math.nan if altitude is None else (self._fence.ground if is_flying else place.z) - altitude
+        if is_flying and not place.z > goal + _NEAR:
+            LOGGER.info("no takeoff: the vehicle is in the air")
+            return
+        await self._check_takeoff(goal)
+        await self._send(commands.TAKEOFF, *[math.nan] * 6, sea - goal, what="take off", shown=self._is_in(TAKEOFF))
+        try:
+            await self._completed(TAKEOFF, "the takeoff")
+        except NotReachedError:
+            if not self._is_up(goal):  # the message that tells the end was lost
+                raise
+
+    async def _check_armed(self, what: str) -> None:
+        """Raise FlightError if the vehicle is not armed."""
+        with suppress(TimeoutError):  # the vehicle decides
+            if is_disarmed(await self._feeds["vehicle_status"].wait(lambda _: True, _ENTERED)):
+                raise FlightError(f"{what}: the vehicle is not armed: `await flight.arm()` or `wait_armed()`")
+
+    def _is_flying(self) -> bool:
+        """Whether the vehicle is in the air, as far as that is known. Raises FlightError in a failsafe."""
+        status = self._feeds["vehicle_status"].latest
+        if not is_known_in_air(self._feeds):
+            return False
+        if status.failsafe:
+            raise FlightError(f"{described(status)}, in the air: select another mode first, such as `hold`")
+        return True
+
+    def _is_up(self, goal: float) -> bool:
+        """Whether PX4 has gone on from a takeoff to Hold, at an altitude in the local frame, or NaN for any."""
+        status, place = self._feeds["vehicle_status"].latest, valid_estimate(self._feeds)
+        if status.nav_state != HOLD or place is None or is_landed(self._feeds):
+            return False
+        return math.isnan(goal) or bool(abs(place.z - goal) < _NEAR)
+
+    async def land(self) -> None:
+        """Land where the vehicle is, and return when it has landed. It disarms 2 s later (COM_DISARM_LAND).
+
+        Raises RefusedError, NoAnswerError and NotReachedError.
+        """
+        await self._check_armed("land")
+        await self._send(commands.LAND, what="land", shown=self._is_in(LAND))
+        await self._completed(LAND, "the landing")
+
+    async def return_home(self) -> None:
+        """Fly to the home position and land. The call ends when the vehicle has landed.
+
+        Raises RefusedError, NoAnswerError and NotReachedError.
+        """
+        await self._check_armed("return")
+        await self._send(commands.RETURN, what="return", shown=self._is_in(RETURN))
+        await self._completed(RETURN, "the return")
+
+    async def hold(self) -> None:
+        """Let PX4 hold the vehicle where it is. Raises RefusedError and NoAnswerError."""
+        await self.set_mode("hold")
+
+    async def set_mode(self, mode: str | int) -> None:
+        """Select a mode by its name, such as `hold` or `position`, or by its nav_state.
+
+        Raises ValueError for an unknown name, RefusedError, NoAnswerError, and FlightError if the mode is not entered.
+        """
+        number = MODES.get(mode.lower()) if isinstance(mode, str) else mode
+        if number is None:
+            raise ValueError(f"expected one of the modes {', '.join(MODES)}, or a nav_state, got {mode!r}")
+
+        await self._select(number, str(mode))
+
+    async def _select(self, number: int, name: str) -> None:
+        """Select a mode by its nav_state, and wait until the vehicle shows it."""
+        modes = self._modes_for(number)
+
+        def is_selected(status: Any) -> bool:
+            return status.nav_state_user_intention in modes
+
+        await self._send(commands.SET_NAV_STATE, float(number), what=f"mode {name}", shown=is_selected)
+        await self._until(is_selected, f"in mode {name}")
+
+    async def goto(
+        self, latitude: float, longitude: float, altitude: float | None = None, *, heading_deg: float = math.nan
+    ) -> None:
+        """Fly to a place in Hold mode, and return when it is reached: nearer than 1 m, slower than 0.5 m/s.
+
+        Latitude and longitude are in degrees, the altitude in m above mean sea level, by default the current one.
+        Raises RefusedError, NoAnswerError, NotReachedError if another mode is selected on the way, LimitError, and
+        FlightError on the ground.
+        """
+        place = GlobalPlace(latitude, longitude, altitude or 0.0)
+        await self._check_place(place, is_level=altitude is None)
+        if is_landed(self._feeds):
+            raise FlightError("the vehicle is on the ground: take off first")
+        above_sea = math.nan if altitude is None else altitude
+        values = -1.0, 1.0, math.nan, math.radians(heading_deg), latitude, longitude, above_sea
+        await self._send(commands.REPOSITION, *values, what="go to a place")
+        reached = self._feeds["vehicle_global_position"].following(
+            lambda place: _is_near(place, latitude, longitude, altitude)
+        )
+        await self._feeds.within({HOLD}, reached, "the flight to a place")
+        slow = self._feeds["vehicle_local_position"].following(lambda each: math.hypot(each.vx, each.vy) < _SLOW)
+        await self._feeds.within({HOLD}, slow, "the flight to a place")
+
+    async def set_home(
+        self, latitude: float | None = None, longitude: float | None = None, altitude: float | None = None
+    ) -> None:
+        """Set the home position: to where the vehicle is, or to a place in degrees and in m above mean sea level.
+
+        Raises ValueError, RefusedError and NoAnswerError.
+        """
+        place = [each for each in (latitude, longitude, altitude) if each is not None]
+        if not place:
+            await self._send(commands.SET_HOME, 1.0, what="set the home position")
+        elif len(place) < 3:  # noqa: PLR2004 - latitude, longitude, altitude
+            raise ValueError("expected latitude, longitude and altitude, or none of them")
+        else:
+            GlobalPlace(*place)
+            await self._send(commands.SET_HOME, 0.0, *[math.nan] * 3, *place, what="set the home position")
+
+    async def set_origin(self, latitude: float, longitude: float, altitude: float) -> None:
+        """Set the origin of the local frame, for a vehicle without a global position.
+
+        The origin is in degrees and in m above mean sea level. Raises ValueError, RefusedError and NoAnswerError.
+        """
+        GlobalPlace(latitude, longitude, altitude)
+        place = latitude, longitude, altitude
+        await self._send(commands.SET_ORIGIN, *[math.nan] * 4, *place, what="set the origin")
+
+    async def wait_armed(self) -> None:
+        """Wait until the vehicle is armed. Raises NoAnswerError if it is not heard for 10 s."""
+        await self._feeds.while_heard(self._feeds["vehicle_status"].wait(is_armed))
+
+    async def wait_disarmed(self) -> None:
+        """Wait until the vehicle is disarmed. Raises NoAnswerError if it is not heard for 10 s."""
+        await self._feeds.while_heard(self._feeds["vehicle_status"].wait(is_disarmed))
+
+    async def wait_for_status(self, condition: Condition, seconds: float) -> None:
+        """Wait until a VehicleStatus meets a condition. Raises TimeoutError."""
+        await self._feeds["vehicle_status"].wait(condition, seconds)
+
+    # inside
+
+    async def _send(self, command: int, *parameters: float, what: str, shown: Condition | None = None) -> None:
+        await self._commands.send(command, *parameters, executor=self._executor, what=what, shown=shown)
+
+    async def _until(self, condition: Condition, what: str) -> None:
+        try:
+            await self._feeds["vehicle_status"].wait(condition, _ENTERED)
+        except TimeoutError:
+            raise FlightError(f"the vehicle has accepted the command, but is not {what} after {_ENTERED:g} s") from None
+
+    async def _completed(self, mode: int, what: str) -> None:
+        """Wait until a mode of PX4 is completed. Messages from before the mode was entered do not count."""
+        await self._until(self._is_in(mode), f"in mode {mode}")
+        modes = self._modes_for(mode)
+        completed = self._feeds["mode_completed"].following(lambda each: each.nav_state in modes)
+        found = await self._feeds.within(modes, completed, what)
+        if found.result:
+            raise NotReachedError(f"{what} has failed: ModeCompleted has result {found.result}")
+
+    def _modes_for(self, mode: int) -> frozenset[int]:
+        """Return the nav_states that the vehicle can show for a mode."""
+        return frozenset({mode, self._replacements.get(mode, mode)})
+
+    def _is_in(self, mode: int) -> Condition:
+        modes = self._modes_for(mode)
+        return lambda status: status.nav_state in modes
+
+    async def _check_takeoff(self, goal: float) -> None:
+        """Raise LimitError for an altitude in the local frame that is too high, or NaN, which is not known."""
+        if math.isinf(self._fence.limits.height):
+            return
+        if math.isnan(goal):
+            raise LimitError("with a limit on the height, takeoff needs an altitude: MIS_TAKEOFF_ALT is not known")
+        await self._fence.wait_for_home()
+        self._fence.check_place((math.nan, math.nan, goal))
+
+    async def _check_place(self, place: GlobalPlace, *, is_level: bool) -> None:
+        """Raise LimitError for a place beyond the limits. The altitude does not count if the flight is level."""
+        if self._fence.limits.is_open:
+            return
+        await self._fence.wait_for_home()
+        north, east, down = await local_place(self._feeds, place, "ned")
+        self._fence.check_place((north, east, math.nan if is_level else down))
+
+
+def _is_near(place: Any, latitude: float, longitude: float, altitude: float | None) -> bool:
+    north, east = earth.local((latitude, longitude), place.lat, place.lon)
+    up = 0.0 if altitude is None else place.alt - altitude
+    return math.hypot(north, east, up) < _NEAR

@@ -1,0 +1,135 @@
+"""Commands to the vehicle: VehicleCommand with its acknowledgement.
+
+The numbers are those of VehicleCommand, and have been the same since v1.15.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from typing import Any, Final
+
+from msggen.flight.connection import Connection, Topics, filled
+from msggen.flight.errors import FlightError, NoAnswerError, RefusedError
+from msggen.flight.feeds import Condition, Feeds
+from msggen.flight.reasons import reasons_for
+
+ARM_DISARM: Final = 400
+RETURN: Final = 20
+LAND: Final = 21
+TAKEOFF: Final = 22
+SET_HOME: Final = 179
+REPOSITION: Final = 192
+SET_ORIGIN: Final = 100_000
+SET_NAV_STATE: Final = 100_001
+"""VEHICLE_CMD_COMPONENT_ARM_DISARM, _NAV_RETURN_TO_LAUNCH, _NAV_LAND, _NAV_TAKEOFF, _DO_SET_HOME, _DO_REPOSITION,
+_SET_GPS_GLOBAL_ORIGIN, _SET_NAV_STATE."""
+_MODES: Final = {RETURN: 5, LAND: 18, TAKEOFF: 17, REPOSITION: 4}
+"""The nav_state that a command selects."""
+COMPANION: Final = 191
+"""The component id of a companion computer in MAVLink: PX4 takes commands of components below 1000 as a user's."""
+EXECUTOR: Final = 1000
+"""COMPONENT_MODE_EXECUTOR_START: executor 1 sends commands as component 1001."""
+_ACCEPTED, _IN_PROGRESS = 0, 5
+_TRIES = 6
+"""With 20 % loss in both directions, one command in 460 gets no answer."""
+_PATIENCE = 0.3
+"""How long to wait for an acknowledgement, in s. PX4 v1.18 takes 4 to 17 ms."""
+
+
+class Commands:
+    """Sends commands of a user or of an executor."""
+
+    def __init__(self, connection: Connection, feeds: Feeds) -> None:
+        self._connection, self._feeds = connection, feeds
+        self._topics = Topics(connection.package)
+        self._lock = asyncio.Lock()
+        """One command at a time: an answer tells only the number of the command."""
+        self._is_closed = False
+
+    def close(self) -> None:
+        """Send nothing any more."""
+        self._is_closed = True
+
+    async def send(
+        self,
+        number: int,
+        *parameters: float,
+        executor: int = 0,
+        what: str = "",
+        shown: Condition | None = None,
+    ) -> None:
+        """Send a command until the vehicle answers. Parameters that are not given are NaN.
+
+        The answer can get lost. `shown` says whether a VehicleStatus shows the effect of the command. If one does, the
+        command is not sent again, because it could undo a later command.
+
+        Raises RefusedError with the reasons that the vehicle reports, and NoAnswerError after six tries of 0.3 s.
+        """
+        topic = "vehicle_command_mode_executor" if executor else "vehicle_command"
+        source = EXECUTOR + executor if executor else COMPANION
+        values = [*parameters, *[math.nan] * (7 - len(parameters))]
+        message = filled(
+            self._topics.incoming(topic),
+            command=number,
+            **self._target(),
+            source_system=1,
+            source_component=source,
+            from_external=True,
+            **{f"param{place}": value for place, value in enumerate(values, 1)},
+        )
+        what = what or f"command {number}"
+
+        def is_answer(answer: Any) -> bool:
+            is_mine = answer.command == number and answer.target_component == source
+            return bool(is_mine and answer.result != _IN_PROGRESS)
+
+        async with self._lock:
+            answer = await self._answered(topic, message, is_answer, what, shown)
+        if answer is not None and answer.result != _ACCEPTED:
+            raise RefusedError(what, answer.result, [*self._reasons(number, values)])
+
+    async def _answered(
+        self, topic: str, message: Any, is_answer: Condition, what: str, shown: Condition | None
+    ) -> Any:
+        """Send a message until the vehicle answers, and return that, or None if it has shown the effect."""
+        answers = self._feeds["vehicle_command_ack"]  # before the command: a shared link follows it only then
+        with self._noticing(shown) as has_shown:
+            for _ in range(_TRIES):
+                if self._is_closed:
+                    raise FlightError(f"{what}: the flight has ended")
+                self._connection.publish(topic, message)
+                with suppress(TimeoutError):
+                    return await answers.following(is_answer, _PATIENCE)
+                if has_shown():
+                    return None
+        raise NoAnswerError(f"{what}: no answer from the vehicle to {_TRIES} tries of {_PATIENCE} s")
+
+    @contextmanager
+    def _noticing(self, shown: Condition | None) -> Iterator[Callable[[], bool]]:
+        """Return a function that says whether a VehicleStatus has met a condition since."""
+        found: list[Any] = []
+        end = self._feeds["vehicle_status"].call(lambda each: found.append(each) if shown and shown(each) else None)
+        try:
+            yield lambda: bool(found)
+        finally:
+            end()
+
+    def _target(self) -> dict[str, int]:
+        """Return the ids of the vehicle. Before its first status, return 0, which addresses any vehicle."""
+        status = self._feeds["vehicle_status"].latest
+        ids = (0, 0) if status is None else (status.system_id, status.component_id)
+        return dict(zip(("target_system", "target_component"), ids, strict=True))
+
+    def _reasons(self, number: int, values: Sequence[float]) -> Iterator[str]:
+        """Yield the reasons for which the vehicle refuses a command, as far as its messages show them."""
+        if number == ARM_DISARM and values[0]:
+            yield from reasons_for(self._feeds)
+        elif number == SET_NAV_STATE:
+            yield from reasons_for(self._feeds, int(values[0]))
+        elif number in _MODES:
+            yield from reasons_for(self._feeds, _MODES[number])
+        elif number == ARM_DISARM:
+            yield "the vehicle is in the air"

@@ -1,0 +1,69 @@
+"""The vehicle that a program flies: its messages, in the thread of the program's event loop."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib import import_module
+from types import ModuleType
+from typing import Any, Protocol
+
+from msggen.flight.errors import UnsupportedError
+
+Take = Callable[[Any], None]
+"""Takes a message."""
+
+
+class Connection(Protocol):
+    """A vehicle with the messages of a generated package. Topics are named as in uORB."""
+
+    @property
+    def package(self) -> ModuleType:
+        """The generated package."""
+
+    def publish(self, topic: str, message: Any) -> None:
+        """Send a message."""
+
+    def subscribe(self, topic: str, take: Take) -> Callable[[], None]:
+        """Call `take` for each message, in the thread of the event loop. Return a function that ends this."""
+
+
+class Topics:
+    """The endpoints and messages that a package has, by direction and topic."""
+
+    def __init__(self, package: ModuleType) -> None:
+        topics = import_module(f"{package.__name__}.topics")
+        self._endpoints = {(each.direction, each.uorb_topic): each for each in topics.ENDPOINTS}
+
+    def incoming(self, topic: str) -> Any:
+        """Return the class of a topic that the vehicle reads. Raises UnsupportedError."""
+        return self.endpoint("in", topic).message
+
+    def outgoing(self, topic: str) -> Any:
+        """Return the class of a topic that the vehicle publishes. Raises UnsupportedError."""
+        return self.endpoint("out", topic).message
+
+    def has(self, direction: str, topic: str) -> bool:
+        """Whether the firmware bridges a topic."""
+        return (direction, topic) in self._endpoints
+
+    def endpoint(self, direction: str, topic: str) -> Any:
+        """Return the endpoint of a topic. Raises UnsupportedError."""
+        found = self._endpoints.get((direction, topic))
+        if found is None:
+            raise UnsupportedError(
+                f"the firmware does not bridge /fmu/{direction}/{topic}: add it to dds_topics.yaml. {_since(topic)}"
+            )
+        return found
+
+
+def _since(topic: str) -> str:
+    """Return which release first has a topic, if that is later than v1.14."""
+    if topic in {"home_position", "vehicle_land_detected"}:
+        return "PX4 v1.16 and later have it there"
+    return "Flight modes need PX4 v1.15 or later"
+
+
+def filled(cls: Any, **values: Any) -> Any:
+    """Return a message with the values that its class has fields for, because releases differ."""
+    names = {field.name for field in cls.__msg__.fields}
+    return cls(**{name: value for name, value in values.items() if name in names})

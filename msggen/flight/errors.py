@@ -1,0 +1,53 @@
+"""Errors of programs that fly a vehicle."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+
+class FlightError(Exception):
+    """The vehicle cannot do, or has not done, what the program asked for."""
+
+
+class UnsupportedError(FlightError):
+    """The firmware or the vehicle lacks a feature. The text names the release that has it, or another cure."""
+
+
+class LimitError(FlightError):
+    """A place is beyond the limits of the program, or the limits cannot be enforced. Nothing was sent."""
+
+
+class RegistrationError(FlightError):
+    """A mode cannot be registered."""
+
+
+class NoAnswerError(FlightError):
+    """The vehicle has not answered in time."""
+
+
+class RestartedError(FlightError):
+    """The vehicle has restarted, which has ended the modes of the program."""
+
+
+class RefusedError(FlightError):
+    """The vehicle refuses a command. `reasons` are texts for people, as far as the vehicle shows the reasons."""
+
+    def __init__(self, what: str, result: int, reasons: Sequence[str] = ()) -> None:
+        """Take the name of the command, and the result in VehicleCommandAck."""
+        self.result, self.reasons = result, tuple(reasons)
+        why = f": {', '.join(reasons)}" if reasons else ""
+        super().__init__(f"{what}: {_RESULTS.get(result, f'result {result}')}{why}")
+
+
+class NotReachedError(FlightError):
+    """A mode, such as Takeoff, has ended before its goal was reached."""
+
+
+_RESULTS = {
+    1: "temporarily rejected",
+    2: "denied",
+    3: "unsupported",
+    4: "failed",
+    6: "cancelled",
+}
+"""The results of VehicleCommandAck."""

@@ -1,0 +1,149 @@
+"""The last message of each topic, and waiting for the next one."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable, Container
+from contextlib import suppress
+from typing import Any, TypeVar
+
+from msggen.flight.connection import Connection, Take, Topics
+from msggen.flight.errors import FlightError, NoAnswerError, NotReachedError
+from msggen.flight.states import described
+
+_Result = TypeVar("_Result")
+SILENCE = 10.0
+"""The time in s without a VehicleStatus after which nothing is expected any more. PX4 restarts faster."""
+_GRACE = 0.5
+"""The time in s for which a message can still arrive after the vehicle has left a mode."""
+_LOOK = 1.0
+"""The time in s between two looks at that."""
+Condition = Callable[[Any], bool]
+"""Says whether a message is the one that a task waits for."""
+
+
+class Feed:
+    """The messages of a topic. `latest` is None before the first one."""
+
+    def __init__(self, connection: Connection, topic: str) -> None:
+        self.topic = topic
+        self.latest: Any = None
+        self._time = float("-inf")
+        self._loop = asyncio.get_running_loop()
+        self._takers: list[Take] = []
+        self._waiting: dict[asyncio.Future[Any], Condition] = {}
+        self.close = connection.subscribe(topic, self._take)
+        """Ends the subscription."""
+
+    @property
+    def age(self) -> float:
+        """The time in s since the last message arrived, or infinity if none has arrived."""
+        return self._loop.time() - self._time
+
+    def call(self, take: Take) -> Callable[[], None]:
+        """Call a function for each message. Return a function that ends this."""
+        self._takers.append(take)
+
+        def end() -> None:
+            with suppress(ValueError):
+                self._takers.remove(take)
+
+        return end
+
+    async def wait(self, condition: Condition, timeout: float | None = None) -> Any:
+        """Return the last message if it meets a condition, else the next one that does. Raises TimeoutError."""
+        if self.latest is not None and condition(self.latest):
+            return self.latest
+        return await self.following(condition, timeout)
+
+    async def following(self, condition: Condition, timeout: float | None = None) -> Any:
+        """Return the next message that meets a condition. Raises TimeoutError after `timeout` s."""
+        future: asyncio.Future[Any] = self._loop.create_future()
+        self._waiting[future] = condition
+        timer = None if timeout is None else self._loop.call_later(timeout, self._give_up, future)
+        try:
+            return await future  # `asyncio.wait_for` can lose a cancellation before Python 3.12
+        finally:
+            self._waiting.pop(future, None)
+            if timer is not None:
+                timer.cancel()
+
+    def _give_up(self, future: asyncio.Future[Any]) -> None:
+        if not future.done():
+            future.set_exception(TimeoutError(self.topic))
+
+    def _take(self, message: Any) -> None:
+        self.latest, self._time = message, self._loop.time()
+        for take in [*self._takers]:
+            take(message)
+        for future, condition in [*self._waiting.items()]:
+            if not future.done():
+                _answer(future, condition, message)
+
+
+class Feeds:
+    """The feeds of a vehicle by topic. A topic is subscribed to on first use."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+        self._topics = Topics(connection.package)
+        self._feeds: dict[str, Feed] = {}
+        self._is_closed = False
+
+    def __getitem__(self, topic: str) -> Feed:
+        """Return the feed of a topic, named as in uORB. Raises UnsupportedError, and FlightError once closed."""
+        if self._is_closed:
+            raise FlightError("the flight has ended")
+        if topic not in self._feeds:
+            self._topics.outgoing(topic)
+            self._feeds[topic] = Feed(self._connection, topic)
+        return self._feeds[topic]
+
+    def has(self, topic: str) -> bool:
+        """Whether the firmware publishes a topic, as far as its types tell."""
+        return self._topics.has("out", topic)
+
+    async def within(self, modes: Container[int], waiting: Awaitable[_Result], what: str) -> _Result:
+        """Return what comes while the vehicle is in some modes. Raises NotReachedError later, and NoAnswerError."""
+        goal = asyncio.ensure_future(waiting)
+        left = asyncio.ensure_future(self["vehicle_status"].following(lambda each: each.nav_state not in modes))
+        both = asyncio.ensure_future(asyncio.wait([goal, left], return_when=asyncio.FIRST_COMPLETED))
+        try:
+            await self.while_heard(both)
+            if not goal.done():
+                await asyncio.wait([goal], timeout=_GRACE)
+            if not goal.done():
+                raise NotReachedError(f"{what} was not completed: {described(left.result())}")
+            return goal.result()
+        finally:
+            for each in (goal, left, both):
+                each.cancel()
+            await asyncio.gather(goal, left, both, return_exceptions=True)
+
+    async def while_heard(self, waiting: Awaitable[_Result]) -> _Result:
+        """Return what comes. Raises NoAnswerError once the vehicle has not been heard for 10 s."""
+        task = asyncio.ensure_future(waiting)
+        try:
+            while not (await asyncio.wait([task], timeout=_LOOK))[0]:
+                if self["vehicle_status"].age > SILENCE:
+                    raise NoAnswerError(f"no vehicle_status for {SILENCE:.0f} s: is the link lost, or the vehicle off?")
+            return task.result()
+        finally:
+            task.cancel()
+            await asyncio.gather(task, return_exceptions=True)
+
+    def close(self) -> None:
+        """End all subscriptions."""
+        self._is_closed = True
+        for feed in self._feeds.values():
+            feed.close()
+        self._feeds.clear()
+
+
+def _answer(future: asyncio.Future[Any], condition: Condition, message: Any) -> None:
+    """End the wait for a message if it is the one. An exception of the condition belongs to the task that waits."""
+    try:
+        if condition(message):
+            future.set_result(message)
+    except Exception as error:  # noqa: BLE001 - whatever a program raises
+        future.set_exception(error)

@@ -1,0 +1,245 @@
+"""A vehicle and the modes and executors of a program, from registration to the end."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Sequence
+from contextlib import asynccontextmanager
+from types import ModuleType, TracebackType
+from typing import TYPE_CHECKING, Any, Final
+
+from msggen.flight.actions import Actions
+from msggen.flight.active import ActiveMode
+from msggen.flight.commands import Commands
+from msggen.flight.connection import Connection
+from msggen.flight.ending import Ending
+from msggen.flight.errors import FlightError, NoAnswerError, RegistrationError
+from msggen.flight.executor import Executor
+from msggen.flight.feeds import Feeds
+from msggen.flight.limits import NO_LIMITS, Fence, Limits
+from msggen.flight.link import LinkConnection, Need, connected
+from msggen.flight.mode import Mode
+from msggen.flight.offboard import Offboard, offboard
+from msggen.flight.parts import NEEDED, Part, Parts
+from msggen.flight.registration import Ids
+from msggen.flight.space import Frame
+from msggen.flight.states import is_armed
+from msggen.flight.telemetry import Telemetry, is_landed
+from msggen.live.links.link_types import DEFAULT
+
+if TYPE_CHECKING:
+    from typing_extensions import Self, TypeIs
+
+    from msggen.live import Vehicle
+
+_HEARD = 5.0
+"""The time in s within which a vehicle publishes its status."""
+_NEEDED: Final = (
+    Need("out", "vehicle_status"),
+    Need("out", "vehicle_command_ack"),
+    Need("out", "vehicle_local_position"),
+    Need("out", "failsafe_flags"),
+    Need("out", "mode_completed"),
+    Need("in", "vehicle_command"),
+)
+
+
+_NOT_BEGUN = "the flight has not begun: `async with Flight(...) as flight`"
+_OF_BEGUN = frozenset({"_commands", "_feeds", "_fence", "_replacements", "_executor", "telemetry"})
+
+
+class Flight(Actions):
+    """A vehicle that a program flies: with actions, in Offboard mode, or with its own modes and executors.
+
+    Use it with `async with`. All modes are unregistered at the end, also after an exception, Ctrl-C or SIGTERM.
+
+    `vehicle` is an address as for `Vehicle`, a Vehicle, or a Connection such as a simulated vehicle. `types` is the
+    generated package, by default that of the Vehicle. With several packages, the first one that has the definitions of
+    the vehicle is used.
+
+    If a program was killed and is back within about 1 s, it continues to fly its modes. With `resume`, it also
+    continues if the vehicle has left them meanwhile: the vehicle enters them again at once.
+    """
+
+    def __init__(
+        self,
+        vehicle: str | Vehicle | Connection = DEFAULT,
+        types: ModuleType | Sequence[ModuleType] | None = None,
+        *,
+        limits: Limits = NO_LIMITS,
+        resume: bool = False,
+    ) -> None:
+        self._vehicle, self._types, self._limits, self._resume = vehicle, types, limits, resume
+        self._parts: Parts | None = None
+        self._connection: Connection | None = None
+        self._in_offboard = asyncio.Lock()
+
+    async def __aenter__(self) -> Self:
+        """Wait for the vehicle. Raises FlightError for an address that cannot be opened, and the errors of `add`."""
+        if self._parts is not None or self._connection is not None:
+            raise FlightError("a flight is used once: make another one")
+        self._ending = Ending(self._release)
+        self._ending.begin()
+        try:
+            await self._open()
+        except BaseException as error:
+            await self._end(error)
+            raise
+        return self
+
+    async def _open(self) -> None:
+        connection = self._connection = await connected(self._vehicle, self._types, _NEEDED, NEEDED)
+        feeds = Feeds(connection)
+        sender = Commands(connection, feeds)
+        fence = Fence(feeds, self._limits)
+        parts = self._parts = Parts(connection, feeds, sender, fence, resume=self._resume)
+        super().__init__(sender, feeds, fence, parts.replacements)
+        self.telemetry = Telemetry(feeds)
+        for need in _NEEDED:
+            if need.direction == "out":
+                feeds[need.topic]
+        is_landed(feeds)  # so that it is known before it is needed
+        feeds["vehicle_status"].call(parts.follow)
+        if parts.is_urgent:
+            return
+        try:
+            await feeds["vehicle_status"].wait(lambda _: True, _HEARD)
+        except TimeoutError:
+            raise NoAnswerError(f"no vehicle_status within {_HEARD:.0f} s") from None
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        await self._end(error)
+
+    async def _end(self, error: BaseException | None) -> None:
+        self.close()
+        if self._parts is not None:
+            await self._parts.settle()
+            self._feeds.close()
+        if isinstance(self._connection, LinkConnection):
+            await self._connection.close()
+        self._ending.leave(error)
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            if name in _OF_BEGUN:
+                raise FlightError(_NOT_BEGUN)
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+
+    def _release(self) -> None:
+        if self._parts is not None:
+            self._parts.unregister()
+
+    def close(self) -> None:
+        """Stop all modes and executors, and unregister them."""
+        if self._parts is not None:
+            self._commands.close()
+            self._parts.close()
+        self._ending.close()
+
+    async def add(self, *parts: type[Mode | Executor] | Mode | Executor) -> None:
+        """Register modes and executors, each as a class or an object. The mode of an executor is registered with it.
+
+        Raises RegistrationError, NoAnswerError, and UnsupportedError if the vehicle lacks messages or has other
+        definitions of them.
+        """
+        made = [each() if isinstance(each, type) else each for each in parts]
+        executors = {_mode_of(each): each for each in made if isinstance(each, Executor)}
+        given = {type(each): each for each in made if isinstance(each, Mode)}
+        if len(executors) + len(given) < len(made):
+            raise RegistrationError("expected one object of each mode and one executor for it: use subclasses")
+        modes = {owned: given.get(owned) or owned() for owned in executors} | given
+        await self._own.add([Part(mode, executors.get(cls)) for cls, mode in modes.items()])
+
+    async def set_mode(self, mode: str | int | type[Mode | Executor] | Mode | Executor) -> None:
+        """Select a mode: by its name in PX4, such as `hold` or `position`, by its nav_state, or a registered mode.
+
+        Raises RefusedError with the reasons that the vehicle reports, ValueError for an unknown name, NoAnswerError,
+        and FlightError.
+        """
+        if isinstance(mode, (str, int)):
+            await super().set_mode(mode)
+        else:
+            ids = self._ids_of(mode)
+            await self._select(ids.mode, ids.name)
+
+    async def fly(self, part: type[Mode | Executor] | Mode | Executor) -> None:
+        """Select a registered mode, or the mode of a registered executor, and wait for its end.
+
+        Afterwards, the vehicle holds its place in this mode. An executor leaves it where its `run` ends.
+
+        Raises what `fly` or `run` raises, RefusedError, NoAnswerError, NotReachedError if the mode is left early or the
+        executor is no longer in charge, and FlightError for a mode that is not registered, and while the vehicle is
+        disarmed.
+        """
+        if _is_executor(part):
+            await self._own.find_executor(part).wait_end(self)
+            return
+        active = self.find(part)
+        owner = self._own.owner_of(active)
+        if owner is not None:
+            name = type(owner).__name__
+            raise FlightError(f"mode {active.mode.name!r} belongs to executor {name}: `await flight.fly({name})`")
+        await active.run(self)
+
+    def find(self, mode: type[Mode] | Mode) -> ActiveMode:
+        """Return a registered mode. Raises FlightError if it is not registered."""
+        return self._own.find(mode)
+
+    def _ids_of(self, part: type[Mode | Executor] | Mode | Executor) -> Ids:
+        return self._own.find_executor(part).ids if _is_executor(part) else self.find(part).ids
+
+    @property
+    def _own(self) -> Parts:
+        if self._parts is None:
+            raise FlightError(_NOT_BEGUN)
+        return self._parts
+
+    @asynccontextmanager
+    async def offboard(self, frame: Frame = "ned") -> AsyncIterator[Offboard]:
+        """Fly in Offboard mode: `async with flight.offboard() as setpoint`.
+
+        The vehicle first holds its place. At the end, it switches to Hold, unless a pilot has taken over. After an
+        exception, PX4's failsafe for a lost Offboard signal follows (COM_OBL_RC_ACT).
+
+        Raises RefusedError, NoAnswerError, and FlightError during another `offboard()` block.
+        """
+        connection = self._own.connection
+        if self._in_offboard.locked():
+            raise FlightError("the flight is in an `offboard()` block already: use its setpoint, or end it first")
+        async with self._in_offboard, offboard(connection, self._feeds, self, self._fence, frame) as setpoint:
+            yield setpoint
+
+    @property
+    def is_armed(self) -> bool:
+        """Whether the vehicle is armed."""
+        status = self._feeds["vehicle_status"].latest
+        return status is not None and is_armed(status)
+
+    @property
+    def mode(self) -> str:
+        """The name of the mode that flies the vehicle: one of PX4's, such as `hold`, or one of `add`."""
+        return self._own.mode_name()
+
+    @property
+    def feeds(self) -> Feeds:
+        """The messages of the vehicle."""
+        return self._feeds
+
+    async def run(self) -> None:
+        """Wait until the program is cancelled."""
+        await asyncio.Event().wait()
+
+
+def _is_executor(part: type[Mode | Executor] | Mode | Executor) -> TypeIs[type[Executor] | Executor]:
+    return issubclass(part if isinstance(part, type) else type(part), Executor)
+
+
+def _mode_of(executor: Executor) -> type[Mode]:
+    mode: type[Mode] | None = getattr(executor, "mode", None)
+    if mode is None:
+        name = type(executor).__name__
+        raise RegistrationError(f"executor {name} has no mode: set its `mode`, which users select to start it")
+    return mode

@@ -1,0 +1,256 @@
+"""Limits on height and distance, which are applied before a setpoint is sent.
+
+A place beyond a limit is an error. Velocities and accelerations are reduced as the vehicle approaches a limit.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any, Final, NamedTuple
+
+from msggen.flight.errors import LimitError, NoAnswerError, UnsupportedError
+from msggen.flight.feeds import Feeds
+from msggen.flight.setpoints import ATTITUDE, RATES, TRAJECTORY, Kind
+from msggen.flight.space import Vector
+
+_GAIN = 0.5
+"""The speed in m/s towards a limit that is 1 m away, low enough that a multicopter does not overshoot."""
+_BRAKING = 2.0
+"""The deceleration in m/s^2 that the vehicle is assumed to reach. PX4's limits are 3 and more by default."""
+_HORIZON = 0.5
+"""The time in s within which an acceleration may bring the vehicle to the allowed speed."""
+_FRESH = 0.5
+"""The age in s up to which an estimate is used."""
+_HOME = 3.0
+"""The time in s to wait for the home position."""
+_ALONG = 0.01
+"""The controlled share of a direction below which the speed along it counts as not controlled."""
+_UP: Final = Vector(0.0, 0.0, -1.0)
+_UNLIMITED: Final = (ATTITUDE, RATES)
+"""The kinds of setpoints for which limits cannot be enforced."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """How far a program may fly from the home position, in m. By default, there is no limit.
+
+    Before PX4 v1.16, which does not publish the home position, the origin of the local frame counts instead.
+    """
+
+    height: float = math.inf
+    """Above the home position."""
+    distance: float = math.inf
+    """From the home position, horizontally."""
+
+    def __post_init__(self) -> None:
+        """Raise ValueError unless both are positive."""
+        for name in ("height", "distance"):
+            if not getattr(self, name) > 0.0:
+                raise ValueError(f"{name}: expected a positive number, got {getattr(self, name)!r}")
+
+    @property
+    def is_open(self) -> bool:
+        """Whether there is no limit."""
+        return math.isinf(self.height) and math.isinf(self.distance)
+
+    def tightened(self, other: Limits) -> Limits:
+        """Return the limits within both."""
+        return Limits(min(self.height, other.height), min(self.distance, other.distance))
+
+
+NO_LIMITS: Final = Limits()
+
+
+class _Here(NamedTuple):
+    """The place relative to home, and the velocity, in NED."""
+
+    place: Vector
+    velocity: Vector
+
+
+class Fence:
+    """Keeps setpoints within limits. Without limits, it changes nothing. Vectors are in NED."""
+
+    def __init__(self, feeds: Feeds, limits: Limits = NO_LIMITS) -> None:
+        self.limits, self._feeds = limits, feeds
+        self._has_home = feeds.has("home_position")
+        if not limits.is_open:  # subscribe now, so that both are known when they are needed
+            for topic in ("home_position", "vehicle_local_position")[not self._has_home :]:
+                feeds[topic]
+
+    def tightened(self, limits: Limits) -> Fence:
+        """Return a fence that also enforces other limits."""
+        return self if limits.is_open else Fence(self._feeds, self.limits.tightened(limits))
+
+    def check_kinds(self, kinds: Sequence[Kind]) -> None:
+        """Raise UnsupportedError if limits cannot be enforced for a kind of setpoint."""
+        found = [each.name for each in kinds if each in _UNLIMITED]
+        if found and not self.limits.is_open:
+            raise UnsupportedError(
+                f"limits cannot be enforced for {' and '.join(found)} setpoints: remove them from `setpoints`, "
+                "or remove the limits and set those of PX4 (GF_MAX_HOR_DIST, GF_MAX_VER_DIST)"
+            )
+
+    def check(self, kind: Kind, values: Mapping[str, Any]) -> None:
+        """Raise LimitError if a setpoint has a place beyond the limits, and UnsupportedError as `check_kinds`."""
+        self.check_kinds([kind])
+        if "position" in values:
+            self.check_place(values["position"])
+
+    def check_place(self, place: Sequence[float]) -> None:
+        """Raise LimitError if a place is beyond the limits, and NoAnswerError if there is no home position."""
+        if self.limits.is_open or all(map(math.isnan, place)):
+            return
+        if math.isnan(place[0]) != math.isnan(place[1]) and not math.isinf(self.limits.distance):
+            raise LimitError("the distance cannot be limited if only one horizontal axis has a position: give both")
+        x, y, z = _from_home(place, self._home())
+        height, distance = (0.0 if math.isnan(z) else -z), _length(x, y)
+        if not height <= self.limits.height:
+            raise LimitError(f"{height:.1f} m above home: the limit is {self.limits.height:g} m, and nothing was sent")
+        if not distance <= self.limits.distance:
+            raise LimitError(
+                f"{distance:.1f} m from home: the limit is {self.limits.distance:g} m, and nothing was sent"
+            )
+
+    def nearest(self, place: Sequence[float]) -> Vector:
+        """Return the place within the limits that is nearest to a place. The vehicle holds there."""
+        if self.limits.is_open:
+            return Vector(*place)
+        home = self._home()
+        x, y, z = _from_home(place, home)
+        distance = math.hypot(x, y)
+        share = self.limits.distance * (1.0 - 1e-6) / distance if distance > self.limits.distance else 1.0
+        return Vector(home.x + x * share, home.y + y * share, home.z + max(z, -self.limits.height))
+
+    def shaped(self, kind: Kind, message: Any) -> Any:
+        """Return a setpoint whose velocity and acceleration do not lead beyond the limits."""
+        if kind != TRAJECTORY or self.limits.is_open:
+            return message
+        found = copy.copy(message)
+        found.velocity, found.acceleration = self._slowed(message.velocity, message.acceleration)
+        return found
+
+    # inside
+
+    def _slowed(self, velocity: Sequence[float], acceleration: Sequence[float]) -> tuple[Vector, Vector]:
+        here = self._here()
+        if here is None:  # it stops, because it could be anywhere
+            return _stopped(velocity), _stopped(acceleration)
+        height, distance = self.limits.height, self.limits.distance
+        speed, pull = Vector(*velocity), Vector(*acceleration)
+        if not math.isinf(height):
+            most = allowed(height + here.place.z)
+            speed, pull = _cut(speed, _UP, most), _cut(pull, _UP, (most + here.velocity.z) / _HORIZON)
+        if not math.isinf(distance):
+            speed = _slowed_level(speed, here.place, distance)
+            pull = _braked_level(pull, here, distance)
+        return speed, pull
+
+    async def wait_for_home(self) -> None:
+        """Wait for some time until the home position is known."""
+        if self._has_home:
+            with suppress(TimeoutError):  # the check of a place raises the error
+                await self._feeds["home_position"].wait(lambda each: bool(each.valid_lpos), _HOME)
+
+    @property
+    def ground(self) -> float:
+        """How far home is below the origin of the local frame in m: 0 if it is not known."""
+        home = self._known_home()
+        return 0.0 if home is None else home.z
+
+    def _home(self) -> Vector:
+        found = self._known_home()
+        if found is None:
+            raise NoAnswerError("the vehicle has no home position, which limits are measured from")
+        return found
+
+    def _known_home(self) -> Vector | None:
+        """Return the home position, or the origin of the local frame if the firmware does not publish it, as v1.15."""
+        if not self._has_home:
+            return Vector(0.0, 0.0, 0.0)
+        home = self._feeds["home_position"].latest
+        return Vector(home.x, home.y, home.z) if home is not None and home.valid_lpos else None
+
+    def _here(self) -> _Here | None:
+        feed, home = self._feeds["vehicle_local_position"], self._known_home()
+        found = feed.latest
+        if found is None or home is None or feed.age > _FRESH:
+            return None
+        if not (found.xy_valid and found.z_valid and found.v_xy_valid and found.v_z_valid):
+            return None
+        place = _from_home((found.x, found.y, found.z), home)
+        return _Here(place, Vector(found.vx, found.vy, found.vz))
+
+
+def allowed(left: float) -> float:
+    """Return the allowed speed in m/s towards a limit at a distance in m: 0 at the limit and beyond it."""
+    return 0.0 if left <= 0.0 else min(_GAIN * left, math.sqrt(2.0 * _BRAKING * left))
+
+
+def _from_home(place: Sequence[float], home: Vector) -> Vector:
+    x, y, z = place
+    return Vector(x - home.x, y - home.y, z - home.z)
+
+
+def _stopped(vector: Sequence[float]) -> Vector:
+    x, y, z = (each if math.isnan(each) else 0.0 for each in vector)
+    return Vector(x, y, z)
+
+
+def _length(*values: float) -> float:
+    """Return the length of the controlled part of a vector."""
+    return math.hypot(*(each for each in values if not math.isnan(each)))
+
+
+def _along(vector: Sequence[float], direction: Vector) -> float:
+    """Return the component of the controlled part of a vector in a direction."""
+    return sum(each * part for each, part in zip(vector, direction, strict=True) if not math.isnan(each))
+
+
+def _slowed_level(velocity: Vector, place: Vector, distance: float) -> Vector:
+    """Return a velocity, reduced horizontally so that the vehicle can stop within the distance."""
+    size = _length(velocity.x, velocity.y)
+    most = allowed(_way_left(_direction(velocity), place, distance))
+    if size <= most:
+        return velocity
+    return Vector(velocity.x * most / size, velocity.y * most / size, velocity.z)
+
+
+def _braked_level(acceleration: Vector, here: _Here, distance: float) -> Vector:
+    """Return an acceleration, reduced towards where the vehicle flies, away from home, and in its own direction."""
+    found = acceleration
+    for direction in (_direction(here.velocity), _direction(here.place), _direction(acceleration)):
+        most = allowed(_way_left(direction, here.place, distance))
+        found = _cut(found, direction, (most - _along(here.velocity, direction)) / _HORIZON)
+    return found
+
+
+def _direction(vector: Vector) -> Vector:
+    """Return the horizontal direction of the controlled part of a vector."""
+    x, y = (0.0 if math.isnan(each) else each for each in vector[:2])
+    size = math.hypot(x, y)
+    return Vector(x / size, y / size, 0.0) if size else Vector(0.0, 0.0, 0.0)
+
+
+def _way_left(direction: Vector, place: Vector, distance: float) -> float:
+    """Return the distance to the circle around home in a direction. From outside: the part that leads nearer home."""
+    along = direction.x * place.x + direction.y * place.y
+    beyond = place.x * place.x + place.y * place.y - distance * distance
+    if beyond >= 0.0:
+        return max(0.0, -along)
+    return math.sqrt(along * along - beyond) - along
+
+
+def _cut(vector: Sequence[float], direction: Vector, most: float) -> Vector:
+    """Return a vector with at most a given component in a direction. Values that are not controlled stay NaN."""
+    excess = _along(vector, direction) - most
+    controlled = [0.0 if math.isnan(each) else part for each, part in zip(vector, direction, strict=True)]
+    size = sum(each * each for each in controlled)
+    if excess <= 0.0 or size < _ALONG * _ALONG:
+        return Vector(*vector)
+    x, y, z = (each - excess * part / size for each, part in zip(vector, controlled, strict=True))
+    return Vector(x, y, z)

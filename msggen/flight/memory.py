@@ -1,0 +1,195 @@
+"""The ids of modes in a folder of the user. A program can continue after it was killed, and two cannot fly one mode.
+
+There is a file for each vehicle and name. The program that flies the mode holds a lock. The modification time of the
+file, on the monotonic clock, is when the program last heard the vehicle.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import tempfile
+import time
+from contextlib import suppress
+from hashlib import blake2b
+from logging import getLogger
+from typing import IO, Any, Final, NamedTuple
+
+from msggen.flight.errors import RegistrationError
+from msggen.flight.registration import Ids
+from msggen.live.links.session_files import boot_id, is_own, records_folder
+
+try:
+    import fcntl
+except ImportError:  # Windows: two programs are not told apart
+    fcntl = None  # type: ignore[assignment]
+
+LOGGER = getLogger("msggen.flight")
+_VERSION: Final = 2
+_UTC: Final = 10**15
+"""Timestamps in us from this value on count from 1970, smaller ones from boot."""
+_SUFFIX: Final = ".json"
+_LONGEST: Final = 1 << 16
+_TOUCH = 0.5
+"""The period in s at which a program notes that it is alive."""
+
+
+class Remembered(NamedTuple):
+    """What is known of a mode from an earlier program."""
+
+    ids: Ids
+    armed_time: int
+    """`armed_time` of VehicleStatus, since boot, by which a boot of the vehicle is recognized. 0 if it was disarmed."""
+    mode_time: int
+    """`nav_state_timestamp` of VehicleStatus, for the same purpose."""
+    booted: float
+    """The time in s of the monotonic clock at which the vehicle has booted, for the same purpose. NaN if unknown."""
+    age: float
+    """The time in s since that program was last alive, or infinity if the computer has restarted since."""
+    is_over: bool
+    """Whether the program itself has unregistered its mode."""
+
+
+class Memory:
+    """The ids that one vehicle has assigned to the modes of a program."""
+
+    def __init__(self, vehicle: str) -> None:
+        """Take a text that identifies the vehicle. Nothing is read."""
+        self._folder = os.path.join(os.path.dirname(records_folder()), "flights")
+        self._vehicle = vehicle
+        self._boot = boot_id()
+        self._locks: dict[str, IO[bytes]] = {}
+        self._written: dict[str, dict[str, Any]] = {}
+        self._touched = 0.0
+        self._is_told = False
+
+    def claim(self, name: str) -> Remembered | None:
+        """Return what an earlier program has noted for a name, and lock the name.
+
+        Raises RegistrationError if a running program flies this mode.
+        """
+        try:
+            os.makedirs(self._folder, mode=0o700, exist_ok=True)
+            if not is_own(self._folder):
+                raise PermissionError(f"others can write to {self._folder}")
+            self._lock(name)
+            return self._read(name)
+        except OSError as error:
+            self._tell(error)
+            return None
+
+    def is_younger(self, age: float) -> bool:
+        """Whether a program was alive less than `age` s ago, at any vehicle."""
+        now = time.monotonic()
+        with suppress(OSError), os.scandir(self._folder) as entries:
+            return any(now - each.stat().st_mtime < age for each in entries if each.name.endswith(_SUFFIX))
+        return False
+
+    def write(self, ids: Ids, status: Any, *, is_over: bool = False) -> None:
+        """Note the ids of a mode and the boot of the vehicle, unless this is already noted."""
+        content = {
+            "version": _VERSION,
+            "vehicle": self._vehicle,
+            "boot": self._boot,
+            "ids": [*ids],
+            "armed_time": int(getattr(status, "armed_time", 0)),
+            "mode_time": int(getattr(status, "nav_state_timestamp", 0)),
+            "is_over": is_over,
+        }
+        if self._written.get(ids.name) == content:
+            return
+        self._written[ids.name] = content
+        try:
+            self._replace(self._path(ids.name), json.dumps({**content, "booted": booted(status)}).encode())
+        except OSError as error:
+            self._tell(error)
+
+    def touch(self) -> None:
+        """Note that the program is alive, unless this was noted a short time ago."""
+        now = time.monotonic()
+        if now - self._touched >= _TOUCH:
+            self._touched = now
+            for name in self._written:
+                _stamp(self._path(name))
+
+    def release(self, name: str) -> None:
+        """Unlock a name for other programs."""
+        self._written.pop(name, None)
+        lock = self._locks.pop(name, None)
+        if lock is not None:
+            lock.close()
+
+    def _lock(self, name: str) -> None:
+        if fcntl is None or name in self._locks:
+            return
+        file = open(f"{self._path(name)}.lock", "ab+")  # noqa: SIM115 - it is open as long as the mode is flown
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            file.seek(0)
+            pid = file.read(20).decode("ascii", "replace")
+            file.close()
+            raise RegistrationError(f"process {pid} flies mode {name!r} of this vehicle: end it first") from None
+        file.truncate(0)
+        file.write(str(os.getpid()).encode())
+        file.flush()
+        self._locks[name] = file
+
+    def _read(self, name: str) -> Remembered | None:
+        path = self._path(name)
+        try:
+            with open(path, "rb") as file:
+                content = json.loads(file.read(_LONGEST))
+            age = time.monotonic() - os.stat(path).st_mtime_ns / 1e9
+            found, *numbers = content["ids"]
+            check, mode, executor = map(int, numbers)
+            if content["version"] != _VERSION or content["vehicle"] != self._vehicle or found != name:
+                return None
+            is_same_boot = content["boot"] == self._boot
+            return Remembered(
+                Ids(name, check, mode, executor),
+                int(content["armed_time"]),
+                int(content["mode_time"]),
+                float(content["booted"]) if is_same_boot else math.nan,
+                age if is_same_boot and age >= 0 else math.inf,
+                bool(content["is_over"]),
+            )
+        except FileNotFoundError:
+            return None
+        except (KeyError, TypeError, ValueError, RecursionError):
+            LOGGER.warning("the ids of mode %r from an earlier program are damaged and not used: %s", name, path)
+            return None
+
+    def _replace(self, path: str, data: bytes) -> None:
+        handle, temporary = tempfile.mkstemp(dir=self._folder, prefix=".")  # mode 0600
+        try:
+            with os.fdopen(handle, "wb") as file:
+                file.write(data)
+            _stamp(temporary)
+            os.replace(temporary, path)
+        except OSError:
+            with suppress(OSError):
+                os.unlink(temporary)
+            raise
+
+    def _path(self, name: str) -> str:
+        digest = blake2b(f"{self._vehicle}\n{name}".encode("utf-8", "backslashreplace"), digest_size=12)
+        return os.path.join(self._folder, f"{digest.hexdigest()}{_SUFFIX}")
+
+    def _tell(self, error: OSError) -> None:
+        if not self._is_told:
+            self._is_told = True
+            LOGGER.warning("the next program cannot continue the modes of this one: %s", error)
+
+
+def booted(status: Any) -> float:
+    """Return when a vehicle has booted, by the monotonic clock in s, or NaN if its timestamps do not tell that."""
+    timestamp = getattr(status, "timestamp", _UTC)
+    return math.nan if timestamp >= _UTC else time.monotonic() - timestamp / 1e6
+
+
+def _stamp(path: str) -> None:
+    now = time.monotonic_ns()
+    with suppress(OSError):
+        os.utime(path, ns=(now, now))

@@ -1,0 +1,146 @@
+"""Faults of a simulated vehicle, of its link and of its pilot, at once or at a given time."""
+
+from __future__ import annotations
+
+import heapq
+import math
+import random
+from collections.abc import Callable
+from itertools import count
+from typing import NamedTuple, Protocol
+
+from msggen.flight.pytest.flown import mode_of
+from msggen.live.sim.world import World
+
+_REPLIES = ("arming_check_reply",)
+_BOOT = 2.0
+"""The time in s that a restart takes."""
+
+
+class Vehicle(Protocol):
+    """A vehicle that has faults."""
+
+    world: World
+    time: int
+    """In us."""
+
+    def restart(self) -> None:
+        """Restart the vehicle."""
+
+
+class _Loss(NamedTuple):
+    """Messages that are lost."""
+
+    share: float
+    topics: tuple[str, ...]
+    """Empty: all topics."""
+
+
+class Faults:
+    """Faults on request. `at` is the time in s since boot at which one begins, by default now; it lasts `seconds`."""
+
+    def __init__(self, vehicle: Vehicle, seed: str) -> None:
+        self._vehicle = vehicle
+        self._random = random.Random(f"losses {seed}")  # noqa: S311 - not for secrets
+        self._losses: list[_Loss] = []
+        self._due: list[tuple[int, int, Callable[[], None]]] = []
+        self._numbers = count()
+
+    # The link
+
+    def lose_link(self, seconds: float = math.inf, *, at: float | None = None) -> None:
+        """Lose all messages, in both directions."""
+        self.lose_messages(1.0, seconds=seconds, at=at)
+
+    def lose_messages(self, share: float, *topics: str, seconds: float = math.inf, at: float | None = None) -> None:
+        """Lose a share of the messages, from 0 to 1, in both directions: of the given uORB topics, or of all.
+
+        Raises ValueError for another share.
+        """
+        if not 0.0 <= share <= 1.0:
+            raise ValueError(f"expected a share from 0 to 1, got {share:g}")
+        loss = _Loss(share, topics)
+        self._during(seconds, at, lambda: self._losses.append(loss), lambda: self._losses.remove(loss))
+
+    def silence_program(self, seconds: float = math.inf, *, at: float | None = None) -> None:
+        """Lose the replies of the program to arming checks, which tell PX4 that the program lives."""
+        self.lose_messages(1.0, *_REPLIES, seconds=seconds, at=at)
+
+    # The vehicle
+
+    def low_battery(self, remaining: float = 0.1, *, at: float | None = None) -> None:
+        """Leave a share of the battery's charge: PX4 calls 0.15 low, 0.07 critical, 0.05 an emergency.
+
+        COM_LOW_BAT_ACT says what PX4 does then, by default a warning. Raises ValueError for a share outside 0 to 1.
+        """
+        if not 0.0 <= remaining <= 1.0:
+            raise ValueError(f"expected a share from 0 to 1, got {remaining:g}")
+
+        def drain() -> None:
+            battery = self._vehicle.world.battery
+            battery.discharged = battery.capacity * (1.0 - remaining)
+
+        self._begin(at, drain)
+
+    def lose_position(self, seconds: float = math.inf, *, at: float | None = None) -> None:
+        """Let the vehicle lose the estimate of its position."""
+        self._during(seconds, at, lambda: self._know(is_known=False), lambda: self._know(is_known=True))
+
+    def restart(self, *, at: float | None = None) -> None:
+        """Restart the vehicle, which takes 2 s. It is back at its start, and knows no programs."""
+        self._begin(at, self._vehicle.restart)
+        self.lose_link(_BOOT, at=at)
+
+    # The pilot
+
+    def sticks(self, *, there: bool, at: float | None = None) -> None:
+        """Start or stop the stick input of a pilot. A vehicle that has had stick input returns when it is lost."""
+
+        def change() -> None:
+            self._vehicle.world.has_sticks = there
+
+        self._begin(at, change)
+
+    def pilot_takes_over(self, mode: str = "position", *, at: float | None = None) -> None:
+        """Let a pilot with sticks select a mode by its name: one of PX4's, or one that a program has registered.
+
+        PX4 may refuse the mode. Raises ValueError for an unknown name.
+        """
+
+        def take_over() -> None:
+            world = self._vehicle.world
+            world.has_sticks = True
+            world.commander.senses = world.senses
+            world.commander.select(mode_of(world, mode))
+
+        self._begin(at, take_over)
+
+    # What the vehicle calls
+
+    def advance(self, now: int) -> None:
+        """Apply the faults that are due at a time in us."""
+        while self._due and self._due[0][0] <= now:
+            heapq.heappop(self._due)[2]()
+
+    def loses(self, topic: str) -> bool:
+        """Whether the next message of a topic is lost."""
+        matching = [each.share for each in self._losses if not each.topics or topic in each.topics]
+        return any(share >= 1.0 or self._random.random() < share for share in matching)
+
+    def _know(self, *, is_known: bool) -> None:
+        world = self._vehicle.world
+        world.has_position = world.has_gps = is_known
+
+    def _during(self, seconds: float, at: float | None, begin: Callable[[], None], end: Callable[[], None]) -> None:
+        self._begin(at, begin)
+        if math.isfinite(seconds):
+            self._add(seconds + (self._vehicle.time / 1e6 if at is None else at), end)
+
+    def _begin(self, at: float | None, action: Callable[[], None]) -> None:
+        if at is None:
+            action()
+        else:
+            self._add(at, action)
+
+    def _add(self, at: float, action: Callable[[], None]) -> None:
+        heapq.heappush(self._due, (round(at * 1e6), next(self._numbers), action))

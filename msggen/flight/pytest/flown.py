@@ -1,0 +1,139 @@
+"""The record of a simulated flight, and questions about it. Times are in s since boot, places in m in NED."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from msggen.live.sim.commander.states import MODE_NAMES
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from msggen.live.sim.world import World
+
+_INTERVAL = 20_000
+"""The time in us between two places of the track."""
+_SETPOINT = "_setpoint"
+
+
+class Place(NamedTuple):
+    """Where the vehicle was. The origin is on the ground below its start."""
+
+    time: float
+    north: float
+    east: float
+    down: float
+
+
+class ModeChange(NamedTuple):
+    """The time at which a mode started to fly: when it was entered, or when the vehicle was armed in it."""
+
+    time: float
+    mode: str
+    """The name of a PX4 mode in lower case, such as `takeoff`, or the name of a mode of a program."""
+
+
+class Sent(NamedTuple):
+    """A message of a program, even if it was lost on the way."""
+
+    time: float
+    topic: str
+    message: Any
+
+
+@dataclass(frozen=True, repr=False)
+class Answer:
+    """The answer to a question about a flight: true or false, with the reason, which pytest shows."""
+
+    is_true: bool
+    text: str
+
+    def __bool__(self) -> bool:
+        return self.is_true
+
+    def __repr__(self) -> str:
+        return self.text
+
+
+class Flown:
+    """The modes, the track and the messages of a flight."""
+
+    def __init__(self) -> None:
+        self.changes: list[ModeChange] = []
+        self.places: list[Place] = []
+        self.sent: list[Sent] = []
+        self._mode: int | None = None
+        self._due = 0
+
+    def observe(self, world: World, now: int) -> None:
+        """Record the state of the vehicle at a time in us."""
+        mode = world.mode if world.is_armed else None
+        if mode not in (None, self._mode):
+            self.changes.append(ModeChange(now / 1e6, mode_name(world)))
+        self._mode = mode
+        if now >= self._due:
+            self._due = now + _INTERVAL
+            self.places.append(Place(now / 1e6, *world.flight.position))
+
+    @property
+    def setpoints(self) -> list[Sent]:
+        """The setpoints that programs have sent."""
+        return [each for each in self.sent if each.topic.endswith(_SETPOINT)]
+
+    @property
+    def track(self) -> NDArray[np.float64]:
+        """The track as an array of rows: time, north, east, down."""
+        import numpy as np
+
+        return np.array(self.places, dtype=np.float64).reshape(-1, 4)
+
+    def within(self, radius: float, height: float) -> Answer:
+        """Return whether all places are within `radius` m of the start, and not higher than `height` m."""
+
+        def outside(place: Place) -> bool:
+            return math.hypot(place.north, place.east) > radius or -place.down > height
+
+        found = next(filter(outside, self.places), None)
+        if found is not None:
+            distance = math.hypot(found.north, found.east)
+            text = f"{distance:.1f} m from the start and {-found.down:.1f} m high at {found.time:.2f} s"
+            return Answer(is_true=False, text=text)
+        farthest = max((math.hypot(each.north, each.east) for each in self.places), default=0.0)
+        highest = max((-each.down for each in self.places), default=0.0)
+        return Answer(is_true=True, text=f"never more than {farthest:.1f} m from the start and {highest:.1f} m high")
+
+    def passed(self, goals: Sequence[Sequence[float]], within: float) -> Answer:
+        """Return whether the vehicle has passed the places, one after the other."""
+        begin = 0
+        for goal in goals:
+            near = [_distance(each, goal) for each in self.places[begin:]]
+            reached = next((index for index, distance in enumerate(near) if distance <= within), None)
+            if reached is None:
+                closest = f"{min(near):.1f} m" if near else "nothing"
+                return Answer(is_true=False, text=f"no nearer to {tuple(goal)} than {closest}")
+            begin += reached
+        return Answer(is_true=True, text=f"passed {len(goals)} places within {within:g} m")
+
+
+def _distance(place: Place, goal: Sequence[float]) -> float:
+    """Return the distance to a goal, which is north and east, or north, east and down."""
+    return math.dist(place[1 : 1 + len(goal)], goal)
+
+
+def mode_name(world: World) -> str:
+    """Return the name of the active mode."""
+    own = world.commander.components.modes.get(world.mode)
+    return MODE_NAMES[world.mode] if own is None else own.name
+
+
+def mode_of(world: World, name: str) -> int:
+    """Return the nav_state of a mode of PX4 or of a program. Raises ValueError for an unknown name."""
+    own = {each.name: number for number, each in world.commander.components.modes.items()}
+    known = {text: number for number, text in MODE_NAMES.items() if not text.startswith("external")} | own
+    if name not in known:
+        raise ValueError(f"expected one of the modes {', '.join(known)}, got {name!r}")
+    return known[name]

@@ -1,0 +1,249 @@
+"""Setpoints: their kinds, their configuration in PX4, and sending them at a steady rate.
+
+The kinds are types of SetpointConfig in PX4 v1.18, and flags of VehicleControlMode before.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, Final, NamedTuple, Protocol, TypeVar
+
+from msggen.flight.connection import Connection, Topics, filled
+from msggen.flight.errors import NoAnswerError, UnsupportedError
+from msggen.flight.feeds import Feeds
+from msggen.flight.requirements import ATTITUDE as NEEDS_ATTITUDE
+from msggen.flight.requirements import LOCAL_POSITION, Requirement
+from msggen.flight.space import Frame, heading_of, three, turned
+
+_POSITION_FLAGS = ("allocation", "rates", "attitude", "altitude", "climb_rate", "acceleration", "velocity", "position")
+FREE: Final = (math.nan, math.nan, math.nan)
+"""A vector that is not controlled."""
+_TIMEOUT_MS = 500
+_TRIES, _PATIENCE = 5, 0.3
+_LARGEST = 3.4e38
+_HUNG = 0.5
+"""The time in s without the event loop after which setpoints are not repeated."""
+_SILENT = 1.6
+"""The time in s without a VehicleStatus after which setpoints are not repeated. PX4 publishes it at 2 Hz or more."""
+_IDLE = 0.1
+"""The period in s of checks of the clock if there is no setpoint."""
+_REPEATS = 3
+"""How often a VehicleControlMode is sent, because PX4 does not confirm it before v1.18."""
+
+
+class Kind(NamedTuple):
+    """A kind of setpoint."""
+
+    name: str
+    number: int
+    """Its type in SetpointConfig."""
+    topic: str
+    rate: float
+    """How often it is sent, in Hz."""
+    flags: tuple[str, ...]
+    """What it controls: `flag_control_..._enabled` of VehicleControlMode."""
+    requires: Requirement
+
+
+GOTO: Final = Kind("goto", 2, "goto_setpoint", 30.0, _POSITION_FLAGS, LOCAL_POSITION)
+TRAJECTORY: Final = Kind("trajectory", 4, "trajectory_setpoint", 50.0, _POSITION_FLAGS, LOCAL_POSITION)
+RATES: Final = Kind("rates", 5, "vehicle_rates_setpoint", 200.0, _POSITION_FLAGS[:2], Requirement.ANGULAR_VELOCITY)
+ATTITUDE: Final = Kind("attitude", 6, "vehicle_attitude_setpoint", 100.0, _POSITION_FLAGS[:3], NEEDS_ATTITUDE)
+
+
+def trajectory_values(
+    frame: Frame,
+    axes: Sequence[Sequence[float]],
+    heading: float | None,
+    heading_deg: float | None,
+    turn_rate: float,
+) -> dict[str, Any]:
+    """Return the fields of a TrajectorySetpoint: position, velocity and acceleration in a frame, and a heading.
+
+    Raises ValueError if an axis has none of them.
+    """
+    position, velocity, acceleration = (turned(three(each), frame) for each in axes)
+    finite([each for each in (*position, *velocity, *acceleration, turn_rate) if not math.isnan(each)], "a trajectory")
+    if any(all(map(math.isnan, axis)) for axis in zip(position, velocity, acceleration, strict=True)):
+        raise ValueError("each axis needs a position, a velocity or an acceleration")
+    yaw = heading_of(heading, heading_deg, frame)
+    finite([] if yaw is None else [yaw], "a heading")
+    return {
+        "position": position,
+        "velocity": velocity,
+        "acceleration": acceleration,
+        "jerk": FREE,
+        "yaw": math.nan if yaw is None else yaw,
+        "yawspeed": turn_rate if frame == "ned" else -turn_rate,
+    }
+
+
+_Values = TypeVar("_Values", bound=Sequence[float])
+
+
+def finite(values: _Values, what: str) -> _Values:
+    """Return numbers that a float32 holds. Raises ValueError for NaN, infinity and larger ones."""
+    if not all(abs(each) <= _LARGEST for each in values):
+        raise ValueError(f"expected finite numbers for {what}, got {tuple(values)}")
+    return values
+
+
+class Configuration:
+    """The configuration of the setpoints of a mode in PX4."""
+
+    def __init__(self, connection: Connection, feeds: Feeds, mode: int) -> None:
+        self._connection, self._feeds, self._mode = connection, feeds, mode
+        self._topics = Topics(connection.package)
+        self._has_replies = self._topics.has("in", "setpoint_config")
+        self._left = 0
+        """How often the configuration is still to be sent."""
+        self._kind: Kind | None = None
+        self._end = self._feeds["setpoint_config_reply"].call(self._take) if self._has_replies else None
+
+    async def check(self, kinds: Iterable[Kind]) -> None:
+        """Ask the vehicle whether it supports kinds of setpoints. Raises UnsupportedError and NoAnswerError.
+
+        Before v1.18, PX4 cannot be asked.
+        """
+        for kind in kinds:
+            self._topics.incoming(kind.topic)
+            if self._has_replies:
+                reply = await self._ask(kind)
+                if reply.result:
+                    raise UnsupportedError(f"the vehicle does not support {kind.name} setpoints ({_WHY[reply.result]})")
+
+    def apply(self, kind: Kind | None) -> None:
+        """Let PX4 use a kind of setpoints in the mode from now on. None: the mode was left."""
+        self._kind = kind
+        self._left = 0 if kind is None else 1 if self._has_replies else _REPEATS
+
+    def send(self) -> None:
+        """Send the configuration if PX4 has not confirmed it. Call this with each setpoint."""
+        if not self._left or self._kind is None:
+            return
+        if self._has_replies:
+            self._connection.publish("setpoint_config", self._request(self._kind, is_applied=True))
+            return
+        self._left -= 1
+        flags = {f"flag_control_{name}_enabled": True for name in self._kind.flags}
+        cls = self._topics.incoming("config_control_setpoints")
+        self._connection.publish("config_control_setpoints", filled(cls, source_id=self._mode, **flags))
+
+    def close(self) -> None:
+        """Stop reading replies."""
+        if self._end is not None:
+            self._end()
+
+    def _take(self, reply: Any) -> None:
+        kind = self._kind
+        if kind is not None and reply.source_id == self._mode and reply.type == kind.number and not reply.result:
+            self._left = 0
+
+    def _request(self, kind: Kind, *, is_applied: bool) -> Any:
+        cls = self._topics.incoming("setpoint_config")
+        return cls(type=kind.number, source_id=self._mode, should_apply=is_applied, timeout_ms=_TIMEOUT_MS)
+
+    async def _ask(self, kind: Kind) -> Any:
+        for _ in range(_TRIES):
+            self._connection.publish("setpoint_config", self._request(kind, is_applied=False))
+            try:
+                return await self._feeds["setpoint_config_reply"].following(
+                    lambda reply: bool(reply.source_id == self._mode and reply.type == kind.number), _PATIENCE
+                )
+            except TimeoutError:
+                continue
+        raise NoAnswerError(f"the vehicle has not answered whether it supports {kind.name} setpoints")
+
+
+_WHY = {1: "the mode is not registered", 2: "not for this kind of vehicle", 3: "unknown to this firmware"}
+"""The results of SetpointConfigReply."""
+
+
+class Configured(Protocol):
+    """What goes with setpoints."""
+
+    def apply(self, kind: Kind | None) -> None:
+        """Take the kind of the setpoints that follow, None once the mode is left."""
+
+    def send(self) -> None:
+        """Send what goes with each setpoint."""
+
+
+class Stream:
+    """Sends the setpoint of a mode at the rate of its kind, while the mode is active.
+
+    It runs in the event loop of the program, so a program that hangs or has ended sends nothing. After a hang of 0.5 s,
+    nothing is sent until the vehicle shows that the mode is still active, and nothing while the vehicle is not heard.
+    """
+
+    def __init__(
+        self, connection: Connection, feeds: Feeds, configuration: Configured, shaped: Callable[[Kind, Any], Any]
+    ) -> None:
+        self._connection, self._configuration, self._shaped = connection, configuration, shaped
+        self._status = feeds["vehicle_status"]
+        self.is_alive: Callable[[], bool] = lambda: True
+        """Whether the program runs, if that is not shown by the event loop."""
+        self._loop = asyncio.get_running_loop()
+        self._timer: asyncio.TimerHandle | None = None
+        self._due = 0.0
+        self._current: tuple[Kind, Any] | None = None
+        self._is_late = False
+        """Whether the program has not run for 0.5 s. The mode may have been left meanwhile."""
+        self.is_active = False
+
+    def start(self) -> None:
+        """Begin: the mode is active."""
+        self.is_active, self._is_late = True, False
+        self._wait(self._loop.time() + _IDLE)
+
+    def confirm(self) -> None:
+        """Send again after a hang: the mode is still active."""
+        self._is_late = False
+
+    def stop(self) -> None:
+        """Send nothing from now on: the mode was left."""
+        self.is_active = False
+        self.pause()
+        self._cancel()
+        self._configuration.apply(None)
+
+    def pause(self) -> None:
+        """Send nothing until the next setpoint."""
+        self._current = None
+
+    def set(self, kind: Kind, message: Any) -> None:
+        """Repeat a setpoint until the next one. One of another kind is sent at once, others in their turn."""
+        if not self.is_active:
+            return
+        is_new = self._current is None or self._current[0] != kind
+        self._current = kind, message
+        if is_new:
+            self._configuration.apply(kind)
+            self._cancel()
+            self._tick()
+
+    def _tick(self) -> None:
+        now = self._loop.time()
+        self._is_late = self._is_late or now > self._due + _HUNG
+        interval = _IDLE
+        if self._current is not None and self._may_send():
+            kind, message = self._current
+            interval = 1.0 / kind.rate
+            self._configuration.send()
+            self._connection.publish(kind.topic, self._shaped(kind, message))
+        base = min(self._due, now)  # a new setpoint comes before its time
+        self._wait(max(base + interval, now))  # late setpoints do not come in a burst
+
+    def _may_send(self) -> bool:
+        return not self._is_late and self._status.age <= _SILENT and self.is_alive()
+
+    def _wait(self, due: float) -> None:
+        self._due = due
+        self._timer = self._loop.call_at(due, self._tick)
+
+    def _cancel(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None

@@ -1,0 +1,213 @@
+"""Telemetry: small values with their age and validity.
+
+Places and velocities are in NED. Angles are in rad, lengths in m, speeds in m/s.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple, TypeVar
+
+from msggen.flight.errors import NoAnswerError, UnsupportedError
+from msggen.flight.feeds import Feeds
+from msggen.flight.space import Vector
+
+_Value = TypeVar("_Value")
+_FRESH = 0.5
+"""The age in s up to which estimates are valid."""
+_SLOW = 3.0
+"""The same for values that are published rarely: home, battery, landing."""
+_LIFTED = 1.0
+_PATIENCE = 1.0
+"""How long to wait for the first message of a topic, in s."""
+
+
+class LocalPosition(NamedTuple):
+    """The place relative to the origin of the local frame: VehicleLocalPosition."""
+
+    position: Vector
+    velocity: Vector
+    heading: float
+    """Clockwise from north."""
+    age: float
+    """In s, since the message has arrived."""
+    is_valid: bool
+
+
+class GlobalPosition(NamedTuple):
+    """The place on earth: VehicleGlobalPosition."""
+
+    latitude: float
+    """In degrees."""
+    longitude: float
+    """In degrees."""
+    altitude: float
+    """Above mean sea level."""
+    age: float
+    is_valid: bool
+
+
+class Attitude(NamedTuple):
+    """The attitude: VehicleAttitude."""
+
+    quaternion: tuple[float, float, float, float]
+    """w, x, y, z from FRD to NED."""
+    roll: float
+    pitch: float
+    yaw: float
+    age: float
+    is_valid: bool
+
+
+class Battery(NamedTuple):
+    """The battery: BatteryStatus."""
+
+    remaining: float
+    """The charge from 0 to 1, NaN if it is not known."""
+    voltage: float
+    """In V."""
+    current: float
+    """In A."""
+    warning: int
+    """0 none, 1 low, 2 critical, 3 emergency: WARNING_*."""
+    age: float
+    is_valid: bool
+
+
+class Home(NamedTuple):
+    """The place that Return goes to: HomePosition."""
+
+    latitude: float
+    longitude: float
+    altitude: float
+    position: Vector
+    """In the local frame."""
+    age: float
+    is_valid: bool
+
+
+class Land(NamedTuple):
+    """Whether the vehicle has landed: VehicleLandDetected."""
+
+    is_landed: bool
+    has_ground_contact: bool
+    age: float
+    is_valid: bool
+
+
+class Telemetry:
+    """Values of a vehicle. Each raises NoAnswerError if its first message does not arrive within 1 s."""
+
+    def __init__(self, feeds: Feeds) -> None:
+        self._feeds = feeds
+
+    async def local_position(self) -> LocalPosition:
+        """Return the place and the velocity in the local frame."""
+        return await self._read("vehicle_local_position", _local_position)
+
+    async def global_position(self) -> GlobalPosition:
+        """Return latitude, longitude and altitude."""
+        return await self._read("vehicle_global_position", _global_position)
+
+    async def attitude(self) -> Attitude:
+        """Return the attitude."""
+        return await self._read("vehicle_attitude", _attitude)
+
+    async def battery(self) -> Battery:
+        """Return the state of the battery."""
+        return await self._read("battery_status", _battery)
+
+    async def home(self) -> Home:
+        """Return the home position."""
+        return await self._read("home_position", _home)
+
+    async def land(self) -> Land:
+        """Return whether the vehicle has landed."""
+        return await self._read("vehicle_land_detected", _land)
+
+    async def _read(self, topic: str, make: Callable[[Any, float], _Value]) -> _Value:
+        feed = self._feeds[topic]
+        try:
+            message = await feed.wait(lambda _: True, _PATIENCE)
+        except TimeoutError:
+            raise NoAnswerError(f"no {topic} within {_PATIENCE:.0f} s") from None
+        return make(message, feed.age)
+
+
+def is_estimate(message: Any) -> bool:
+    """Whether a VehicleLocalPosition has a valid position and velocity."""
+    return bool(message.xy_valid and message.z_valid and message.v_xy_valid and message.v_z_valid)
+
+
+def valid_estimate(feeds: Feeds) -> Any:
+    """Return the last VehicleLocalPosition, or None if it is not valid, or older than 0.5 s."""
+    feed = feeds["vehicle_local_position"]
+    is_valid = feed.latest is not None and feed.age < _FRESH and is_estimate(feed.latest)
+    return feed.latest if is_valid else None
+
+
+def no_estimate(feeds: Feeds) -> NoAnswerError:
+    """Return the error of a vehicle without a valid estimate: it has none, or is not heard."""
+    age = feeds["vehicle_local_position"].age
+    if math.isfinite(age) and age > _FRESH:
+        return NoAnswerError(f"no vehicle_local_position for {age:.1f} s: is the link lost?")
+    return NoAnswerError("the vehicle has no valid local position: it needs GPS, or another source of its position")
+
+
+def is_landed(feeds: Feeds) -> bool:
+    """Whether the vehicle is on the ground, as far as it has told. The first call asks for that."""
+    try:
+        found = feeds["vehicle_land_detected"].latest
+    except UnsupportedError:  # v1.15 tells only when it has taken off
+        status = feeds["vehicle_status"].latest
+        return status is not None and not status.takeoff_time
+    return found is not None and bool(found.landed)
+
+
+def is_known_in_air(feeds: Feeds) -> bool:
+    """Whether the vehicle says that it is not on the ground. v1.15 does not: its height above the origin counts."""
+    try:
+        found = feeds["vehicle_land_detected"].latest
+    except UnsupportedError:
+        place = valid_estimate(feeds)
+        return not is_landed(feeds) and place is not None and place.z < -_LIFTED
+    return found is not None and not found.landed
+
+
+def _local_position(message: Any, age: float) -> LocalPosition:
+    return LocalPosition(
+        Vector(message.x, message.y, message.z),
+        Vector(message.vx, message.vy, message.vz),
+        message.heading,
+        age,
+        is_valid=is_estimate(message) and age < _FRESH,
+    )
+
+
+def _global_position(message: Any, age: float) -> GlobalPosition:
+    is_valid = getattr(message, "lat_lon_valid", True) and getattr(message, "alt_valid", True)  # v1.15 has neither
+    return GlobalPosition(message.lat, message.lon, message.alt, age, is_valid=bool(is_valid and age < _FRESH))
+
+
+def _attitude(message: Any, age: float) -> Attitude:
+    w, x, y, z = message.q
+    roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+    pitch = math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x))))
+    yaw = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    return Attitude((w, x, y, z), roll, pitch, yaw, age, is_valid=age < _FRESH)
+
+
+def _battery(message: Any, age: float) -> Battery:
+    remaining = message.remaining if message.remaining >= 0 else math.nan
+    values = message.voltage_v, message.current_a, message.warning
+    return Battery(remaining, *values, age, is_valid=bool(message.connected and age < _SLOW))
+
+
+def _home(message: Any, age: float) -> Home:
+    place = Vector(message.x, message.y, message.z)
+    return Home(message.lat, message.lon, message.alt, place, age, is_valid=bool(message.valid_hpos))
+
+
+def _land(message: Any, age: float) -> Land:
+    return Land(bool(message.landed), bool(message.ground_contact), age, is_valid=age < _SLOW)

@@ -1,0 +1,179 @@
+"""Tests of the end of programs that fly over a link: signals, exceptions, kills, and a next program that goes on."""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from msggen.live.sim import Options, Simulator
+from support.flying import EXTERNAL, QUICK, FlyingProgram, commander, simulated, until
+from support.ports import free_port
+from support.simulation import built
+
+pytest_plugins = ["support.owned_links"]
+
+HOLD, RETURN = 4, 5
+ARM, TAKEOFF, SET_MODE = 400, 22, 100_001
+
+
+@pytest.fixture
+def url() -> str:
+    return f"udp://127.0.0.1:{free_port()}"
+
+
+@contextmanager
+def ready(
+    url: str, types: Any, way: str = "await", options: Options = QUICK
+) -> Iterator[tuple[Simulator, FlyingProgram]]:
+    """Return a vehicle, and a program that has registered its mode."""
+    with simulated(types, url, options) as simulator:
+        program = FlyingProgram(url, types, way)
+        program.tell()
+        program.wait("ready")
+        assert EXTERNAL in commander(simulator).components.modes
+        yield simulator, program
+        program.process.kill()
+        program.end()
+
+
+def fly(simulator: Simulator, program: FlyingProgram, height: float = 5.0) -> None:
+    """Take off as a user, and let the program fly its mode."""
+    world = simulator.vehicles[0].world
+    nan = float("nan")
+    assert world.command(TAKEOFF, [nan] * 6 + [world.home.altitude + height]) == 0
+    assert world.command(ARM, [1.0] + [nan] * 6) == 0
+    until(lambda: world.mode == HOLD and -world.flight.position[2] > height - 1.0)
+    assert world.command(SET_MODE, [float(EXTERNAL)] + [nan] * 6) == 0
+    program.wait("flies")
+
+
+@pytest.mark.parametrize(
+    ("number", "code"), [(signal.SIGTERM, {143}), (signal.SIGINT, {130, -signal.SIGINT, 1})], ids=["SIGTERM", "Ctrl-C"]
+)
+def test_a_signal_ends_the_program_and_unregisters(number: int, code: set[int], url: str, px4_types: Any) -> None:
+    with ready(url, px4_types) as (simulator, program):
+        program.signal(number)
+        assert until(lambda: not commander(simulator).components.modes, 1.0) < 0.5
+        assert program.process.wait(10.0) in code
+
+
+@pytest.mark.parametrize("way", ["raises", "leaves"])
+def test_an_exception_and_the_end_of_the_interpreter_unregister(way: str, url: str, px4_types: Any) -> None:
+    with ready(url, px4_types, way) as (simulator, program):
+        program.tell()
+        assert until(lambda: not commander(simulator).components.modes, 3.0) < 1.5
+        assert program.process.wait(10.0) == (1 if way == "raises" else 0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("way", ["await", "computes"])
+@pytest.mark.parametrize("parameters", [{}, {"COM_MODE_ARM_CHK": 1.0}], ids=["later", "in flight"])
+def test_a_signal_in_flight_lets_px4_return_although_the_program_computes(
+    way: str, parameters: dict[str, float], url: str, px4_types: Any
+) -> None:
+    with ready(url, px4_types, way, QUICK._replace(parameters=parameters)) as (simulator, program):
+        fly(simulator, program)
+        if way == "computes":
+            program.wait("computes")
+        program.signal(signal.SIGTERM)
+        if parameters:
+            assert until(lambda: not commander(simulator).components.modes, 1.0) < 0.5
+        assert until(lambda: commander(simulator).mode == RETURN, 5.0) < 1.6, "PX4 waits 1 s for answers"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("pause", "way"), [(0.4, "await"), (0.4, "executes"), (3.0, "await"), (3.0, "resumes")])
+def test_a_program_that_is_back_soon_goes_on(pause: float, way: str, url: str, px4_types: Any) -> None:
+    def attempt() -> None:
+        with ready(url, px4_types, way) as (simulator, program):
+            goes_on = (pause, way) != (3.0, "await")
+            follows(simulator, program, FlyingProgram(url, px4_types, way), pause=pause, goes_on=goes_on)
+
+    in_real_time(attempt)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("owned")
+def test_a_program_on_a_shared_link_that_is_back_soon_goes_on(url: str, px4_types: Any) -> None:
+    def attempt() -> None:
+        with ready(url, px4_types) as (simulator, program):
+            follows(simulator, program, FlyingProgram(url, px4_types), pause=0.4, goes_on=True)
+
+    in_real_time(attempt)
+
+
+@pytest.mark.slow
+def test_a_program_for_an_older_vehicle_that_is_back_soon_goes_on(url: str, tmp_path: Path) -> None:
+    types = built("v1.16", tmp_path)
+
+    def attempt() -> None:
+        with ready(url, types) as (simulator, program):
+            follows(simulator, program, FlyingProgram(url, types), pause=0.4, goes_on=True)
+
+    in_real_time(attempt)
+
+
+def in_real_time(attempt: Callable[[], None], times: int = 3) -> None:
+    """Try a few times: on a busy machine, PX4's 1 s can be over before a program has begun."""
+    for _ in range(times - 1):
+        with suppress(AssertionError):
+            attempt()
+            return
+    attempt()
+
+
+def follows(
+    simulator: Simulator, program: FlyingProgram, following: FlyingProgram, *, pause: float, goes_on: bool
+) -> None:
+    """Kill a program in its mode, let another one follow, and check whether that goes on."""
+    fly(simulator, program)
+    time.sleep(1.5)
+    vehicle = simulator.vehicles[0]
+    vehicle.changes.clear()
+    in_charge = commander(simulator).executor_in_charge
+    program.signal(signal.SIGKILL)
+    time.sleep(pause)
+    is_lost = pause > 1.5  # PX4 waits 1 s for answers
+    assert (commander(simulator).mode == RETURN) == is_lost
+    following.tell()
+    if goes_on:
+        following.wait("ready")
+        assert following.wait("flies") == "flies, True"
+        time.sleep(2.0)
+        assert commander(simulator).mode == EXTERNAL
+        assert commander(simulator).executor_in_charge == in_charge
+        assert any("return" in each.text for each in vehicle.changes) == is_lost
+        following.signal(signal.SIGTERM)
+    else:
+        assert "the vehicle has left this mode of an earlier program in flight" in following.wait("RegistrationError")
+        assert commander(simulator).mode == RETURN
+    following.end()
+
+
+def test_a_killed_program_gets_its_slot_again_on_the_ground(url: str, px4_types: Any) -> None:
+    with ready(url, px4_types) as (simulator, program):
+        following = FlyingProgram(url, px4_types)
+        program.signal(signal.SIGKILL)
+        program.process.wait(10.0)  # its port is free then
+        following.tell()
+        following.wait("ready")
+        assert {*commander(simulator).components.modes} == {EXTERNAL}
+        following.signal(signal.SIGTERM)
+        following.end()
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT], ids=["SIGTERM", "Ctrl-C"])
+def test_a_program_that_waits_for_a_vehicle_ends_at_once(number: int, url: str, px4_types: Any) -> None:
+    program = FlyingProgram(url, px4_types)
+    program.tell()
+    time.sleep(1.0)
+    program.signal(number)
+    begin = time.monotonic()
+    assert program.end() in {143, 130, 1, -signal.SIGINT}
+    assert time.monotonic() - begin < 3.0

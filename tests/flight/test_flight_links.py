@@ -1,0 +1,341 @@
+"""Tests of flights over links with a simulated vehicle in real time: direct, and through the process that owns it."""
+
+from __future__ import annotations
+
+import asyncio
+import importlib
+import logging
+import os
+import re
+import signal
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from msggen.flight import (
+    LOCAL_POSITION,
+    Executor,
+    Flight,
+    FlightError,
+    Mode,
+    NoAnswerError,
+    UnsupportedError,
+)
+from msggen.flight.link import _WAITING, _Inbox
+from msggen.generate.python.package import render_package
+from msggen.live import Vehicle
+from msggen.live.sim import Misbehaviour, Simulator
+from msggen.live.sim.commander.components import Registration
+from msggen.sources.catalog import read_catalog
+from msggen.sources.sources import find_sources
+from support.catalogs import write_definitions
+from support.flying import EXTERNAL, PATIENCE, QUICK, FlyingProgram, commander, simulated, until
+from support.link_records import nothing_is_left
+from support.ports import free_port
+from support.repository import ROOT
+from support.served import owners
+from support.simulation import built
+
+pytest_plugins = ["support.owned_links"]
+
+REGISTER = "/fmu/in/register_ext_component_request"
+
+
+class Hop(Mode, name="Hop"):
+    """Flies 1.5 m to the north."""
+
+    requires = LOCAL_POSITION
+
+    async def fly(self) -> None:
+        await self.goto((await self.position()).shifted(1.5))
+
+
+class Hops(Executor):
+    """A whole flight."""
+
+    mode = Hop
+
+    def __init__(self) -> None:
+        self.done: list[str] = []
+        self.end = asyncio.Event()
+
+    async def run(self) -> None:
+        await self.takeoff(2.5)
+        self.done.append("takeoff")
+        await self.fly()
+        self.done.append("hop")
+        await self.land()
+        await self.wait_disarmed()
+        self.done.append("landed")
+        self.end.set()
+
+
+class Rests(Mode, name="Rests"):
+    """Flies for ever."""
+
+    async def fly(self) -> None:
+        await self.hold(1000.0)
+
+
+@pytest.fixture
+def url() -> str:
+    return f"udp://127.0.0.1:{free_port()}"
+
+
+async def hops(flight: Flight) -> list[str]:
+    """Fly, and return what has been done."""
+    executor = Hops()
+    async with flight:
+        await flight.add(executor)
+        await flight.set_mode(Hop)
+        await flight.arm()
+        await executor.end.wait()
+    return executor.done
+
+
+async def enters(flight: Flight, *parts: Any) -> None:
+    """Register, and end."""
+    async with flight:
+        await flight.add(*parts)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("release", ["v1.18", "v1.16"])
+def test_a_flight_over_an_own_link(release: str, url: str, px4_types: Any, tmp_path: Path) -> None:
+    types = px4_types if release == "v1.18" else built(release, tmp_path)
+    with nothing_is_left(), simulated(types, url) as simulator:
+        assert asyncio.run(hops(Flight(url, types))) == ["takeoff", "hop", "landed"]
+        until(lambda: not commander(simulator).components.modes, 1.0)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("owned")
+def test_a_flight_over_a_link_that_another_process_owns(url: str, px4_types: Any) -> None:
+    with simulated(px4_types, url) as simulator, nothing_is_left(), Vehicle(url, px4_types) as vehicle:
+        assert vehicle.is_shared
+        assert asyncio.run(hops(Flight(vehicle))) == ["takeoff", "hop", "landed"]
+        until(lambda: not commander(simulator).components.modes, 1.0)
+        assert vehicle.is_connected, "a flight closes only a Vehicle of its own"
+
+
+@pytest.mark.usefixtures("owned")
+def test_two_programs_do_not_fly_one_mode(url: str, px4_types: Any) -> None:
+    with simulated(px4_types, url) as simulator:
+        program = FlyingProgram(url, px4_types)
+        program.tell()
+        program.wait("ready")
+        other = FlyingProgram(url.replace("127.0.0.1", "localhost"), px4_types)
+        other.tell()
+        told = other.wait("RegistrationError")
+        assert (
+            told == f"RegistrationError: process {program.process.pid} flies mode 'Stays' of this vehicle: end it first"
+        )
+        assert other.end() == 0
+        assert {*commander(simulator).components.modes} == {EXTERNAL}
+        program.process.terminate()
+        assert program.end() == 143
+        assert until(lambda: not commander(simulator).components.modes, 1.0) < 0.5
+
+
+def test_a_slot_that_another_program_has_is_told(url: str, px4_types: Any, caplog: pytest.LogCaptureFixture) -> None:
+    with simulated(px4_types, url) as simulator:
+        asyncio.run(enters(Flight(url, px4_types), Rests))
+        assert not caplog.records
+        until(lambda: not commander(simulator).components.modes)
+        commander(simulator).register(Registration("Rests", check=True, mode=True))
+        asyncio.run(enters(Flight(url, px4_types), Rests))
+        assert "mode 'Rests' is mode 24 of the vehicle and was 23 before" in caplog.text
+
+
+def test_other_definitions_are_told_before_anything_is_sent(url: str, px4_types: Any) -> None:
+    options = QUICK._replace(misbehaviour=Misbehaviour(wrong_hashes=["GotoSetpoint", "ArmingCheckReply"]))
+    with simulated(px4_types, url, options) as simulator:
+        with pytest.raises(UnsupportedError) as caught:
+            asyncio.run(enters(Flight(url, px4_types), Rests))
+        assert "other definitions of ArmingCheckReply, GotoSetpoint: give the types of its release" in str(caught.value)
+        assert "px4_types" in str(caught.value)
+        assert not simulator.vehicles[0].received[REGISTER + "_v2"]
+
+
+def test_the_package_that_fits_the_vehicle_is_taken(url: str, px4_types: Any, tmp_path: Path) -> None:
+    old = built("v1.16", tmp_path)
+    with simulated(old, url):
+        with pytest.raises(UnsupportedError, match=r"the vehicle has v1\.16, and px4_types has other definitions of"):
+            asyncio.run(enters(Flight(url, px4_types), Rests))
+        asyncio.run(enters(Flight(url, [px4_types, old]), Rests))
+
+
+def test_a_topic_that_the_vehicle_does_not_have_is_named(
+    url: str, px4_types: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    less = without(["/fmu/in/goto_setpoint", "/fmu/out/home_position"], tmp_path, monkeypatch)
+
+    async def asks() -> None:
+        async with Flight(url, px4_types) as flight:
+            with pytest.raises(UnsupportedError, match="does not bridge /fmu/in/goto_setpoint: "):
+                await flight.add(Rests)
+            with pytest.raises(UnsupportedError, match="does not bridge /fmu/out/home_position: "):
+                await flight.telemetry.home()
+
+    with simulated(less, url):
+        asyncio.run(asks())
+
+
+def test_types_and_an_address_are_needed(url: str, px4_types: Any) -> None:
+    with pytest.raises(TypeError, match="a flight needs the generated package"):
+        asyncio.run(enters(Flight(url)))
+    with pytest.raises(FlightError, match="is not the address of a link"):
+        asyncio.run(enters(Flight("8888:udp", px4_types)))
+
+
+def test_a_wait_for_a_vehicle_can_be_cancelled(url: str, px4_types: Any) -> None:
+    async def waits() -> None:
+        task = asyncio.create_task(enters(Flight(url, px4_types)))
+        await asyncio.sleep(0.3)
+        begin = time.monotonic()
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+        assert time.monotonic() - begin < 1.0
+
+    with nothing_is_left():
+        asyncio.run(waits())
+
+
+@pytest.mark.slow
+def test_a_link_that_is_lost_keeps_the_modes(url: str, px4_types: Any) -> None:
+    options = QUICK._replace(misbehaviour=Misbehaviour(restart_every=4.0))
+
+    async def stays() -> None:
+        async with Flight(url, px4_types) as flight:
+            await flight.add(Rests)
+            ids = flight.find(Rests).ids
+            await asyncio.sleep(9.0)
+            assert flight.find(Rests).ids is ids
+            assert not commander(simulator).checks.is_unresponsive(ids.check)
+
+    with simulated(px4_types, url, options) as simulator:
+        asyncio.run(stays())
+        vehicle = simulator.vehicles[0]
+        assert sum(count for name, count in vehicle.received.items() if name.startswith(REGISTER)) == 1
+        assert [each.text for each in vehicle.changes].count("the client restarts") >= 2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("release", ["v1.18", "v1.16"])
+def test_a_vehicle_that_restarts_gets_all_modes_again(
+    release: str, url: str, px4_types: Any, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    types = px4_types if release == "v1.18" else built(release, tmp_path)
+
+    async def restarts() -> None:
+        loop = asyncio.get_running_loop()
+        simulator = await asyncio.to_thread(Simulator(types, url, [QUICK]).__enter__)
+        async with Flight(url, types) as flight:
+            await flight.add(Hops, Rests)
+            await flight.arm()
+            await flight.takeoff(2.5)
+            await flight.set_mode(Rests)
+            await until_so(lambda: flight.find(Rests).is_active)
+            old = flight.find(Rests)
+            await asyncio.to_thread(simulator.close)
+            simulator = await asyncio.to_thread(Simulator(types, url, [QUICK]).__enter__)
+            begin = loop.time()
+            await until_so(lambda: {EXTERNAL, EXTERNAL + 1} <= {*commander(simulator).components.modes})
+            assert loop.time() - begin < 8.0
+            await until_so(lambda: flight.find(Rests) is not old)
+            assert not old.is_active
+            await flight.set_mode(Rests)  # its replies arrive
+            await flight.arm()
+        await asyncio.to_thread(simulator.close)
+
+    asyncio.run(restarts())
+    assert "mode 'Rests' has ended" in caplog.text
+    assert "the vehicle has restarted" in caplog.text
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("owned")
+def test_the_death_of_the_owner_of_the_link_does_not_end_a_mode(url: str, px4_types: Any) -> None:
+    async def stays(simulator: Simulator) -> None:
+        async with Flight(url, px4_types) as flight:
+            await flight.add(Rests)
+            await flight.arm()
+            await flight.takeoff(2.5)
+            await flight.set_mode(Rests)
+            (owner,) = owners()
+            os.kill(owner.state["pid"], signal.SIGKILL)
+            await asyncio.sleep(3.0)
+            assert commander(simulator).mode == EXTERNAL
+            assert "return" not in " ".join(each.text for each in simulator.vehicles[0].changes)
+            assert [each.state["pid"] for each in owners()] != [owner.state["pid"]]
+            assert flight.feeds["vehicle_status"].age < 1.0
+            await flight.land()
+
+    with simulated(px4_types, url) as simulator, nothing_is_left():
+        asyncio.run(stays(simulator))
+
+
+async def until_so(condition: Callable[[], object]) -> None:
+    """Wait until something is so. A mode that is not registered yet is none."""
+    end = time.monotonic() + PATIENCE
+    while time.monotonic() < end:
+        try:
+            if condition():
+                return
+        except FlightError:
+            pass
+        await asyncio.sleep(0.02)
+    raise AssertionError("it is not so")
+
+
+def test_a_program_that_hangs_keeps_few_messages() -> None:
+    async def hangs() -> list[int]:
+        taken: list[int] = []
+        inbox = _Inbox(asyncio.get_running_loop(), taken.append)
+        for number in range(10_000):  # before the loop runs
+            inbox.put(number)
+        await asyncio.sleep(0.0)
+        inbox.put(10_000)
+        await asyncio.sleep(0.0)
+        inbox.put(10_001)
+        inbox.close()
+        await asyncio.sleep(0.0)
+        return taken
+
+    assert asyncio.run(hangs()) == [*range(10_000 - _WAITING, 10_001)]
+
+
+def test_a_vehicle_that_is_gone_makes_actions_fail_in_time(
+    url: str, px4_types: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def goes() -> None:
+        simulator = await asyncio.to_thread(Simulator(px4_types, url, [QUICK]).__enter__)
+        async with Flight(url, px4_types) as flight:
+            await flight.add(Rests)
+            await asyncio.to_thread(simulator.close)
+            begin = time.monotonic()
+            with pytest.raises(NoAnswerError):
+                await flight.arm()
+            with pytest.raises(NoAnswerError):
+                await flight.add(Hop)
+            assert time.monotonic() - begin < 8.0
+
+    with caplog.at_level(logging.WARNING):
+        asyncio.run(goes())
+    assert caplog.text.count("messages to the vehicle are lost") == 1
+
+
+def without(topics: list[str], folder: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Return a package of the newest release without some topics."""
+    rows = (ROOT / "dds_topics.yaml").read_text()
+    for topic in topics:
+        rows, count = re.subn(f" *- topic: {topic}\n(?: +[a-z_]+:.*\n)*", "", rows)
+        assert count == 1
+    (folder / "less.yaml").write_text(rows)
+    catalog = read_catalog(find_sources(None, topics=str(folder / "less.yaml")))
+    write_definitions(folder / "less_types", dict(render_package(catalog, "less_types")))
+    monkeypatch.syspath_prepend(folder)
+    return importlib.import_module("less_types")

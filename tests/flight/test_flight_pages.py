@@ -1,0 +1,93 @@
+"""Tests of docs/flight.md and docs/flight_safety.md: their programs print what the pages show, on a simulated clock."""
+
+from __future__ import annotations
+
+import asyncio
+import re
+import runpy
+from functools import partial
+from typing import Any
+
+import pytest
+
+import msggen.flight
+from msggen.flight import ATTITUDE, GOTO, RATES, TRAJECTORY, Executor, Flight, Mode
+from msggen.live.sim.loop import run
+from msggen.live.sim.near import NearVehicle
+from support.flown import Flown
+from support.repository import ROOT
+from support.simulation import built
+
+BLOCK = re.compile(r"^```python\n(.*?)^```(?:\n\n```text\n(.*?)^```)?", re.MULTILINE | re.DOTALL)
+MEASURE = runpy.run_path(str(ROOT / "docs" / "measure_flight_safety.py"))
+TEXTS = {name: (ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8") for name in ("flight", "flight_safety")}
+
+
+@pytest.mark.parametrize("page", TEXTS)
+def test_the_programs_print_what_the_page_shows(
+    page: str, px4_types: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The address of a vehicle, and `asyncio.run`, stand for a simulated one and its clock."""
+    vehicles: list[NearVehicle] = []
+
+    def flight(where: str | NearVehicle, types: Any = None, **options: Any) -> Flight:
+        assert types is px4_types or isinstance(where, NearVehicle)
+        return Flight(vehicles[-1] if isinstance(where, str) else where, **options)
+
+    def fly(main: Any) -> None:
+        vehicles.append(Flown(px4_types))
+        run(main, vehicles[-1])
+
+    async def in_flight(program: Any) -> None:
+        async with flight("", px4_types) as found:
+            await program(found)
+
+    monkeypatch.setattr(msggen.flight, "Flight", flight)
+    monkeypatch.setattr(asyncio, "run", fly)
+    names: dict[str, Any] = {}
+    blocks = BLOCK.findall(TEXTS[page])
+    assert len(blocks) == {"flight": 7, "flight_safety": 1}[page]
+    for code, shown in blocks:
+        names.pop("program", None)
+        exec(code, names)  # noqa: S102 - the code of the page
+        if "program" in names:
+            fly(in_flight(names["program"]))
+        assert capsys.readouterr().out == shown, code
+
+
+def test_the_first_session_is_that_of_the_example() -> None:
+    corners = re.findall(r"^at (\S+) (\S+)$", TEXTS["flight"].partition("```\n")[0], re.MULTILINE)
+    text = (ROOT / "examples" / "flight" / "square.py").read_text(encoding="utf-8")
+    assert f"CORNERS = [{', '.join(f'({north}, {east})' for north, east in corners)}]" in text
+
+
+def test_the_table_of_setpoints_is_that_of_the_code() -> None:
+    rows = re.findall(r"^\| `([A-Z]+)` \| `[^|]*` \| (\d+) Hz \|", TEXTS["flight"], re.MULTILINE)
+    kinds = (GOTO, TRAJECTORY, ATTITUDE, RATES)
+    assert rows == [(each.name.upper(), f"{each.rate:.0f}") for each in kinds]
+
+
+def test_the_names_of_msggen_on_the_page_exist() -> None:
+    table_of_names = TEXTS["flight"].partition("## Names elsewhere")[2].partition("\n## ")[0]
+    ours = " ".join(line.split("|")[3] for line in table_of_names.splitlines() if line.startswith("| "))
+    words = set(re.findall(r"`(?:await )?(?:async with )?(?:self\.|flight\.)?(\w+)", ours))
+    known = {*dir(Mode), *dir(Executor), *dir(Flight), *msggen.flight.__all__, "name", "telemetry", "return", "msggen"}
+    assert words - known == set()
+
+
+@pytest.mark.slow
+def test_the_measured_times_are_those_of_the_page(px4_types: Any, tmp_path_factory: pytest.TempPathFactory) -> None:
+    build = partial(built, folder=tmp_path_factory.mktemp("types"))
+    packages = [px4_types if release == "v1.18" else build(release) for release in MEASURE["RELEASES"]]
+    lines = MEASURE["table"](packages, MEASURE["RELEASES"])
+    assert lines[1] in TEXTS["flight_safety"].splitlines(), "stale: python docs/measure_flight_safety.py --write"
+    assert MEASURE["updated"](TEXTS["flight_safety"], lines) == TEXTS["flight_safety"]
+
+
+def test_measured_times_are_put_on_the_page() -> None:
+    cells = MEASURE["_CELLS"]
+    lines = [f"{text}  1.00 to 1.00  {row}.50 to {row}.75  then" for row, text in enumerate(cells.values())]
+    page = MEASURE["updated"](TEXTS["flight_safety"], lines)
+    assert "\n".join(["```console", "$ python docs/measure_flight_safety.py", *lines, "```"]) in page
+    shown = re.findall(r"^\| ([^|]*) \| [^|\d]*(\d)\.50 to \2\.75 s \|", page, re.MULTILINE)
+    assert dict(shown) == {name: str(row) for row, name in enumerate(cells)}

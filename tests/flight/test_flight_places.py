@@ -1,0 +1,232 @@
+"""Tests of places on earth, and of a vehicle on the ground."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import math
+import re
+from typing import Any
+
+import pytest
+
+from msggen.flight import GLOBAL_POSITION, FlightError, GlobalPlace, LimitError, Limits, NoAnswerError, NotReachedError
+from msggen.flight.flight import Flight
+from msggen.flight.mode import Mode
+from msggen.flight.setpoints import ATTITUDE, TRAJECTORY
+from msggen.live.sim.loop import run
+from support.flown import Flown, fly
+
+pytest_plugins = ["support.flight_releases"]
+
+NORTH = 0.0002
+"""A difference of latitude in degrees: 22.24 m."""
+FAR = 22.24
+GOTO = "goto_setpoint"
+
+
+def away(vehicle: Flown, up: float = 10.0) -> GlobalPlace:
+    """Return a place that is 22 m north of home."""
+    home = vehicle.world.home
+    return GlobalPlace(home.latitude + NORTH, home.longitude, home.altitude + up)
+
+
+class Visits(Mode, name="Visits"):
+    """Flies to a place."""
+
+    requires = GLOBAL_POSITION
+    frame = "enu"
+
+    def __init__(self, place: Any) -> None:
+        self.place = place
+
+    async def fly(self) -> None:
+        await self.goto(self.place, max_speed=4.0)
+
+
+def test_a_mode_flies_to_a_place_on_earth_in_each_frame(types: Any) -> None:
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        mode = Visits(away(vehicle))
+        await flight.add(mode)
+        await vehicle.in_air(flight)
+        await flight.fly(mode)
+        sent = [each.message for each in vehicle.sent if each.topic == GOTO]
+        assert sent[0].position == pytest.approx((FAR, 0.0, -10.0), abs=0.01)
+        assert vehicle.world.flight.position == pytest.approx((FAR, 0.0, -10.0), abs=0.6)
+
+    fly(types, program)
+
+
+def test_offboard_flies_to_a_place_on_earth(types: Any) -> None:
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        await vehicle.in_air(flight)
+        async with flight.offboard("enu") as setpoint:
+            await setpoint.goto(away(vehicle))
+        assert vehicle.world.flight.position == pytest.approx((FAR, 0.0, -10.0), abs=0.6)
+
+    fly(types, program)
+
+
+def test_a_place_on_earth_needs_a_global_position(types: Any) -> None:
+    class Tries(Visits, name="Tries"):
+        requires = Mode.requires
+
+        async def fly(self) -> None:
+            with pytest.raises(NoAnswerError, match="where on earth it is"):
+                await self.goto(self.place)
+
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        mode = Tries(away(vehicle))
+        await flight.add(mode)
+        await vehicle.in_air(flight)
+        vehicle.lose_position()
+        await asyncio.sleep(0.1)
+        with pytest.raises(NoAnswerError, match="where on earth it is"):
+            await flight.find(mode).mode.goto(mode.place)
+        assert not [each for each in vehicle.sent if each.topic == GOTO]
+
+    fly(types, program)
+
+
+def test_limits_count_for_a_place_on_earth(px4_types: Any) -> None:
+    vehicle = Flown(px4_types)
+    errors = []
+
+    class Limited(Visits, name="Limited"):
+        async def fly(self) -> None:
+            try:
+                await super().fly()
+            except LimitError as error:
+                errors.append(str(error))
+
+    async def main() -> None:
+        await asyncio.sleep(1.0)
+        async with Flight(vehicle, limits=Limits(distance=20.0)) as flight:
+            mode = Limited(away(vehicle))
+            await flight.add(mode)
+            await vehicle.in_air(flight)
+            await flight.fly(mode)
+            for up, limit in ((None, "22.2 m from home"), (10.0, "22.2 m from home")):
+                place = away(vehicle, up or 0.0)
+                with pytest.raises(LimitError, match=limit):
+                    await flight.goto(place.latitude, place.longitude, place.altitude if up else None)
+
+    run(main(), vehicle)
+    assert errors == ["22.2 m from home: the limit is 20 m, and nothing was sent"]
+
+
+@pytest.mark.parametrize("place", [(91.0, 0.0, 0.0), (0.0, -181.0, 0.0), (math.nan, 0.0, 0.0), (0.0, 0.0, math.inf)])
+def test_what_is_no_place_on_earth_is_an_error(place: tuple[float, float, float]) -> None:
+    with pytest.raises(ValueError, match=r"expected a latitude from -90 to 90|expected finite numbers for a place"):
+        GlobalPlace(*place)
+
+
+def test_goto_on_the_ground_is_an_error_before_anything_is_sent(types: Any) -> None:
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        mode = Visits((0.0, 5.0, 5.0))
+        await flight.add(mode)
+        with pytest.raises(FlightError, match="the vehicle is on the ground: take off first"):
+            await flight.goto(47.0, 8.0, 500.0)
+        await flight.set_mode(mode)
+        await flight.arm()
+        with pytest.raises(NotReachedError, match="goto does not lift a vehicle off the ground: take off first"):
+            await flight.fly(mode)
+        assert not [each for each in vehicle.sent if each.topic == "vehicle_command" and each.message.command == 192]
+
+    fly(types, program)
+
+
+@pytest.mark.parametrize("has_lifted", [False, True])
+def test_a_trajectory_on_the_ground_is_told_once(
+    *, has_lifted: bool, types: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    class Climbs(Mode, name="Climbs"):
+        setpoints = (TRAJECTORY, ATTITUDE)
+
+        async def fly(self) -> None:
+            if has_lifted:
+                self.attitude((1.0, 0.0, 0.0, 0.0), 0.9)
+                await asyncio.sleep(1.5)
+            for _ in range(3):
+                self.trajectory(velocity=(0.0, 0.0, -1.0))
+                await asyncio.sleep(0.5)
+
+    async def program(flight: Flight, _: Flown) -> None:
+        await flight.add(Climbs)
+        await flight.set_mode(Climbs)
+        await flight.arm()
+        await flight.fly(Climbs)
+
+    with caplog.at_level(logging.WARNING, "msggen.flight"):
+        fly(types, program)
+    told = [each.getMessage() for each in caplog.records if "does not lift" in each.getMessage()]
+    assert [each[:48] for each in told] == ([] if has_lifted else ["mode 'Climbs' is on the ground, and trajectory d"])
+
+
+def test_a_place_below_home_is_told(px4_types: Any, caplog: pytest.LogCaptureFixture) -> None:
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        mode = Visits((5.0, 0.0, -5.0))
+        await flight.add(mode)
+        await vehicle.in_air(flight)
+        with pytest.raises(TimeoutError):
+            await asyncio.wait_for(flight.fly(mode), 2.0)
+        mode.place = GlobalPlace(vehicle.world.home.latitude, vehicle.world.home.longitude, 8.0)
+        with pytest.raises(TimeoutError):
+            await asyncio.wait_for(flight.fly(mode), 2.0)
+
+    with caplog.at_level(logging.WARNING, "msggen.flight"):
+        fly(px4_types, program)
+    told = [each.getMessage().partition(":")[0] for each in caplog.records]
+    assert told == ["a place 5.0 m below home", "a place 480.0 m below home"]
+
+
+def test_a_link_that_is_lost_is_not_told_as_a_lost_position(px4_types: Any) -> None:
+    errors = []
+
+    class Asks(Mode, name="Asks"):
+        async def fly(self) -> None:
+            while True:
+                await asyncio.sleep(0.1)
+                try:
+                    await self.position()
+                except NoAnswerError as error:
+                    errors.append(str(error))
+                    return
+
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        await flight.add(Asks)
+        await vehicle.in_air(flight)
+        await flight.set_mode(Asks)
+        await asyncio.sleep(1.0)
+        vehicle.loss = 1.0
+        await vehicle.until(lambda: bool(errors), 5.0)
+        vehicle.loss = 0.0
+
+    fly(px4_types, program)
+    assert re.fullmatch(r"no vehicle_local_position for 1\.\d s: is the link lost\?", errors[0])
+
+
+def test_offboard_tells_where_the_vehicle_is(px4_types: Any) -> None:
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        await vehicle.in_air(flight)
+        async with flight.offboard("enu") as setpoint:
+            await setpoint.goto((3.0, 2.0, 9.0))
+            assert await setpoint.position() == pytest.approx((3.0, 2.0, 9.0), abs=0.6)
+        vehicle.lose_position()
+        await asyncio.sleep(0.2)
+        with pytest.raises(NoAnswerError, match="needs GPS"):
+            await setpoint.position()
+
+    fly(px4_types, program)
+
+
+@pytest.mark.parametrize("place", [(1.0, 2.0), (1.0, 2.0, 3.0, 4.0)])
+def test_a_place_has_three_numbers(place: tuple[float, ...], px4_types: Any) -> None:
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        mode = Visits(place)
+        await flight.add(mode)
+        await vehicle.in_air(flight)
+        with pytest.raises(ValueError, match="expected three numbers, got"):
+            await flight.fly(mode)
+
+    fly(px4_types, program)

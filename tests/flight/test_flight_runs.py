@@ -1,0 +1,276 @@
+"""Tests of runs of `fly`: their end, what outlives them, the next run, and who waits for them."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from typing import Any
+
+import pytest
+
+from msggen.flight.errors import FlightError, NotReachedError, RestartedError
+from msggen.flight.flight import Flight
+from msggen.flight.mode import Mode
+from support.flown import EXTERNAL, Flown, fly
+
+pytest_plugins = ["support.flight_releases"]
+
+HOLD, LAND = 4, 18
+SETPOINTS = {"goto_setpoint", "trajectory_setpoint"}
+
+
+class Line(Mode, name="Line"):
+    """Flies for ever."""
+
+    async def fly(self) -> None:
+        await self.goto((50.0, 0.0, -10.0))
+
+
+class Short(Mode, name="Short"):
+    """Flies to a place."""
+
+    async def fly(self) -> None:
+        await self.goto((3.0, 0.0, -10.0))
+
+
+class Turns(Mode):
+    """Flies north for ever the first time, then to a place in the east. `end` is its cleanup."""
+
+    def __init__(self) -> None:
+        self.runs = 0
+
+    async def fly(self) -> None:
+        self.runs += 1
+        goal = (50.0, 0.0, -10.0) if self.runs == 1 else (0.0, 5.0, -10.0)
+        try:
+            await self.goto(goal)
+        finally:
+            await self.end()
+
+    async def end(self) -> None:
+        """Clean up."""
+
+
+def setpoints(vehicle: Flown, since: float) -> list[Any]:
+    """Return the setpoints that were sent from a time in s on."""
+    return [each for each in vehicle.sent if each.topic in SETPOINTS and each.time >= since]
+
+
+# the end of `fly`
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.002, 0.01, 0.05, 0.2])
+def test_a_flight_that_is_cancelled_early_does_not_begin(types: Any, delay: float) -> None:
+    """The command is under way: the vehicle can still enter the mode, and then holds its place."""
+
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        await flight.add(Line)
+        await vehicle.in_air(flight)
+        flying = asyncio.ensure_future(flight.fly(Line))
+        await asyncio.sleep(delay)
+        flying.cancel()
+        await asyncio.wait([flying])
+        assert flying.cancelled()
+        await asyncio.sleep(4.0)
+        assert math.dist(vehicle.world.flight.position, (0.0, 0.0, -10.0)) < 1.0
+        assert all(each.message.position[0] < 1.0 for each in setpoints(vehicle, vehicle.time / 1e6 - 2.0))
+        assert vehicle.world.mode in {HOLD, EXTERNAL}
+        await flight.hold()
+        await asyncio.sleep(1.0)
+        await flight.set_mode(Line)  # a user has asked for it
+        await asyncio.sleep(3.0)
+        assert vehicle.world.flight.position[0] > 1.0
+
+    fly(types, program)
+
+
+def test_a_task_that_outlives_fly_sends_nothing(px4_types: Any) -> None:
+    errors: list[str] = []
+
+    class Steers(Mode):
+        async def fly(self) -> None:
+            async def steer() -> None:
+                try:
+                    while True:
+                        self.trajectory(velocity=(1.0, 0.0, 0.0))
+                        await asyncio.sleep(0.05)
+                except NotReachedError as error:
+                    errors.append(str(error))
+
+            self.task = asyncio.ensure_future(steer())
+            await asyncio.sleep(2.0)
+
+    async def program(flight: Flight, vehicle: Flown) -> float:
+        await flight.add(Steers)
+        await vehicle.in_air(flight)
+        await flight.fly(Steers)
+        await asyncio.sleep(2.0)
+        place = vehicle.world.flight.position
+        await asyncio.sleep(5.0)
+        return math.dist(place, vehicle.world.flight.position)
+
+    assert fly(px4_types, program) < 0.2  # it holds
+    assert errors == ["mode 'Steers' does not fly: its `fly` has ended, or has not begun"]
+
+
+class Awaits(Turns):
+    """Has a cleanup that waits, and sends a setpoint."""
+
+    async def end(self) -> None:
+        if self.runs == 1:
+            await asyncio.sleep(1.0)
+            self.trajectory(velocity=(0.0, 0.0, 0.0))
+
+
+class Sends(Turns):
+    """Has a cleanup that sends a setpoint at once."""
+
+    async def end(self) -> None:
+        if self.runs == 1:
+            self.trajectory(velocity=(0.0, 0.0, 0.0))
+
+
+class Raises(Turns):
+    """Has a cleanup that fails in the first run."""
+
+    async def end(self) -> None:
+        await asyncio.sleep(0.5)
+        if self.runs == 1:
+            raise LookupError("no end")
+
+
+class Swallows(Turns):
+    """Does not end when it is cancelled."""
+
+    async def fly(self) -> None:
+        try:
+            await super().fly()
+        except asyncio.CancelledError:
+            await asyncio.sleep(0.5)
+
+
+CLEANUPS: list[type[Turns]] = [Turns, Awaits, Sends, Raises, Swallows]
+
+
+@pytest.mark.parametrize("kind", CLEANUPS)
+@pytest.mark.parametrize("pause", [0.0, 0.3, 2.0])
+def test_the_next_run_is_not_disturbed_by_the_cleanup_of_the_one_before(
+    px4_types: Any, caplog: pytest.LogCaptureFixture, kind: type[Turns], pause: float
+) -> None:
+    mode = kind()
+
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        await flight.add(mode)
+        await vehicle.in_air(flight)
+        await flight.set_mode(mode)
+        await asyncio.sleep(2.0)
+        await flight.hold()
+        left = vehicle.time / 1e6
+        await asyncio.sleep(pause)
+        assert setpoints(vehicle, left) == []
+        await asyncio.wait_for(flight.fly(mode), 20.0)
+        assert vehicle.world.flight.position[1] > 4.0
+        assert vehicle.times("trajectory_setpoint") == []
+
+    fly(px4_types, program)
+    assert mode.runs == 2
+    assert ("its end has failed" in caplog.text) == (kind is Raises)
+
+
+@pytest.mark.parametrize("kind", CLEANUPS)
+def test_a_flight_that_is_cancelled_and_flown_anew_is_not_disturbed(px4_types: Any, kind: type[Turns]) -> None:
+    mode = kind()
+
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        await flight.add(mode)
+        await vehicle.in_air(flight)
+        before = asyncio.ensure_future(flight.fly(mode))
+        await asyncio.sleep(2.0)
+        before.cancel()
+        await asyncio.wait_for(flight.fly(mode), 20.0)
+        assert vehicle.world.flight.position[1] > 4.0
+        assert vehicle.times("trajectory_setpoint") == []
+
+    fly(px4_types, program)
+    assert mode.runs == 2
+
+
+def test_a_fly_that_never_ends_sends_nothing_after_the_mode_was_left(px4_types: Any) -> None:
+    class Stubborn(Mode):
+        async def fly(self) -> None:
+            for _ in range(20):
+                try:
+                    await self.goto((50.0, 0.0, -10.0))
+                except BaseException:  # noqa: BLE001 - this is what is tested
+                    await asyncio.sleep(0.5)
+
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        await flight.add(Stubborn)
+        await vehicle.in_air(flight)
+        await flight.set_mode(Stubborn)
+        await asyncio.sleep(2.0)
+        await flight.hold()
+        left = vehicle.time / 1e6
+        await asyncio.sleep(5.0)
+        assert setpoints(vehicle, left) == []
+        assert vehicle.times("mode_completed") == []
+
+    fly(px4_types, program)
+
+
+# who waits for `fly`
+
+
+async def ends(waiting: asyncio.Future[None], error: type[FlightError], text: str) -> None:
+    """Check with which error a wait ends."""
+    with pytest.raises(error, match=text):
+        await asyncio.wait_for(waiting, 20.0)
+
+
+def test_every_wait_for_a_mode_ends(types: Any) -> None:
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        await flight.add(Line, Short)
+        await ends(asyncio.ensure_future(flight.fly(Line)), FlightError, "'Line' needs an armed vehicle")
+        assert vehicle.times("vehicle_command") == []
+        await vehicle.in_air(flight)
+        one, two = (asyncio.ensure_future(flight.fly(Short)) for _ in range(2))
+        await asyncio.wait_for(two, 20.0)
+        await ends(one, NotReachedError, "'Short' is flown anew")
+        waiting = asyncio.ensure_future(flight.fly(Line))
+        await asyncio.sleep(1.0)
+        again = asyncio.ensure_future(flight.fly(Line))
+        await asyncio.sleep(1.0)
+        await ends(waiting, NotReachedError, "'Line' was left before its end")
+        flight.close()
+        await ends(again, FlightError, "'Line'")
+
+    fly(types, program)
+
+
+def test_a_wait_for_a_mode_ends_when_the_vehicle_restarts(types: Any) -> None:
+    async def program(flight: Flight, vehicle: Flown) -> float:
+        await flight.add(Line)
+        await vehicle.in_air(flight)
+        waiting = asyncio.ensure_future(flight.fly(Line))
+        await asyncio.sleep(2.0)
+        await vehicle.restart_after(2.0)
+        taken = await vehicle.until(waiting.done, 5.0)
+        with pytest.raises(RestartedError, match="the vehicle has restarted, so mode 'Line' has ended"):
+            await waiting
+        return taken
+
+    assert fly(types, program) < 1.0
+
+
+def test_a_wait_for_a_mode_ends_when_the_vehicle_is_disarmed(px4_types: Any) -> None:
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        await flight.add(Line)
+        await vehicle.in_air(flight)
+        waiting = asyncio.ensure_future(flight.fly(Line))
+        await asyncio.sleep(1.0)
+        vehicle.choose(LAND)
+        await vehicle.until(waiting.done, 1.0)
+        with pytest.raises(NotReachedError):
+            await waiting
+
+    fly(px4_types, program)

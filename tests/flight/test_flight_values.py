@@ -1,0 +1,170 @@
+"""Setpoints that are not finite, and positions without an estimate: an error, and nothing is sent."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from msggen.flight.errors import NoAnswerError, UnsupportedError
+from msggen.flight.flight import Flight
+from msggen.flight.mode import Mode
+from msggen.flight.setpoints import ATTITUDE, RATES
+from support.examples import examples
+from support.flown import Flown, fly
+
+SETPOINTS = {"goto_setpoint", "trajectory_setpoint", "vehicle_attitude_setpoint", "vehicle_rates_setpoint"}
+RETURN = 5
+BAD = st.sampled_from([math.nan, math.inf, -math.inf, 1e39, -1e300])
+GOOD = st.floats(-50.0, 50.0)
+
+
+def numbers(size: int) -> st.SearchStrategy[tuple[float, ...]]:
+    """Return numbers of which one at least is not one that a message can hold."""
+    places = st.integers(0, size - 1)
+    return st.tuples(st.tuples(*[GOOD] * size), places, BAD).map(lambda each: _with(*each))
+
+
+def _with(values: tuple[float, ...], place: int, bad: float) -> tuple[float, ...]:
+    return (*values[:place], bad, *values[place + 1 :])
+
+
+CALLS: dict[str, tuple[int, Any]] = {
+    "goto": (3, lambda mode, values: mode.goto(values)),
+    "goto heading": (1, lambda mode, values: mode.goto((1.0, 0.0, -5.0), heading=values[0])),
+    "goto heading in degrees": (1, lambda mode, values: mode.goto((1.0, 0.0, -5.0), heading_deg=values[0])),
+    "goto speed": (1, lambda mode, values: mode.goto((1.0, 0.0, -5.0), max_speed=values[0])),
+    "goto climb": (1, lambda mode, values: mode.goto((1.0, 0.0, -5.0), max_climb=values[0])),
+    "rates": (3, lambda mode, values: mode.rates(*values, 0.5)),
+    "thrust": (1, lambda mode, values: mode.rates(0.0, 0.0, 0.0, values[0])),
+    "attitude": (4, lambda mode, values: mode.attitude(values, 0.5)),
+    "attitude turn rate": (1, lambda mode, values: mode.attitude((1.0, 0.0, 0.0, 0.0), 0.5, turn_rate=values[0])),
+}
+
+
+@settings(max_examples=examples(60))
+@given(st.data(), st.sampled_from(sorted(CALLS)))
+def test_what_is_not_finite_is_an_error(px4_types: Any, data: st.DataObject, name: str) -> None:
+    size, call = CALLS[name]
+    values = data.draw(numbers(size))
+    errors: list[Exception] = []
+
+    class Wrong(Mode):
+        setpoints = (*Mode.setpoints, ATTITUDE, RATES)
+
+        async def fly(self) -> None:
+            try:
+                found = call(self, values)
+                await found if found is not None else None
+            except ValueError as error:
+                errors.append(error)
+            await asyncio.Event().wait()
+
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        await flight.add(Wrong)
+        await vehicle.in_air(flight, 3.0)
+        await flight.set_mode(Wrong)
+        await asyncio.sleep(0.5)
+        assert not SETPOINTS & {each.topic for each in vehicle.sent}
+
+    fly(px4_types, program)
+    assert errors
+
+
+@settings(max_examples=examples(40))
+@given(st.tuples(*[st.one_of(GOOD, BAD)] * 9), st.one_of(st.none(), GOOD, BAD))
+def test_a_trajectory_is_finite_or_free_in_each_value(
+    px4_types: Any, values: tuple[float, ...], heading: float | None
+) -> None:
+    """NaN says that something is not controlled. Infinity and what a float32 cannot hold is an error."""
+    from msggen.flight.setpoints import trajectory_values
+
+    axes = values[:3], values[3:6], values[6:]
+    is_large = any(not math.isnan(each) and abs(each) > 3.4e38 for each in values)
+    is_open = any(all(math.isnan(axis[place]) for axis in axes) for place in range(3))
+    is_bad = heading is not None and not abs(heading) < 1e38
+    if is_large or is_open or is_bad:
+        with pytest.raises(ValueError, match=r"expected finite|each axis needs"):
+            trajectory_values("ned", axes, heading, None, math.nan)
+    else:
+        found = px4_types.TrajectorySetpoint(**trajectory_values("ned", axes, heading, None, math.nan))
+        assert px4_types.TrajectorySetpoint.decode(found.encode()).position == pytest.approx(axes[0], nan_ok=True)
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda flight: flight.takeoff(math.inf),
+        lambda flight: flight.takeoff(math.nan),
+        lambda flight: flight.takeoff(-2.0),
+        lambda flight: flight.goto(math.nan, 8.0),
+        lambda flight: flight.goto(47.0, 8.0, math.inf),
+        lambda flight: flight.goto(91.0, 8.0),
+        lambda flight: flight.goto(47.0, 181.0),
+        lambda flight: flight.set_home(47.0, 8.0),
+        lambda flight: flight.set_home(47.0, 8.0, math.nan),
+        lambda flight: flight.set_origin(47.0, math.inf, 0.0),
+    ],
+)
+def test_commands_with_impossible_places_are_not_sent(px4_types: Any, call: Any) -> None:
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        with pytest.raises(ValueError, match="expected"):
+            await call(flight)
+        assert not vehicle.sent
+
+    fly(px4_types, program)
+
+
+def test_without_an_estimate_there_is_no_position(px4_types: Any) -> None:
+    """The last one that was known is not used."""
+    errors: list[str] = []
+
+    class Blind(Mode):
+        setpoints = (RATES,)
+
+        async def fly(self) -> None:
+            await self.position()
+            vehicles[0].lose_position()
+            await asyncio.sleep(0.6)
+            for call in (self.position, self.velocity, self.heading, self.hold):
+                with pytest.raises(NoAnswerError) as caught:
+                    await call()
+                errors.append(str(caught.value))
+            await asyncio.Event().wait()
+
+    vehicles: list[Flown] = []
+
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        vehicles.append(vehicle)
+        await flight.add(Blind)
+        await vehicle.in_air(flight)
+        await flight.set_mode(Blind)
+        await vehicle.until(lambda: len(errors) == 4, 6.0)
+        with pytest.raises(NoAnswerError, match="no valid local position"):
+            async with flight.offboard():
+                pass
+
+    fly(px4_types, program)
+    assert {each.partition(":")[0] for each in errors} == {"the vehicle has no valid local position"}
+
+
+def test_a_mode_that_cannot_hold_says_so(px4_types: Any, caplog: pytest.LogCaptureFixture) -> None:
+    class Turns(Mode):
+        setpoints = (RATES,)
+
+        async def fly(self) -> None:
+            await self.hold(1.0)
+
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        await flight.add(Turns)
+        await vehicle.in_air(flight)
+        await flight.set_mode(Turns)
+        await vehicle.until(lambda: vehicle.world.mode == RETURN, 2.0)
+
+    fly(px4_types, program)
+    assert "add GOTO or TRAJECTORY to its `setpoints`" in caplog.text
+    assert UnsupportedError.__name__ in caplog.text

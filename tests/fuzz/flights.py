@@ -1,0 +1,254 @@
+"""Flights of a program that does what comes to mind, with a vehicle, a link and a pilot that do so, too.
+
+The vehicle is simulated, on its own clock. Whatever happens: the program gets errors of the library only, setpoints end
+with the mode, nothing arms unless told to, and nothing is sent after the flight or stays registered on the ground.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import importlib
+import math
+from collections.abc import Callable, Coroutine
+from contextlib import suppress
+from random import Random
+from types import SimpleNamespace
+from typing import Any, ClassVar, NamedTuple
+
+from fuzz.payloads import targets
+from msggen.flight import ATTITUDE, Executor, Flight, FlightError, GlobalPlace, Mode, Problem
+from msggen.flight.executor import Start
+from msggen.live.sim import Options
+from msggen.live.sim.loop import SimulatedLoop, run
+from msggen.live.sim.near import NearVehicle
+
+COUNT = 60
+
+ACTS = 14
+"""The most acts of a program."""
+PATIENCE = 20.0
+"""The time in s after which an act is cancelled."""
+LATE = 2.4
+"""The time in s for which setpoints may be sent after the vehicle has left a mode: the status that shows it gets lost.
+
+Without a status, nothing is sent after 1.6 s. The status is sent at 2 Hz."""
+OWN = range(23, 31)
+OFFBOARD = 14
+MODES = ("hold", "land", "return", "position", "takeoff", "descend", 3, 26)
+
+
+class Case(NamedTuple):
+    """What happens: acts of the program one after the other, and events of the world by the time in s."""
+
+    acts: tuple[tuple[str, float], ...]
+    events: tuple[tuple[float, str, float], ...]
+    seed: int
+
+
+class PlannedError(Exception):
+    """What a program raises."""
+
+
+class Watched(NearVehicle):
+    """A vehicle that keeps when which mode was active, and what was sent."""
+
+    def __init__(self, package: Any, seed: int) -> None:
+        super().__init__(package, Options(seed=seed))
+        self._chance = Random(seed)  # noqa: S311 - no secret
+        self.loss = 0.0
+        self.sent: list[tuple[float, str, Any]] = []
+        self.last_in_mode = -math.inf
+        """When a mode of a program was active last, in s."""
+
+    def loses(self, _: str) -> bool:
+        return self.loss > 0.0 and self._chance.random() < self.loss
+
+    def advance(self, now: int) -> None:
+        super().advance(now)
+        if self.world.mode in OWN or self.world.mode == OFFBOARD:
+            self.last_in_mode = now / 1e6
+
+    def publish(self, topic: str, message: Any) -> None:
+        now = self.time / 1e6
+        self.sent.append((now, topic, message))
+        if topic.endswith("_setpoint"):
+            assert now - self.last_in_mode < LATE, f"{topic} {now - self.last_in_mode:.2f} s after the mode was left"
+            assert all(math.isfinite(each) for each in getattr(message, "q_d", ())), message
+        super().publish(topic, message)
+
+
+class Wanders(Mode, name="Wanders"):
+    """Flies somewhere by several kinds of setpoints, and ends in several ways."""
+
+    setpoints = (*Mode.setpoints, ATTITUDE)
+
+    def __init__(self, chance: Random) -> None:
+        self.chance = chance
+
+    def problems(self) -> Any:
+        found = self.chance.random()
+        if found < 0.001:
+            raise PlannedError
+        return [Problem("wanders_no")] if found > 0.999 else ()
+
+    async def fly(self) -> None:
+        chance = self.chance
+        for _ in range(chance.randrange(4)):
+            way = chance.randrange(5)
+            x, y = chance.uniform(-9, 9), chance.uniform(-9, 9)
+            if way == 0:
+                await self.goto((x, y, -chance.uniform(2, 12)), max_speed=chance.choice((None, 3.0)))
+            elif way == 1:
+                self.trajectory(velocity=(x / 3, y / 3, 0.0))
+            elif way == 2:
+                self.attitude((1.0, 0.0, 0.0, 0.0), 0.5)
+            elif way == 3:
+                await self.hold(chance.uniform(0, 2))
+            await asyncio.sleep(chance.uniform(0, 2))
+        end = chance.randrange(4)
+        if end == 0:
+            raise PlannedError
+        if end == 1:
+            await asyncio.sleep(1000.0)
+
+
+class Circles(Wanders, name="Circles"):
+    """The mode of an executor."""
+
+
+class Tours(Executor):
+    """Does several things."""
+
+    mode = Circles
+    starts: ClassVar[Start] = "selected"
+
+    def __init__(self, chance: Random) -> None:
+        self.chance = chance
+
+    async def run(self) -> None:
+        await self.arm()
+        for _ in range(self.chance.randrange(5)):
+            act = self.chance.choice((self.takeoff, self.fly, self.rtl, self.land, self.wait_disarmed, self._fail))
+            await act()
+            await asyncio.sleep(self.chance.uniform(0, 2))
+
+    async def _fail(self) -> None:
+        if self.chance.random() < 0.5:
+            raise PlannedError
+        async with self.deferring_failsafes(5.0):
+            await self.takeoff(6.0)
+
+
+async def _offboard(flight: Flight, chance: Random) -> None:
+    async with flight.offboard(chance.choice(("ned", "enu"))) as setpoint:
+        for _ in range(chance.randrange(3)):
+            setpoint.trajectory(velocity=(chance.uniform(-3, 3), 0.0, 0.0))
+            await asyncio.sleep(chance.uniform(0, 2))
+        await setpoint.goto((chance.uniform(-9, 9), 0.0, chance.uniform(-9, 9)))
+        if chance.random() < 0.3:
+            raise PlannedError
+
+
+async def _block(_: Flight, chance: Random) -> None:
+    loop = asyncio.get_running_loop()
+    assert isinstance(loop, SimulatedLoop)
+    loop.block(chance.choice((0.1, 0.6, 1.3, 4.0)))
+
+
+async def _goto(flight: Flight, chance: Random) -> None:
+    place = GlobalPlace(47.3977 + chance.uniform(0, 2e-4), 8.5456, 500.0)
+    await flight.goto(place.latitude, place.longitude, chance.choice((None, place.altitude)))
+
+
+PROGRAM: dict[str, Callable[[Flight, Random], Coroutine[Any, Any, None]]] = {
+    "arm": lambda flight, _: flight.arm(),
+    "disarm": lambda flight, _: flight.disarm(),
+    "take off": lambda flight, chance: flight.takeoff(chance.choice((None, 3.0, 10.0))),
+    "land": lambda flight, _: flight.land(),
+    "return": lambda flight, _: flight.return_home(),
+    "select": lambda flight, chance: flight.set_mode(chance.choice((*MODES, Wanders, Tours))),
+    "wander": lambda flight, _: flight.fly(Wanders),
+    "tour": lambda flight, _: flight.fly(Tours),
+    "offboard": _offboard,
+    "goto": _goto,
+    "hang": _block,
+    "wait": lambda _, chance: asyncio.sleep(chance.uniform(0, 3)),
+    "home": lambda flight, _: flight.set_home(),
+}
+
+
+def _pilot(vehicle: Watched, value: float) -> None:
+    vehicle.world.has_sticks = True
+    vehicle.world.commander.senses = vehicle.world.senses
+    vehicle.world.commander.select((4, 5, 18, 2, 23, 24)[int(value * 6)])
+
+
+def _restart(vehicle: Watched, _: float) -> None:
+    vehicle.restart()
+    vehicle.last_in_mode = vehicle.time / 1e6
+
+
+WORLD: dict[str, Callable[[Watched, float], object]] = {
+    "loss": lambda vehicle, value: setattr(vehicle, "loss", value / 3),
+    "no link": lambda vehicle, _: setattr(vehicle, "loss", 1.0),
+    "link": lambda vehicle, _: setattr(vehicle, "loss", 0.0),
+    "pilot": _pilot,
+    "sticks": lambda vehicle, value: setattr(vehicle.world, "has_sticks", value > 0.5),
+    "satellites": lambda vehicle, value: setattr(vehicle.world, "has_gps", value > 0.3),
+    "battery": lambda vehicle, value: setattr(
+        vehicle.world.battery, "discharged", vehicle.world.battery.capacity * value
+    ),
+    "restart": _restart,
+}
+
+
+def case(chance: Random) -> Case:
+    acts = [(chance.choice([*PROGRAM]), chance.random()) for _ in range(chance.randrange(2, ACTS))]
+    front = [("arm", 0.0), ("take off", 0.0)] if chance.random() < 0.7 else []
+    events = [(chance.uniform(1, 60), chance.choice([*WORLD]), chance.random()) for _ in range(chance.randrange(6))]
+    return Case((*front, *acts), tuple(sorted(events)), chance.randrange(1 << 32))
+
+
+def check(case: Case) -> None:
+    targets()  # makes the package known
+    vehicle = Watched(importlib.import_module("px4_types"), case.seed)
+    told = SimpleNamespace(arms=0, errors=[])
+    run(_fly(vehicle, case, told), vehicle)
+    assert told.errors == []
+    arms = [message for _, topic, message in vehicle.sent if topic == "vehicle_command" and _is_arm(message)]
+    assert len(arms) <= 6 * told.arms, "the program was not told to arm"
+
+
+def _is_arm(message: Any) -> bool:
+    return bool(message.command == message.VEHICLE_CMD_COMPONENT_ARM_DISARM and message.param1)
+
+
+async def _fly(vehicle: Watched, case: Case, told: SimpleNamespace) -> None:
+    loop, chance = asyncio.get_running_loop(), Random(case.seed)  # noqa: S311 - no secret
+    loop.set_exception_handler(lambda _, context: told.errors.append(context) if not _is_expected(context) else None)
+    await asyncio.sleep(1.0)
+    for seconds, name, value in case.events:
+        loop.call_later(seconds, WORLD[name], vehicle, value)
+    with suppress(FlightError):
+        async with Flight(vehicle) as flight:
+            await flight.add(Wanders(chance), Circles(chance), Tours(chance))
+            for name, share in case.acts:
+                told.arms += name == "arm"
+                with suppress(FlightError, PlannedError, TimeoutError):
+                    patience = PATIENCE if share > 0.3 else share * 3
+                    await asyncio.wait_for(PROGRAM[name](flight, chance), patience)
+    end = vehicle.time / 1e6
+    await asyncio.sleep(0.5)
+    assert not [topic for time, topic, _ in vehicle.sent if time > end + 0.2]
+    await _check_removed(vehicle)
+
+
+async def _check_removed(vehicle: Watched) -> None:
+    """Check that the modes are removed on the ground, if the last messages have arrived."""
+    if vehicle.loss == 0.0 and not vehicle.world.is_armed:
+        await asyncio.sleep(3.0)
+        assert not vehicle.world.commander.components.modes
+
+
+def _is_expected(context: dict[str, Any]) -> bool:
+    return isinstance(context.get("exception"), (FlightError, PlannedError))

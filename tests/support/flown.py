@@ -1,0 +1,100 @@
+"""Programs that fly a simulated vehicle in their own process, on its clock."""
+
+from __future__ import annotations
+
+import asyncio
+import random
+from collections.abc import Callable, Coroutine
+from types import ModuleType
+from typing import Any, NamedTuple, TypeVar
+
+from msggen.flight.flight import Flight
+from msggen.live.sim import Options
+from msggen.live.sim.loop import SimulatedLoop, run
+from msggen.live.sim.near import NearVehicle
+
+_Result = TypeVar("_Result")
+EXTERNAL = 23
+
+
+class Sent(NamedTuple):
+    """A message of a program."""
+
+    time: float
+    topic: str
+    message: Any
+
+
+class Flown(NearVehicle):
+    """A vehicle that keeps what programs send."""
+
+    def __init__(self, package: ModuleType, options: Options = Options()) -> None:  # noqa: B008 - it is immutable
+        super().__init__(package, options)
+        self.sent: list[Sent] = []
+        self.loss = 0.0
+        """The share of messages that get lost, each way. 1: programs and vehicle do not hear each other."""
+        self.lost: set[str] = set()
+        """The topics of which no message arrives."""
+        self._losses = random.Random(f"losses {options.seed} {options.key}")  # noqa: S311 - not for secrets
+
+    def loses(self, topic: str) -> bool:
+        return topic in self.lost or (self.loss > 0.0 and self._losses.random() < self.loss)
+
+    def publish(self, topic: str, message: Any) -> None:
+        self.sent.append(Sent(self.time / 1e6, topic, message))
+        super().publish(topic, message)
+
+    def times(self, topic: str) -> list[float]:
+        """Return when messages of a topic were sent, in s."""
+        return [each.time for each in self.sent if each.topic == topic]
+
+    def lose_position(self, *, is_lost: bool = True) -> None:
+        """Lose the position at once, or find it again."""
+        self.world.has_position = self.world.has_gps = not is_lost
+
+    def choose(self, mode: int) -> None:
+        """Select a mode by its nav_state, as a pilot does."""
+        self.world.command(100_001, [float(mode), *[0.0] * 6])
+
+    async def restart_after(self, seconds: float) -> None:
+        """Restart the vehicle as PX4 does: it is not heard for some time before."""
+        self.loss = 1.0
+        await asyncio.sleep(seconds)
+        self.restart()
+        self.loss = 0.0
+
+    def hang(self, seconds: float) -> None:
+        """Let the vehicle move while the event loop of the program stands still. To be called in the program."""
+        loop = asyncio.get_running_loop()
+        assert isinstance(loop, SimulatedLoop)
+        loop.block(seconds)
+
+    async def until(self, condition: Callable[[], bool], seconds: float) -> float:
+        """Wait until something is so. Return how long that took in s. Fails after some time."""
+        begin = self.time
+        while not condition():
+            assert self.time - begin < seconds * 1e6, self.world.state(was_armed=False)
+            await asyncio.sleep(0.01)
+        return (self.time - begin) / 1e6
+
+    async def in_air(self, flight: Flight, height: float = 10.0) -> None:
+        """Arm and take off as a user does."""
+        await flight.arm()
+        await flight.takeoff(height)
+        await self.until(lambda: self.world.mode == 4, 2.0)
+
+
+def fly(
+    package: ModuleType,
+    program: Callable[[Flight, Flown], Coroutine[Any, Any, _Result]],
+    options: Options = Options(),  # noqa: B008 - it is immutable
+) -> _Result:
+    """Run a program with a vehicle that has stood for 1 s, and return what it returns."""
+    vehicle = Flown(package, options)
+
+    async def main() -> _Result:
+        await asyncio.sleep(1.0)
+        async with Flight(vehicle) as flight:
+            return await program(flight, vehicle)
+
+    return run(main(), vehicle)

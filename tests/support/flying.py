@@ -1,0 +1,101 @@
+"""Vehicles that are simulated in real time, and processes that fly them over a link."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from queue import Empty, Queue
+from types import ModuleType
+from typing import Any
+
+from msggen.live.sim import Options, Simulator
+from support.repository import ROOT
+
+PATIENCE = 20.0
+EXTERNAL = 23
+QUICK = Options(sync="off")
+"""A vehicle that connects at once."""
+
+
+@contextmanager
+def simulated(package: ModuleType, url: str, options: Options = QUICK) -> Iterator[Simulator]:
+    """Simulate a vehicle in a thread."""
+    with Simulator(package, url, [options]) as simulator:
+        yield simulator
+
+
+def until(condition: Callable[[], object], seconds: float = PATIENCE) -> float:
+    """Wait until something is so, and return how long that took in s."""
+    begin = time.monotonic()
+    while not condition():
+        assert time.monotonic() - begin < seconds
+        time.sleep(0.005)
+    return time.monotonic() - begin
+
+
+def commander(simulator: Simulator) -> Any:
+    """Return what decides on modes in the vehicle."""
+    return simulator.vehicles[0].world.commander
+
+
+class FlyingProgram:
+    """A process that flies a mode: see `flight_program`."""
+
+    def __init__(self, url: str, package: ModuleType, way: str = "await") -> None:
+        """Start it. It waits for `begin`."""
+        assert package.__file__ is not None
+        folder = os.path.dirname(os.path.dirname(package.__file__))
+        path = os.pathsep.join([str(ROOT), str(ROOT / "tests"), os.environ.get("PYTHONPATH", "")])
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "support.flight_program", url, folder, package.__name__, way],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            env={**os.environ, "PYTHONPATH": path},
+        )
+        self._lines: Queue[str] = Queue()
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+        self.wait("begins")
+
+    def _read(self) -> None:
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            self._lines.put(line.rstrip())
+
+    def tell(self) -> None:
+        """Write a line to its input, so that it begins, or goes on."""
+        assert self.process.stdin is not None
+        self.process.stdin.write("\n")
+        self.process.stdin.flush()
+
+    def wait(self, front: str) -> str:
+        """Return the next line of its output that begins with a text."""
+        end = time.monotonic() + PATIENCE
+        seen: list[str] = []
+        while True:
+            try:
+                line = self._lines.get(timeout=max(0.0, end - time.monotonic()))
+            except Empty:
+                raise AssertionError(f"no line {front!r} after {seen}") from None
+            if line.startswith(front):
+                return line
+            seen.append(line)
+
+    def signal(self, number: int) -> None:
+        """Send a signal."""
+        self.process.send_signal(number)
+
+    def end(self) -> int:
+        """Wait for its end, and return its exit code."""
+        code = self.process.wait(PATIENCE)
+        self._reader.join(PATIENCE)
+        for stream in (self.process.stdin, self.process.stdout):
+            assert stream is not None
+            stream.close()
+        return code
