@@ -237,16 +237,11 @@ async def _fly(vehicle: Watched, case: Case, told: SimpleNamespace) -> None:
                 with suppress(FlightError, PlannedError, TimeoutError):
                     patience = PATIENCE if share > 0.3 else share * 3
                     await asyncio.wait_for(PROGRAM[name](flight, chance), patience)
-    end = vehicle.time / 1e6
+    end, is_removed = vehicle.time / 1e6, vehicle.loss == 0.0 and not vehicle.world.is_armed
     await asyncio.sleep(0.5)
     assert not [topic for time, topic, _ in vehicle.sent if time > end + 0.2]
-    await _check_removed(vehicle)
-
-
-async def _check_removed(vehicle: Watched) -> None:
-    """Check that the modes are removed on the ground, if the last messages have arrived."""
-    if vehicle.loss == 0.0 and not vehicle.world.is_armed:
-        await asyncio.sleep(3.0)
+    await asyncio.sleep(3.0)
+    if is_removed:  # in flight, PX4 keeps a mode that is selected
         assert not vehicle.world.commander.components.modes
 
 
