@@ -17,7 +17,7 @@ from types import ModuleType
 from typing import Any, NamedTuple, cast
 
 from msggen.flight import TRAJECTORY, Executor, Flight, Mode, NoAnswerError
-from msggen.live.sim.commander.states import MODE_NAMES
+from msggen.live.messages.nav_states import MODE_NAMES
 from msggen.live.sim.loop import SimulatedLoop, run
 from msggen.live.sim.near import NearVehicle
 

@@ -29,7 +29,7 @@ ROOMS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "live.xrce": ("live.link",),
         "live.links": ("base", "live.link", "live.xrce"),
         "live.messages": ("base", "live.link"),
-        "live.sim.commander": (),
+        "live.sim.commander": ("live.messages",),
         "live.sim": ("base", "live.link", "live.xrce", "live.links", "live.messages"),
         "live.vehicle": ("base", "live.link", "live.links", "live.messages"),
         "live.owner": ("base", "live.link", "live.links", "live.vehicle"),

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
 
-from msggen.live.sim.commander import states
+from msggen.live.messages import nav_states
 from msggen.live.sim.commander.requirements import OF_PX4
 from msggen.live.sim.commander.setpoint_types import ALL
 from support.flight_captures import Captured
@@ -83,7 +83,7 @@ _ANSWERS: Mapping[str, Callable[[Any], Values | None]] = {
     "vehicle_command_ack": lambda one: (
         None if one.command == _INJECT_FAILURE else (one.command, one.result, one.target_component)
     ),
-    "mode_completed": lambda one: None if one.nav_state in states.EXTERNAL else (one.nav_state,),
+    "mode_completed": lambda one: None if one.nav_state in nav_states.EXTERNAL else (one.nav_state,),
 }
 """The values of each answer that are compared, None if it is not one of the commander."""
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, TypeAlias
 
+from msggen.live.messages import nav_states
 from msggen.live.sim.commander import states
 from msggen.live.sim.commander.checks import Reply
 from msggen.live.sim.commander.commander import EXECUTOR_SOURCE, Commander, Overrides
@@ -130,7 +131,7 @@ class Replay:
         self._see("ready", commander.is_ready)
         self._see("selectable", commander.selectable)
         self._see("registrations", *[commander.checks.mask] if commander.checks.registered else [])
-        self._see("controls", commander.mode in states.EXTERNAL and commander.controls)
+        self._see("controls", commander.mode in nav_states.EXTERNAL and commander.controls)
         for name, mask in commander.requirements.masks.items():
             self._see(name, mask)
 
@@ -281,7 +282,7 @@ class Replay:
                 commander.override(*each, of_executor=True)
 
 
-_BY_COMMAND: Mapping[int, int] = {20: states.RETURN, 21: states.LAND, 22: states.TAKEOFF}
+_BY_COMMAND: Mapping[int, int] = {20: nav_states.RETURN, 21: nav_states.LAND, 22: nav_states.TAKEOFF}
 """The modes that NAV_RETURN_TO_LAUNCH, NAV_LAND and NAV_TAKEOFF select."""
 _POSITION, _AUTO = 3, 4
 """Main modes of DO_SET_MODE."""
@@ -296,9 +297,9 @@ def _mode_of(command: Any) -> int:
     if command.command != command.VEHICLE_CMD_DO_SET_MODE:
         return int(command.param1)
     if command.param2 == _AUTO:
-        return states.EXTERNAL[int(command.param3) - _EXTERNAL1]
+        return nav_states.EXTERNAL[int(command.param3) - _EXTERNAL1]
     assert command.param2 == _POSITION
-    return states.POSITION
+    return nav_states.POSITION
 
 
 def _reply_of(message: Any, number: int) -> Reply:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from msggen.live.sim.commander.states import MODE_NAMES
+from msggen.live.messages.nav_states import MODE_NAMES
 
 if TYPE_CHECKING:
     import numpy as np

@@ -6,9 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import TypeAlias
 
-from msggen.live.sim.attitude import Vector
-from msggen.live.sim.commander.setpoint_types import ALL, Controls
-from msggen.live.sim.commander.states import (
+from msggen.live.messages.nav_states import (
     ALTITUDE,
     DESCEND,
     EXTERNAL,
@@ -21,6 +19,8 @@ from msggen.live.sim.commander.states import (
     TAKEOFF,
     TERMINATION,
 )
+from msggen.live.sim.attitude import Vector
+from msggen.live.sim.commander.setpoint_types import ALL, Controls
 from msggen.live.sim.flight import DRAG, NAN, Flight, Push, Target
 from msggen.live.sim.lift import Lift
 from msggen.live.sim.parameters import PARAMETERS

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Final, Protocol
 
+from msggen.live.messages import nav_states
 from msggen.live.sim.autopilot import Autopilot
 from msggen.live.sim.commander import states
 from msggen.live.sim.commander.commander import EXECUTOR_SOURCE, Commander
@@ -23,20 +24,20 @@ SET_NAV_STATE: Final = 100_001
 """VEHICLE_CMD_COMPONENT_ARM_DISARM, _DO_SET_MODE, _NAV_RETURN_TO_LAUNCH, _NAV_LAND, _NAV_TAKEOFF, _DO_SET_HOME,
 _DO_REPOSITION, _SET_GPS_GLOBAL_ORIGIN, _SET_NAV_STATE."""
 _MAIN_MODES: Mapping[int, int] = {
-    1: states.MANUAL,
-    2: states.ALTITUDE,
-    3: states.POSITION,
-    6: states.OFFBOARD,
-    7: states.STABILIZED,
+    1: nav_states.MANUAL,
+    2: nav_states.ALTITUDE,
+    3: nav_states.POSITION,
+    6: nav_states.OFFBOARD,
+    7: nav_states.STABILIZED,
 }
 """The modes by parameter 2 of DO_SET_MODE, besides AUTO."""
 _AUTO = 4
 _AUTO_MODES: Mapping[int, int] = {
-    2: states.TAKEOFF,
-    3: states.HOLD,
-    5: states.RETURN,
-    6: states.LAND,
-    **{11 + index: mode for index, mode in enumerate(states.EXTERNAL)},
+    2: nav_states.TAKEOFF,
+    3: nav_states.HOLD,
+    5: nav_states.RETURN,
+    6: nav_states.LAND,
+    **{11 + index: mode for index, mode in enumerate(nav_states.EXTERNAL)},
 }
 """The modes by parameter 3 of DO_SET_MODE, if parameter 2 is AUTO. Missions are not simulated."""
 _CUSTOM_MODE = 1
@@ -45,7 +46,7 @@ _CHANGE_MODE = 1
 """The bit of parameter 2 of DO_REPOSITION that PX4 wants, and no other."""
 _FORCE = 21196
 """Parameter 2 of COMPONENT_ARM_DISARM that overrides the checks."""
-_MODES = frozenset({*_MAIN_MODES.values(), *_AUTO_MODES.values(), states.DESCEND, states.TERMINATION})
+_MODES = frozenset({*_MAIN_MODES.values(), *_AUTO_MODES.values(), nav_states.DESCEND, nav_states.TERMINATION})
 """The modes that SET_NAV_STATE can select."""
 
 
@@ -118,7 +119,7 @@ class Order:
     def take_off(self) -> int:
         """NAV_TAKEOFF: climb to an altitude above mean sea level, or by 2.5 m. The vehicle waits until it is armed."""
         world, altitude = self._world, self._parameters[6]
-        result = self.select(states.TAKEOFF)
+        result = self.select(nav_states.TAKEOFF)
         if result == states.ACCEPTED:
             world.autopilot.climb_to(world.origin.altitude - altitude if math.isfinite(altitude) else math.nan)
         return result
@@ -128,7 +129,7 @@ class Order:
         speed, flags, _, yaw, latitude, longitude, altitude = self._parameters
         if _whole(flags) != _CHANGE_MODE:
             return self.refuse(states.UNSUPPORTED, f"param2 is {flags:g}, expected 1: change to Hold")
-        result = self.select(states.HOLD)
+        result = self.select(nav_states.HOLD)
         if result == states.ACCEPTED:
             place = self._world.origin.local(Home(latitude, longitude, altitude))
             self._world.autopilot.hold_at(place, yaw, speed)
@@ -170,8 +171,8 @@ _ACTIONS: Mapping[int, Callable[[Order], int]] = {
     SET_MODE: Order.set_mode,
     SET_NAV_STATE: Order.set_nav_state,
     TAKEOFF: Order.take_off,
-    LAND: lambda order: order.select(states.LAND),
-    RETURN: lambda order: order.select(states.RETURN),
+    LAND: lambda order: order.select(nav_states.LAND),
+    RETURN: lambda order: order.select(nav_states.RETURN),
     REPOSITION: Order.reposition,
     SET_HOME: Order.set_home,
     SET_ORIGIN: Order.set_origin,

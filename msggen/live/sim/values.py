@@ -11,8 +11,7 @@ import random
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, TypeAlias
 
-from msggen.live.sim.commander.setpoint_types import ALL, Controls
-from msggen.live.sim.commander.states import (
+from msggen.live.messages.nav_states import (
     ALTITUDE,
     DESCEND,
     EXTERNAL,
@@ -21,12 +20,13 @@ from msggen.live.sim.commander.states import (
     MANUAL,
     MODE_NAMES,
     OFFBOARD,
-    PILOTED,
     RETURN,
     STABILIZED,
     TAKEOFF,
     TERMINATION,
 )
+from msggen.live.sim.commander.setpoint_types import ALL, Controls
+from msggen.live.sim.commander.states import PILOTED
 from msggen.live.sim.flight import NAN, Target
 from msggen.live.sim.world import World
 

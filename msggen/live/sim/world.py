@@ -8,12 +8,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
+from msggen.live.messages.nav_states import MODE_NAMES
 from msggen.live.sim.autopilot import Autopilot
 from msggen.live.sim.battery import Battery
 from msggen.live.sim.commander.commander import LOOP, Commander
 from msggen.live.sim.commander.requirements import Senses
 from msggen.live.sim.commander.rules import V1_18, Rules
-from msggen.live.sim.commander.states import BY_INACTION, BY_LANDING, MODE_NAMES
+from msggen.live.sim.commander.states import BY_INACTION, BY_LANDING
 from msggen.live.sim.commands import carry_out
 from msggen.live.sim.flight import GRAVITY, Flight, Push, Target
 from msggen.live.sim.landing import LandDetector

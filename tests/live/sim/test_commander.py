@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from msggen.live.messages import nav_states
 from msggen.live.sim.commander import states
 from msggen.live.sim.commander.checks import Reply
 from msggen.live.sim.commander.commander import Overrides
@@ -45,14 +46,14 @@ def test_who_does_not_answer_is_unresponsive_after_some_requests(
 @pytest.mark.parametrize("setting", [0, 1])
 def test_programs_register_in_flight_only_if_a_parameter_allows_it(rules: Rules, setting: int) -> None:
     driver = Driver(rules, COM_MODE_ARM_CHK=setting)
-    driver.fly(states.HOLD)
+    driver.fly(nav_states.HOLD)
     found = driver.register("Late")
     assert found.success if setting else found == REFUSED_ARMED
 
 
 def test_v1_15_in_its_simulation_registers_in_flight() -> None:
     driver = Driver(V1_15_SITL, COM_MODE_ARM_CHK=0)
-    driver.fly(states.HOLD)
+    driver.fly(nav_states.HOLD)
     assert driver.register("Late").success
 
 
@@ -73,7 +74,7 @@ def test_after_landing_the_mode_of_the_executor_is_selected_from_v1_17_on(rules:
     driver = Driver(rules)
     driver.register("Own", executor=True)
     driver.fly(23)
-    for selected in (states.HOLD, states.LAND):
+    for selected in (nav_states.HOLD, nav_states.LAND):
         driver.commander.select(selected, by_executor=True)
         driver.run(0.1)
     driver.sense(is_landed=True)
@@ -92,7 +93,7 @@ def test_leaving_a_mode_resets_the_type_of_its_setpoints_in_v1_18(rules: Rules) 
     else:
         driver.commander.control(23, frozenset({"allocation", "rates"}))
     assert driver.commander.controls == {"allocation", "rates"}
-    for mode in (states.HOLD, 23):
+    for mode in (nav_states.HOLD, 23):
         driver.commander.select(mode)
         driver.run(0.1)
     assert ("position" in driver.commander.controls) is rules.configures_setpoints
@@ -139,7 +140,7 @@ def test_a_wrong_name_unregisters_the_check_only() -> None:
     assert not driver.commander.checks.registered
     assert 23 in driver.commander.components.modes
     driver.run(0.1)
-    assert driver.commander.mode == states.HOLD
+    assert driver.commander.mode == nav_states.HOLD
 
 
 def test_a_dead_mode_is_removed_on_the_ground_unless_it_is_selected() -> None:
@@ -152,7 +153,7 @@ def test_a_dead_mode_is_removed_on_the_ground_unless_it_is_selected() -> None:
     driver.run(5)
     assert set(driver.commander.components.modes) == {selected.mode}
     assert (driver.commander.mode, driver.commander.is_ready) == (23, False)
-    driver.commander.select(states.HOLD)
+    driver.commander.select(nav_states.HOLD)
     driver.run(0.1)
     assert not driver.commander.components.modes
     assert not driver.commander.components.executors
@@ -163,7 +164,7 @@ def test_a_dead_mode_is_removed_in_flight_only_if_a_parameter_allows_it(setting:
     driver = Driver(COM_MODE_ARM_CHK=setting)
     found = driver.register("Own", executor=True)
     driver.fly(23)
-    driver.commander.select(states.TAKEOFF, by_executor=True)
+    driver.commander.select(nav_states.TAKEOFF, by_executor=True)
     driver.run(0.2)
     driver.kill(found)
     driver.run(3)
@@ -171,13 +172,13 @@ def test_a_dead_mode_is_removed_in_flight_only_if_a_parameter_allows_it(setting:
     assert driver.commander.executor_in_charge == (0 if is_removed else 1)
     driver.sense(is_done=True)
     driver.run(0.2)
-    assert driver.commander.mode == (states.HOLD if is_removed else states.TAKEOFF)
+    assert driver.commander.mode == (nav_states.HOLD if is_removed else nav_states.TAKEOFF)
 
 
 def test_the_last_unregistration_in_flight_waits_until_the_vehicle_is_disarmed() -> None:
     driver = Driver(COM_MODE_ARM_CHK=0)
     one, two = driver.register("One"), driver.register("Two")
-    driver.fly(states.HOLD)
+    driver.fly(nav_states.HOLD)
     driver.commander.unregister("One", one.check, one.mode, -1)
     driver.commander.unregister("Two", two.check, two.mode, -1)
     driver.run(1)
@@ -202,7 +203,7 @@ def test_a_mode_that_is_registered_again_has_no_old_overrides() -> None:
 
 
 def test_a_mode_can_be_activated_with_its_registration_by_an_executor_only() -> None:
-    for executor, mode in ((False, states.HOLD), (True, 23)):
+    for executor, mode in ((False, nav_states.HOLD), (True, 23)):
         driver = Driver()
         driver.register("Now", executor=executor, is_immediate=True)
         driver.step()
@@ -219,11 +220,11 @@ def test_an_unresponsive_mode_comes_back_three_times() -> None:
     reply = driver.answers[found.check]
     for number in range(4):
         driver.kill(found)
-        assert driver.until(lambda one: one.mode == states.RETURN) == pytest.approx(1.15, abs=0.2)
+        assert driver.until(lambda one: one.mode == nav_states.RETURN) == pytest.approx(1.15, abs=0.2)
         assert (driver.commander.executor_in_charge, driver.commander.intention) == (0, 23)
         driver.answers[found.check] = reply
         driver.run(1)
-        assert driver.commander.mode == (23 if number < 3 else states.RETURN)
+        assert driver.commander.mode == (23 if number < 3 else nav_states.RETURN)
         assert driver.masks[-1] == (number < 3)
     assert driver.commander.executor_in_charge == 0
 
@@ -235,7 +236,7 @@ def test_a_new_check_that_has_not_answered_harms_the_mode_of_the_check_0() -> No
     new = driver.register("New")
     reply = driver.answers.pop(new.check)
     driver.run(0.2)
-    assert driver.commander.mode == states.RETURN
+    assert driver.commander.mode == nav_states.RETURN
     assert not driver.commander.checks.is_unresponsive(0)
     driver.answers[new.check] = reply
     driver.run(0.5)
@@ -267,7 +268,7 @@ def test_a_check_without_a_mode_blocks_arming_in_all_modes_until_it_is_gone() ->
 def test_a_mode_that_cannot_run_is_neither_entered_nor_kept() -> None:
     driver = Driver()
     found = driver.register("Own")
-    driver.fly(states.HOLD)
+    driver.fly(nav_states.HOLD)
     reply = driver.answers[found.check]
     driver.answers[found.check] = reply._replace(can_run=False)
     driver.run(0.5)
@@ -278,7 +279,7 @@ def test_a_mode_that_cannot_run_is_neither_entered_nor_kept() -> None:
     assert driver.commander.select(23) == states.ACCEPTED
     driver.answers[found.check] = reply._replace(can_run=False)
     driver.run(0.5)
-    assert (driver.commander.mode, driver.commander.failsafe.is_active) == (states.RETURN, True)
+    assert (driver.commander.mode, driver.commander.failsafe.is_active) == (nav_states.RETURN, True)
 
 
 # Replacing modes
@@ -286,18 +287,18 @@ def test_a_mode_that_cannot_run_is_neither_entered_nor_kept() -> None:
 
 def test_a_mode_flies_in_place_of_the_one_that_it_replaces() -> None:
     driver = Driver()
-    found = driver.register("My return", executor=True, replaces=states.RETURN)
-    assert driver.register("Another", replaces=states.RETURN) == REFUSED
-    driver.fly(states.HOLD)
-    assert not driver.commander.selectable >> states.RETURN & 1
-    assert not driver.commander.requirements.masks["home_position"] >> states.RETURN & 1
-    for mode in (states.RETURN, found.mode):
+    found = driver.register("My return", executor=True, replaces=nav_states.RETURN)
+    assert driver.register("Another", replaces=nav_states.RETURN) == REFUSED
+    driver.fly(nav_states.HOLD)
+    assert not driver.commander.selectable >> nav_states.RETURN & 1
+    assert not driver.commander.requirements.masks["home_position"] >> nav_states.RETURN & 1
+    for mode in (nav_states.RETURN, found.mode):
         assert driver.commander.select(mode) == states.ACCEPTED
         driver.run(0.1)
         assert (driver.commander.mode, driver.commander.intention) == (23, 23)
         assert driver.commander.executor_in_charge == 0, "it is never in charge"
     driver.kill(found)
-    driver.until(lambda one: one.mode == states.RETURN)
+    driver.until(lambda one: one.mode == nav_states.RETURN)
     assert not driver.commander.failsafe.is_active
     driver.run(0.5)
     assert not driver.commander.components.modes
@@ -306,7 +307,7 @@ def test_a_mode_flies_in_place_of_the_one_that_it_replaces() -> None:
 
 def test_a_failsafe_flies_the_mode_that_replaces_the_return() -> None:
     driver = Driver()
-    replacing, own = driver.register("My return", replaces=states.RETURN), driver.register("Own")
+    replacing, own = driver.register("My return", replaces=nav_states.RETURN), driver.register("Own")
     driver.fly(own.mode)
     driver.kill(own)
     driver.run(2)

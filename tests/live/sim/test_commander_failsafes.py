@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from msggen.live.messages import nav_states
 from msggen.live.sim.commander import setpoint_types, states
 from msggen.live.sim.commander.commander import EXECUTOR_SOURCE, Overrides
 from support.commander_driver import NEEDS, Driver
@@ -20,12 +21,12 @@ def test_who_selects_a_mode_decides_which_executor_is_in_charge() -> None:
     driver.register("One", executor=True)
     driver.register("Two", executor=True)
     driver.register("Three")
-    driver.fly(states.HOLD)
+    driver.fly(nav_states.HOLD)
     for mode, by_executor, in_charge, displayed in (
         (23, False, 1, 23),
-        (states.TAKEOFF, True, 1, 23),
+        (nav_states.TAKEOFF, True, 1, 23),
         (24, True, 2, 24),
-        (states.LAND, False, 0, states.LAND),
+        (nav_states.LAND, False, 0, nav_states.LAND),
         (24, False, 2, 24),
         (25, True, 2, 24),
         (25, False, 0, 25),
@@ -50,16 +51,16 @@ def test_only_the_executor_in_charge_commands() -> None:
 
 
 def test_takeoff_ends_in_hold_unless_an_executor_is_in_charge() -> None:
-    for by_executor, mode in ((False, states.HOLD), (True, states.TAKEOFF)):
+    for by_executor, mode in ((False, nav_states.HOLD), (True, nav_states.TAKEOFF)):
         driver = Driver()
         driver.register("Own", executor=True)
         driver.fly(23)
-        driver.commander.select(states.TAKEOFF, by_executor=by_executor)
+        driver.commander.select(nav_states.TAKEOFF, by_executor=by_executor)
         driver.run(0.1)
         driver.sense(is_done=True)
         driver.run(1)
         assert driver.commander.mode == mode
-        assert set(driver.commander.completed) == {states.TAKEOFF}
+        assert set(driver.commander.completed) == {nav_states.TAKEOFF}
 
 
 # Failsafes
@@ -72,12 +73,12 @@ def test_lost_sticks_hold_first_and_return_then_until_a_user_selects_a_mode() ->
     driver.register("Own", executor=True)
     driver.fly(23)
     driver.sense(manual_control=False)
-    assert driver.until(lambda one: one.mode == states.HOLD) < 0.2
+    assert driver.until(lambda one: one.mode == nav_states.HOLD) < 0.2
     assert driver.commander.executor_in_charge == 0
-    assert driver.until(lambda one: one.mode == states.RETURN) == pytest.approx(5, abs=0.1)
+    assert driver.until(lambda one: one.mode == nav_states.RETURN) == pytest.approx(5, abs=0.1)
     driver.sense(manual_control=True)
     driver.run(1)
-    assert driver.commander.mode == states.RETURN
+    assert driver.commander.mode == nav_states.RETURN
     driver.commander.select(23)
     driver.run(0.3)
     assert (driver.commander.mode, driver.commander.failsafe.is_active) == (23, False)
@@ -87,12 +88,12 @@ def test_a_user_takes_over_while_the_sticks_are_lost() -> None:
     driver = Driver()
     driver.sense(manual_control=True)
     driver.run(0.2)
-    driver.fly(states.HOLD)
+    driver.fly(nav_states.HOLD)
     driver.sense(manual_control=False)
     driver.run(1)
-    driver.commander.select(states.TAKEOFF)
+    driver.commander.select(nav_states.TAKEOFF)
     driver.run(8)
-    assert driver.commander.mode == states.TAKEOFF
+    assert driver.commander.mode == nav_states.TAKEOFF
     assert driver.commander.failsafe.user_took_over
     driver.sense(manual_control=True)
     driver.run(0.3)
@@ -101,7 +102,7 @@ def test_a_user_takes_over_while_the_sticks_are_lost() -> None:
 
 def test_sticks_that_were_not_there_at_arming_are_not_missed() -> None:
     driver = Driver()
-    driver.fly(states.HOLD)
+    driver.fly(nav_states.HOLD)
     driver.run(2)
     assert not driver.commander.failsafe.is_active
     for is_there in (True, False):
@@ -110,12 +111,12 @@ def test_sticks_that_were_not_there_at_arming_are_not_missed() -> None:
     assert driver.commander.failsafe.is_active
 
 
-@pytest.mark.parametrize("mode", [states.LAND, states.RETURN])
+@pytest.mark.parametrize("mode", [nav_states.LAND, nav_states.RETURN])
 def test_a_return_does_not_interrupt_a_landing(mode: int) -> None:
     driver = Driver()
     driver.sense(manual_control=True)
     driver.run(0.2)
-    driver.fly(states.HOLD)
+    driver.fly(nav_states.HOLD)
     driver.commander.select(mode)
     driver.run(0.2)
     driver.sense(manual_control=False)
@@ -127,22 +128,22 @@ def test_a_return_does_not_interrupt_a_landing(mode: int) -> None:
 @pytest.mark.parametrize(
     ("setting", "low", "critical", "emergency"),
     [
-        (0, states.TAKEOFF, states.TAKEOFF, states.TAKEOFF),
-        (1, states.TAKEOFF, states.RETURN, states.RETURN),
-        (2, states.TAKEOFF, states.LAND, states.LAND),
-        (3, states.TAKEOFF, states.RETURN, states.LAND),
+        (0, nav_states.TAKEOFF, nav_states.TAKEOFF, nav_states.TAKEOFF),
+        (1, nav_states.TAKEOFF, nav_states.RETURN, nav_states.RETURN),
+        (2, nav_states.TAKEOFF, nav_states.LAND, nav_states.LAND),
+        (3, nav_states.TAKEOFF, nav_states.RETURN, nav_states.LAND),
     ],
 )
 def test_a_battery_that_gets_worse_than_at_arming_leads_to_an_action(
     setting: int, low: int, critical: int, emergency: int
 ) -> None:
-    for at_arming, warning, mode in ((0, 1, low), (0, 2, critical), (0, 3, emergency), (1, 1, states.TAKEOFF)):
+    for at_arming, warning, mode in ((0, 1, low), (0, 2, critical), (0, 3, emergency), (1, 1, nav_states.TAKEOFF)):
         driver = Driver(COM_LOW_BAT_ACT=setting)
         driver.sense(battery=at_arming)
-        driver.fly(states.TAKEOFF)
+        driver.fly(nav_states.TAKEOFF)
         driver.sense(battery=warning)
         driver.run(1)
-        assert driver.commander.mode == (states.HOLD if mode != states.TAKEOFF else mode), "it holds first"
+        assert driver.commander.mode == (nav_states.HOLD if mode != nav_states.TAKEOFF else mode), "it holds first"
         driver.run(6)
         assert driver.commander.mode == mode
 
@@ -151,24 +152,24 @@ def test_without_a_position_the_vehicle_descends_until_it_has_one() -> None:
     driver = Driver()
     driver.register("Own", executor=True)
     driver.fly(23)
-    for is_there, mode, executor in ((False, states.DESCEND, 0), (True, 23, 1)):
+    for is_there, mode, executor in ((False, nav_states.DESCEND, 0), (True, 23, 1)):
         driver.sense(**dict.fromkeys(POSITIONS, is_there))
         driver.run(0.3)
         assert (driver.commander.mode, driver.commander.executor_in_charge) == (mode, executor)
         if not is_there:
-            assert driver.commander.select(states.HOLD) == states.TEMPORARILY_REJECTED
+            assert driver.commander.select(nav_states.HOLD) == states.TEMPORARILY_REJECTED
             assert driver.commander.reason == "there is no position, there is no global position"
 
 
 @pytest.mark.parametrize(
     ("selected", "lost", "flown"),
     [
-        (states.OFFBOARD, ["offboard_signal"], states.POSITION),
-        (states.OFFBOARD, ["offboard_signal", *POSITIONS], states.ALTITUDE),
-        (states.POSITION, POSITIONS, states.ALTITUDE),
-        (states.POSITION, [*POSITIONS, "local_alt"], states.STABILIZED),
-        (states.ALTITUDE, ["local_alt"], states.STABILIZED),
-        (states.HOLD, POSITIONS, states.DESCEND),
+        (nav_states.OFFBOARD, ["offboard_signal"], nav_states.POSITION),
+        (nav_states.OFFBOARD, ["offboard_signal", *POSITIONS], nav_states.ALTITUDE),
+        (nav_states.POSITION, POSITIONS, nav_states.ALTITUDE),
+        (nav_states.POSITION, [*POSITIONS, "local_alt"], nav_states.STABILIZED),
+        (nav_states.ALTITUDE, ["local_alt"], nav_states.STABILIZED),
+        (nav_states.HOLD, POSITIONS, nav_states.DESCEND),
     ],
 )
 def test_a_pilot_falls_back_to_a_mode_that_needs_less(selected: int, lost: list[str], flown: int) -> None:
@@ -185,14 +186,14 @@ def test_a_pilot_falls_back_to_a_mode_that_needs_less(selected: int, lost: list[
 
 def test_nothing_ends_a_termination() -> None:
     driver = Driver()
-    driver.fly(states.HOLD)
+    driver.fly(nav_states.HOLD)
     driver.sense(attitude=False, angular_velocity=False)
     driver.run(0.3)
-    assert driver.commander.mode == states.TERMINATION
+    assert driver.commander.mode == nav_states.TERMINATION
     driver.sense(attitude=True, angular_velocity=True)
     driver.run(1)
-    assert driver.commander.select(states.HOLD) == states.TEMPORARILY_REJECTED
-    assert driver.commander.mode == states.TERMINATION
+    assert driver.commander.select(nav_states.HOLD) == states.TEMPORARILY_REJECTED
+    assert driver.commander.mode == nav_states.TERMINATION
 
 
 # Deferral
@@ -214,7 +215,7 @@ def test_a_deferred_failsafe_waits_for_some_time(seconds: int, deferred: float |
         driver.run(40)
         assert driver.commander.failsafe.defer_state == 2
         return
-    assert driver.until(lambda one: one.mode == states.HOLD) == pytest.approx(deferred, abs=0.1)
+    assert driver.until(lambda one: one.mode == nav_states.HOLD) == pytest.approx(deferred, abs=0.1)
     assert driver.commander.failsafe.defer_state == 0
 
 
@@ -243,7 +244,7 @@ def test_a_mode_that_fails_is_not_deferred_and_a_failsafe_that_is_active_neither
     reply = driver.answers[found.check]
     driver.kill(found)
     driver.run(2)
-    assert (driver.commander.mode, driver.commander.failsafe.defer_state) == (states.RETURN, 0)
+    assert (driver.commander.mode, driver.commander.failsafe.defer_state) == (nav_states.RETURN, 0)
     driver.answers[found.check] = reply
     driver.run(1)
     assert (driver.commander.mode, driver.commander.failsafe.defer_state) == (23, 1)
@@ -253,8 +254,8 @@ def test_deferring_has_no_effect_on_a_failsafe_that_is_active() -> None:
     driver = Driver()
     driver.sense(manual_control=True)
     driver.run(0.2)
-    driver.register("My hold", replaces=states.HOLD)
-    driver.fly(states.TAKEOFF)
+    driver.register("My hold", replaces=nav_states.HOLD)
+    driver.fly(nav_states.TAKEOFF)
     driver.sense(manual_control=False)
     driver.run(1)
     assert driver.commander.mode == 23
@@ -271,7 +272,7 @@ def test_a_vehicle_that_does_not_take_off_is_disarmed_and_one_that_has_landed_to
     driver.commander.arm()
     assert driver.until(lambda one: not one.is_armed) == pytest.approx(11, abs=0.05)
     assert driver.commander.disarming_reason == states.BY_INACTION
-    driver.fly(states.HOLD)
+    driver.fly(nav_states.HOLD)
     driver.run(20)
     driver.sense(is_landed=True)
     assert driver.until(lambda one: not one.is_armed) == pytest.approx(2, abs=0.05)
@@ -297,7 +298,7 @@ def test_overrides_keep_a_vehicle_armed_after_landing_but_not_before_takeoff() -
 
 def test_in_the_air_only_force_disarms() -> None:
     driver = Driver()
-    driver.fly(states.HOLD)
+    driver.fly(nav_states.HOLD)
     assert driver.commander.disarm() == states.TEMPORARILY_REJECTED
     assert driver.commander.reason == "the vehicle is in the air"
     assert driver.commander.disarm(is_forced=True) == states.ACCEPTED
@@ -307,12 +308,12 @@ def test_in_the_air_only_force_disarms() -> None:
 @pytest.mark.parametrize(
     ("changes", "mode", "reason"),
     [
-        ({}, states.LAND, "the mode does not allow arming"),
-        ({}, states.POSITION, "there are no sticks"),
+        ({}, nav_states.LAND, "the mode does not allow arming"),
+        ({}, nav_states.POSITION, "there are no sticks"),
         ({}, 23, "the mode is not registered, does not answer, or says that it cannot run"),
-        ({"local_position": False}, states.HOLD, "there is no position"),
-        ({"battery": 2}, states.HOLD, "the battery is empty"),
-        ({}, states.MISSION, "there is no mission"),
+        ({"local_position": False}, nav_states.HOLD, "there is no position"),
+        ({"battery": 2}, nav_states.HOLD, "the battery is empty"),
+        ({}, nav_states.MISSION, "there is no mission"),
     ],
 )
 def test_what_is_missing_for_arming_is_told(changes: dict[str, bool], mode: int, reason: str) -> None:
@@ -340,7 +341,7 @@ def test_types_of_setpoints_and_what_they_require() -> None:
     assert results[2][1] == results[4][1] == results[16][1] == NEEDS
     assert results[5][1] == {"angular_velocity"}
     assert results[6][1] == {"angular_velocity", "attitude"}
-    for mode in (states.HOLD, 24):
+    for mode in (nav_states.HOLD, 24):
         assert driver.commander.configure(mode, 2, is_applied=True) == (setpoint_types.OTHER_FAILURE, frozenset())
     driver.commander.select(23)
     driver.run(0.1)

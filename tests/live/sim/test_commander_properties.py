@@ -8,6 +8,7 @@ from typing import Any
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from msggen.live.messages import nav_states
 from msggen.live.sim.commander import states
 from msggen.live.sim.commander.commander import Overrides
 from msggen.live.sim.commander.components import Components, Registered, Registration
@@ -153,7 +154,7 @@ class Play:
         assert not checks.mask & ~sum(1 << number for number in checks.registered)
         assert not one.selectable >> 23 & ~sum(1 << mode - 23 for mode in components.modes)
         assert not one.is_armed or self.was_told_to_arm
-        assert one.is_armed or one.mode in {one.intention, states.TERMINATION}
+        assert one.is_armed or one.mode in {one.intention, nav_states.TERMINATION}
         assert not one.failsafe.is_active or one.executor_in_charge == 0
         assert one.failsafe.defer_state < 2 or not one.failsafe.is_active
         self.was_told_to_arm = one.is_armed

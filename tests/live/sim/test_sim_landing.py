@@ -8,10 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msggen.live.sim.commander.states import (
-    ACCEPTED,
+from msggen.live.messages.nav_states import (
     ALTITUDE,
-    BY_LANDING,
     DESCEND,
     HOLD,
     LAND,
@@ -20,9 +18,9 @@ from msggen.live.sim.commander.states import (
     RETURN,
     STABILIZED,
     TAKEOFF,
-    TEMPORARILY_REJECTED,
     TERMINATION,
 )
+from msggen.live.sim.commander.states import ACCEPTED, BY_LANDING, TEMPORARILY_REJECTED
 from msggen.live.sim.commands import ARM_DISARM
 from msggen.live.sim.commands import TAKEOFF as TAKE_OFF
 from msggen.live.sim.flight import NAN

@@ -8,10 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msggen.live.sim.commander.states import (
-    ACCEPTED,
+from msggen.live.messages.nav_states import (
     ALTITUDE,
-    DENIED,
     DESCEND,
     EXTERNAL,
     HOLD,
@@ -23,10 +21,9 @@ from msggen.live.sim.commander.states import (
     RETURN,
     STABILIZED,
     TAKEOFF,
-    TEMPORARILY_REJECTED,
     TERMINATION,
-    UNSUPPORTED,
 )
+from msggen.live.sim.commander.states import ACCEPTED, DENIED, TEMPORARILY_REJECTED, UNSUPPORTED
 from msggen.live.sim.commands import REPOSITION, SET_HOME, SET_MODE, SET_NAV_STATE, SET_ORIGIN
 from msggen.live.sim.flight import NAN
 from msggen.live.sim.world import Home, World

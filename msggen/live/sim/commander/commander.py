@@ -9,6 +9,7 @@ from collections import deque
 from collections.abc import Mapping
 from typing import NamedTuple
 
+from msggen.live.messages import nav_states
 from msggen.live.sim.commander import failsafe, setpoint_types, states
 from msggen.live.sim.commander.checks import Checks, Reply, Request
 from msggen.live.sim.commander.components import (
@@ -33,7 +34,7 @@ _CHECKS = 100_000
 """The time between two looks at the requirements of modes."""
 _COMPLETED = 50_000
 """The time between two ModeCompleted of a mode of PX4 that has reached its end."""
-_REPORTED = frozenset({states.TAKEOFF, states.LAND, states.RETURN})
+_REPORTED = frozenset({nav_states.TAKEOFF, nav_states.LAND, nav_states.RETURN})
 """The modes whose end PX4 reports."""
 _DEFAULT: Controls = setpoint_types.ALL
 
@@ -57,7 +58,7 @@ class Commander:
         self.components = Components()
         self.checks = Checks(rules)
         self.failsafe = Failsafe(round(parameters["COM_FAIL_ACT_T"] * 1e6))
-        self.mode = self.intention = states.HOLD
+        self.mode = self.intention = nav_states.HOLD
         """The mode that flies, and the one that was selected: nav_state and nav_state_user_intention."""
         self.executor_in_charge = AUTOPILOT
         """The id of the executor that commands, 0 for the autopilot."""
@@ -76,10 +77,10 @@ class Commander:
         self.is_ready = True
         """Whether nothing was missing for arming at the last look: pre_flight_checks_pass."""
         self._parameters = parameters
-        self._selected = states.HOLD
+        self._selected = nav_states.HOLD
         """The mode that was selected, before one that replaces it is put in its place."""
         self._is_new = False
-        self._mode_when_disarmed = states.HOLD
+        self._mode_when_disarmed = nav_states.HOLD
         self._executor = AUTOPILOT
         self._leaving: tuple[str, int, int, int] | None = None
         """The last unregistration that waits until the vehicle is disarmed."""
@@ -212,8 +213,8 @@ class Commander:
             if self._now >= self._completion_time + _COMPLETED:
                 self._completion_time = self._now
                 self.completed.append(mode)
-            if mode == states.TAKEOFF and self.executor_in_charge == AUTOPILOT:
-                self._select(states.HOLD, by_executor=True)
+            if mode == nav_states.TAKEOFF and self.executor_in_charge == AUTOPILOT:
+                self._select(nav_states.HOLD, by_executor=True)
         self._rest()
 
     def _rest(self) -> None:
@@ -262,7 +263,7 @@ class Commander:
         self.checks.remove(check, mode)
         self._remove(mode, name, executor)
         if self.intention == mode and not self.is_armed:
-            self._select(states.HOLD)
+            self._select(nav_states.HOLD)
 
     def reply(self, reply: Reply, time: int, now: int) -> None:
         """Take an ArmingCheckReply with its time."""
@@ -332,10 +333,10 @@ class Commander:
     def select(self, mode: int, *, by_executor: bool = False) -> int:
         """Select a mode, and return the result of the command. Disarmed, all modes can be selected."""
         self.reason = ""
-        if self.mode == states.TERMINATION:
+        if self.mode == nav_states.TERMINATION:
             self.reason = "the flight is terminated"
             return states.TEMPORARILY_REJECTED
-        if self.is_armed and mode != states.LAND:
+        if self.is_armed and mode != nav_states.LAND:
             missing = self.requirements.missing(self.components.replaced_by(mode), self.senses)
             if missing:
                 self.reason = texts_of(missing)
@@ -346,7 +347,7 @@ class Commander:
     def _select(self, mode: int, *, by_executor: bool = False) -> None:
         selected = self.components.replaced_by(mode)
         self._selected, self._is_new = selected, True
-        if not self.requirements.prevents_arming(selected) and selected != states.TAKEOFF:
+        if not self.requirements.prevents_arming(selected) and selected != nav_states.TAKEOFF:
             self._mode_when_disarmed = selected
         self._take_charge(selected, by_executor=by_executor)
 
@@ -391,6 +392,6 @@ class Commander:
         following = self.components.executors.get(self._executor, self._mode_when_disarmed)
         own = self.components.modes.get(following)
         if own is not None and self.checks.is_unresponsive(own.check):
-            following = states.HOLD
+            following = nav_states.HOLD
         self._selected = following
         self._take_charge(following, by_executor=False)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final, NamedTuple
 
-from msggen.live.sim.commander.states import EXTERNAL
+from msggen.live.messages.nav_states import EXTERNAL
 
 EXECUTORS = range(1, 6)
 """The ids of executors. 0 is the autopilot."""

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from enum import IntEnum
 from typing import NamedTuple
 
-from msggen.live.sim.commander.states import (
+from msggen.live.messages.nav_states import (
     ALTITUDE,
     DESCEND,
     HOLD,

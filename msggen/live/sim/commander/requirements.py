@@ -9,8 +9,8 @@ from collections.abc import Collection, Iterable, Mapping
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
+from msggen.live.messages.nav_states import EXTERNAL
 from msggen.live.sim.commander.checks import Reply
-from msggen.live.sim.commander.states import EXTERNAL
 
 OTHER: Final = "other"
 """The requirement that a mode misses that is not registered, does not answer, or says that it cannot run."""
