@@ -36,7 +36,7 @@ ROOMS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "live.ros": ("base", "live.link", "live.messages", "live.vehicle"),
         "live": ("base",),
         "flight": ("base", "live.link", "live"),
-        "flight.pytest": ("base", "sources", "generate", "live.sim", "flight", "recordings.live"),
+        "flight.pytest": ("base", "sources", "generate", "live.messages", "live.sim", "flight", "recordings.live"),
         "recordings.source": (),
         "recordings.stores": ("base",),
         "recordings.files": ("base", "definitions", "recordings.source", "recordings.stores"),

@@ -19,8 +19,9 @@ from msggen.flight.feeds import Condition, Feeds
 from msggen.flight.limits import Fence
 from msggen.flight.places import GlobalPlace, local_place, sea_level
 from msggen.flight.setpoints import finite
-from msggen.flight.states import HOLD, LAND, MODES, RETURN, TAKEOFF, described, is_armed, is_disarmed
+from msggen.flight.states import MODES, described, is_armed, is_disarmed
 from msggen.flight.telemetry import is_known_in_air, is_landed, valid_estimate
+from msggen.live.messages.nav_states import HOLD, LAND, RETURN, TAKEOFF
 
 LOGGER = getLogger("msggen.flight")
 
@@ -29,6 +30,8 @@ _ENTERED = 3.0
 _NEAR = 1.0
 """The distance in m within which a place by latitude and longitude is reached."""
 _SLOW = 0.5
+UNDER_WAY = 1.5
+"""The time in s for which a command that was sent can still take effect."""
 
 
 class Actions:
@@ -64,10 +67,12 @@ class Actions:
             raise ValueError(f"expected an altitude above the ground, got {altitude:g} m")
         await self._check_armed("take off")
         is_flying = self._is_flying()
-        sea = math.nan if altitude is None else await sea_level(self._feeds)
-        place = self._feeds["vehicle_local_position"].latest
-        goal = math.nan if altitude is None else (self._fence.ground if is_flying else place.z) - altitude
-        if is_flying and not place.z > goal + _NEAR:
+        sea = goal = math.nan
+        if altitude is not None:
+            sea = await sea_level(self._feeds)
+            height = self._feeds["vehicle_local_position"].latest.z
+            goal = (self._fence.ground if is_flying else height) - altitude
+        if is_flying and (altitude is None or height <= goal + _NEAR):
             LOGGER.info("no takeoff: the vehicle is in the air")
             return
         await self._check_takeoff(goal)
@@ -130,7 +135,6 @@ class Actions:
         number = MODES.get(mode.lower()) if isinstance(mode, str) else mode
         if number is None:
             raise ValueError(f"expected one of the modes {', '.join(MODES)}, or a nav_state, got {mode!r}")
-
         await self._select(number, str(mode))
 
     async def _select(self, number: int, name: str) -> None:

@@ -7,10 +7,10 @@ import math
 from logging import getLogger
 from typing import Any
 
-from msggen.flight.actions import Actions
+from msggen.flight.actions import UNDER_WAY, Actions
 from msggen.flight.checks import Verdict
 from msggen.flight.connection import Connection, Topics, filled
-from msggen.flight.errors import FlightError, NotReachedError
+from msggen.flight.errors import FlightError, NotReachedError, report
 from msggen.flight.feeds import Feeds
 from msggen.flight.limits import Fence
 from msggen.flight.mode import NO_LIFT, Mode, message_of, needs_of
@@ -24,8 +24,6 @@ LOGGER = getLogger("msggen.flight")
 _SUCCESS, _FAILURE = 0, 100
 _BRAKING = 3.0
 """The deceleration in m/s2 with which PX4 comes to rest: MPC_ACC_HOR."""
-_UNDER_WAY = 1.5
-"""The time in s for which a command to enter a mode can still take effect."""
 _REPEAT = 0.1
 """The period in s at which the end of a mode is reported, until PX4 has left it."""
 
@@ -81,7 +79,7 @@ class ActiveMode:
             problems = tuple(self.mode.problems())
         except Exception as error:  # noqa: BLE001 - whatever a program raises
             if not self._has_problem:
-                _report(f"`problems` of mode {self.mode.name!r} has failed", error)
+                report(f"`problems` of mode {self.mode.name!r} has failed", error)
             self._has_problem = True
             return Verdict(can_run=False, requires=needs_of(self.mode))
         self._has_problem = False
@@ -180,7 +178,7 @@ class ActiveMode:
         """End `fly` with an error, because the vehicle no longer knows the mode."""
         self._lost = error
         if self.is_active:
-            _report(f"mode {self.mode.name!r} has ended", error)
+            report(f"mode {self.mode.name!r} has ended", error)
         self._give_up(error)
         self._leave()
 
@@ -213,7 +211,7 @@ class ActiveMode:
         self.overrides.renew()
         if self._wanted is not None:
             self.restart()
-        elif asyncio.get_running_loop().time() - self._abandoned < _UNDER_WAY:
+        elif asyncio.get_running_loop().time() - self._abandoned < UNDER_WAY:
             self.has_failed = not self._hold_or_stop()
         elif not self._is_owned:
             self.restart()
@@ -265,7 +263,7 @@ class ActiveMode:
     def _report_late(self, error: Exception) -> None:
         """Tell of an exception after the mode was left, but for that of a setpoint, which nobody takes any more."""
         if not isinstance(error, NotReachedError):
-            _report(f"mode {self.mode.name!r} was left, and its end has failed", error)
+            report(f"mode {self.mode.name!r} was left, and its end has failed", error)
 
     def _fail(self, error: Exception, flown: asyncio.Future[None] | None) -> None:
         is_held = self._hold_or_stop()
@@ -274,7 +272,7 @@ class ActiveMode:
             flown.set_exception(error)  # the executor decides
         else:
             self.has_failed = True
-            _report(f"mode {self.mode.name!r} has failed", error)
+            report(f"mode {self.mode.name!r} has failed", error)
 
     def _hold_or_stop(self) -> bool:
         """Let no setpoint of a program that has ended go on. Return whether the vehicle holds its place."""
@@ -295,7 +293,3 @@ def _stopped(estimate: Any) -> tuple[float, float, float]:
     seconds = math.hypot(*speeds) / _BRAKING / 2.0
     x, y, z = (here + speed * seconds for here, speed in zip((estimate.x, estimate.y, estimate.z), speeds, strict=True))
     return x, y, z
-
-
-def _report(message: str, error: Exception) -> None:
-    asyncio.get_running_loop().call_exception_handler({"message": message, "exception": error})

@@ -8,18 +8,17 @@ from contextlib import suppress
 from logging import getLogger
 from typing import Any
 
-from msggen.flight.actions import Actions
+from msggen.flight.actions import UNDER_WAY, Actions
 from msggen.flight.active import ActiveMode
-from msggen.flight.errors import FlightError, NotReachedError, RefusedError
+from msggen.flight.errors import FlightError, NotReachedError, RefusedError, report
 from msggen.flight.executor import Executor
 from msggen.flight.mode import Mode
 from msggen.flight.overrides import Overrides
 from msggen.flight.registration import Ids
-from msggen.flight.states import LAND, RETURN, described, is_armed
+from msggen.flight.states import described, is_armed
+from msggen.live.messages.nav_states import LAND, RETURN
 
 LOGGER = getLogger("msggen.flight")
-_UNDER_WAY = 1.5
-"""The time in s for which a command from before the failure of an executor can still change the mode."""
 
 
 class Charge:
@@ -157,7 +156,7 @@ class Charge:
             if self._task is asyncio.current_task():
                 await self._fail(error)
             elif not isinstance(error, NotReachedError):
-                _report(f"{self._name} is no longer in charge, and its end has failed", error)
+                report(f"{self._name} is no longer in charge, and its end has failed", error)
         finally:
             if self._task is asyncio.current_task():  # not yet the next one
                 self._task = None
@@ -166,9 +165,9 @@ class Charge:
         """Return home: PX4's failsafe does this from the mode of the executor, a command from other modes."""
         self.find(self.executor.mode).has_failed = True
         self._finish(error)
-        _report(f"{self._name} has failed", error)
+        report(f"{self._name} has failed", error)
         with suppress(TimeoutError, FlightError):
-            await self.actions.wait_for_status(self._is_left_alone, _UNDER_WAY)
+            await self.actions.wait_for_status(self._is_left_alone, UNDER_WAY)
             try:
                 await self.actions.set_mode(RETURN)
             except RefusedError:
@@ -177,7 +176,3 @@ class Charge:
     def _is_left_alone(self, status: Any) -> bool:
         """Whether the vehicle is armed in a mode in which it now gets no commands, such as Takeoff."""
         return is_armed(status) and status.nav_state not in {self.ids.mode, RETURN, LAND}
-
-
-def _report(message: str, error: Exception) -> None:
-    asyncio.get_running_loop().call_exception_handler({"message": message, "exception": error})

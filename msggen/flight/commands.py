@@ -15,6 +15,7 @@ from msggen.flight.connection import Connection, Topics, filled
 from msggen.flight.errors import FlightError, NoAnswerError, RefusedError
 from msggen.flight.feeds import Condition, Feeds
 from msggen.flight.reasons import reasons_for
+from msggen.live.messages import nav_states
 
 ARM_DISARM: Final = 400
 RETURN: Final = 20
@@ -26,7 +27,12 @@ SET_ORIGIN: Final = 100_000
 SET_NAV_STATE: Final = 100_001
 """VEHICLE_CMD_COMPONENT_ARM_DISARM, _NAV_RETURN_TO_LAUNCH, _NAV_LAND, _NAV_TAKEOFF, _DO_SET_HOME, _DO_REPOSITION,
 _SET_GPS_GLOBAL_ORIGIN, _SET_NAV_STATE."""
-_MODES: Final = {RETURN: 5, LAND: 18, TAKEOFF: 17, REPOSITION: 4}
+_MODES: Final = {
+    RETURN: nav_states.RETURN,
+    LAND: nav_states.LAND,
+    TAKEOFF: nav_states.TAKEOFF,
+    REPOSITION: nav_states.HOLD,
+}
 """The nav_state that a command selects."""
 COMPANION: Final = 191
 """The component id of a companion computer in MAVLink: PX4 takes commands of components below 1000 as a user's."""
@@ -46,7 +52,7 @@ class Commands:
         self._connection, self._feeds = connection, feeds
         self._topics = Topics(connection.package)
         self._lock = asyncio.Lock()
-        """One command at a time: an answer tells only the number of the command."""
+        """For one command at a time: an acknowledgement has only the number of the command."""
         self._is_closed = False
 
     def close(self) -> None:

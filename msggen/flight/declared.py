@@ -13,9 +13,7 @@ from msggen.flight.overrides import Keeps
 from msggen.flight.requirements import Requirement
 from msggen.flight.setpoints import Kind
 from msggen.flight.space import Frame
-
-_MODES = range(23)
-"""The nav_states of PX4's own modes."""
+from msggen.live.messages.nav_states import EXTERNAL
 
 
 def check_mode(mode: Mode, *, is_owned: bool) -> None:
@@ -31,7 +29,7 @@ def check_mode(mode: Mode, *, is_owned: bool) -> None:
     _check_type(mode.keeps, Keeps, f"{what}: `keeps`", "Keeps(armed=True)")
     if not (isinstance(mode.setpoints, tuple) and all(isinstance(each, Kind) for each in mode.setpoints)):
         raise RegistrationError(f"{what}: expected a tuple such as (GOTO,) as `setpoints`, got {mode.setpoints!r}")
-    if mode.replaces is not None and mode.replaces not in _MODES:
+    if mode.replaces is not None and mode.replaces not in range(EXTERNAL.start):
         raise RegistrationError(f"{what}: expected a nav_state of a PX4 mode as `replaces`, got {mode.replaces!r}")
 
 

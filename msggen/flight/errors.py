@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Sequence
 
 
@@ -51,3 +52,8 @@ _RESULTS = {
     6: "cancelled",
 }
 """The results of VehicleCommandAck."""
+
+
+def report(message: str, error: Exception) -> None:
+    """Report an error that nobody waits for to the exception handler of the event loop."""
+    asyncio.get_running_loop().call_exception_handler({"message": message, "exception": error})

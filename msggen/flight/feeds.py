@@ -14,10 +14,10 @@ from msggen.flight.states import described
 _Result = TypeVar("_Result")
 SILENCE = 10.0
 """The time in s without a VehicleStatus after which nothing is expected any more. PX4 restarts faster."""
+_LOOK = 1.0
+"""The time in s between two looks at the age of the last VehicleStatus."""
 _GRACE = 0.5
 """The time in s for which a message can still arrive after the vehicle has left a mode."""
-_LOOK = 1.0
-"""The time in s between two looks at that."""
 Condition = Callable[[Any], bool]
 """Says whether a message is the one that a task waits for."""
 
@@ -104,7 +104,7 @@ class Feeds:
         return self._topics.has("out", topic)
 
     async def within(self, modes: Container[int], waiting: Awaitable[_Result], what: str) -> _Result:
-        """Return what comes while the vehicle is in some modes. Raises NotReachedError later, and NoAnswerError."""
+        """Return the result of an awaitable. Raises NotReachedError if the vehicle leaves `modes`, and NoAnswerError."""
         goal = asyncio.ensure_future(waiting)
         left = asyncio.ensure_future(self["vehicle_status"].following(lambda each: each.nav_state not in modes))
         both = asyncio.ensure_future(asyncio.wait([goal, left], return_when=asyncio.FIRST_COMPLETED))
@@ -121,7 +121,7 @@ class Feeds:
             await asyncio.gather(goal, left, both, return_exceptions=True)
 
     async def while_heard(self, waiting: Awaitable[_Result]) -> _Result:
-        """Return what comes. Raises NoAnswerError once the vehicle has not been heard for 10 s."""
+        """Return the result of an awaitable. Raises NoAnswerError after 10 s without a VehicleStatus."""
         task = asyncio.ensure_future(waiting)
         try:
             while not (await asyncio.wait([task], timeout=_LOOK))[0]:

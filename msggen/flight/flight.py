@@ -180,7 +180,7 @@ class Flight(Actions):
         active = self.find(part)
         owner = self._own.owner_of(active)
         if owner is not None:
-            name = type(owner).__name__
+            name = type(owner.executor).__name__
             raise FlightError(f"mode {active.mode.name!r} belongs to executor {name}: `await flight.fly({name})`")
         await active.run(self)
 

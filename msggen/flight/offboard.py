@@ -16,8 +16,9 @@ from msggen.flight.limits import Fence
 from msggen.flight.places import GlobalPlace, check_within, local_place, warn_of_depth
 from msggen.flight.setpoints import FREE, TRAJECTORY, Kind, Stream, trajectory_values
 from msggen.flight.space import Frame, Vector, check_frame, turned
-from msggen.flight.states import HOLD, OFFBOARD, described
-from msggen.flight.telemetry import is_estimate, no_estimate, valid_estimate
+from msggen.flight.states import described
+from msggen.flight.telemetry import checked_estimate, is_estimate
+from msggen.live.messages.nav_states import HOLD, OFFBOARD
 
 _INTERVAL = 0.1
 """The time in s between two heartbeats before the mode is entered. PX4 wants 2 Hz."""
@@ -93,16 +94,12 @@ class Offboard:
 
     async def position(self) -> Vector:
         """Return the place of the vehicle in `frame`. Raises NoAnswerError."""
-        estimate = valid_estimate(self._feeds)
-        if estimate is None:
-            raise no_estimate(self._feeds)
+        estimate = checked_estimate(self._feeds)
         return turned((estimate.x, estimate.y, estimate.z), self._frame)
 
     def begin(self) -> None:
         """Send heartbeats: the vehicle will hold its place at first. Raises NoAnswerError without a valid position."""
-        estimate = valid_estimate(self._feeds)
-        if estimate is None:
-            raise no_estimate(self._feeds)
+        estimate = checked_estimate(self._feeds)
         self.trajectory(position=turned(self._fence.nearest((estimate.x, estimate.y, estimate.z)), self._frame))
         self._beat()
 

@@ -17,7 +17,7 @@ from msggen.flight.checks import Answers
 from msggen.flight.commands import Commands
 from msggen.flight.connection import Connection, Topics
 from msggen.flight.declared import check_executor, check_mode
-from msggen.flight.errors import FlightError, NoAnswerError, RegistrationError, RestartedError
+from msggen.flight.errors import FlightError, NoAnswerError, RegistrationError, RestartedError, report
 from msggen.flight.executor import Executor
 from msggen.flight.feeds import Feeds
 from msggen.flight.limits import Fence
@@ -29,7 +29,7 @@ from msggen.flight.registration import ARMED, Ids, Registrar, Wanted
 from msggen.flight.restarts import Restarts
 from msggen.flight.resuming import FRESH, Resuming
 from msggen.flight.setpoints import ATTITUDE, GOTO, RATES, TRAJECTORY
-from msggen.flight.states import is_armed, name_of
+from msggen.flight.states import is_armed, is_disarmed, name_of
 
 LOGGER = getLogger("msggen.flight")
 _READY = 1.0
@@ -177,9 +177,9 @@ class Parts:
         own = {each.ids.mode: each.ids.name for each in self._modes.values()}
         return "" if status is None else own.get(status.nav_state) or name_of(status.nav_state)
 
-    def owner_of(self, active: ActiveMode) -> Executor | None:
+    def owner_of(self, active: ActiveMode) -> Charge | None:
         """Return the executor that a mode belongs to."""
-        return next((each.executor for each in self._charges if each.ids is active.ids), None)
+        return next((each for each in self._charges if each.ids is active.ids), None)
 
     def follow(self, status: Any) -> None:
         """Start and end executors and modes. Executors come first, so that one that ends does not see its mode end."""
@@ -257,7 +257,8 @@ class Parts:
         try:
             await active.configuration.check(part.mode.setpoints)
             await active.overrides.begin()
-            for charge in [each for each in self._charges if each.ids is active.ids]:
+            charge = self.owner_of(active)
+            if charge is not None:
                 await charge.overrides.begin()
             await self._until_ready(active)
         except BaseException:
@@ -296,7 +297,8 @@ class Parts:
         active = self._modes.pop(type(mode), None)
         if active is None:
             return
-        for charge in [each for each in self._charges if each.ids is active.ids]:
+        charge = self.owner_of(active)
+        if charge is not None:
             charge.close()
             self._charges.remove(charge)
         active.close()
@@ -346,16 +348,15 @@ class Parts:
                 except NoAnswerError:  # the vehicle is still starting
                     await asyncio.sleep(_AGAIN)
                 except FlightError as error:
-                    context = {"message": f"mode {part.mode.name!r} could not be registered again", "exception": error}
-                    asyncio.get_running_loop().call_exception_handler(context)
+                    report(f"mode {part.mode.name!r} could not be registered again", error)
                     break
 
     async def _add_again(self, part: Part) -> None:
         try:
             await self._add(part, is_again=True)
         except RegistrationError:
-            status = self._feeds["vehicle_status"].latest
-            if status.arming_state != status.ARMING_STATE_ARMED:
+            status = self._feeds["vehicle_status"]
+            if is_disarmed(status.latest):
                 raise
-            await self._feeds["vehicle_status"].wait(lambda each: bool(each.arming_state != each.ARMING_STATE_ARMED))
+            await status.wait(is_disarmed)
             await self._add(part, is_again=True)

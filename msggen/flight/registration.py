@@ -9,6 +9,7 @@ from typing import Any, Final, NamedTuple
 from msggen.flight.connection import Connection, Topics, filled
 from msggen.flight.errors import NoAnswerError, RegistrationError, UnsupportedError
 from msggen.flight.feeds import Feeds
+from msggen.flight.states import is_armed
 
 NAME_SIZE: Final = 25
 """The bytes of a name in RegisterExtComponentRequest, with the zero at its end."""
@@ -175,7 +176,7 @@ class Registrar:
     def _why(self, wanted: Wanted) -> str:
         """Return the likely reason of a refusal. The reply of the vehicle has none."""
         status = self._feeds["vehicle_status"].latest
-        if status is not None and status.arming_state == status.ARMING_STATE_ARMED:
+        if status is not None and is_armed(status):
             return ARMED
         if wanted.replaces is not None:
             return f"another mode already replaces mode {wanted.replaces}, or no slot is free"

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from msggen.flight.feeds import Feeds
+from msggen.flight.states import is_disarmed
 
 _GAP = 1.0
 """The time in s without a VehicleStatus that can be a restart: PX4 takes 2 s or more."""
@@ -74,8 +75,8 @@ class Restarts:
         own = self._checks()
         mask = getattr(request, "valid_registrations_mask", own)  # from v1.17 on
         self._misses = self._misses + 1 if own & ~mask else 0
-        is_armed = self._last is None or self._last.arming_state == self._last.ARMING_STATE_ARMED
-        if self._misses >= _MISSES and not is_armed:  # in flight, the vehicle takes late replies
+        is_on_ground = self._last is not None and is_disarmed(self._last)
+        if self._misses >= _MISSES and is_on_ground:  # in flight, the vehicle takes late replies
             self._lose("the vehicle has removed what was registered")
 
     def _lose(self, why: str) -> None:

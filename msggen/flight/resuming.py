@@ -13,6 +13,7 @@ from msggen.flight.feeds import Feeds
 from msggen.flight.memory import Memory, Remembered, booted
 from msggen.flight.mode import Mode, needs_of
 from msggen.flight.registration import Ids, Registrar
+from msggen.flight.states import is_disarmed
 
 LOGGER = getLogger("msggen.flight")
 FRESH = 2.0
@@ -72,7 +73,7 @@ class Resuming:
         status = await self._feeds["vehicle_status"].wait(lambda _: True, _HEARD)
         if not _is_same_boot(found, status):
             return None
-        if status.arming_state != status.ARMING_STATE_ARMED:
+        if is_disarmed(status):
             await self._remove(found.ids)
             return None
         if not await self._is_lost(found.ids) or self._resume:

@@ -1,31 +1,18 @@
-"""The modes of PX4 by name, and what a VehicleStatus says of them."""
+"""What a VehicleStatus says of the vehicle, and the modes that a program can select by name."""
 
 from __future__ import annotations
 
 from typing import Any, Final
 
-HOLD, RETURN, OFFBOARD, TAKEOFF, LAND = 4, 5, 14, 17, 18
-"""NAVIGATION_STATE_* of VehicleStatus."""
-MODES: Final = {
-    "manual": 0,
-    "altitude": 1,
-    "position": 2,
-    "mission": 3,
-    "hold": HOLD,
-    "return": RETURN,
-    "descend": 12,
-    "offboard": OFFBOARD,
-    "stabilized": 15,
-    "takeoff": TAKEOFF,
-    "land": LAND,
-}
-"""The modes that a program can select, by their names."""
-_NAMES: Final = {number: name for name, number in MODES.items()}
+from msggen.live.messages.nav_states import EXTERNAL, MODE_NAMES, TERMINATION
+
+MODES: Final = {name: number for number, name in MODE_NAMES.items() if number not in {TERMINATION, *EXTERNAL}}
+"""The nav_states of the modes that a program can select, by their names."""
 
 
 def name_of(nav_state: int) -> str:
-    """Return the name of a mode, or its nav_state if it is none of PX4's."""
-    return _NAMES.get(nav_state, str(nav_state))
+    """Return the name of a mode, or its nav_state if the mode has none."""
+    return MODE_NAMES.get(nav_state, str(nav_state))
 
 
 def described(status: Any) -> str:

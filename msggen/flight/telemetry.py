@@ -19,6 +19,7 @@ _FRESH = 0.5
 _SLOW = 3.0
 """The same for values that are published rarely: home, battery, landing."""
 _LIFTED = 1.0
+"""The height in m above the origin of the local frame from which on a vehicle is in the air, with v1.15."""
 _PATIENCE = 1.0
 """How long to wait for the first message of a topic, in s."""
 
@@ -145,6 +146,14 @@ def valid_estimate(feeds: Feeds) -> Any:
     feed = feeds["vehicle_local_position"]
     is_valid = feed.latest is not None and feed.age < _FRESH and is_estimate(feed.latest)
     return feed.latest if is_valid else None
+
+
+def checked_estimate(feeds: Feeds) -> Any:
+    """Return the last VehicleLocalPosition. Raises NoAnswerError if it is not valid, or older than 0.5 s."""
+    found = valid_estimate(feeds)
+    if found is None:
+        raise no_estimate(feeds)
+    return found
 
 
 def no_estimate(feeds: Feeds) -> NoAnswerError:

@@ -82,7 +82,7 @@ class NearVehicle:
     def publish(self, topic: str, message: Any) -> None:
         """Send a message of a program on a topic, which is named as in uORB.
 
-        Raises LookupError for a topic that the vehicle does not read, and EncodeError: for messages that get lost, too.
+        Raises LookupError for a topic that the vehicle does not read, and EncodeError, even if the message gets lost.
         """
         if topic not in self._inputs:
             raise LookupError(f"the vehicle does not read '{topic}'")
@@ -96,15 +96,15 @@ class NearVehicle:
         self._arrived.clear()
         self._start()
 
+    def loses(self, _topic: str) -> bool:
+        """Whether the next message of a topic gets lost on its way. Here, none does."""
+        return False
+
     def _start(self) -> None:
         """Let the vehicle take messages."""
         self._programs = Programs(self.world, self._publish)
         requests = Requests(self.world, self._publish, self._tell, {})
         self._handlers = {**self._programs.handlers, **requests.handlers}
-
-    def loses(self, _topic: str) -> bool:
-        """Whether the next message of a topic gets lost on its way. Here, none does."""
-        return False
 
     def _receive(self, topic: str, message: Any) -> None:
         if self._log is not None:
