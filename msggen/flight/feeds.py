@@ -104,7 +104,7 @@ class Feeds:
         return self._topics.has("out", topic)
 
     async def within(self, modes: Container[int], waiting: Awaitable[_Result], what: str) -> _Result:
-        """Return the result of an awaitable. Raises NotReachedError if the vehicle leaves `modes`, and NoAnswerError."""
+        """Return what an awaitable returns. Raises NoAnswerError, and NotReachedError if the vehicle leaves `modes`."""
         goal = asyncio.ensure_future(waiting)
         left = asyncio.ensure_future(self["vehicle_status"].following(lambda each: each.nav_state not in modes))
         both = asyncio.ensure_future(asyncio.wait([goal, left], return_when=asyncio.FIRST_COMPLETED))

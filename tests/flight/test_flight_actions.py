@@ -13,18 +13,11 @@ from msggen.flight.flight import Flight
 from msggen.flight.limits import Limits
 from msggen.flight.mode import Mode
 from msggen.live.sim.loop import run
-from support.flown import EXTERNAL, Flown, fly
+from support.flown import EXTERNAL, Flown, Line, fly
 
 pytest_plugins = ["support.flight_releases"]
 
 HOLD, RETURN, TAKEOFF, LAND = 4, 5, 17, 18
-
-
-class Line(Mode, name="Line"):
-    """Flies for ever."""
-
-    async def fly(self) -> None:
-        await self.goto((50.0, 0.0, -10.0))
 
 
 # takeoff

@@ -12,18 +12,11 @@ from msggen.flight.errors import FlightError, NotReachedError
 from msggen.flight.executor import Executor, Start
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
-from support.flown import EXTERNAL, Flown, fly
+from support.flown import EXTERNAL, Flown, Line, fly
 
 pytest_plugins = ["support.flight_releases"]
 
 HOLD, RETURN, TAKEOFF, LAND = 4, 5, 17, 18
-
-
-class Line(Mode, name="Line"):
-    """Flies for ever."""
-
-    async def fly(self) -> None:
-        await self.goto((50.0, 0.0, -10.0))
 
 
 class Ends(Executor):

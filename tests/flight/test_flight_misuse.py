@@ -17,25 +17,11 @@ from msggen.flight.mode import Mode
 from msggen.flight.setpoints import ATTITUDE, GOTO
 from msggen.live.sim import Options
 from msggen.live.sim.loop import run
-from support.flown import EXTERNAL, Flown, fly
+from support.flown import EXTERNAL, Flown, Line, Short, fly
 
 pytest_plugins = ["support.flight_releases"]
 
 SETPOINTS = {"goto_setpoint", "trajectory_setpoint"}
-
-
-class Line(Mode, name="Line"):
-    """Flies for ever."""
-
-    async def fly(self) -> None:
-        await self.goto((50.0, 0.0, -10.0))
-
-
-class Short(Mode, name="Short"):
-    """Flies to a place."""
-
-    async def fly(self) -> None:
-        await self.goto((3.0, 0.0, -10.0))
 
 
 class Runs(Executor):

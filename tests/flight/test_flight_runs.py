@@ -11,26 +11,12 @@ import pytest
 from msggen.flight.errors import FlightError, NotReachedError, RestartedError
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
-from support.flown import EXTERNAL, Flown, fly
+from support.flown import EXTERNAL, Flown, Line, Short, fly
 
 pytest_plugins = ["support.flight_releases"]
 
 HOLD, LAND = 4, 18
 SETPOINTS = {"goto_setpoint", "trajectory_setpoint"}
-
-
-class Line(Mode, name="Line"):
-    """Flies for ever."""
-
-    async def fly(self) -> None:
-        await self.goto((50.0, 0.0, -10.0))
-
-
-class Short(Mode, name="Short"):
-    """Flies to a place."""
-
-    async def fly(self) -> None:
-        await self.goto((3.0, 0.0, -10.0))
 
 
 class Turns(Mode):

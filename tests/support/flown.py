@@ -9,12 +9,27 @@ from types import ModuleType
 from typing import Any, NamedTuple, TypeVar
 
 from msggen.flight.flight import Flight
+from msggen.flight.mode import Mode
 from msggen.live.sim import Options
 from msggen.live.sim.loop import SimulatedLoop, run
 from msggen.live.sim.near import NearVehicle
 
 _Result = TypeVar("_Result")
 EXTERNAL = 23
+
+
+class Line(Mode, name="Line"):
+    """Flies for ever."""
+
+    async def fly(self) -> None:
+        await self.goto((50.0, 0.0, -10.0))
+
+
+class Short(Mode, name="Short"):
+    """Flies to a place."""
+
+    async def fly(self) -> None:
+        await self.goto((3.0, 0.0, -10.0))
 
 
 class Sent(NamedTuple):
