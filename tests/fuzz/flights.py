@@ -1,7 +1,8 @@
-"""Flights of a program that does what comes to mind, with a vehicle, a link and a pilot that do so, too.
+"""Flights of a program that acts at random, with a vehicle, a link and a pilot that act at random, too.
 
-The vehicle is simulated, on its own clock. Whatever happens: the program gets errors of the library only, setpoints end
-with the mode, nothing arms unless told to, and nothing is sent after the flight or stays registered on the ground.
+The vehicle is simulated, on its own clock. In every case, the program gets errors of the library only, setpoints end
+with the mode, and the vehicle is armed only by `arm`. After a flight nothing is sent, and after a flight that ends on the
+ground nothing stays registered.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from typing import Any, ClassVar, NamedTuple
 from fuzz.payloads import targets
 from msggen.flight import ATTITUDE, Executor, Flight, FlightError, GlobalPlace, Mode, Problem
 from msggen.flight.executor import Start
+from msggen.live.messages.nav_states import EXTERNAL, OFFBOARD
 from msggen.live.sim import Options
 from msggen.live.sim.loop import SimulatedLoop, run
 from msggen.live.sim.near import NearVehicle
@@ -32,8 +34,6 @@ LATE = 2.4
 """The time in s for which setpoints may be sent after the vehicle has left a mode: the status that shows it gets lost.
 
 Without a status, nothing is sent after 1.6 s. The status is sent at 2 Hz."""
-OWN = range(23, 31)
-OFFBOARD = 14
 MODES = ("hold", "land", "return", "position", "takeoff", "descend", 3, 26)
 
 
@@ -65,7 +65,7 @@ class Watched(NearVehicle):
 
     def advance(self, now: int) -> None:
         super().advance(now)
-        if self.world.mode in OWN or self.world.mode == OFFBOARD:
+        if self.world.mode in EXTERNAL or self.world.mode == OFFBOARD:
             self.last_in_mode = now / 1e6
 
     def publish(self, topic: str, message: Any) -> None:
