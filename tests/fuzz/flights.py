@@ -1,7 +1,7 @@
 """Flights of a program that acts at random, with a vehicle, a link and a pilot that act at random, too.
 
 The vehicle is simulated, on its own clock. In every case, the program gets errors of the library only, setpoints end
-with the mode, and the vehicle is armed only by `arm`. After a flight nothing is sent, and nothing stays registered if it
+with the mode, and the vehicle is armed only by `arm`. After a flight nothing is sent, and nothing is registered if it
 has ended on the ground.
 """
 
