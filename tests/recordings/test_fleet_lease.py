@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 import os
+import sys
 import threading
 import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from http.client import HTTPConnection
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import pytest
 
@@ -15,12 +21,14 @@ from msggen.recordings.stores.errors import StoreError
 from msggen.recordings.stores.store import Store
 from support.fleet_recordings import rows_of
 from support.fleet_stores import FLEET, Bucket, change
+from support.object_server import object_server
 
 pytest_plugins = ["support.fleet_fixtures"]
 pytestmark = pytest.mark.timeout(600)
 
 
 LOCK = "fleets/own/_msggen/run.txt"
+CREDENTIALS = "AWS4-HMAC-SHA256 Credential=test/20261127/us-east-1/s3/aws4_request, SignedHeaders=host, Signature=0"
 OTHER = b"process 1 on other\nboot pid:[1] 1 1\n00\n"
 
 
@@ -45,6 +53,43 @@ def test_runs_at_once_take_turns(bucket: Bucket, logs: Path, tmp_path: Path) -> 
     update(str(logs), str(tmp_path / "fleet"))
     assert bucket.rows(tmp_path / "copy") == rows_of(tmp_path / "fleet")
     bucket.check_whole()
+
+
+@pytest.mark.parametrize("kind", ["moto behind the proxy", "server of files"])
+def test_the_stores_of_tests_let_one_of_several_conditional_requests_win(bucket: Bucket, kind: str) -> None:
+    with object_server() as server:
+        url = bucket.proxy.url if kind.startswith("moto") else server.url
+        for number in range(60):
+            answers = at_once(6, partial(create, f"{url}/bucket/new-{number}"))
+            assert sorted(status == 200 for status in answers) == [*[False] * 5, True], answers
+
+
+def create(address: str) -> int:
+    """Create an object, and return the status of the answer."""
+    url = urlsplit(address)
+    connection = HTTPConnection(url.netloc, timeout=30)
+    try:
+        connection.request("PUT", url.path, b"own", {"If-None-Match": "*", "Authorization": CREDENTIALS})
+        return connection.getresponse().status
+    finally:
+        connection.close()
+
+
+def at_once(count: int, work: Callable[[], int]) -> list[int]:
+    """Return the results of threads that begin at the same moment."""
+    barrier = threading.Barrier(count)
+    interval = sys.getswitchinterval()
+
+    def begin(_: int) -> int:
+        barrier.wait(30)
+        return work()
+
+    sys.setswitchinterval(1e-6)  # the servers are threads of this process: let them stop between any two lines
+    try:
+        with ThreadPoolExecutor(count) as pool:
+            return list(pool.map(begin, range(count)))
+    finally:
+        sys.setswitchinterval(interval)
 
 
 def test_a_lock_of_another_machine_is_taken_when_it_is_not_renewed(

@@ -52,6 +52,7 @@ class ObjectServer:
         self.before: Callable[[int], None] = lambda _: None
         """Called before each request with the number of those before."""
         self.ended = threading.Event()
+        self.lock = threading.Lock()
         self.url = ""
 
     @property
@@ -80,11 +81,17 @@ class _Handler(QuietHandler):
 
     def do_PUT(self) -> None:
         data = self.rfile.read(int(self.headers["Content-Length"]))
-        if self._fails() or (self.headers.get("If-None-Match") and self.path in self.has.files):
+        if self._fails() or not self._put(data):
             self._error(self._status() or 412)
             return
-        self.has.files[self.path] = data
         self._send(200, b"", {"ETag": _tag(data)})
+
+    def _put(self, data: bytes) -> bool:
+        with self.has.lock:
+            if self.headers.get("If-None-Match") and self.path in self.has.files:
+                return False
+            self.has.files[self.path] = data
+            return True
 
     def _fails(self) -> str:
         has = self.has

@@ -5,7 +5,7 @@ from __future__ import annotations
 import http.client
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from urllib.parse import urlsplit
 
 from support.object_server import QuietHandler, serving
@@ -32,6 +32,8 @@ class Proxy:
         self.fails: Callable[[int, str], str] = lambda _number, _request: ""
         """Returns the fault of a request by its number and its method and path."""
         self.ended = threading.Event()
+        self.changing = threading.Lock()
+        """Held while a request changes objects: moto compares a condition and writes without a lock."""
 
     def begin(self, fails: Callable[[int, str], str] = lambda _number, _request: "") -> None:
         """Count from 0, and let requests fail."""
@@ -56,13 +58,8 @@ class _Handler(QuietHandler):
         if fault.isdecimal():
             self._send(int(fault), {}, b"")
             return
-        connection = http.client.HTTPConnection(urlsplit(self.target).netloc, timeout=30)
-        try:
-            connection.request(self.command, self.path, body, dict(self.headers))
-            answer = connection.getresponse()
-            found = answer.read()
-        finally:
-            connection.close()
+        with nullcontext() if self.command in {"GET", "HEAD"} else self.proxy.changing:
+            answer, found = self._ask(body)
         if fault == "lost":
             self._send(500, {}, b"")
             return
@@ -73,6 +70,15 @@ class _Handler(QuietHandler):
         headers["Content-Length"] = answer.getheader("Content-Length") or str(len(found))
         self._send(answer.status, headers, found[: len(found) // 2] if fault == "half" else found)
         self.close_connection = self.close_connection or fault == "half"
+
+    def _ask(self, body: bytes) -> tuple[http.client.HTTPResponse, bytes]:
+        connection = http.client.HTTPConnection(urlsplit(self.target).netloc, timeout=30)
+        try:
+            connection.request(self.command, self.path, body, dict(self.headers))
+            answer = connection.getresponse()
+            return answer, answer.read()
+        finally:
+            connection.close()
 
     do_GET = do_HEAD = do_PUT = do_POST = do_DELETE = _pass  # noqa: N815 - as http.server calls them
 
