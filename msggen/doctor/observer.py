@@ -95,6 +95,7 @@ class Observer(Hub):
                     sample = self.link.last(entry.remote, route)
                     if sample is not None and sample.time >= self._begun:
                         self._count(*sample)
+                        entry.heard_ns = max(entry.heard_ns, sample.time)
 
     def opened(self, remote: Remote, route: Route | Service) -> None:
         """Follow a route."""
