@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
-import jedi
 import pytest
 
 from msggen.generate.python.package import TOOLS, render_package
@@ -20,21 +20,18 @@ from msggen.sources.catalog import read_catalog
 from msggen.sources.sources import find_sources, with_archived
 from support.catalogs import catalog_of, write_definitions
 from support.checkers import GENERATED, mypy
+from support.completion import cell_of, names, script_of
 from support.nested_packages import sources
-
-
-def script(code: str, folder: Path = GENERATED) -> jedi.Script:
-    project = jedi.Project(folder, added_sys_path=[str(folder)], smart_sys_path=False)
-    return jedi.Script(code, project=project, environment=jedi.InterpreterEnvironment())
+from support.repository import ROOT
 
 
 def completions(code: str, folder: Path = GENERATED) -> set[str]:
-    return {found.name for found in script(code, folder).complete()}
+    return names(script_of(code, folder))
 
 
 def hover(code: str) -> str:
     """Return what an editor shows for the name at the end of `code`."""
-    return "\n".join(f"{found.description}\n{found.docstring()}" for found in script(code).help())
+    return "\n".join(f"{found.description}\n{found.docstring()}" for found in script_of(code).help())
 
 
 IMPORT = "from px4_types import EscStatus, SensorCombined, VehicleStatus, by_type, meaning, msg, show, topics\n"
@@ -109,9 +106,33 @@ def test_jedi_shows_documentation(code: str, expected: str) -> None:
     assert expected in hover(IMPORT + code)
 
 
+COMPLETE = "from support.completion import names, script_of; print(names(script_of('import px4_types\\npx4_types.cd')))"
+
+
+def test_a_cache_that_another_process_has_damaged_does_not_matter(tmp_path: Path) -> None:
+    """A process of tests is killed while it writes to the cache of the user, or has written half of a file."""
+    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path), "PYTHONPATH": str(ROOT / "tests")}
+    shared = f"import jedi, support.completion; jedi.settings.cache_directory = {str(tmp_path)!r} + '/jedi'; {COMPLETE}"
+    for program in (shared, COMPLETE):
+        done = subprocess.run(
+            [sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=False
+        )
+        assert done.stdout == "{'cdr'}\n", done.stderr
+        for cached in tmp_path.rglob("*.pkl"):
+            cached.write_bytes(cached.read_bytes()[:20])
+    assert [*tmp_path.rglob("*.pkl")] != []
+
+
+def test_only_one_module_of_the_tests_imports_jedi() -> None:
+    """It gives each process a cache of its own."""
+    modules = (ROOT / "tests").rglob("*.py")
+    users = [path.name for path in modules if re.search(r"^\s*(import|from) jedi\b", path.read_text(), re.MULTILINE)]
+    assert users == ["completion.py"]
+
+
 def test_ipython_completes_the_imported_package(px4_types: Any) -> None:
     def completed(code: str) -> set[str]:
-        return {found.name for found in jedi.Interpreter(code, [{"px4_types": px4_types}]).complete()}
+        return names(cell_of(code, {"px4_types": px4_types}))
 
     assert "SensorCombined" in completed("px4_types.Sens")
     assert {"show", *TOOLS} - {"ros", "versions"} <= {*dir(px4_types)}

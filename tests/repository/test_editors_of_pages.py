@@ -11,13 +11,13 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
 
-import jedi
 import pytest
 
 import msggen
 from msggen import live, recordings
 from msggen.live import Vehicle
 from support.checkers import GENERATED
+from support.completion import cell_of, names, script_of
 from support.fake_link import FakeLink
 from support.language_server import LanguageServer, language_server
 from support.page_code import PAGES, Place, code_of, cut_code, places_of
@@ -81,14 +81,8 @@ def left_out(page: str, *tables: dict[str, set[str]]) -> set[str]:
     return set().union(*(table.get(page, set()) for table in tables))
 
 
-def names(script: jedi.Script, *place: int) -> set[str]:
-    return {found.name for found in script.complete(*place)}
-
-
-def jedi_script(code: str) -> jedi.Script:
-    paths = [str(ROOT), str(GENERATED)]
-    project = jedi.Project(GENERATED, added_sys_path=paths, smart_sys_path=False)
-    return jedi.Script(code, project=project, environment=jedi.InterpreterEnvironment())
+def completed(code: str, *place: int) -> set[str]:
+    return names(script_of(code, paths=(ROOT,)), *place)
 
 
 def test_the_pages_use_many_names() -> None:
@@ -101,8 +95,8 @@ def test_jedi_completes_what_a_page_uses(page: str) -> None:
     missing = {
         place.expression
         for place in known(page)
-        if place.name not in names(jedi_script(cut_code(page, place)))
-        and place.name not in names(jedi_script(code_of(page)), place.line, place.column)
+        if place.name not in completed(cut_code(page, place))
+        and place.name not in completed(code_of(page), place.line, place.column)
     }
     assert missing == left_out(page, ONLY_BASEDPYRIGHT, NEITHER)
 
@@ -187,11 +181,11 @@ IDS = [code.replace("\n", " ") for code, _ in COMPLETED]
 
 @pytest.mark.parametrize(("code", "expected"), COMPLETED, ids=IDS)
 def test_jedi_completes_programs(code: str, expected: set[str]) -> None:
-    assert expected <= names(jedi_script(HEAD + code))
+    assert expected <= completed(HEAD + code)
 
 
 def test_jedi_completes_tables() -> None:
-    assert {"schema", "to_pandas"} <= names(jedi_script(f"{HEAD}log.table('vehicle_status')."))
+    assert {"schema", "to_pandas"} <= completed(f"{HEAD}log.table('vehicle_status').")
 
 
 @pytest.mark.parametrize(
@@ -211,8 +205,7 @@ def test_jedi_completes_the_values_of_a_notebook(code: str, expected: set[str], 
         samples = vehicle.subscribe(px4_types.VehicleStatus)
         link.sample(link.connect(), px4_types.VehicleStatus())
         cells = {"vehicle": vehicle, "samples": samples, "newest": samples.latest()}
-        script = jedi.Interpreter(code, [{**cells, "VehicleStatus": px4_types.VehicleStatus}])
-        assert expected <= names(script)
+        assert expected <= names(cell_of(code, {**cells, "VehicleStatus": px4_types.VehicleStatus}))
 
 
 @pytest.mark.parametrize(("code", "expected"), COMPLETED, ids=IDS)
