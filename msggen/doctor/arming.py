@@ -8,6 +8,7 @@ from types import MappingProxyType
 from msggen.base.diagnostics import few
 from msggen.check.finding import Change
 from msggen.doctor.case import Case
+from msggen.doctor.commands import misaddressed
 from msggen.doctor.observation import SampleSeen, VehicleSeen
 from msggen.doctor.steering import CONTROLS, Values, control, is_steered, means_inputs, setpoints
 from msggen.live.messages.names import uorb_name
@@ -58,8 +59,9 @@ _ALWAYS = (
     "flight_time_limit_exceeded",
     "navigator_failure",
     "parachute_unhealthy",
-    "remote_id_unhealthy",
 )
+"""Those that count in every mode. `remote_id_unhealthy` does not: it is set on every vehicle without a remote id, also
+where COM_ARM_ODID does not ask for one."""
 _CRITICAL = 2
 """The `battery_warning` from which on PX4 does not arm."""
 _VALID = ("xy_valid", "z_valid", "v_xy_valid", "v_z_valid")
@@ -142,7 +144,7 @@ def find_refused_arming(case: Case) -> Iterator[Change]:
     """Find vehicles that refuse to arm."""
     for vehicle in case.alive:
         status, refused = vehicle.state("vehicle_status"), _refused(vehicle, (_ARM,))
-        if status.get("arming_state") == _DISARMED and refused and _is_meant(case, vehicle, refused):
+        if status.get("arming_state") == _DISARMED and refused and means_inputs(case, vehicle):
             checks = "its checks pass now" if status.get("pre_flight_checks_pass", True) else "its checks fail"
             yield case.of(
                 vehicle,
@@ -155,7 +157,8 @@ def find_refused_arming(case: Case) -> Iterator[Change]:
 def find_not_armed(case: Case) -> Iterator[Change]:
     """Find vehicles that get setpoints, and could be armed."""
     for vehicle in _disarmed(case):
-        if vehicle.state("vehicle_status").get("pre_flight_checks_pass", True) and not _refused(vehicle, (_ARM,)):
+        passes = vehicle.state("vehicle_status").get("pre_flight_checks_pass", True)
+        if passes and not _refused(vehicle, (_ARM,)) and not _is_misaddressed(case, vehicle, (_ARM,)):
             yield case.of(
                 vehicle,
                 "gets setpoints, but is not armed: send VehicleCommand COMPONENT_ARM_DISARM (400) with param1 = 1, "
@@ -167,7 +170,7 @@ def find_refused_mode(case: Case) -> Iterator[Change]:
     """Find vehicles that refuse a mode."""
     for vehicle in case.alive:
         status, refused = vehicle.state("vehicle_status"), _refused(vehicle, _SET_MODE)
-        if refused and status and not _follows(status) and _is_meant(case, vehicle, refused):
+        if refused and status and not _follows(status) and means_inputs(case, vehicle):
             yield case.of(
                 vehicle,
                 f"has answered the command to change the mode with '{_result(refused)}' {_ago(case, refused)}, and is "
@@ -181,7 +184,8 @@ def find_other_mode(case: Case) -> Iterator[Change]:
     for vehicle in case.alive:
         status = vehicle.state("vehicle_status")
         is_other = bool(status) and not _follows(status) and not status.get("failsafe")
-        if is_other and is_steered(case, vehicle) and not _refused(vehicle, _SET_MODE):
+        is_told = _refused(vehicle, _SET_MODE) or _is_misaddressed(case, vehicle, _SET_MODE)
+        if is_other and is_steered(case, vehicle) and not is_told:
             yield case.of(
                 vehicle,
                 f"gets setpoints, but is in mode {_mode(status)}, which does not use them: send VehicleCommand "
@@ -204,15 +208,13 @@ def _disarmed(case: Case) -> Iterator[VehicleSeen]:
 
 def _refused(vehicle: VehicleSeen, commands: tuple[int, ...]) -> SampleSeen | None:
     """Return the last acknowledgement of some commands if it is a refusal."""
-    name = next((route.name for route in vehicle.routes if uorb_name(route.name) == "vehicle_command_ack"), "")
-    found = [each for each in vehicle.states.get(name, ()) if each.values.get("command") in commands]
+    found = [each for each in vehicle.kept("vehicle_command_ack") if each.values.get("command") in commands]
     return found[-1] if found and found[-1].values.get("result") in _RESULTS else None
 
 
-def _is_meant(case: Case, vehicle: VehicleSeen, refused: SampleSeen) -> bool:
-    """Whether a refusal counts: that of a vehicle that gets setpoints, or one that has just come."""
-    is_new = case.seen.now - refused.time <= case.seen.seconds * 1e9
-    return is_steered(case, vehicle) or (is_new and means_inputs(case, vehicle))
+def _is_misaddressed(case: Case, vehicle: VehicleSeen, commands: tuple[int, ...]) -> bool:
+    """Whether a program has sent one of some commands, and to another vehicle."""
+    return any(each.number in commands for each in misaddressed(case, vehicle))
 
 
 def _result(refused: SampleSeen) -> str:

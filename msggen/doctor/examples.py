@@ -77,6 +77,13 @@ _SEEN = Observation(
 HEALTHY = Case(_SEEN, {1: _EXPECTED, 2: _EXPECTED})
 """A vehicle in which nothing is found."""
 
+_SYNC = "/fmu/out/timesync_status"
+_EXCHANGE = {
+    "source_protocol": 2,
+    "observed_offset": -_NOW // 1000 + 60_000_000,
+    "estimated_offset": -_NOW // 1000 + 60_041_500,
+    "round_trip_time": 2000,
+}
 _SERIAL = _SEEN._replace(link="serial:///dev/ttyUSB0?baud=57600", scheme="serial", baud=57600)
 _NOTHING: Mapping[str, Any] = {"vehicles": (), "clients": (), "statistics": Statistics(0, 0, 0, 0, 0, 212992)}
 _AGENT, _PX4 = Process(4711, "MicroXRCEAgent"), Process(4712, "px4")
@@ -134,6 +141,8 @@ _STEERED_VALUES: Mapping[str, Mapping[str, Any]] = {
         "failsafe": False,
         "pre_flight_checks_pass": True,
         "vehicle_type": 1,
+        "system_id": 1,
+        "component_id": 1,
     },
     _FLAGS: {"mode_req_offboard_signal": 1 << 14, "mode_req_local_position": 1 << 14, "battery_warning": 0},
     _PLACE: {"xy_valid": True, "z_valid": True, "v_xy_valid": True, "v_z_valid": True, "z": -5.0},
@@ -193,6 +202,10 @@ _SETPOINT_EXAMPLES: Mapping[str, Callable[[], Case]] = {
                 {}, last=(SampleSeen(_NOW, "0001", problem="it has 60 bytes, and TrajectorySetpoint has 64"),)
             ),
         }
+    ),
+    "COMMAND_MISADDRESSED": lambda: _steered(
+        {**_INPUTS, _ROUTES[3].name: _input({"command": 400, "target_system": 3, "target_component": 1})},
+        vehicle_status=_DISARMED,
     ),
     "SETPOINT_CONTESTED": lambda: _steered({**_INPUTS, _SETPOINT: _input(_POSITION, programs=(_PROGRAM, _OTHER))}),
     "SETPOINT_OLD": lambda: _steered({**_INPUTS, _SETPOINT: _input(_POSITION, age=1_767_225_541.2)}),
@@ -259,6 +272,10 @@ _EXAMPLES: Mapping[str, Callable[[], Case]] = {
     ),
     "VEHICLE_SILENT": lambda: _vehicle(heard=_NOW - 3_400_000_000),
     "NAMESPACE_WRONG": lambda: _asked("/uav_1/fmu/out/vehicle_attitude"),
+    "NAMESPACE_SHARED": lambda: _with(
+        vehicles=(_VEHICLE, _LATER._replace(remote=_LATER.remote._replace(key=2))),
+        clients=(_CLIENT, _CLIENT._replace(address="127.0.0.1:40124", key=2, number=2)),
+    ),
     "VERSION_WRONG": lambda: _asked("/fmu/out/vehicle_status"),
     "TOPIC_NOT_BRIDGED": lambda: _asked("/fmu/out/sensor_gyro"),
     "TOPIC_UNKNOWN": lambda: _asked("/fmu/out/vehicle_atitude"),
@@ -278,6 +295,14 @@ _EXAMPLES: Mapping[str, Callable[[], Case]] = {
     "DEFINITION_DIFFERS": lambda: _vehicle(hashes={**_HASHES, _STATUS: 0xBADC0DE}),
     "TIME_NOT_SYNCED": lambda: _all_topics(age=_NOW / 1e9 - 63.5),
     "CLOCK_WRONG": lambda: _all_topics(age=3.2),
+    "CLOCK_UNSETTLED": lambda: _vehicle(
+        routes=(*_ROUTES, Route(_SYNC, "px4_msgs/msg/TimesyncStatus", "out", 240)),
+        states={_SYNC: (_sample(_EXCHANGE),)},
+    )._replace(
+        expected={
+            1: _EXPECTED._replace(messages={**_EXPECTED.messages, "TimesyncStatus": Definition(0, 0, is_stamped=True)})
+        }
+    ),
     "DATAGRAMS_DAMAGED": lambda: _with(
         statistics=_STATISTICS._replace(refused=96),
         refused={"submessage longer than its message": 60, "unknown version of the protocol": 36},

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 from msggen.base.diagnostics import counted, few
@@ -12,6 +13,10 @@ from msggen.live.messages.names import stem_of, version_of, without_namespace
 
 _CLOCK = 1.0
 """The difference in s between two clocks that is reported."""
+_SETTLED = 0.02
+"""The error in s of an estimate of the difference between both clocks that is reported."""
+_DDS = 2
+"""SOURCE_PROTOCOL_DDS of TimesyncStatus."""
 _SHARE = 0.01
 """The share of lost samples that is reported."""
 _FEWEST = 5
@@ -91,6 +96,32 @@ def find_wrong_clock(case: Case) -> Iterator[Change]:
                 f"sends times {abs(age):.1f} s {where} the clock of this computer: synchronize the clocks of all "
                 "computers (chrony), and restart the client after a clock was set",
             )
+
+
+def find_unsettled_clock(case: Case) -> Iterator[Change]:
+    """Find vehicles whose estimate of the difference of both clocks is wrong, by which they convert their times."""
+    for vehicle in case.alive:
+        error, age = _estimate_error(vehicle), case.age(vehicle)
+        if abs(error) > _SETTLED and case.has_utc(vehicle) and age is not None and abs(age) <= _CLOCK:
+            yield case.of(
+                vehicle,
+                f"sends times that are {abs(error) * 1e3:.0f} ms too {'early' if error < 0 else 'late'}: its estimate "
+                "of the difference of the clocks takes minutes after its start to become right, and stays wrong in a "
+                "simulation that is slower than real time; wait, or correct times by `clock.TimeSync().bridge_error`",
+            )
+
+
+def _estimate_error(vehicle: VehicleSeen) -> float:
+    """Return the error of the vehicle's times in s by its exchanges with the agent: at least this, 0 if not known.
+
+    A measured offset is wrong by half of its round trip at most.
+    """
+    errors = []
+    for values in (each.values for each in vehicle.kept("timesync_status")):
+        if values.get("source_protocol") == _DDS and values.get("estimated_offset"):
+            error = values["observed_offset"] - values["estimated_offset"]
+            errors.append(math.copysign(max(0.0, abs(error) - values["round_trip_time"] / 2), error) / 1e6)
+    return min(errors, key=abs, default=0.0)
 
 
 def find_slow(case: Case) -> Iterator[Change]:

@@ -9,9 +9,10 @@ from typing import Literal, NamedTuple
 from msggen.base.diagnostics import counted, few, suggestion
 from msggen.check.finding import Change
 from msggen.doctor.case import Case, matches, message_of, plain
+from msggen.doctor.observation import VehicleSeen
 from msggen.live.link import Route
 from msggen.live.messages.names import stem_of, version_of, without_namespace
-from msggen.live.vehicle.selection import shown
+from msggen.live.vehicle.selection import is_unnamed, shown
 
 _FULL = re.compile(r"(?:/(.+))?(/fmu/.+)")
 _CAPITAL = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
@@ -102,6 +103,25 @@ def find_namespace(case: Case) -> Iterator[Change]:
             text = f"no vehicle has the namespace '{asked}', those that are there have {others}"
         yield case.change(asked, f"{text}: {use}, or start the client with {start}")
     yield from _of_kind(case, "namespace")
+
+
+def find_shared_namespace(case: Case) -> Iterator[Change]:
+    """Find vehicles with the same namespace. Clients of one key are another finding."""
+    by_namespace: dict[str, dict[int, VehicleSeen]] = {}
+    for vehicle in case.alive:
+        if not is_unnamed(vehicle.remote):
+            by_namespace.setdefault(vehicle.remote.namespace, {})[vehicle.remote.key] = vehicle
+    for namespace, vehicles in by_namespace.items():
+        if len(vehicles) > 1:
+            what = f"the namespace '{namespace}'" if namespace else "no namespace"
+            text = f"{few([shown(each.remote) for each in vehicles.values()])} have {what}, so that in ROS 2 and DDS "
+            text += (
+                "their topics have the same names: samples of all arrive mixed, and setpoints reach all; start each "
+            )
+            text += (
+                "client with a namespace of its own, `uxrce_dds_client start -n uav_1` (PX4_UXRCE_DDS_NS in simulation)"
+            )
+            yield case.change(what, text)
 
 
 def find_version(case: Case) -> Iterator[Change]:

@@ -152,10 +152,14 @@ class VehicleSeen(NamedTuple):
         """Return the samples a second of a topic that was heard, at most, since the first sample of any topic."""
         return (self.topics[name].samples + 1) / self.seconds if self.seconds else math.inf
 
+    def kept(self, topic: str) -> tuple[SampleSeen, ...]:
+        """Return the newest samples of a topic that tells the state, by its name in uORB."""
+        return next((samples for name, samples in self.states.items() if uorb_name(name) == topic), ())
+
     def state(self, topic: str) -> Mapping[str, Any]:
         """Return the newest values of a topic that tells the state, by its name in uORB. Empty if they are unknown."""
-        found = [samples[-1].values for name, samples in self.states.items() if samples and uorb_name(name) == topic]
-        return found[0] if found else {}
+        samples = self.kept(topic)
+        return samples[-1].values if samples else {}
 
     @property
     def samples(self) -> int:

@@ -21,6 +21,7 @@ _MARGIN_S = 1.0
 """How long before the watch a client may have been heard last. PX4's client sends once a second at least."""
 _STATES = {
     "failsafe_flags",
+    "timesync_status",
     "vehicle_command_ack",
     "vehicle_land_detected",
     "vehicle_local_position",

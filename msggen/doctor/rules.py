@@ -128,6 +128,15 @@ DOCTOR = (
         "vehicles set one.",
     ),
     Rule(
+        "NAMESPACE_SHARED",
+        "several vehicles have the same namespace, or none",
+        Category.NAME,
+        naming.find_shared_namespace,
+        fix="Give each client a namespace of its own: `uxrce_dds_client start -n uav_1`, the parameter "
+        "UXRCE_DDS_NS_IDX where the firmware has it, or PX4_UXRCE_DDS_NS in simulation. Programs of msggen select a "
+        "vehicle by its key, too; to look at one, give its `--key`.",
+    ),
+    Rule(
         "VERSION_WRONG",
         "the topic of the vehicle has another version suffix",
         Category.NAME,
@@ -208,6 +217,16 @@ DOCTOR = (
         flowing.find_wrong_clock,
         fix="Synchronize the clocks of all computers with chrony or systemd-timesyncd. The agent's clock is the one "
         "that the vehicle follows. Restart the client after a clock was set: it follows slowly.",
+    ),
+    Rule(
+        "CLOCK_UNSETTLED",
+        "timestamps are wrong by 20 ms or more, because the vehicle's estimate of the clocks has not settled",
+        Category.TIME,
+        flowing.find_unsettled_clock,
+        fix="Wait: PX4's estimate changes slowly, and can be wrong by 40 ms for minutes after the start. Or correct "
+        "timestamps by `bridge_error` of `clock.TimeSync`, a part of the generated package. In a simulation that is "
+        "slower than real time, the estimate lags behind, by 0.2 s at most: set UXRCE_DDS_SYNCT to 0 there, and use "
+        "the simulation's clock in all programs.",
     ),
     Rule(
         "DATAGRAMS_DAMAGED",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from msggen.check.finding import Category, Rule
-from msggen.doctor import arming, steering
+from msggen.doctor import arming, commands, steering
 
 SETPOINT = (
     Rule(
@@ -22,6 +22,16 @@ SETPOINT = (
         fix="Build the program with the definitions of the vehicle's firmware: `msggen build --px4 PX4-Autopilot`, in "
         "ROS 2 the branch of px4_msgs for its release. PX4 reads CDR with little-endian numbers, as all DDS "
         "libraries write it on usual computers.",
+    ),
+    Rule(
+        "COMMAND_MISADDRESSED",
+        "a program sends commands to another system or component than the vehicle",
+        Category.SETPOINT,
+        commands.find_misaddressed,
+        fix="Set `target_system` of VehicleCommand to the vehicle's MAV_SYS_ID, which `system_id` of vehicle_status "
+        "tells, and `target_component` to its `component_id`, usually 1; or both to 0. In simulation, each instance "
+        "has a MAV_SYS_ID of its own: 1 for the first one, 2 for the next. PX4 ignores the commands for others and "
+        "does not acknowledge them.",
     ),
     Rule(
         "SETPOINT_CONTESTED",

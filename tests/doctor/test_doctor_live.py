@@ -26,6 +26,7 @@ import pytest
 from msggen.cli import main
 from msggen.doctor.agents import is_agent, namespaces_in
 from msggen.doctor.case import Case
+from msggen.doctor.decoding import decoded
 from msggen.doctor.diagnose import diagnose
 from msggen.doctor.expected import Expected, expected_of, expected_of_catalog
 from msggen.doctor.observation import Observation
@@ -137,6 +138,7 @@ TOGETHER = {
     "hash": (Misbehaviour(wrong_hashes=("VehicleStatus",)), rules_of("hash")),
     "version": (Misbehaviour(versions={"VehicleStatus": 9}), rules_of("version")),
     "clock": (Misbehaviour(clock_off=-7.0), rules_of("clock")),
+    "unsettled": (Misbehaviour(clock_off=-0.04), rules_of("unsettled")),
 }
 LONG = {
     "silent": (Misbehaviour(silent_after=3.5), rules_of("silent")),
@@ -169,12 +171,12 @@ def test_each_vehicle_has_its_cause(url: str, owning: Owning, px4_types: Any, ex
         CALM._replace(key=12, namespace="slow", rate=1.0),
     ]
     with owning(url), Simulator(px4_types, url, options):
-        seen = looked_at(url)
+        seen = decoded(looked_at(url), lambda _: [px4_types])
     found = [*(ids_of_vehicle for _, ids_of_vehicle in TOGETHER.values()), rules_of("boot"), rules_of("slow")]
     check_vehicles(seen, expected, options, found)
     report = judged(seen, expected, namespace="uav_1")
     assert ids(report) == rules_of("namespace")
-    there = r"those that are there have (the namespace '\w+', ){3}the namespace '\w+' and 2 more: use --namespace \w+,"
+    there = r"those that are there have (the namespace '\w+', ){3}the namespace '\w+' and 3 more: use --namespace \w+,"
     assert re.search(there, texts(report))
     assert ids(judged(seen, expected, key=99)) == rules_of("key")
     assert "/hash/fmu/out/vehicle_status_v4" in texts(judged(seen, expected, key=2))
@@ -247,11 +249,24 @@ def test_lost_samples_are_found(url: str, owning: Owning, px4_types: Any, expect
 
 @pytest.mark.usefixtures("_wait_for_further_vehicles")
 def test_two_clients_of_a_key_are_found(url: str, owning: Owning, px4_types: Any, expected: Expected) -> None:
-    options = [CALM._replace(key=7), CALM._replace(key=7, namespace="b"), CALM._replace(key=8)]
+    options = [CALM._replace(key=7), CALM._replace(key=7, namespace="b"), CALM._replace(key=8, namespace="c")]
     with owning(url), Simulator(px4_types, url, options):
         report = judged(looked_at(url), expected)
     assert ids(report) == rules_of("twin")
     assert "2 clients have the key 7" in texts(report)
+
+
+@pytest.mark.usefixtures("_wait_for_further_vehicles")
+def test_two_vehicles_without_namespaces_are_found(
+    url: str, owning: Owning, px4_types: Any, expected: Expected
+) -> None:
+    options = [CALM._replace(key=7), CALM._replace(key=8), CALM._replace(key=9, namespace="c")]
+    with owning(url), Simulator(px4_types, url, options):
+        seen = looked_at(url)
+    report = judged(seen, expected)
+    assert ids(report) == rules_of("same namespace")
+    assert re.search(r"\(key 7\), .*\(key 8\) have no namespace, so that in ROS 2 and DDS", texts(report))
+    assert ids(judged(seen, expected, key=7)) == []
 
 
 def test_a_message_that_the_types_do_not_have_is_found(url: str, px4_types: Any, expected: Expected) -> None:

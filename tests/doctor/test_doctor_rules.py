@@ -13,7 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msggen.check.finding import OF_VEHICLES, Rule
+from msggen.doctor import arming
 from msggen.doctor.case import Case, matches, plain
+from msggen.doctor.decoding import _values
 from msggen.doctor.diagnose import diagnose
 from msggen.doctor.examples import _EXAMPLES, HEALTHY, STEERED, case_of
 from msggen.doctor.expected import expected_of, expected_of_catalog
@@ -36,6 +38,7 @@ from msggen.live.vehicle.selection import Selection
 from msggen.show.report import FORMATS, render
 from msggen.sources.catalog import read_catalog
 from msggen.sources.sources import find_sources
+from support import flight_captures
 
 SEEN = HEALTHY.seen
 VEHICLE = SEEN.vehicles[0]
@@ -232,6 +235,56 @@ def test_definitions_of_a_package_and_of_its_sources_are_the_same(px4_types: Any
 
 # --- times and flow
 
+EXCHANGES = st.lists(st.tuples(st.integers(-300_000, 300_000), st.integers(0, 100_000)), min_size=1, max_size=8)
+
+
+@given(EXCHANGES, st.sampled_from([1, 2]))
+def test_the_estimate_of_the_clocks_is_wrong_if_all_exchanges_say_so(
+    exchanges: list[tuple[int, int]], protocol: int
+) -> None:
+    """An exchange is off by half of its round trip at most. Those about MAVLink say nothing."""
+    case = case_of(next(rule for rule in DOCTOR if rule.id == "CLOCK_UNSETTLED"))
+    (own,) = case.seen.vehicles
+    ((sync, (sample,)),) = own.states.items()
+    estimated = sample.values["estimated_offset"]
+    samples = tuple(
+        sample._replace(
+            values={
+                "source_protocol": protocol,
+                "observed_offset": estimated + error,
+                "estimated_offset": estimated,
+                "round_trip_time": round_trip,
+            }
+        )
+        for error, round_trip in exchanges
+    )
+    least = min(max(0, abs(error) - round_trip / 2) for error, round_trip in exchanges)
+    found = ids(case._replace(seen=case.seen._replace(vehicles=(own._replace(states={sync: samples}),))))
+    assert found == (["CLOCK_UNSETTLED"] if protocol == 2 and least > 20_000 else [])
+
+
+def test_an_estimate_of_a_real_px4_that_lags_behind_is_found() -> None:
+    """Exchanges of a simulated v1.18, 14 s after its first one: it runs 1 % slower than the clock."""
+    case = case_of(next(rule for rule in DOCTOR if rule.id == "CLOCK_UNSETTLED"))
+    (own,) = case.seen.vehicles
+    ((sync, (sample,)),) = own.states.items()
+    estimates = (-1795425084882422, -1795425084882678, -1795425084882954, -1795425084882954, -1795425084883236)
+    errors, trips = (-27688, -33344, -39987, -58288, -42006), (4000, 0, 4000, 24000, 8000)
+    samples = tuple(
+        sample._replace(
+            values={
+                "source_protocol": 2,
+                "observed_offset": estimate + error,
+                "estimated_offset": estimate,
+                "round_trip_time": trip,
+            }
+        )
+        for estimate, error, trip in zip(estimates, errors, trips, strict=True)
+    )
+    case = case._replace(seen=case.seen._replace(vehicles=(own._replace(states={sync: samples}),)))
+    assert ids(case) == ["CLOCK_UNSETTLED"]
+    assert "sends times that are 26 ms too early" in texts(case)
+
 
 @given(st.lists(st.floats(-1e9, 2e9), min_size=1, max_size=3))
 def test_the_clock_is_judged_by_the_median_of_the_topics(ages: list[float]) -> None:
@@ -361,6 +414,7 @@ def steered(inputs: Mapping[str, InputSeen], **values: Any) -> Case:
 
 STEERING = STEERED.seen.vehicles[0].inputs
 MODE, SETPOINT = "/fmu/in/offboard_control_mode", "/fmu/in/trajectory_setpoint"
+ACK, COMMAND = "/fmu/out/vehicle_command_ack", "/fmu/in/vehicle_command_v1"
 
 
 def changed(name: str, **values: Any) -> Case:
@@ -443,6 +497,80 @@ def test_an_arming_that_was_accepted_since_is_no_refusal() -> None:
     assert ids(refused._replace(seen=refused.seen._replace(vehicles=(both,)))) == ["CHECKS_FAIL"]
 
 
+@given(st.floats(0, 1e5))
+def test_a_refusal_counts_however_old_it_is(age: float) -> None:
+    refused = case_of(next(rule for rule in DOCTOR if rule.id == "ARMING_REFUSED"))
+    (own,) = refused.seen.vehicles
+    (ack,) = own.states[ACK]
+    earlier = ack._replace(time=SEEN.now - round(age * 1e9))
+    alone = own._replace(inputs={}, states={**own.states, ACK: (earlier,)})
+    case = refused._replace(seen=refused.seen._replace(vehicles=(alone,)))
+    assert ids(case) == ["ARMING_REFUSED"]
+    assert f"'temporarily rejected' {age:.1f} s ago" in texts(case)
+    assert ids(case._replace(wanted=("vehicle_attitude",))) == []
+
+
+IDS = st.integers(0, 255)
+
+
+@given(
+    st.lists(st.tuples(st.sampled_from([400, 176, 512]), IDS, IDS), min_size=1, max_size=8),
+    IDS,
+    IDS,
+    st.sampled_from([(), (400, 176, 512)]),
+)
+def test_commands_for_others_are_found(
+    commands: list[tuple[int, int, int]], system: int, component: int, acknowledged: tuple[int, ...]
+) -> None:
+    """The reference: PX4 takes what is for its own ids or for 0, and others acknowledge what is for them."""
+    case = case_of(next(rule for rule in DOCTOR if rule.id == "COMMAND_MISADDRESSED"))
+    (own,) = case.seen.vehicles
+    names = ("command", "target_system", "target_component")
+    samples = tuple(SampleSeen(SEEN.now, "0001", dict(zip(names, each, strict=True))) for each in commands)
+    status = own.states[ROUTES[0].name][0]
+    values = {**status.values, "system_id": system, "component_id": component}
+    acks = tuple(SampleSeen(SEEN.now, "0001", {"command": each, "result": 0}) for each in acknowledged)
+    states = {
+        **own.states,
+        ROUTES[0].name: (status._replace(values=values),),
+        **({ACK: acks} if acks else {}),
+    }
+    inputs = {**own.inputs, COMMAND: own.inputs[COMMAND]._replace(last=samples)}
+    vehicle = own._replace(inputs=inputs, states=states)
+    ignored = set()
+    for number in {number for number, _, _ in commands}:
+        targets = [target for own_number, *target in commands if own_number == number]
+        is_elsewhere = all(target not in (0, system) for target, _ in targets)
+        is_unanswered = not acknowledged and all(target not in (0, component) for _, target in targets)
+        if is_elsewhere or is_unanswered:
+            ignored.add(number)
+    found = texts(case._replace(seen=case.seen._replace(vehicles=(vehicle,))))
+    assert {number for number in (400, 176, 512) if f"has command {number} for " in found} == ignored
+    assert ("but is not armed" in found) == (400 not in ignored)
+
+
+def test_what_px4_sets_while_its_checks_pass_is_no_reason(px4_types: Any) -> None:
+    """In flights of a real PX4 v1.18 without a remote id, whose COM_ARM_ODID does not ask for one."""
+    names = {name: f"/fmu/out/{name}" for name in ("vehicle_status_v4", "failsafe_flags")}
+    messages = {endpoint.ros_name: endpoint.message for endpoint in px4_types.topics.ENDPOINTS}
+    routes = tuple(Route(each, "", "out", 0) for each in names.values())
+    judged = 0
+    for flight in flight_captures.names():
+        newest: dict[str, tuple[SampleSeen, ...]] = {}
+        for _, topic, data in flight_captures.load(flight).rows:
+            if topic not in names.values():
+                continue
+            newest[topic] = tuple(
+                each for each in (SampleSeen(0, data, _values(messages[topic].decode(bytes.fromhex(data)))),)
+            )
+            seen = VEHICLE._replace(routes=routes, states=newest)
+            status = seen.state("vehicle_status")
+            if len(newest) == 2 and status["pre_flight_checks_pass"] and status["arming_state"] == 1:
+                judged += 1
+                assert arming._failing(seen) == [], flight
+    assert judged > 100
+
+
 @given(st.floats(0, 10), st.floats(0, 20))
 def test_a_client_that_restarts_does_not_share_its_key(silence: float, age: float) -> None:
     """A client that is heard after another one began is another vehicle, a client that is not has a new port."""
@@ -499,6 +627,7 @@ VALUES = st.fixed_dictionaries(
         **dict.fromkeys(("result", "arming_state", "battery_warning"), st.integers(0, 9)),
         **dict.fromkeys(("nav_state", "nav_state_user_intention"), st.integers(0, 255)),
         "command": st.sampled_from([400, 176, 0]),
+        **dict.fromkeys(("system_id", "component_id", "target_system", "target_component"), st.integers(0, 3)),
         "mode_req_offboard_signal": st.integers(0, 0xFFFFFFFF),
         "offboard_control_signal_lost": st.booleans(),
     },

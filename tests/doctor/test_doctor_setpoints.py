@@ -198,8 +198,15 @@ MORE: dict[str, Program] = {
     "cut": lambda vehicle, types: send(
         vehicle, types.OffboardControlMode(position=True), cut(types)
     ),
+    "other system": lambda vehicle, types: send(
+        vehicle,
+        types.OffboardControlMode(position=True),
+        position(types),
+        types.VehicleCommand(command=400, param1=1.0, target_system=3, target_component=1),
+    ),
 }  # fmt: skip
 STATE: dict[str, Program] = {
+    "refused earlier": arm,
     "healthy": healthy,
     "no position": no_position,
     "checks": lambda vehicle, types: send(vehicle, types.OffboardControlMode(position=True), position(types)),
@@ -208,7 +215,7 @@ STATE: dict[str, Program] = {
     "other mode": other_mode,
     "failsafe": flying,
 }  # fmt: skip
-UNPLACED = {"no position", "checks"}
+UNPLACED = {"no position", "checks", "refused earlier"}
 
 
 def looked_at(url: str, package: Any, seconds: float = SECONDS) -> Observation:
@@ -255,6 +262,8 @@ def test_programs_that_misbehave_are_found(
     assert own in first
     assert all(own in each for each in told.values())
     if rows is MORE:
+        own_system = f"this vehicle is system {[*rows].index('other system') + 1} (MAV_SYS_ID)"
+        assert f"has command 400 for system 3, and {own_system}, which ignores it: set" in told["other system"]
         assert "it has 60 bytes, and TrajectorySetpoint of the vehicle has 64" in told["cut"]
         assert "has z = 5 m, which is below the origin: z points down in PX4 (NED), use -5 for 5 m up" in told["upward"]
 
@@ -266,6 +275,7 @@ def test_vehicles_that_do_not_follow_are_found(url: str, px4_types: Any, expecte
         told = check(seen, expected, keys)
         report = judged(seen, expected, "trajectory_setpoint", key=keys["healthy"])
     assert "'temporarily rejected'" in told["no position"]
+    assert "'temporarily rejected'" in told["refused earlier"]
     assert "xy_valid, v_xy_valid of vehicle_local_position are false" in told["checks"]
     assert "its checks fail in mode Hold because of local_position_invalid" in told["checks"]
     assert "is in a failsafe, in mode Return because of offboard_control_signal_lost" in told["failsafe"]

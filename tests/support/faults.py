@@ -63,6 +63,9 @@ FAULTS: Mapping[str, Fault] = MappingProxyType(
         ),
         "namespace": _fault("the vehicle has another namespace", "`--namespace uav_1`", "NAMESPACE_WRONG"),
         "version": _fault("a message has another version", "`msggen sim --version VehicleStatus=9`", "VERSION_WRONG"),
+        "same namespace": _fault(
+            "two vehicles have no namespace", "two simulated vehicles with other keys", "NAMESPACE_SHARED"
+        ),
         "readers": _fault(
             "readers in DDS cannot match",
             "two readers of another participant",
@@ -85,6 +88,9 @@ FAULTS: Mapping[str, Fault] = MappingProxyType(
         ),
         "boot": _fault("the clock is not synchronized", "`msggen sim --sync off`", "TIME_NOT_SYNCED"),
         "clock": _fault("the clock is wrong", "`msggen sim --clock-off -7`", "CLOCK_WRONG"),
+        "unsettled": _fault(
+            "the vehicle's estimate of the clocks is wrong", "`msggen sim --clock-off -0.04`", "CLOCK_UNSETTLED"
+        ),
         "garbage": _fault("the network damages datagrams", "`msggen sim --garbage 0.3`", "DATAGRAMS_DAMAGED"),
         "noise": _fault("only another protocol arrives", "random datagrams", "DATAGRAMS_DAMAGED"),
         "full": _fault("a serial line is too slow", "a pseudo terminal with 57600 baud", "LINE_FULL"),
@@ -101,6 +107,12 @@ FAULTS: Mapping[str, Fault] = MappingProxyType(
             "a TrajectorySetpoint without its last field",
             "INPUT_UNREADABLE",
             *_ON_GROUND,
+        ),
+        "other system": _fault(
+            "the program commands another vehicle",
+            "VehicleCommand for system 3, 20 times a second",
+            "COMMAND_MISADDRESSED",
+            "MODE_OTHER",
         ),
         "two": _fault("two programs fight", "`msggen topic pub` beside a program", "SETPOINT_CONTESTED", *_ON_GROUND),
         "old": _fault("the program has another clock", "timestamps since boot", "SETPOINT_OLD", *_ON_GROUND),
@@ -128,6 +140,11 @@ FAULTS: Mapping[str, Fault] = MappingProxyType(
             "POSITION_MISSING",
             "ARMING_REFUSED",
             "MODE_OTHER",
+        ),
+        "refused earlier": _fault(
+            "the vehicle has refused to arm",
+            "`msggen sim --no-position`, and a command to arm before the watch",
+            "ARMING_REFUSED",
         ),
         "checks": _fault(
             "the checks of the vehicle fail",

@@ -71,6 +71,7 @@ class SimulatedVehicle:
         self._noise = random.Random(f"noise {options.seed} {options.key}")  # noqa: S311 - not for secrets
         self._clocks = Clocks()
         wrong = options.misbehaviour
+        self._clock_off = round(wrong.clock_off * 1e6)
         self._to_agent = Line(wrong, f"out {options.seed} {options.key}")
         self._from_agent = Line(wrong._replace(garbage=0.0), f"in {options.seed} {options.key}")
         self._schedule = Schedule((), 0)
@@ -191,7 +192,7 @@ class SimulatedVehicle:
         """Send a message, with its times in the agent's clock (docs/time.md)."""
         if self._log is not None:
             self._log.add(publication.topic, message)
-        offset = self._client.offset + round(self.options.misbehaviour.clock_off * 1e6)
+        offset = self._client.offset + self._clock_off
         message.timestamp = max(0, message.timestamp + offset)
         if publication.filler.is_sampled:
             message.timestamp_sample = max(0, message.timestamp_sample + offset)
@@ -224,7 +225,7 @@ class SimulatedVehicle:
                 self._schedule = Schedule(self._endpoints.publications, self._now)
             else:
                 self._tell(f"disconnected: {event.reason}")
-        self._clocks = _clocks_of(self._client)
+        self._clocks = _clocks_of(self._client, self._clock_off)
         self.refused.update(self._client.refused)
         self._client.refused.clear()
 
@@ -373,7 +374,10 @@ def status_of(world: World) -> Sequence[object]:
     return *state, failsafe.is_active, failsafe.defer_state, commander.is_ready
 
 
-def _clocks_of(client: xrce.Client) -> Clocks:
-    """Return the last exchange of times, within the ranges of TimesyncStatus whatever the agent's clock is."""
+def _clocks_of(client: xrce.Client, clock_off: int) -> Clocks:
+    """Return the last exchange of times, within the ranges of TimesyncStatus whatever the agent's clock is.
+
+    `clock_off` is the error in us of the estimate by which times are converted.
+    """
     agent, observed, round_trip = client.exchange
-    return Clocks(max(0, agent), -observed, -client.offset, min(round_trip, 0xFFFFFFFF))
+    return Clocks(max(0, agent), -observed, -client.offset - clock_off, min(round_trip, 0xFFFFFFFF))
