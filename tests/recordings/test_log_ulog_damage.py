@@ -104,6 +104,30 @@ def test_samples_beside_a_damage_are_kept_and_others_are_told(whole: bytes, seed
             assert all(problem.offset is None or 0 < problem.offset <= len(data) for problem in log.problems)
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_samples_beside_a_damage_are_kept_though_their_topics_are_named_late(seed: int, tmp_path: Path) -> None:
+    """A topic is named before its first sample, and a damage hits samples only."""
+    chance = Random(seed)  # noqa: S311 - no secret
+    writer = UlogWriter()
+    for number in range(30):
+        writer.format(f"topic_{number}", f"uint64_t timestamp;uint8_t[{1 + 3 * number}] x")
+    for index in range(600):
+        if index % 10 == 0 and index < 300:
+            writer.subscribe(index // 10, f"topic_{index // 10}")
+        number = chance.randrange(min(index // 10 + 1, 30))
+        writer.sample(number, struct.pack("<Q", UTC + index) + chance.randbytes(1 + 3 * number))
+    messages = messages_in(bytes(writer.data))
+    named = [message for message in messages if message.kind == ord("A")]
+    samples = [message for message in messages if message.kind == ord("D")]
+    tried = 0
+    while tried < 60:
+        data, low, high = damage(bytes(writer.data), chance)
+        if all(each.stop <= low or each.start >= high for each in named):
+            tried += 1
+            with opened(data, tmp_path / "a.ulg") as log:
+                assert {time_in(each) for each in samples if each.stop <= low or each.start >= high} <= kept_times(log)
+
+
 def test_every_cut_keeps_what_is_before_it(whole: bytes, tmp_path: Path) -> None:
     messages = [message for message in messages_in(whole) if message.kind == ord("D")]
     for stop in range(len(whole) - 300, len(whole), 3):

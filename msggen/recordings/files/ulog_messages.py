@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from msggen.recordings.files.ulog_formats import FRONT, NUMBERS, PAYLOAD, parse_fields
+from msggen.recordings.files.ulog_formats import FRONT, NUMBERS, PAYLOAD, is_format, parse_fields
 from msggen.recordings.files.ulog_heads import DATA, HEAD, SIZE, Heads, chained, heads_at, heads_of
 from msggen.recordings.files.ulog_notes import Notes
 from msggen.recordings.source.gather import at, walk
@@ -30,6 +30,7 @@ WINDOW = 1 << 24
 """The bytes of a file that are read at a time: all of most logs, as each topic takes time in each window."""
 SYNC = b"\x08\0S\x2f\x73\x13\x20\x25\x0c\xbb\x12"
 """A message that PX4 writes from time to time, so that readers find into a damaged file."""
+_FORMAT, _ADD = b"FA"
 _SUBSCRIPTION = 3
 """The offset of the name of a topic in its subscription."""
 SMALLEST = {"B": 40, "F": 4, "I": 3, "M": 4, "P": 3, "Q": 4, "A": 4, "R": 2, "D": 3, "L": 9, "C": 11, "S": 8, "O": 2}
@@ -113,6 +114,7 @@ class Messages:
             wrong = _first_wrong(heads)
             if wrong is not None:
                 starts, end = starts[:wrong], int(starts[wrong])
+            self._learn(heads.take(slice(len(starts))))
             count = len(starts) if end == stop else self._trusted(starts, stop)
             size = self.size_at(end, stop)
             is_whole, is_at_limit = count == len(starts), end == stop or end + size > limit
@@ -161,6 +163,22 @@ class Messages:
         """The first bytes of the last sample of the most frequent topic, as far as it is known."""
         return b"" if self._latest is None else _mark_of(self._latest)
 
+    def _learn(self, heads: Heads) -> None:
+        """Let the samples of topics be recognized that are named between the messages of a stretch."""
+        for place in heads.starts[heads.kinds == _FORMAT].tolist():
+            content = self._content(place)
+            if self.is_sound(place, self._file.size) and is_format(content):
+                self._topics.formats.add(content.decode())
+        for place in heads.starts[heads.kinds == _ADD].tolist():
+            if self.is_sound(place, self._file.size):
+                content = self._content(place)
+                self._topics.expect(
+                    int.from_bytes(content[1:_SUBSCRIPTION], "little"), content[_SUBSCRIPTION:].decode()
+                )
+
+    def _content(self, place: int) -> bytes:
+        return self._map[place + FRONT : place + self.size_at(place, self._file.size)]
+
     # damage
 
     def _trusted(self, starts: Places, stop: int) -> int:
@@ -191,11 +209,12 @@ class Messages:
         found: list[int] = []
         damaged: list[int] = []
         largest = self._topics.largest[heads.numbers]
-        longer = np.flatnonzero((heads.sizes > largest) & (largest > 0) & (heads.kinds == DATA))
-        longer = longer[:0] if len(longer) > _TRIES else longer  # so many samples have another format
+        longer = (heads.sizes > largest) & (heads.kinds == DATA)
+        suspects = [np.flatnonzero(longer & (largest > 0)), np.flatnonzero(longer & (largest == 0))]
+        suspects = [each for each in suspects if len(each) <= _TRIES]  # more have another format, or were never named
         others = np.flatnonzero(heads.kinds != DATA)
-        others = others[heads.sizes[others] > _PLAIN[heads.kinds[others]]]
-        for index in np.union1d(others, longer).tolist():
+        suspects.append(others[heads.sizes[others] > _PLAIN[heads.kinds[others]]])
+        for index in sorted(np.concatenate(suspects).tolist()):
             place = int(heads.starts[index])
             hidden = self.hidden(place, place + self.size_at(place, self._file.size))
             if hidden:
@@ -255,7 +274,7 @@ class Messages:
                 parse_fields(data.decode().partition(":")[2])
             elif kind in "IMPQLC":
                 Notes().take(kind, data, 0)
-                data.decode() if kind in "LC" else None
+                data[SMALLEST[kind] :].decode() if kind in "LC" else None
         except (ValueError, struct.error):
             return False
         return {

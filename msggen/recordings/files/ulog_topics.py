@@ -89,6 +89,14 @@ class Topics:
         self.end = max(self.end, number + 1)
         self.smallest[number], self.largest[number] = min(topic.smallest, _LARGEST), topic.largest
 
+    def expect(self, number: int, name: str) -> None:
+        """Let samples be recognized by a number, also as those of a topic that it will stand for further on."""
+        described = self._description(name)
+        if not isinstance(described, FormatError):
+            smallest, largest = _sizes(described)
+            self.smallest[number] = min(int(self.smallest[number]), smallest, _LARGEST)
+            self.largest[number] = max(int(self.largest[number]), largest)
+
     def remove(self, place: int, number: int) -> None:
         """Let a number stand for no topic from an offset on."""
         self._set(place, number, None)
@@ -122,22 +130,27 @@ class Topics:
 
     def _topic(self, name: str, instance: int) -> Subscribed:
         """Return an instance of a topic that has none of its samples so far."""
-        if name not in self._described:
-            self._described[name] = self._describe(name)
-        described = self._described[name]
+        described = self._description(name)
         if isinstance(described, FormatError):
             found = Subscribed(-1, name, NUMBERS, 0, str(described), instance)
         else:
-            size, clock = described.layout.size + PAYLOAD - FRONT, described.clock
-            found = Subscribed(len(self._channels), name, size, size + described.layout.surplus, "", instance)
+            found = Subscribed(len(self._channels), name, *_sizes(described), "", instance)
             self._channels.append((name, instance, described))
-            self.clocks.append(None if clock is None else clock + PAYLOAD)
+            self.clocks.append(None if described.clock is None else described.clock + PAYLOAD)
         self._topics[name, instance] = found
         return found
 
-    def _describe(self, name: str) -> Described | FormatError:
+    def _description(self, name: str) -> Described | FormatError:
         """Return what formats say of a topic."""
-        try:
-            return self.formats.described(name)
-        except FormatError as error:
-            return error
+        if name not in self._described:
+            try:
+                self._described[name] = self.formats.described(name)
+            except FormatError as error:
+                self._described[name] = error
+        return self._described[name]
+
+
+def _sizes(described: Described) -> tuple[int, int]:
+    """Return the smallest and the largest size of the messages of a topic, without their fronts."""
+    size = described.layout.size + PAYLOAD - FRONT
+    return size, size + described.layout.surplus
