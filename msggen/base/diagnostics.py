@@ -36,6 +36,7 @@ CODES: Mapping[str, Level] = MappingProxyType(
         "M105": Level.ERROR,
         "M106": Level.WARNING,
         "M107": Level.WARNING,
+        "M108": Level.WARNING,
         "M201": Level.ERROR,
         "M202": Level.ERROR,
         "M203": Level.ERROR,

@@ -20,6 +20,7 @@ from msggen.definitions.model import (
 )
 from msggen.definitions.parse.bridge import Bridge, parse_bridge
 from msggen.definitions.parse.definition import parse_message, parse_service
+from msggen.definitions.parse.rosidl import find_unbuildable
 from msggen.definitions.parse.text import decode_text
 from msggen.sources.consistency import (
     check_bridge,
@@ -293,4 +294,7 @@ class _Reader:
         text, errors = decode_text(self.contents[file.path], file.path)
         allowed = {"M106"} if file.package else ()  # ROS 2 accepts both line ends
         self.errors += [found for found in errors if found.code not in allowed]
+        for line, column, _, instead, reason in find_unbuildable(text):
+            place = Location(file.path, line + 1, column + 1)
+            self.errors.append(Diagnostic(place, "M108", f"{reason}: write '{instead}'"))
         return text

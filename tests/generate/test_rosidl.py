@@ -6,18 +6,23 @@ rosidl, which record their calls.
 
 from __future__ import annotations
 
+import json
+import re
 import subprocess
 from pathlib import Path
+from random import Random
 
 import pytest
 from catkin_pkg.package import parse_package  # type: ignore[import-untyped]
 
 from msggen.cli import main
 from msggen.definitions.model import Message
+from msggen.definitions.parse.rosidl import buildable, find_unbuildable
 from msggen.sources.catalog import read_catalog
 from msggen.sources.sources import find_sources
 from support.catalogs import write_definitions
-from support.repository import shared
+from support.repository import ROOT, shared
+from support.rosidl import YES, ask_rosidl
 
 parser = pytest.importorskip("rosidl_adapter.parser", reason="rosidl_adapter has wheels for Linux on x86-64 only")
 
@@ -115,3 +120,108 @@ def test_cmake_hands_every_definition_to_rosidl(package: Path, tmp_path: Path) -
     assert (export, last) == (["ament_export_dependencies", "rosidl_default_runtime"], ["ament_package", ""])
     (package / "msg" / "Wheel.msg").write_text("uint64 timestamp\n")
     assert sorted(configured()[0][2:]) == sorted([*definitions, "msg/Wheel.msg"])
+
+
+# --- Comments
+
+VERDICTS = json.loads((ROOT / "tests" / "vectors" / "rosidl_comments.json").read_text(encoding="utf-8"))
+PIECES = [
+    *(
+        "\\",
+        "\\\\",
+        "\\u12",
+        "\\x41",
+        "\\n",
+        '\\"',
+        '"',
+        "*/",
+        "/*",
+        "**/",
+        "//",
+        "[m]",
+        "[one",
+        " two]",
+        "[a, b]",
+        "]",
+        "#",
+    ),
+    *(
+        "°",
+        "é",
+        "@",
+        "{x}",
+        "@(1)",
+        "a",
+        "path",
+        "C:\\",
+        " ",
+        "  ",
+        "\\N{x}",
+        "%s",
+        "'",
+        "`",
+        "$",
+        "=",
+        "\\*/",
+        "*\\",
+        "/",
+    ),
+    *("\x0b", "\x1c", "\x85", "\u2028", "\r"),
+]
+
+
+def comment(chance: Random) -> str:
+    return "".join(chance.choices(PIECES, k=chance.randint(1, 4)))
+
+
+def commented(chance: Random) -> str:
+    """Return a message with random comments."""
+    lines = [f"# {comment(chance)}" for _ in range(chance.choice((0, 1, 2)))]
+    for element in ("uint8 a", "uint8 b", "uint8 A = 1"):
+        above = [f"{indent}# {comment(chance)}" for indent in ("", "  ") if chance.random() < 0.15]
+        below = [f"    # {comment(chance)}"] if chance.random() < 0.2 else []
+        lines += ["", *above] if chance.random() < 0.3 else above
+        lines += [f"{element} # {comment(chance)}" if chance.random() < 0.4 else element, *below]
+    return "\n".join(lines) + "\n"
+
+
+def test_each_comment_that_rosidl_could_not_build_is_found() -> None:
+    """The verdicts are those of the adapter, the parser, the C generator and a compiler on random comments.
+
+    A backslash that is no escape is found too, although this rosidl builds it.
+    """
+    for text, verdict in VERDICTS:
+        found = {each.text for each in find_unbuildable(text)}
+        assert bool(found) == (verdict != YES) or found == {"\\"}, text
+
+
+@pytest.mark.slow
+def test_rosidl_builds_random_comments_as_they_are_written_for_it() -> None:
+    chance = Random(38)  # noqa: S311 - not used for security
+    texts = [commented(chance) for _ in range(40)]
+    written = [buildable(text) for text in texts]
+    clean = [text for text in texts if not (find_unbuildable(text) or re.search("[\x0b\x1c\x85\u2028\r]", text))]
+    assert ask_rosidl([("Foo", text) for text in (*written, *clean)]) == [YES] * (len(written) + len(clean))
+    assert [text for text in clean if buildable(text) != text] == []
+    assert len(clean) < len([text for text in texts if buildable(text) != text]) < len(texts)
+
+
+def test_sync_writes_comments_that_rosidl_builds(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    texts = {
+        "msg/Path.msg": "uint64 timestamp\nuint8 a # path C:\\\n",
+        "msg/Number.msg": "uint64 timestamp\nuint8 a # \\u12 is no letter\r\n",
+        "msg/End.msg": "uint64 timestamp # */ may stay\nuint8 A = 1 # of /* a */ comment\n",
+    }
+    tree, package = write_definitions(tmp_path / "px4", {"src/modules/x": "", **texts}), tmp_path / "px4_msgs"
+    command = ["sync", "--px4", str(tree), str(package)]
+    assert main([*command, "--create"]) == 0
+    warnings = capsys.readouterr().err.splitlines()
+    assert [warning.partition(" M1")[2][:2] for warning in warnings] == ["08", "08", "06", "08"]
+    written = {name: (package / name).read_text() for name in texts}
+    assert ask_rosidl([(Path(name).stem, text) for name, text in written.items()]) == [YES] * 3
+    assert (package / "msg/End.msg").read_text() == texts["msg/End.msg"].replace("a */", "a * /")
+    assert main([*command, "--check"]) == 0
+    assert main(["check", "--px4", str(tree), str(package)]) == 0
+    capsys.readouterr()
+    assert main(["lint", "--px4", str(tree)]) == 0
+    assert capsys.readouterr().err.count(" M108 ") == 3

@@ -1,4 +1,7 @@
-"""The contents of a package: the firmware's definitions, byte for byte, and the endpoints that carry them."""
+"""The contents of a package: the firmware's definitions, and the endpoints that carry them.
+
+They are the firmware's byte for byte, except in comments that rosidl cannot build.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +14,7 @@ from msggen.base.diagnostics import OF_BOARDS, Diagnostic, InputError
 from msggen.base.location import Location
 from msggen.definitions.identity import endpoints
 from msggen.definitions.model import Catalog, Field, Message
+from msggen.definitions.parse.rosidl import buildable
 from msggen.sources.catalog import bridged_names, read_catalog
 from msggen.sources.file import File
 from msggen.sources.sources import Sources, read_files
@@ -46,8 +50,8 @@ def read_contents(sources: Sources, package: str, *, topics_only: bool) -> Packa
         raise InputError(errors)
     known = {message.name for message in catalog.uorb_messages}
     own = [file for file in sources.messages if not file.package and file.stem in known]
-    files = {_flat("msg", file): contents[file.path] for file in own}
-    files |= {_flat("srv", file): contents[file.path] for file in sources.services if not file.package}
+    files = {_flat("msg", file): _for_rosidl(contents[file.path]) for file in own}
+    files |= {_flat("srv", file): _for_rosidl(contents[file.path]) for file in sources.services if not file.package}
     dependencies = {name: field.location for name, field in reversed(spelled) if name != package}
     sorted_dependencies = dict(sorted(dependencies.items()))
     notices = tuple(notice for notice in catalog.notices if notice.code not in OF_BOARDS)
@@ -58,6 +62,10 @@ def read_contents(sources: Sources, package: str, *, topics_only: bool) -> Packa
         dependencies=sorted_dependencies,
         notices=notices,
     )
+
+
+def _for_rosidl(data: bytes) -> bytes:
+    return buildable(data.decode()).encode()
 
 
 def _flat(folder: str, file: File) -> str:
