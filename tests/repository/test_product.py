@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import os
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree as ET
 
 import pytest
 from build_site import render
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 from site_commands import command_pages
 from site_flow import arrows, places, with_drawings
 from site_front import SHOWN, tall_picture, wide_picture
@@ -24,7 +28,13 @@ from msggen.cli import parser_for
 from support.browser import complaints, prefer, resize, wait_for
 from support.catalogs import write_definitions
 from support.html import Elements, broken_links
+from support.interpreters import environment
 from support.repository import ROOT
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
 
 if TYPE_CHECKING:
     from selenium.webdriver import Chrome
@@ -136,6 +146,73 @@ def test_a_docstring_becomes_restructured_text() -> None:
     lines = ["Return `a_b` of *x* | y_.", "", "    code_(*a)", "    more", "", "Then."]
     expected = [r"Return ``a_b`` of \*x\* \| y\_.", "", "", "::", "", "    code_(*a)", "    more", "", "Then."]
     assert as_rst(lines) == expected
+
+
+# --- What the site needs
+
+SETTINGS = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+
+
+def brought_by(requirements: Iterable[str]) -> set[str]:
+    """Return the packages that these requirements bring to this Python, with those that they need in turn."""
+    remaining, seen, found = [*requirements], set[str](), set[str]()
+    while remaining:
+        if (text := remaining.pop()) in seen:
+            continue
+        seen.add(text)
+        requirement = Requirement(text)
+        if requirement.marker is None or requirement.marker.evaluate({"extra": ""}):
+            name = canonicalize_name(requirement.name)
+            found.add(name)
+            remaining += needed_by(name, requirement.extras)
+    return found
+
+
+def needed_by(name: str, extras: set[str]) -> Iterator[str]:
+    """Yield what a package requires with some of its extras. Those of msggen are what pyproject.toml says today."""
+    if name == "msggen":
+        yield from SETTINGS["dependencies"]
+        yield from (each for extra in extras for each in SETTINGS["optional-dependencies"][extra])
+        return
+    for each in metadata.requires(name) or ():
+        marker = Requirement(each).marker
+        if marker is None or any(marker.evaluate({"extra": extra}) for extra in ("", *extras)):
+            yield each.partition(";")[0]
+
+
+@pytest.mark.slow
+def test_the_pages_need_only_what_the_extra_brings(tmp_path: Path) -> None:
+    """As CI builds the site, in an environment without the packages of the tests."""
+    if sys.version_info < (3, 11):
+        pytest.skip("the site needs Python 3.11")
+    brought = brought_by(["msggen[site]"])
+    owners = metadata.packages_distributions().items()
+    others = {module for module, names in owners if not {*map(canonicalize_name, names)} & brought}
+    assert {"hypothesis", "obstore"} <= others
+    program = "import sys; sys.modules.update(dict.fromkeys(sys.argv[2:])); from pathlib import Path; "
+    program += "from build_site import stage; stage(Path(sys.argv[1]))"
+    variables = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "docs" / "product")])}
+    command = [sys.executable, "-c", program, str(tmp_path), *sorted(others)]
+    done = subprocess.run(command, env=variables, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "api" / "others.md").is_file()
+
+
+@pytest.mark.night  # installs
+@pytest.mark.timeout(1200)
+def test_an_environment_with_only_the_extra_builds_the_site(tmp_path: Path) -> None:
+    """With the lines of the workflow, except that it leaves no traces in the checkout."""
+    if sys.version_info < (3, 11):
+        pytest.skip("the site needs Python 3.11")
+    command = [sys.executable, "-m", "build", "--wheel", "--outdir", str(tmp_path), str(ROOT)]
+    subprocess.run(command, capture_output=True, check=True)
+    (wheel,) = tmp_path.glob("msggen-*.whl")
+    programs = environment(sys.executable, tmp_path / "environment", f"{wheel}[site]")
+    command = [str(programs / "python"), BUILD[1], "-o", str(tmp_path / "site")]
+    variables = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    done = subprocess.run(command, env=variables, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert (tmp_path / "site" / "definitions" / "index.html").is_file()
 
 
 # --- The site

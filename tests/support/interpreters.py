@@ -24,10 +24,11 @@ def interpreter(version: str) -> str:
     pytest.skip(f"needs Python {version}")
 
 
-def environment(python: str, folder: Path, wheel: Path) -> Path:
+def environment(python: str, folder: Path, wheel: Path | str) -> Path:
     """Create an environment with a wheel and what it needs in `folder`, and return the folder of its programs.
 
-    The pip of this process installs, so that the environment needs none.
+    A wheel can have extras: `msggen-0.1.0-py3-none-any.whl[site]`. The pip of this process installs, so
+    that the environment needs none.
     """
     subprocess.run([python, "-m", "venv", "--without-pip", folder], check=True)
     pip = [sys.executable, "-m", "pip", f"--python={folder / 'bin' / 'python'}", "install", "--quiet", "--no-compile"]
