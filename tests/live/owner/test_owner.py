@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 
 from msggen.live import LinkError, LinkTimeoutError, NotConnectedError, Vehicle
+from msggen.live.age import expiry
 from msggen.live.links import unix
 from msggen.live.links.records import CALL, EVENT, HEADER, LAST, SAMPLE, RecordReader, event_in, event_of, record_of
 from msggen.live.links.unix import UnixLink
@@ -241,7 +242,7 @@ def test_a_program_is_told_nothing_before_it_is_welcome(link: FakeLink, path: Pa
         link.connect()
         own.sendall(event_of("hello", hello()))
         names = (event_in(record[4])[0] for record in received(own))
-        assert [next(names) for _ in range(3)] == ["welcome", "connected", "opened"]
+        assert [next(names) for _ in range(4)] == ["welcome", "taken", "connected", "opened"]
 
 
 @pytest.mark.usefixtures("server")
@@ -392,8 +393,10 @@ def test_a_program_that_ends_in_the_middle_of_a_record_has_sent_nothing(
 ) -> None:
     remote = link.connect()
     index = link.opened[1].index(link.route(remote, "in/trajectory_setpoint"))
-    record = record_of(SAMPLE, px4_types.TrajectorySetpoint().encode(), 1, index)
-    for end in (1, len(record) // 2, len(record) - 1):
+    body = px4_types.TrajectorySetpoint().encode()
+    for part in (0.0, 0.5, 1.0):
+        record = record_of(SAMPLE, body, 1, index, expiry())
+        end = 1 + round(part * (len(record) - 2))
         with raw(path, record, record[:end]):
             until(lambda: server.owner.programs)
         until(lambda: not server.owner.programs)
