@@ -310,6 +310,27 @@ def test_a_program_that_does_not_read_loses_its_own_oldest_samples(
     assert stamps[-1] == 7999
 
 
+def test_a_program_that_does_not_read_loses_samples_and_nothing_else(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(program_module, "BACKLOG", 100_000)
+    theirs, own = socket.socketpair()
+    theirs.settimeout(0.0)
+    own.settimeout(WAIT)
+    program = program_module.Program(theirs)
+    with own:
+        for number in range(300):
+            program.put(event_of("lost", 1, number))
+            program.put(record_of(SAMPLE, bytes(2000), 1, 0, number))
+        told, stamps, reader = [], [], RecordReader()
+        while program.is_waiting:
+            program.flush()
+            for kind, _, _, when, body in reader.add(own.recv(1 << 20)):
+                (told.append(event_in(body)[1][1]) if kind == EVENT else stamps.append(when))
+        program.close()
+    assert told == list(range(300))
+    assert len(stamps) + program.dropped == 300
+    assert program.dropped > 0
+
+
 def test_settings_of_the_link_belong_to_its_owner(link: FakeLink, path: Path) -> None:
     def joined(**changes: Any) -> None:
         asked = {"address": "udp://127.0.0.1:8888", "allow": (), **changes}
