@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from msggen.live.links.shared import Wanted
     from msggen.live.owner.owner import Owner
 
+_UNSENT = "not sent, because they came late"
 _SHARED = tuple(scheme for scheme, link_type in LINK_TYPES.items() if link_type.is_shared)
 
 
@@ -141,7 +142,8 @@ def _list(options: argparse.Namespace) -> int:
     for each in found:
         for program in each.state.get("programs", ()):
             unread = f", {counted(program['unread'], 'sample')} not read in time" if program["unread"] else ""
-            print(f"  {program['name']} (pid {program['pid']}), for {_age(program['age'])}{unread}")
+            unsent = f", {counted(program['unsent'], 'message')} {_UNSENT}" if program["unsent"] else ""
+            print(f"  {program['name']} (pid {program['pid']}), for {_age(program['age'])}{unread}{unsent}")
     return DONE
 
 

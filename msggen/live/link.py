@@ -10,9 +10,15 @@ from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Literal, NamedTuple, Protocol, TypeAlias, get_args
 
+from msggen.live.age import NEVER
+
 
 class LinkError(RuntimeError):
     """A link that cannot be opened, or that cannot do what it was asked. The text names the cure."""
+
+
+class StaleError(LinkError):
+    """What a program sends has waited for too long, and was dropped (`age.py`)."""
 
 
 class Route(NamedTuple):
@@ -208,6 +214,8 @@ class Statistics(NamedTuple):
     """The size of the receive buffer in bytes that the kernel granted, 0 if there is none."""
     unread: int = 0
     """Samples that this program did not read in time from the process that owns the link. The others are the link's."""
+    unsent: int = 0
+    """Messages to vehicles that were dropped: they had waited for more than 0.5 s, or the vehicle was gone."""
 
 
 NOTHING = Statistics(0, 0, 0, 0, 0, 0)
@@ -220,14 +228,19 @@ class Link(Protocol):
     def start(self, listener: Listener) -> None:
         """Open the link and start its thread. Raises LinkError."""
 
-    def publish(self, remote: Remote, route: Route, payload: bytes) -> None:
+    def publish(self, remote: Remote, route: Route, payload: bytes, until: int = 0) -> None:
         """Send a sample to a route of direction `in`. `payload` as for `Listener.sample`. From any thread.
 
-        Raises LinkError if the vehicle is no longer connected.
+        `until` is the time of `age.now` until which it may be sent: by default `age.expiry()`. Raises LinkError if the
+        vehicle is no longer connected, and StaleError if that time has passed.
         """
 
-    def call(self, remote: Remote, service: Service, number: int, payload: bytes) -> None:
-        """Send a request with a number that is unique for this remote. From any thread. Raises LinkError."""
+    def call(self, remote: Remote, service: Service, number: int, payload: bytes, until: int = NEVER) -> None:
+        """Send a request with a number that is unique for this remote. From any thread.
+
+        `until` is the time of `age.now` until which the caller waits. Raises LinkError, and StaleError if it has
+        passed.
+        """
 
     def routes(self, remote: Remote) -> Sequence[Route | Service]:
         """Return the routes and services of a connected vehicle."""
@@ -266,6 +279,13 @@ class FollowingLink(Link, Protocol):
 
     def cancel(self, remote: Remote, number: int) -> None:
         """Forget a call whose reply nobody waits for any more. Never raises."""
+
+    def problem(self) -> str:
+        """Return why what is published does not get through, "" if it does. From any thread. Never raises."""
+
+    @property
+    def dropped(self) -> int:
+        """The messages of this program that were dropped, because they had waited for too long."""
 
     def publishers(self, remote: Remote) -> Sequence[Publisher]:
         """Return the running programs that have published to a vehicle. From any thread. Never raises."""

@@ -265,8 +265,8 @@ class AnsweringLink(FakeLink):
 
     answers: tuple[tuple[int, int], ...] = ()
 
-    def publish(self, remote: Remote, route: Route, payload: bytes) -> None:
-        super().publish(remote, route, payload)
+    def publish(self, remote: Remote, route: Route, payload: bytes, until: int = 0) -> None:
+        super().publish(remote, route, payload, until)
         if route.name.endswith("/vehicle_command"):
             for command, result in self.answers:
                 self.sample(remote, self.package.VehicleCommandAck(command=command, result=result))  # type: ignore[union-attr]

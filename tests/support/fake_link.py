@@ -8,7 +8,8 @@ from collections.abc import Iterable, Sequence
 from types import ModuleType
 from typing import Any
 
-from msggen.live.link import LinkError, Listener, Remote, Route, Service, Statistics
+from msggen.live.age import NEVER, is_over
+from msggen.live.link import LinkError, Listener, Remote, Route, Service, StaleError, Statistics
 
 SERVICE = Service(
     "/fmu/vehicle_command", "px4_msgs/srv/VehicleCommand_Request", "px4_msgs/srv/VehicleCommand_Response", 2048
@@ -52,13 +53,15 @@ class FakeLink:
             raise self.error
         self.listener = listener
 
-    def publish(self, remote: Remote, route: Route, payload: bytes) -> None:
+    def publish(self, remote: Remote, route: Route, payload: bytes, until: int = 0) -> None:
+        if until and is_over(until):
+            raise StaleError("late")
         if remote.number not in self.opened:
             raise LinkError("the vehicle is no longer connected")
         self.published.append((remote, route, payload))
         self.sent.set()
 
-    def call(self, remote: Remote, service: Service, number: int, payload: bytes) -> None:
+    def call(self, remote: Remote, service: Service, number: int, payload: bytes, until: int = NEVER) -> None:  # noqa: ARG002
         if self.refusal is not None:
             raise self.refusal
         self.calls.append((remote, service, number, payload))

@@ -73,8 +73,8 @@ class HostileLink(FakeLink):
         self._ended.set()
         super().close()
 
-    def publish(self, remote: object, route: Route, payload: bytes) -> None:
-        del remote, route, payload
+    def publish(self, remote: object, route: Route, payload: bytes, until: int = 0) -> None:
+        del remote, route, payload, until
         raise LinkError(NAME)
 
     def _serve(self) -> None:

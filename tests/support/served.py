@@ -50,6 +50,7 @@ def hello(**changes: Any) -> dict[str, Any]:
         "pid": os.getpid(),
         "name": "test",
         "address": "",
+        "place": "",
         "allow": [],
     }
     return {**told, "is_program": True, **changes}

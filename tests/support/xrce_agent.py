@@ -19,6 +19,8 @@ class SmallAgent:
         self.answers_time = True
         self.wrong_time: wire.TimestampReply | None = None
         self.status = wire.OK
+        self.refused: frozenset[int] = frozenset()
+        """The kinds of the entities that are not created."""
         self.reset()
 
     def reset(self) -> None:
@@ -154,7 +156,8 @@ class SmallAgent:
             self.names[create.object_id] = self.topics[found.topic].name
         elif isinstance(found, entities.Replier):
             self.names[create.object_id] = found.request_topic
-        self._send(wire.RELIABLE, wire.Status(create.request_id, create.object_id, self.status).pack())
+        status = wire.ERR_DDS_ERROR if create.object_id[1] & 15 in self.refused else self.status
+        self._send(wire.RELIABLE, wire.Status(create.request_id, create.object_id, status).pack())
 
     def _write(self, sample: wire.Sample) -> None:
         if sample.object_id[1] & 15 == entities.REPLIER:

@@ -14,13 +14,21 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack, suppress
+from functools import partial
+from queue import Empty, SimpleQueue
 
-from msggen.live.link import Event, LinkError, Listener, Remote, Route, Service, Statistics, deliver
+from msggen.live.age import LATE, NEVER, expiry, is_over, now
+from msggen.live.link import Event, LinkError, Listener, Remote, Route, Service, StaleError, Statistics, deliver
+from msggen.live.links.aside import Aside
 from msggen.live.links.guard import guarded
 from msggen.live.links.session_files import Records
 from msggen.live.xrce.agent import Agent, Client, everybody
 from msggen.live.xrce.outbox import Address
+from msggen.live.xrce.record import Record
 
+_UNKEPT = "the next program cannot continue the sessions of this one"
+_PATIENCE = 2.0
+"""The longest wait in s, at the end, for the disk."""
 TICK = 0.1
 """The time in s between two calls of `Agent.tick`."""
 
@@ -44,10 +52,15 @@ class AgentLink(ABC):
         """
         self._folder = records
         self._records: Records | None = None
+        self._aside: Aside | None = None
+        self._warnings: SimpleQueue[str] = SimpleQueue()
+        """What the records have to tell."""
         self.agent = Agent(time.monotonic(), allow=allow, keys=frozenset(keys) or None, known=known)
         self.lock = threading.Lock()
         """Held while the agent is used, and while its datagrams are sent: they must leave in order."""
         self.sent = 0
+        self.unsent = 0
+        """Messages that were dropped because they had waited for too long."""
         self.resources = ExitStack()
         """Closes what the transport has opened so far."""
         self._thread: threading.Thread | None = None
@@ -68,8 +81,8 @@ class AgentLink(ABC):
         """Let the thread look around, which ends. From any thread."""
 
     @abstractmethod
-    def transmit(self, datagrams: list[tuple[bytes, Address]]) -> None:
-        """Send datagrams, or drop what cannot be sent at once. Never raises. The caller holds the lock."""
+    def transmit(self, datagrams: list[tuple[bytes, Address]], until: int = NEVER) -> None:
+        """Send datagrams, or drop what cannot be sent until a time. Never raises. The caller holds the lock."""
 
     def look(self, now: float, listener: Listener) -> None:  # noqa: B027 - not every transport has something to do
         """Do what time demands in the transport, every TICK seconds. `now` is of the monotonic clock."""
@@ -107,19 +120,24 @@ class AgentLink(ABC):
             raise
         self._thread = thread
 
-    def publish(self, remote: Remote, route: Route, payload: bytes) -> None:
+    def publish(self, remote: Remote, route: Route, payload: bytes, until: int = 0) -> None:
         """Send a sample. From any thread. Raises LinkError."""
-        agent = self.agent
+        agent, until = self.agent, until or expiry()
         with self.lock:
-            agent.publish(remote.number, route.object_id, payload)
-            self.transmit(agent.take_outgoing())
+            if is_over(until):
+                self.unsent += 1
+                raise StaleError(f"a message of {route.name} {LATE}")
+            agent.publish(remote.number, route.object_id, payload, until)
+            self.transmit(agent.take_outgoing(), until)
 
-    def call(self, remote: Remote, service: Service, number: int, payload: bytes) -> None:
+    def call(self, remote: Remote, service: Service, number: int, payload: bytes, until: int = NEVER) -> None:
         """Send a request. From any thread. Raises LinkError."""
         agent = self.agent
         with self.lock:
-            agent.call(remote.number, service.object_id, number, payload)
-            self.transmit(agent.take_outgoing())
+            if now() > until:
+                raise StaleError(f"a call of {service.name} has waited for longer than its caller")
+            agent.call(remote.number, service.object_id, number, payload, until)
+            self.transmit(agent.take_outgoing(), until)
 
     def routes(self, remote: Remote) -> Sequence[Route | Service]:
         """Return the routes and services of a connected vehicle, or none if it is not connected."""
@@ -147,7 +165,8 @@ class AgentLink(ABC):
         with self.lock:
             agent = self.agent
             refused = sum(agent.refused.values())
-            return Statistics(agent.received, self.sent, refused, self.dropped(), agent.lost, self.receive_buffer())
+            counts = agent.received, self.sent, refused, self.dropped(), agent.lost, self.receive_buffer()
+            return Statistics(*counts, unsent=self.unsent + agent.expired)
 
     def clients(self) -> list[Client]:
         """Return all clients that have begun a session, also those that are silent by now."""
@@ -181,7 +200,7 @@ class AgentLink(ABC):
             failure = f"the link failed: {type(error).__name__}: {error}"
         self._closing = True
         try:
-            self._keep(time.monotonic(), is_last=True)
+            self._keep(listener, time.monotonic(), is_last=True)
             with self.lock:
                 self.agent.close(failure or "the link was closed")
             self.flush(listener)
@@ -200,28 +219,39 @@ class AgentLink(ABC):
                 due = now + TICK
                 with self.lock:
                     self.agent.tick(now)
-                self._keep(now)
+                self._keep(listener, now)
                 self.look(now, listener)
                 self.flush(listener)
 
     def _load(self, listener: Listener) -> None:
         """Continue the sessions that have a record. The address is that of this program now."""
         if self._folder and self.name():
-            self._records = Records(self._folder, self.name(), listener.warned)
+            self._records = Records(self._folder, self.name(), self._warnings.put)
             with self.lock:
                 self.agent.resume(self._records.load())
+            self._warn(listener)
 
-    def _keep(self, now: float, *, is_last: bool = False) -> None:
-        """Write down what has changed."""
+    def _keep(self, listener: Listener, now: float, *, is_last: bool = False) -> None:
+        """Write down what has changed, in a thread of its own: the disk may be slow, or stand still."""
         if self._records is None:
             return
-        with self.lock:
-            changes = self.agent.take_records()
-            if is_last:
-                changes += self.agent.take_records()
-            heard = self.agent.heard()
-        self._records.write(changes)
-        self._records.touch(heard, now, is_last=is_last)
+        if self._aside is None:
+            self._aside = Aside("msggen-records", 2, lambda error: self._warnings.put(f"{_UNKEPT}: {error!r}"))
+        if self._aside.is_idle or is_last:
+            with self.lock:
+                changes = self.agent.take_records()
+                if is_last:
+                    changes += self.agent.take_records()
+                heard = self.agent.heard()
+            self._aside.do(partial(_write, self._records, changes, heard, now, is_last=is_last))
+        if is_last:
+            self._aside.close(_PATIENCE)
+        self._warn(listener)
+
+    def _warn(self, listener: Listener) -> None:
+        with suppress(Empty):
+            while True:
+                listener.warned(self._warnings.get_nowait())
 
     def flush(self, listener: Listener) -> None:
         """Send what the agent has to send, and tell the listener what has happened. Without the lock."""
@@ -261,6 +291,13 @@ class SelectorLink(AgentLink):
     def _drain(self, _events: int, _listener: Listener) -> None:
         with suppress(BlockingIOError):
             self._woken.recv(4096)
+
+
+def _write(
+    records: Records, changes: list[tuple[Address, Record | None]], heard: list[Address], now: float, *, is_last: bool
+) -> None:
+    records.write(changes)
+    records.touch(heard, now, is_last=is_last)
 
 
 def _why(error: OSError) -> str:

@@ -43,6 +43,8 @@ from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 
+from msggen.live.age import LONGEST_NS
+
 __all__ = ["DDSException", "Found", "Gone", "Participant", "Process", "Reader", "Writer"]
 
 EVERYTHING = SampleState.Any | ViewState.Any | InstanceState.Any
@@ -50,6 +52,8 @@ BATCH = 256
 """The number of samples that are taken at once."""
 DEPTH = 512
 """The number of samples that a reader keeps until they are taken."""
+REQUEST_LIFESPAN = 2_000_000_000
+"""The time in ns after which a request is dropped that the agent has not read. It finds a new writer within 1 s."""
 RELIABLE_BLOCKING = 100_000_000
 """The longest time in ns that a reliable writer waits for space."""
 
@@ -107,7 +111,8 @@ class Participant:
     def writer(self, topic: str, type_name: str, *, is_reliable: bool) -> Writer:
         """Return a writer."""
         made = _topic(self._participant, topic, type_name)
-        return Writer(DataWriter(self._participant, made, _qos(is_reliable)), made.data_type)
+        lifespan = Policy.Lifespan(REQUEST_LIFESPAN if is_reliable else LONGEST_NS)
+        return Writer(DataWriter(self._participant, made, _qos(is_reliable, lifespan)), made.data_type)
 
     def remove(self, reader: Reader) -> None:
         """Delete a reader, once its caller drops it."""
@@ -272,11 +277,12 @@ def _topic(participant: DomainParticipant, name: str, type_name: str) -> Topic[A
     return Topic(participant, name, Raw)
 
 
-def _qos(is_reliable: bool) -> Qos:  # noqa: FBT001
+def _qos(is_reliable: bool, *further: Any) -> Qos:  # noqa: FBT001
     """Return the QoS that matches the agent's: of topics best effort, of services reliable. XCDR1."""
     return Qos(
         Policy.Reliability.Reliable(RELIABLE_BLOCKING) if is_reliable else Policy.Reliability.BestEffort,
         Policy.Durability.Volatile,
         Policy.History.KeepLast(DEPTH),
         Policy.DataRepresentation(use_cdrv0_representation=True, use_xcdrv2_representation=False),
+        *further,
     )

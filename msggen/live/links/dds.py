@@ -14,7 +14,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from msggen.base.missing import installing
-from msggen.live.link import LinkError, Listener, Remote, Route, Service, Statistics
+from msggen.live.age import LATE, NEVER, is_over, now
+from msggen.live.link import LinkError, Listener, Remote, Route, Service, StaleError, Statistics
 from msggen.live.links.guard import guarded
 
 if TYPE_CHECKING:
@@ -129,7 +130,7 @@ class DdsLink:
         self._thread: threading.Thread | None = None
         self._closing = False
         self._count = 0
-        self._received = self._sent = 0
+        self._received = self._sent = self._unsent = 0
         self._has_told_of_room = False
 
     def start(self, listener: Listener) -> None:
@@ -148,16 +149,20 @@ class DdsLink:
         self._thread = threading.Thread(target=self._run, args=(guarded(listener),), name="msggen-dds", daemon=True)
         self._thread.start()
 
-    def publish(self, remote: Remote, route: Route, payload: bytes) -> None:
+    def publish(self, remote: Remote, route: Route, payload: bytes, until: int = 0) -> None:
         """Write a sample. Raises LinkError if the vehicle is gone or has no such route."""
         vehicle = self._vehicle(remote)
+        if until and is_over(until):
+            with self._lock:
+                self._unsent += 1
+            raise StaleError(f"a message of {route.name} {LATE}")
         writer = vehicle.writers.get(route)
         if writer is None:
             raise LinkError(f"the vehicle does not subscribe to {route.name}")
         self._write(writer, payload, route.name)
 
-    def call(self, remote: Remote, service: Service, number: int, payload: bytes) -> None:
-        """Send a request. Raises LinkError.
+    def call(self, remote: Remote, service: Service, number: int, payload: bytes, until: int = NEVER) -> None:
+        """Send a request. Raises LinkError. One that the agent has not read after 2 s is dropped by DDS.
 
         The agent keeps the identity of a request to itself, and a reply does not tell which request it answers. The
         next reply answers the last request, so there must be one call at a time: PX4 cannot answer more.
@@ -165,6 +170,8 @@ class DdsLink:
         exchange = self._vehicle(remote).exchanges.get(service)
         if exchange is None:
             raise LinkError(f"the vehicle has no service {service.name}")
+        if now() > until:
+            raise StaleError(f"a call of {service.name} has waited for longer than its caller")
         with self._lock:
             exchange.waiting = number
         self._write(exchange.requests, payload, service.name)
@@ -176,7 +183,7 @@ class DdsLink:
 
     def statistics(self) -> Statistics:
         """Return the counters. DDS does not tell what was lost or dropped, and has buffers of its own."""
-        return Statistics(self._received, self._sent, 0, 0, 0, 0)
+        return Statistics(self._received, self._sent, 0, 0, 0, 0, unsent=self._unsent)
 
     def close(self) -> None:
         """Leave the domain."""

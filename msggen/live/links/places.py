@@ -6,6 +6,7 @@ import os
 import stat
 import sys
 import tempfile
+from contextlib import suppress
 from hashlib import blake2b
 from typing import NamedTuple
 
@@ -61,6 +62,17 @@ def place_of(address: Address) -> Place:
             "or own the link, MSGGEN_DIRECT=1"
         )
     return place
+
+
+def found_at(address: Address) -> str:
+    """Return the device or the IP address that the address of a link names. A host name can take long to look up."""
+    if address.link_type.is_device:
+        return os.path.realpath(address.path)
+    import socket
+
+    with suppress(OSError, UnicodeError):
+        return socket.gethostbyname(address.host)
+    return address.host
 
 
 def runtime_folder() -> str:

@@ -13,12 +13,15 @@ from typing import Any, NamedTuple, TypeAlias
 
 from msggen.live.link import Remote, Route, Service
 
-PROTOCOL = 2
+PROTOCOL = 3
 """The version of these records. Both sides tell it first; programs with another one use a link of their own."""
 
 HEADER = struct.Struct("<BIHqI")
 """The kind, the number of the vehicle, the index of its route or service, the time in ns or the number of a call, and
-the size of the body."""
+the size of the body. In a sample to a vehicle, the time is that until which it may be sent, of the owner's clock."""
+
+UNTIL = struct.Struct("<q")
+"""What precedes the payload of a request: the time until which its caller waits, of the owner's clock."""
 
 SAMPLE, EVENT, CALL, LAST = range(4)
 """The kinds: a sample; JSON; a request or a reply; the last sample of a route, without a body if there is none yet."""

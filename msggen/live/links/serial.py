@@ -7,10 +7,14 @@ import os
 import selectors
 import sys
 import time
+from collections import deque
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
+from typing import NamedTuple
 
 from msggen.base.missing import installing
+from msggen.live.age import LONGEST_S, NEVER
+from msggen.live.age import now as now_ns
 from msggen.live.link import LinkError, Listener, Route
 from msggen.live.links.agent_link import SelectorLink
 from msggen.live.xrce.framing import Deframer, pack_frame
@@ -18,11 +22,13 @@ from msggen.live.xrce.outbox import Address
 
 CHUNK = 65536
 LEAST_KEPT = 4096
-"""The bytes that may wait for a slow line, at least."""
-LATENCY = 0.5
-"""The time in s that the waiting bytes may take on the line. Newer samples are dropped beyond it."""
+"""The bytes that may wait for a slow line, at least, besides messages that expire."""
 RETRY = 1.0
 """The time in s between two attempts to open a device that was unplugged."""
+_BITS = 10
+"""The bits of a byte on the line: with one to start and one to stop."""
+_REMEMBERED = 1024
+"""The most frames that are remembered after they were written. The buffers of the system hold 4 kB."""
 USUAL = 57600
 """The slowest speed that is offered in errors."""
 SILENT_BYTES = 2000
@@ -54,7 +60,7 @@ class SerialLink(SelectorLink):
         """Frames with a wrong checksum before the device was opened the last time."""
         self._bytes = 0
         self._next_try = 0.0
-        self._waiting = bytearray()
+        self._queue = LineQueue()
         self._unsent = 0
         self._has_told_of_speed = self._has_told_of_space = False
 
@@ -70,7 +76,7 @@ class SerialLink(SelectorLink):
             self._broken += self._deframer.broken
             self._deframer = Deframer()
             self._bytes = 0
-            self._waiting.clear()
+            self._queue = LineQueue()
             self.selector.register(fd, selectors.EVENT_READ, self._ready)
 
     def _unplug(self, listener: Listener) -> None:
@@ -120,8 +126,10 @@ class SerialLink(SelectorLink):
             )
 
     def look(self, now: float, listener: Listener) -> None:
-        """Open the device again if it was unplugged. Tell if it is too slow."""
-        if self._unsent and not self._has_told_of_space:
+        """Open the device again if it was unplugged. Drop what has expired. Tell if it is too slow."""
+        with self.lock:
+            self._write()
+        if (self._unsent or self.unsent) and not self._has_told_of_space:
             self._has_told_of_space = True
             listener.warned(f"{self.path} is too slow for what is sent: samples to the vehicle were dropped")
         if self._fd < 0 and now >= self._next_try:
@@ -129,17 +137,20 @@ class SerialLink(SelectorLink):
             with suppress(LinkError):
                 self._plug(open_line(self.path, self.baud))
 
-    def transmit(self, datagrams: list[tuple[bytes, Address]]) -> None:
-        """Send messages, as far as the line can take them without a long delay."""
+    def transmit(self, datagrams: list[tuple[bytes, Address]], until: int = NEVER) -> None:
+        """Send messages. Drop those for which the line is too slow: they would arrive after they have expired."""
         if self._fd < 0:
             return
-        most = max(LEAST_KEPT, int(self.baud / 10 * LATENCY))
         for data, _ in datagrams:
             frame = pack_frame(data)
-            if len(self._waiting) + len(frame) > most:
+            ahead = self._queue.size + waiting_in(self._fd)
+            arrival = now_ns() + (ahead + len(frame)) * _BITS * 1_000_000_000 // self.baud
+            if until < NEVER and arrival > until:
+                self.unsent += 1
+            elif until == NEVER and ahead + len(frame) > max(LEAST_KEPT, int(self.baud / _BITS * LONGEST_S)):
                 self._unsent += 1
             else:
-                self._waiting += frame
+                self._queue.add(frame, until)
                 self.sent += 1
         self._write()
 
@@ -147,10 +158,8 @@ class SerialLink(SelectorLink):
         """Write what waits, and watch for space if something is left. The caller holds the lock."""
         if self._fd < 0:
             return
-        with suppress(OSError):  # no space now; or the device is gone, which reading tells
-            while self._waiting:
-                del self._waiting[: os.write(self._fd, self._waiting)]
-        events = selectors.EVENT_READ | (selectors.EVENT_WRITE if self._waiting else 0)
+        self.unsent += self._queue.write(self._fd)
+        events = selectors.EVENT_READ | (selectors.EVENT_WRITE if self._queue.size else 0)
         if self.selector.get_key(self._fd).events != events:
             self.selector.modify(self._fd, events, self._ready)
 
@@ -168,11 +177,98 @@ class SerialLink(SelectorLink):
             self._fd = -1
 
 
-def close_line(fd: int) -> None:
-    """Close a serial device, and let others open it, also if this is not its last file descriptor."""
+class Frame(NamedTuple):
+    """A frame that waits for a line, and the time at which it expires."""
+
+    data: bytes
+    until: int
+
+
+class LineQueue:
+    """The frames that wait for a line, and those that were written and may still wait in the system."""
+
+    def __init__(self) -> None:
+        self.size = 0
+        """The bytes that were not written yet."""
+        self._frames: deque[Frame] = deque()
+        self._begun = 0
+        """The bytes of the first frame that were written."""
+        self._written = 0
+        """All bytes that were written, and the frames that expire with their ends among them, in order."""
+        self._ends: deque[tuple[int, int]] = deque(maxlen=_REMEMBERED)
+
+    def add(self, data: bytes, until: int) -> None:
+        """Add a frame."""
+        self._frames.append(Frame(data, until))
+        self.size += len(data)
+
+    def write(self, fd: int) -> int:
+        """Write as much as the device takes, but nothing that has expired. Return how many frames have."""
+        dropped = self._flush(fd)
+        with suppress(OSError):  # no space now; or the device is gone, which reading tells
+            while self._frames:
+                frame = self._frames[0]
+                if now_ns() > frame.until:  # the next frame ends one that was begun: the receiver drops that
+                    dropped += 1
+                    self._next()
+                    continue
+                count = os.write(fd, frame.data[self._begun :])
+                self._begun += count
+                self._written += count
+                self.size -= count
+                if self._begun == len(frame.data):
+                    if frame.until < NEVER:
+                        self._ends.append((self._written, frame.until))
+                    self._next()
+        return dropped
+
+    def _next(self) -> None:
+        self.size -= len(self._frames.popleft().data) - self._begun
+        self._begun = 0
+
+    def _flush(self, fd: int) -> int:
+        """Let the system forget what it has not sent, if a frame in it has expired: the line stands still."""
+        now = now_ns()
+        if not self._ends or self._ends[0][1] >= now:
+            return 0
+        sent = self._written - waiting_in(fd)
+        while self._ends and self._ends[0][0] <= sent:
+            self._ends.popleft()
+        if not self._ends or self._ends[0][1] >= now:
+            return 0
+        discard(fd)
+        dropped = len(self._ends)
+        self._ends.clear()
+        return dropped
+
+
+def waiting_in(fd: int) -> int:
+    """Return the bytes that were written to a device and wait in the system, 0 if that is not known."""
     import fcntl
     import termios
 
+    with suppress(OSError):
+        return int.from_bytes(fcntl.ioctl(fd, termios.TIOCOUTQ, bytes(4)), sys.byteorder)
+    return 0
+
+
+def discard(fd: int) -> None:
+    """Forget what was written to a device and was not sent."""
+    import termios
+
+    with suppress(OSError, termios.error):
+        termios.tcflush(fd, termios.TCOFLUSH)
+
+
+def close_line(fd: int) -> None:
+    """Close a serial device, and let others open it, also if this is not its last file descriptor.
+
+    What was not sent is discarded: the system would wait for it, up to 30 s.
+    """
+    import fcntl
+    import termios
+
+    discard(fd)
     with suppress(OSError):  # it is unplugged
         fcntl.ioctl(fd, termios.TIOCNXCL)
     os.close(fd)

@@ -14,20 +14,37 @@ from __future__ import annotations
 
 import selectors
 import socket
+import struct
+import sys
 import time
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from typing import NoReturn
 
+from msggen.live.age import LONGEST_NS, NEVER
 from msggen.live.link import LinkError, Listener, Remote, Route, Service
 from msggen.live.links.agent_link import SelectorLink
 from msggen.live.links.link_types import AGENT_PORT, PORT
 from msggen.live.links.udp import BATCH, LONGEST, RECEIVE_BUFFER, Bound, allowed
 from msggen.live.xrce.outbox import Address
-from msggen.live.xrce.wire import BEST_EFFORT, HEADER, NO_SESSION, STATUS_AGENT
+from msggen.live.xrce.wire import (
+    BEST_EFFORT,
+    DATA,
+    HEADER,
+    NO_SESSION,
+    STATUS_AGENT,
+    WireError,
+    parse_header,
+    submessages,
+)
 
 HALF = 0x8000
 """A sequence number is newer than half of all numbers."""
+_SO_TIMESTAMPNS = 35
+"""An option of Linux, and the kind of what it tells: when a datagram has arrived, of the clock `time.time_ns`."""
+_TIMESPEC = struct.Struct("@ll")
+_TOLD = 64
+"""The bytes for it: a header of up to 16 and two numbers."""
 MAX_CLIENTS = 64
 FORGET = 60.0
 """The time in s after which the socket of a silent client is closed."""
@@ -132,14 +149,15 @@ class TapLink(SelectorLink):
         self._bound.warn(listener, is_open_to_all=self._is_open_to_all)
         self.selector.register(self._bound.socket, selectors.EVENT_READ, self._from_clients)
 
-    def call(self, remote: Remote, service: Service, number: int, payload: bytes) -> NoReturn:  # noqa: ARG002
+    def call(self, remote: Remote, service: Service, number: int, payload: bytes, until: int = NEVER) -> NoReturn:
         """Raise LinkError: requests go on the reliable stream, which belongs to the agent."""
+        del remote, number, payload, until
         raise LinkError(
             f"{service.name} cannot be called through a tap: publish VehicleCommand on /fmu/in/vehicle_command and "
             "wait for VehicleCommandAck, or call the service with ROS 2 through the agent"
         )
 
-    def transmit(self, datagrams: list[tuple[bytes, Address]]) -> None:
+    def transmit(self, datagrams: list[tuple[bytes, Address]], until: int = NEVER) -> None:  # noqa: ARG002 - none waits
         """Add samples to what the clients get. The caller holds the lock."""
         for data, address in datagrams:
             client = self._clients.get(address)
@@ -216,6 +234,8 @@ class TapLink(SelectorLink):
         try:
             sock.settimeout(0.0)
             sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+            if sys.platform == "linux":
+                sock.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
             sock.connect(self.agent_address)
         except BaseException:
             sock.close()
@@ -229,13 +249,16 @@ class TapLink(SelectorLink):
         with self.lock:
             for _ in range(BATCH):
                 try:
-                    data = client.socket.recv(LONGEST)
+                    data, is_late = _receive(client.socket)
                 except BlockingIOError:
                     return
                 except OSError as error:
                     problem = error
                     break
-                self._to_client(client.shift.forward(data), client.address)
+                if is_late and has_data(data):
+                    self.unsent += 1
+                else:
+                    self._to_client(client.shift.forward(data), client.address)
             else:
                 return
         self._miss_agent(problem, listener)
@@ -288,6 +311,27 @@ class TapLink(SelectorLink):
         for client in self._clients.values():
             client.socket.close()
         self._clients.clear()
+
+
+def _receive(sock: socket.socket) -> tuple[bytes, bool]:
+    """Return a datagram, and whether it has waited for too long in this computer, which is known on Linux."""
+    if sys.platform != "linux":
+        return sock.recv(LONGEST), False
+    data, told, *_ = sock.recvmsg(LONGEST, _TOLD)
+    for level, kind, stamp in told:
+        if (level, kind) == (socket.SOL_SOCKET, _SO_TIMESTAMPNS) and len(stamp) == _TIMESPEC.size:
+            seconds, nanoseconds = _TIMESPEC.unpack(stamp)
+            return data, not abs(time.time_ns() - seconds * 1_000_000_000 - nanoseconds) <= LONGEST_NS
+    return data, False
+
+
+def has_data(data: bytes) -> bool:
+    """Whether a datagram of an agent has samples or requests, and not only what keeps the session."""
+    try:
+        header = parse_header(data)
+        return any(each.id == DATA for each in submessages(data[HEADER.size + len(header.key) :]))
+    except WireError:
+        return False
 
 
 def _is_at(host: str, listening: str) -> bool:

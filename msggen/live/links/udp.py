@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from functools import lru_cache
 
+from msggen.live.age import NEVER
 from msggen.live.link import LinkError, Listener, Remote, Route, deliver
 from msggen.live.links.agent_link import AgentLink
 from msggen.live.links.link_types import PORT
@@ -102,8 +103,8 @@ class UdpLink(AgentLink):
             with suppress(OSError):
                 self.bound.socket.shutdown(socket.SHUT_RD)
 
-    def transmit(self, datagrams: list[tuple[bytes, Address]]) -> None:
-        """Send datagrams. One that cannot be sent is lost, as on the network."""
+    def transmit(self, datagrams: list[tuple[bytes, Address]], until: int = NEVER) -> None:  # noqa: ARG002 - none waits
+        """Send datagrams. One that cannot be sent at once is lost, as on the network."""
         if self.bound is None:
             return
         for data, address in datagrams:

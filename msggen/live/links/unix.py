@@ -8,15 +8,19 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from queue import Empty, SimpleQueue
 from typing import Any
 
 from msggen.base.version import __version__
+from msggen.live.age import NEVER, expiry
 from msggen.live.link import LinkError, Listener, Remote, Route, Sample, Service
+from msggen.live.links.address import parse_address
 from msggen.live.links.asking import Asking
 from msggen.live.links.guard import guarded
+from msggen.live.links.outgoing import Outgoing
+from msggen.live.links.places import found_at
 from msggen.live.links.records import (
     CALL,
     EVENT,
@@ -25,6 +29,7 @@ from msggen.live.links.records import (
     LONGEST,
     PROTOCOL,
     SAMPLE,
+    UNTIL,
     KnownVehicle,
     Record,
     RecordError,
@@ -53,8 +58,7 @@ class UnixLink(Asking):
         self.path = path
         self._socket: socket.socket | None = None
         self._thread: threading.Thread | None = None
-        self._lock = threading.Lock()
-        """Held while a record is sent, so that records are whole."""
+        self._outgoing = Outgoing()
         self._vehicles: dict[int, KnownVehicle] = {}
         self._last_number = 0
         self._answers: dict[tuple[object, ...], SimpleQueue[Any]] = {}
@@ -84,15 +88,29 @@ class UnixLink(Asking):
         self._thread = threading.Thread(target=self._run, args=(guarded(listener),), name="msggen-unix", daemon=True)
         self._thread.start()
 
-    def publish(self, remote: Remote, route: Route, payload: bytes) -> None:
-        """Send a sample. From any thread. Raises LinkError."""
+    def publish(self, remote: Remote, route: Route, payload: bytes, until: int = 0) -> None:
+        """Send a sample, or drop it if the owner does not read. From any thread. Raises LinkError."""
         number, vehicle = self._find(remote)
-        self._send(record_of(SAMPLE, payload, number, vehicle.indexes[route.name]))
+        outgoing = self._outgoing
+        until = outgoing.clock.of(until or expiry())
+        record = record_of(SAMPLE, payload, number, vehicle.indexes[route.name], until)
+        with _ended():
+            outgoing.offer(self._joined(), record, until)
 
-    def call(self, remote: Remote, service: Service, number: int, payload: bytes) -> None:
+    def call(self, remote: Remote, service: Service, number: int, payload: bytes, until: int = NEVER) -> None:
         """Send a request, which waits at the owner for those of other programs. From any thread. Raises LinkError."""
         own, vehicle = self._find(remote)
-        self._send(record_of(CALL, payload, own, vehicle.services.index(service), number))
+        body = UNTIL.pack(self._outgoing.clock.of(until)) + payload
+        self._send(record_of(CALL, body, own, vehicle.services.index(service), number))
+
+    def problem(self) -> str:
+        """Return why what is published does not get through, "" if it does."""
+        return self._outgoing.problem(self._socket)
+
+    @property
+    def dropped(self) -> int:
+        """The messages of this program that were dropped, because they had waited for too long."""
+        return self._outgoing.dropped
 
     def cancel(self, remote: Remote, number: int) -> None:
         """Forget a call."""
@@ -156,6 +174,7 @@ class UnixLink(Asking):
                 if self._is_closing:
                     break
                 self._forget(listener, reason)
+                self._outgoing.begin()
                 self._socket = self.reopened(reason)
         except LinkError as error:
             failure = str(error)
@@ -242,6 +261,10 @@ class UnixLink(Asking):
         if vehicle is not None:
             listener.refused(vehicle.remote, call, problem)
 
+    def _taken(self, _listener: Listener, until: int, dropped: int, theirs: int, clock: str) -> None:
+        self._outgoing.clock.hear(theirs, clock)
+        self._outgoing.taken(until, dropped)
+
     def _answered(self, _listener: Listener, question: int, value: object) -> None:
         self._hand((EVENT, question), value)
 
@@ -281,16 +304,13 @@ class UnixLink(Asking):
         return remote.number - self._offset, found
 
     def _send(self, record: bytes) -> None:
-        own = self._socket
-        if own is None:
+        with _ended():
+            self._outgoing.send(self._joined(), record)
+
+    def _joined(self) -> socket.socket:
+        if self._socket is None:
             raise LinkError("the link is not started")
-        try:
-            with self._lock:
-                own.sendall(record)
-        except OSError:
-            raise LinkError(
-                "the process that owns the link has ended: wait until the vehicle is connected again"
-            ) from None
+        return self._socket
 
 
 _EVENTS: Mapping[str, Callable[..., None]] = {
@@ -302,8 +322,18 @@ _EVENTS: Mapping[str, Callable[..., None]] = {
     "warned": UnixLink._warned,  # noqa: SLF001
     "failed": UnixLink._failed,  # noqa: SLF001
     "unsent": UnixLink._unsent,  # noqa: SLF001
+    "taken": UnixLink._taken,  # noqa: SLF001
     "answer": UnixLink._answered,  # noqa: SLF001
 }
+
+
+@contextmanager
+def _ended() -> Iterator[None]:
+    """Raise LinkError for an error of the socket."""
+    try:
+        yield
+    except OSError:
+        raise LinkError("the process that owns the link has ended: wait until the vehicle is connected again") from None
 
 
 def connected(path: str) -> socket.socket:
@@ -330,6 +360,7 @@ def greeted(
         "pid": os.getpid(),
         "name": _own_name(),
         "address": address,
+        "place": found_at(parse_address(address)) if address else "",
         "allow": list(allow),
         "is_program": is_program,
     }

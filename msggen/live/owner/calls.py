@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import NamedTuple
 
+from msggen.live.age import NEVER, now
 from msggen.live.link import LinkError
 from msggen.live.owner.program import Program
 
@@ -24,6 +25,8 @@ class Call(NamedTuple):
     service: int
     """The index of the service."""
     payload: bytes
+    until: int = NEVER
+    """The time of `age.now` until which the program waits."""
 
 
 class CallQueue:
@@ -76,6 +79,8 @@ class CallQueue:
     def _go_on(self) -> None:
         while self._current is None and self._waiting:
             call = self._waiting.popleft()
+            if now() > call.until:
+                continue
             number = next(self._numbers)
             self._current, self._sent_at = (number, call), time.monotonic()
             try:

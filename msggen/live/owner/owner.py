@@ -12,8 +12,10 @@ from collections.abc import Callable, Sequence
 from logging import getLogger
 from typing import NamedTuple
 
-from msggen.live.link import Link, LinkError, Remote, Route, Service
+from msggen.live.age import is_over
+from msggen.live.link import Link, LinkError, Remote, Route, Service, StaleError
 from msggen.live.links.address import Address
+from msggen.live.links.places import found_at
 from msggen.live.links.records import CALL, HEADER, SAMPLE, KnownVehicle, event_of, record_of
 from msggen.live.owner.calls import Call, CallQueue
 from msggen.live.owner.program import Program
@@ -70,6 +72,8 @@ class Owner(Hub):
         """Make an owner. `wake` lets the thread of the sockets look around."""
         super().__init__(link)
         self.address, self.allow = address, tuple(allow)
+        self.found = found_at(address)
+        """The device or the IP address of the link."""
         self.begun = clock.time()
         self.lock = threading.RLock()
         """Guards the programs and the vehicles. Taken after `changed`, and before the lock of the link."""
@@ -84,6 +88,8 @@ class Owner(Hub):
         """The samples in a second that have arrived from the vehicles."""
         self._samples, self._rated_at = 0, clock.monotonic()
         self._count = self._since = 0
+        self.unsent = 0
+        """The messages of programs that were dropped here: they had waited for too long, or the vehicle was gone."""
 
     # --- What happens on the link, in its thread
 
@@ -208,12 +214,21 @@ class Owner(Hub):
             if program.has_joined:
                 self.send(program, record)
 
-    def publish(self, program: Program, vehicle: Carried, index: int, payload: bytes) -> None:
-        """Send a sample of a program to a vehicle and to those who follow its route. The caller holds the lock."""
+    def publish(self, program: Program, vehicle: Carried, index: int, payload: bytes, until: int) -> None:
+        """Send a sample of a program to a vehicle and to those who follow its route. The caller holds the lock.
+
+        One that has waited for too long is dropped.
+        """
         route = vehicle.known.routes[index]
         row = vehicle.rows[route.name]
+        if is_over(until):
+            self.drop(program)
+            return
         try:
-            self.link.publish(vehicle.known.remote, route, payload)
+            self.link.publish(vehicle.known.remote, route, payload, until)
+        except StaleError:
+            program.unsent += 1  # the link has counted it
+            return
         except LinkError as error:
             self._warn(program, str(error))
             return
@@ -223,6 +238,11 @@ class Owner(Hub):
         if row.programs:
             self.give(row, vehicle.known.remote.number, payload, row.time)
 
+    def drop(self, program: Program) -> None:
+        """Count a message of a program that is dropped."""
+        program.unsent += 1
+        self.unsent += 1
+
     def _warn(self, program: Program, text: str) -> None:
         if text not in program.warnings and len(program.warnings) < _WARNINGS:
             program.warnings.add(text)
@@ -230,14 +250,20 @@ class Owner(Hub):
 
     def _send_call(self, remote: Remote, number: int, call: Call) -> None:
         service = self.vehicles[remote.number].known.services[call.service]
-        self.link.call(remote, service, number, call.payload)
+        self.link.call(remote, service, number, call.payload, call.until)
 
     def _refuse_call(self, remote: Remote, call: Call, problem: str) -> None:
         self.send(call.program, event_of("unsent", remote.number, call.number, problem))
 
     def look(self) -> None:
-        """Measure the rate of samples, once in a second, and end calls without a reply. The caller holds the lock."""
+        """Measure the rate of samples, end calls without a reply, and tell programs what was taken of them.
+
+        The caller holds the lock.
+        """
         now = clock.monotonic()
+        for program in self.programs:
+            if program.has_joined:
+                program.tell_taken(now)
         if now - self._rated_at >= 1.0:
             self.rate = self._samples / (now - self._rated_at)
             self._samples, self._rated_at = 0, now

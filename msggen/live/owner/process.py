@@ -14,6 +14,7 @@ from logging.handlers import RotatingFileHandler
 
 from msggen.live.link import LinkError, Route
 from msggen.live.links.address import Address, parse_address
+from msggen.live.links.aside import Aside
 from msggen.live.links.opening import open_link
 from msggen.live.links.places import Place
 from msggen.live.owner.owner import LOGGER, Owner
@@ -26,6 +27,9 @@ IDLE_S = 60.0
 IDLE_WITH_VEHICLE_S = 600.0
 
 _LOG_SIZE = 1 << 18
+_LINES = 1000
+_PATIENCE = 1.0
+"""The longest wait in s for the log at the end."""
 
 
 def main() -> None:
@@ -137,11 +141,33 @@ def never(has_vehicle: bool) -> float:  # noqa: ARG001, FBT001
     return float("inf")
 
 
+class Soon(logging.Handler):
+    """Gives what is logged to another handler, in a thread of its own: no link waits for the disk.
+
+    If the disk stands still, at most `_LINES` lines wait for it.
+    """
+
+    def __init__(self, handler: logging.Handler) -> None:
+        super().__init__()
+        self._handler = handler
+        self._aside = Aside("msggen-log", _LINES, lambda _: None)  # a handler tells its errors itself
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Log soon."""
+        record.msg, record.args = record.getMessage(), None  # its arguments may change
+        self._aside.do(lambda: self._handler.handle(record))
+
+    def close(self) -> None:
+        """Log what is left."""
+        self._aside.close(_PATIENCE)
+        super().close()
+
+
 def _log_to(path: str) -> None:
     """Write what is told to a file of bounded size, or nowhere if it cannot be written."""
     with suppress(OSError):
         handler = RotatingFileHandler(path, maxBytes=_LOG_SIZE, backupCount=1, encoding="utf-8")
         handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
-        LOGGER.addHandler(handler)
+        LOGGER.addHandler(Soon(handler))
     LOGGER.setLevel(logging.INFO)
     LOGGER.propagate = False

@@ -8,12 +8,17 @@ import sys
 import time
 from collections import deque
 
-from msggen.live.links.records import SAMPLE, RecordReader
+from msggen.live.age import clock_name, now
+from msggen.live.links.records import SAMPLE, RecordReader, event_of
 
 BACKLOG = 16 << 20
 """The bytes that may wait for a program. Beyond it, the oldest half of its samples is dropped and counted."""
 
 _CHUNK = 1 << 17
+_TAKEN_S = 0.1
+"""The shortest time in s between two records that tell a program what was taken."""
+_CLOCK_S = 10.0
+"""The time in s after which it is told the time again."""
 _LONGEST = 1 << 16
 """The bytes of the longest body that a program may send: no vehicle takes as much."""
 
@@ -38,6 +43,12 @@ class Program:
         self.dropped = 0
         """Samples that it did not read in time."""
         self.warnings: set[str] = set()
+        self.taken = 0
+        """The time until which its last message to a vehicle could be sent: that tells it which one was taken."""
+        self.unsent = 0
+        """Its messages to vehicles that were dropped, because they had waited for too long."""
+        self._told = -1, 0.0
+        """The last message that it knows to be taken, and when it was told."""
         self._queue: deque[bytes] = deque()
         self._size = 0
         self._rest = memoryview(b"")
@@ -50,6 +61,13 @@ class Program:
     def is_waiting(self) -> bool:
         """Whether something waits for the program."""
         return bool(self._queue or self._rest)
+
+    def tell_taken(self, time: float) -> None:
+        """Tell it which of its messages were taken, and the time, if that is due. `time` is of the monotonic clock."""
+        told, at = self._told
+        if time - at >= (_TAKEN_S if self.taken != told else _CLOCK_S):
+            self._told = self.taken, time
+            self.put(event_of("taken", self.taken, self.unsent, now(), clock_name()))
 
     def put(self, record: bytes) -> None:
         """Add a record to those that wait."""

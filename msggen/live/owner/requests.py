@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import os
-import socket
 import time
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from typing import Any
 
 from msggen.base.version import __version__
@@ -18,6 +16,7 @@ from msggen.live.links.records import (
     LAST,
     PROTOCOL,
     SAMPLE,
+    UNTIL,
     Record,
     RecordError,
     event_in,
@@ -52,18 +51,25 @@ def obey(owner: Owner, program: Program, record: Record) -> None:
         vehicle = owner.vehicles.get(number)
         if vehicle is not None:
             _ON_VEHICLE[kind](owner, program, vehicle, index, when, body)
+        elif kind == SAMPLE:
+            program.taken = when
+            owner.drop(program)
         elif kind == CALL:
             owner.send(program, event_of("unsent", number, when, "the vehicle has just disconnected"))
 
 
-def _publish(owner: Owner, program: Program, vehicle: Carried, index: int, _when: int, body: bytes) -> None:
-    owner.publish(program, vehicle, index, body)
+def _publish(  # noqa: PLR0913, PLR0917 - called as the others of _ON_VEHICLE
+    owner: Owner, program: Program, vehicle: Carried, index: int, when: int, body: bytes
+) -> None:
+    program.taken = when
+    owner.publish(program, vehicle, index, body, when)
 
 
 def _call(_owner: Owner, program: Program, vehicle: Carried, index: int, when: int, body: bytes) -> None:
     if index >= len(vehicle.known.services):
         raise RecordError("a call of an unknown service")
-    vehicle.calls.add(Call(program, when, index, body))
+    (until,) = UNTIL.unpack_from(body)
+    vehicle.calls.add(Call(program, when, index, body[UNTIL.size :], until))
 
 
 def _last(owner: Owner, program: Program, vehicle: Carried, index: int, _when: int, _body: bytes) -> None:
@@ -89,6 +95,8 @@ def _hello(owner: Owner, program: Program, hello: Mapping[str, Any]) -> None:
         program.has_joined = True
         LOGGER.info("%s (pid %d) has joined", program.name, program.pid)
     program.put(event_of("welcome", str(owner.address), os.getpid()))
+    if program.has_joined:
+        program.tell_taken(time.monotonic())
     for number, vehicle in owner.vehicles.items() if program.has_joined else ():
         _introduce(owner, program, number, vehicle)
     program.flush()
@@ -128,24 +136,19 @@ def _problem_of(owner: Owner, hello: Mapping[str, Any]) -> str:
     if not hello["address"]:
         return ""
     asked = parse_address(str(hello["address"]))
-    if _covers(owner.address, asked):
+    if _covers(owner, asked, str(hello["place"])):
         return ""
     return f"the link is open as {owner.address}, not as {asked}: use that address, or {stop}"
 
 
-def _covers(own: Address, asked: Address) -> bool:
-    """Whether the link at one address hears all that the one at another address would hear."""
-    if own._replace(host=asked.host, path=asked.path) != asked:
+def _covers(owner: Owner, asked: Address, found: str) -> bool:
+    """Whether the link of an owner hears all that one at another address would hear.
+
+    `found` is what the program has found at that address: the owner looks nothing up, which can take long.
+    """
+    if owner.address._replace(host=asked.host, path=asked.path) != asked:
         return False  # another port, agent or rate
-    if own.link_type.is_device:
-        return os.path.realpath(own.path) == os.path.realpath(asked.path)
-    return _ip(own.host) in {_ip(asked.host), "0.0.0.0"}  # noqa: S104 - a comparison
-
-
-def _ip(host: str) -> str:
-    with suppress(OSError):
-        return socket.gethostbyname(host)
-    return host
+    return owner.found in {found, "0.0.0.0"}  # noqa: S104 - a comparison
 
 
 def _follow(owner: Owner, program: Program, number: int, index: int, is_followed: object) -> None:
@@ -183,13 +186,20 @@ def _stop(_owner: Owner, program: Program) -> None:
 
 
 def _statistics(owner: Owner, program: Program) -> list[int]:
-    return list(owner.link.statistics()._replace(unread=program.dropped))
+    found = owner.link.statistics()
+    return list(found._replace(unread=program.dropped, unsent=found.unsent + owner.unsent))
 
 
 def _state(owner: Owner, _program: Program) -> dict[str, object]:
     """Return what `msggen link list` shows."""
     programs = [
-        {"name": each.name, "pid": each.pid, "age": time.monotonic() - each.since, "unread": each.dropped}
+        {
+            "name": each.name,
+            "pid": each.pid,
+            "age": time.monotonic() - each.since,
+            "unread": each.dropped,
+            "unsent": each.unsent,
+        }
         for each in owner.programs
         if each.has_joined
     ]

@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import cast
 
+from msggen.live.age import now
 from msggen.live.link import FollowingLink, Link, LinkError, LinkTimeoutError, NotConnectedError, Remote, Service
 from msggen.live.vehicle.feed import check_outside_callback
 
@@ -48,6 +49,7 @@ class Calls:
         """
         check_outside_callback()
         deadline = time.monotonic() + timeout
+        until = now() + int(timeout * 1e9)
         call = _Call()
         with self._changed:
             if len(self._queue) > WAITING:
@@ -58,7 +60,7 @@ class Calls:
             with self._changed:
                 self._last += 1
                 call.number = self._last
-            self._link.call(self._remote, service, call.number, payload)
+            self._link.call(self._remote, service, call.number, payload, until)
             self._wait(lambda: call.is_over, deadline, service, f"no reply within {timeout:g} s")
             if call.problem:
                 raise LinkError(call.problem)

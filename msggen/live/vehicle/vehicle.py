@@ -9,6 +9,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any, Literal, get_args, overload
 
 from msggen.base.diagnostics import suggestion
+from msggen.live.age import expiry
 from msggen.live.link import (
     Link,
     LinkError,
@@ -238,6 +239,14 @@ class Vehicle:
         return self._hub.link.statistics()
 
     @property
+    def problem(self) -> str:
+        """Why messages to the vehicle do not get through, "" if they do, as far as it is known.
+
+        Known on a shared link: the process that owns it stands still, or messages reach it too late and are dropped.
+        """
+        return self._hub.problem()
+
+    @property
     def is_shared(self) -> bool:
         """Whether another process owns the link, for all programs of the user."""
         return self._hub.is_shared
@@ -381,14 +390,18 @@ class Vehicle:
     def publish(self, message: Message, topic: Endpoint[Any] | str | None = None) -> None:
         """Send a message to the vehicle, once. From any thread.
 
+        It is dropped and counted, `statistics.unsent`, if it cannot be sent within 0.5 s. Warnings in the log tell when
+        messages begin not to get through, and `problem` tells why.
+
         `topic` is needed if several topics have messages of this class, and none of them is named after it. Raises
         NotConnectedError, TopicError, FormatError if the vehicle's definition differs, and the package's EncodeError.
         """
+        until = expiry()
         check_message(message)
         entry, route = self._route_to(message, topic)
         payload = message.encode()
         try:
-            self._hub.link.publish(entry.remote, route, payload)
+            self._hub.deliver(entry, route, payload, until)
         except LinkError as error:
             if self._member.entry is entry:
                 raise

@@ -19,6 +19,8 @@ from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
+from msggen.live.age import NEVER
+from msggen.live.age import now as now_ns
 from msggen.live.link import (
     Connected,
     Event,
@@ -86,6 +88,7 @@ class Agent:
         known: Iterable[Route] = (),
         records: Iterable[Record] = (),
         limits: Limits = DEFAULTS,
+        clock: Callable[[], int] = now_ns,
     ) -> None:
         """Make an agent.
 
@@ -97,11 +100,14 @@ class Agent:
         `records` are those of sessions that an earlier program began, and has not ended: they are continued. With
         `known`, other sessions are continued too (docs/xrce.md, 10), unless `keys` are given: a running session tells
         no key. These are the routes that a client of the expected firmware has, or several such sets: `joined`.
+
+        `clock` is asked before a message is sent that may have expired.
         """
         self._allow = allow
         self._keys = keys
         self._continuation = Continuation(known if keys is None else (), limits.clients)
         self._limits = limits
+        self._time = clock
         self._outbox = Outbox(limits.outgoing)
         self._sessions: dict[Address, Session] = {}  # the one whose last message, without samples, is oldest first
         self._connected: dict[int, Session] = {}
@@ -129,6 +135,11 @@ class Agent:
     def lost(self) -> int:
         """Missing sequence numbers of all clients."""
         return self._outbox.lost
+
+    @property
+    def expired(self) -> int:
+        """Messages to clients that were dropped: they could not be sent before they expired."""
+        return self._outbox.expired
 
     @property
     def refused(self) -> Counter[str]:
@@ -261,23 +272,24 @@ class Agent:
         """
         self._forget(self._find(number), "the vehicle has to connect again, to tell its key and its namespace")
 
-    def publish(self, number: int, object_id: int, payload: bytes) -> None:
+    def publish(self, number: int, object_id: int, payload: bytes, until: int = NEVER) -> None:
         """Send a sample to vehicle `Remote.number`, to its route of direction `in` with this `Route.object_id`.
 
-        `payload` is CDR with its encapsulation, which is little-endian.
+        `payload` is CDR with its encapsulation, which is little-endian. If the client reads the route reliably, the
+        sample is kept until it is acknowledged, but not sent after the time `until` of `clock`.
         Raises LinkError if the vehicle is not connected, has no such route, or if the payload does not fit.
         """
-        self._find(number).publish(object_id, payload)
+        self._find(number).publish(object_id, payload, until)
 
-    def call(self, number: int, object_id: int, request: int, payload: bytes) -> None:
+    def call(self, number: int, object_id: int, request: int, payload: bytes, until: int = NEVER) -> None:
         """Send a request to vehicle `Remote.number`, to its service with this `Service.object_id`.
 
         The answer is a Replied with the same number `request`, which is unique for this vehicle, from 1 to 2**63 - 1.
-        `payload` as for `publish`.
+        `payload` and `until` as for `publish`.
         Raises LinkError if the vehicle is not connected, has no such service, or leaves too many requests without
         acknowledgement, or if the payload does not fit.
         """
-        self._find(number).call(object_id, request, payload)
+        self._find(number).call(object_id, request, payload, until)
 
     def routes(self, number: int) -> Sequence[Route | Service]:
         """Return the routes and services of a connected vehicle. Raises LinkError if it is not connected."""
@@ -490,7 +502,7 @@ class Agent:
         return True
 
     def _begin(self, create: wire.CreateClient, address: Address) -> Session:
-        session = Session(create, address, self._outbox, self._limits, self._named)
+        session = Session(create, address, self._outbox, self._limits, self._named, self._time)
         session.heard_at = session.written_at = session.begun_at = self._clock
         self._sessions[address] = session
         return session

@@ -19,7 +19,7 @@ def host(address: Address) -> str:
 class Outbox:
     """Events, datagrams to send and counters of an agent."""
 
-    __slots__ = ("_limit", "events", "late", "lost", "outgoing", "received", "refused")
+    __slots__ = ("_limit", "events", "expired", "late", "lost", "outgoing", "received", "refused")
 
     def __init__(self, limit: int) -> None:
         self._limit = limit
@@ -27,6 +27,7 @@ class Outbox:
         self.outgoing: list[tuple[bytes, Address]] = []
         self.received = 0
         self.late = 0
+        self.expired = 0
         self.lost = 0
         self.refused: Counter[str] = Counter()
 

@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from typing import ClassVar, Final
 
+from msggen.live.age import NEVER
 from msggen.live.link import Connected, Disconnected, LinkError, Lost, Opened, Remote, Replied, Route, Sample, Service
 from msggen.live.xrce import entities, wire
 from msggen.live.xrce.creations import creations
@@ -42,6 +43,8 @@ from msggen.live.xrce.wire import BEST_EFFORT, RELIABLE, Submessage, WireError
 _WRITE = struct.Struct("<BBH2x2s")  # the header of a WRITE_DATA, request id and object id
 _ANY: Final = 1 << 62
 _BEFORE_ALL: Final = 0xFFFF  # a number that is older than the one of each of the first 32767 messages
+_QUESTION: Final = wire.Heartbeat(0, _BEFORE_ALL).pack()
+"""Asks a client for the number of the reliable message that it expects, and changes nothing at it."""
 _PING: Final = b"\x00\x0a"  # the request id of each ping of PX4's client
 _MOST_MISSING: Final = 0x8000  # of messages that are not counted yet: as many as a jump can be
 
@@ -49,15 +52,19 @@ _MOST_MISSING: Final = 0x8000  # of messages that are not counted yet: as many a
 class Session:
     """One client, agent side. The agent decides when it begins, sleeps and ends."""
 
-    def __init__(
+    def __init__(  # noqa: PLR0913, PLR0917 - the agent makes it
         self,
         create: wire.CreateClient,
         address: Address,
         outbox: Outbox,
         limits: Limits,
         named: Callable[[Session], None],
+        clock: Callable[[], int],
     ) -> None:
-        """Begin the session that a CREATE_CLIENT asks for. `named` is called when the client has told its namespace."""
+        """Begin the session that a CREATE_CLIENT asks for.
+
+        `named` is called when the client has told its namespace. `clock` tells whether a message has expired.
+        """
         self.create = create
         self.address = address
         self.host = host(address)
@@ -99,6 +106,7 @@ class Session:
         self._outbox = outbox
         self._limits = limits
         self._named = named
+        self._clock = clock
         self._stream = wire.NO_STREAM  # of the message that is being taken, and its time
         self._time = 0
         self._replies = _ANY  # how many more it may have
@@ -110,7 +118,8 @@ class Session:
         self._missing = 0  # messages of that stream, not counted yet
         self.input = ReliableInput()
         self._output = ReliableOutput()
-        self._waiting: list[bytes] | None = None  # for the number of the next reliable message, while it is not known
+        self._waiting: list[tuple[bytes, int]] | None = None  # for the number of the next reliable message, while it
+        # is not known; each with the time at which it expires
         self._questions = 0  # how often it was asked for
         self._asked_at: float | None = None
         self._next = 0  # the number of the next best-effort message
@@ -231,13 +240,12 @@ class Session:
         Whatever it is, the number after the last one of these is newer, even if one or two of them are lost.
         """
         self._questions += 1
-        question = wire.Heartbeat(0, _BEFORE_ALL).pack()
         if self._is_granted:  # nothing was sent on this stream, as there were no readers
-            self._send(BEST_EFFORT, question)
+            self._send(BEST_EFFORT, _QUESTION)
             return
         for number in range(0, 0x10000, 0x2000):
             self._next = number
-            self._send(BEST_EFFORT, question)
+            self._send(BEST_EFFORT, _QUESTION)
 
     def _ask_again(self, now: float) -> None:
         """Ask for the numbers again if the answers are due: questions or answers may be lost.
@@ -258,8 +266,11 @@ class Session:
             return
         self._output = ReliableOutput(number)
         waiting, self._waiting = self._waiting or [], None
-        for submessage in waiting:
-            self._send(RELIABLE, submessage)
+        for submessage, until in waiting:
+            if self._clock() <= until:
+                self._send(RELIABLE, submessage, until)
+            else:
+                self._outbox.expired += 1
 
     def _see_number(self, number: int) -> None:
         """Take the first number of the reliable stream from the client that is seen in a continued session.
@@ -297,20 +308,20 @@ class Session:
 
     # To the client
 
-    def publish(self, object_id: int, payload: bytes) -> None:
+    def publish(self, object_id: int, payload: bytes, until: int) -> None:
         """Send a sample: `Agent.publish`."""
         reader, reading = self._find(object_id, entities.READER)
         if reading is None:
             raise LinkError(f"the vehicle does not read object {object_id}; routes() has those of direction 'in'")
-        self._send_data(reading.stream, reading.request_id + reader, self._cut(payload))
+        self._send_data(reading.stream, reading.request_id + reader, self._cut(payload), until)
 
-    def call(self, object_id: int, request: int, payload: bytes) -> None:
+    def call(self, object_id: int, request: int, payload: bytes, until: int) -> None:
         """Send a request: `Agent.call`."""
         replier, reading = self._find(object_id, entities.REPLIER)
         if reading is None:
             raise LinkError(f"the vehicle has no service with object {object_id}; routes() has its services")
         data = wire.Identity(self._guid, request).pack() + self._cut(payload)
-        self._send_data(reading.stream, reading.request_id + replier, data)
+        self._send_data(reading.stream, reading.request_id + replier, data, until)
         self._request, self._reply_ticks = request, REPLY_TICKS
 
     def _find(self, number: int, kind: int) -> tuple[bytes, Reading | None]:
@@ -329,26 +340,27 @@ class Session:
             raise LinkError(f"the payload has {len(payload) - 4} bytes, and the vehicle takes up to {room}")
         return payload[4:]
 
-    def _send_data(self, stream: int, ids: bytes, data: bytes) -> None:
+    def _send_data(self, stream: int, ids: bytes, data: bytes, until: int) -> None:
         """Send DATA. `ids` are request id and object id."""
         if stream == RELIABLE and (self._output.is_full or len(self._waiting or ()) >= OUTPUT_WINDOW):
             raise LinkError("the vehicle does not acknowledge what it gets; wait for replies before further requests")
-        self._send(stream, wire.SUBMESSAGE.pack(wire.DATA, wire.LITTLE_ENDIAN, len(data) + 4) + ids + data)
+        submessage = wire.SUBMESSAGE.pack(wire.DATA, wire.LITTLE_ENDIAN, len(data) + 4) + ids + data
+        self._send(stream, submessage, until)
 
-    def _send(self, stream: int, submessage: bytes) -> None:
-        """Send a submessage in a message of its own."""
+    def _send(self, stream: int, submessage: bytes, until: int = NEVER) -> None:
+        """Send a submessage in a message of its own. One of the reliable stream is sent again until it expires."""
         sequence = 0
         if stream == BEST_EFFORT:
             sequence = self._next
             self._next = (sequence + 1) & 0xFFFF
         elif stream == RELIABLE:
             if self._waiting is not None and len(self._waiting) < OUTPUT_WINDOW:
-                self._waiting.append(submessage)
+                self._waiting.append((submessage, until))
                 return
             if self._waiting is not None or self._output.is_full:
                 self._outbox.refuse("too many messages without acknowledgement")
                 return
-            sequence = self._output.send(submessage)
+            sequence = self._output.send(submessage, until)
         self._post(stream, sequence, submessage)
 
     def _post(self, stream: int, sequence: int, submessage: bytes) -> None:
@@ -549,6 +561,7 @@ class Session:
         if state.stream != RELIABLE:
             raise WireError("unknown stream")
         self._learn_number(state.first)
+        self._outbox.expired += self._output.expire(self._clock(), _QUESTION)
         for sequence, body in self._output.acknack(state.first, state.missing)[:REPETITIONS]:
             self._post(RELIABLE, sequence, body)
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Final
 
+from msggen.live.age import NEVER
 from msggen.live.xrce.wire import WireError
 
 INPUT_WINDOW: Final = 16
@@ -117,7 +118,7 @@ class ReliableInput:
 class ReliableOutput:
     """The sending end of a reliable stream: keeps messages until they are acknowledged."""
 
-    __slots__ = ("_kept", "_start", "_window", "next")
+    __slots__ = ("_kept", "_start", "_until", "_window", "next")
 
     def __init__(self, start: int = 0, window: int = OUTPUT_WINDOW) -> None:
         self.next = start
@@ -125,6 +126,7 @@ class ReliableOutput:
         self._start = start
         self._window = window
         self._kept: dict[int, bytes] = {}  # in order
+        self._until: dict[int, int] = {}
 
     @property
     def is_full(self) -> bool:
@@ -136,10 +138,10 @@ class ReliableOutput:
         """Whether no message was sent."""
         return self.next == self._start
 
-    def send(self, body: bytes) -> int:
-        """Keep a message and return its number. The window must not be full."""
+    def send(self, body: bytes, until: int = NEVER) -> int:
+        """Keep a message, which expires at a time, and return its number. The window must not be full."""
         sequence = self.next
-        self._kept[sequence] = body
+        self._kept[sequence], self._until[sequence] = body, until
         self.next = (sequence + 1) & 0xFFFF
         return sequence
 
@@ -152,9 +154,16 @@ class ReliableOutput:
         if not 0 <= acknowledged <= len(self._kept):
             return []
         for sequence in list(self._kept)[:acknowledged]:
-            del self._kept[sequence]
+            del self._kept[sequence], self._until[sequence]
         numbers = ((first + bit) & 0xFFFF for bit in range(16) if missing >> bit & 1)
         return [(number, self._kept[number]) for number in numbers if number in self._kept]
+
+    def expire(self, now: int, instead: bytes) -> int:
+        """Replace the messages that have expired by another one, as no number may be missing. Return how many."""
+        expired = [sequence for sequence, until in self._until.items() if until < now]
+        for sequence in expired:
+            self._kept[sequence], self._until[sequence] = instead, NEVER
+        return len(expired)
 
     def heartbeat(self) -> tuple[int, int] | None:
         """Return the numbers of the first and the last kept message, or None if all are acknowledged."""

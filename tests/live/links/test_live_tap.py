@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import socket
 import struct
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -15,6 +16,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from msggen.live.age import LONGEST_S, NEVER
 from msggen.live.link import LinkError, Route, Service
 from msggen.live.links import tap
 from msggen.live.links.tap import Shift, TapLink
@@ -75,9 +77,9 @@ def test_agent_and_program_see_the_same_and_the_client_gets_the_agents_answers(
         told: list[bytes] = []
         transmit = agent.transmit
 
-        def record(datagrams: list[tuple[bytes, Any]]) -> None:
+        def record(datagrams: list[tuple[bytes, Any]], until: int = NEVER) -> None:
             told.extend(data for data, _ in datagrams)
-            transmit(datagrams)
+            transmit(datagrams, until)
 
         monkeypatch.setattr(agent, "transmit", record)
         client.play(sent(name))
@@ -330,3 +332,19 @@ def test_only_the_best_effort_stream_is_changed() -> None:
         else:
             assert changed == data
     assert any(data[1] == 1 for data in session)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells when a datagram has arrived")
+def test_what_waited_for_a_tap_that_stood_still_is_dropped() -> None:
+    with tapped() as (agent, theirs, link, ours), Client(link.port) as client:
+        connect(client, link, theirs, ours)
+        client.received()
+        with link.lock:  # the thread of the tap waits for it, as if the process stood still
+            for number in range(20):
+                agent.publish(theirs.remotes[0], in_route(theirs), b"\0\1\0\0" + struct.pack("<Q", number))
+            time.sleep(LONGEST_S + 0.1)
+        ours.wait(lambda: link.statistics().unsent >= 19)
+        agent.publish(theirs.remotes[0], in_route(theirs), b"\0\1\0\0" + struct.pack("<Q", 99))
+        found = [struct.unpack_from("<Q", data, 12)[0] for data in client.received() if kind(data) == DATA]
+        assert found[-1] == 99
+        assert set(found) <= {0, 99}, "the first one may have been under way"

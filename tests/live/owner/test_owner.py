@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 
 from msggen.live import LinkError, LinkTimeoutError, NotConnectedError, Vehicle
+from msggen.live.age import expiry
 from msggen.live.links import unix
 from msggen.live.links.records import CALL, EVENT, HEADER, LAST, SAMPLE, RecordReader, event_in, event_of, record_of
 from msggen.live.links.unix import UnixLink
@@ -241,7 +242,7 @@ def test_a_program_is_told_nothing_before_it_is_welcome(link: FakeLink, path: Pa
         link.connect()
         own.sendall(event_of("hello", hello()))
         names = (event_in(record[4])[0] for record in received(own))
-        assert [next(names) for _ in range(3)] == ["welcome", "connected", "opened"]
+        assert [next(names) for _ in range(4)] == ["welcome", "taken", "connected", "opened"]
 
 
 @pytest.mark.usefixtures("server")
@@ -307,6 +308,27 @@ def test_a_program_that_does_not_read_loses_its_own_oldest_samples(
     assert len(stamps) + dropped == 8000
     assert stamps == sorted(stamps)
     assert stamps[-1] == 7999
+
+
+def test_a_program_that_does_not_read_loses_samples_and_nothing_else(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(program_module, "BACKLOG", 100_000)
+    theirs, own = socket.socketpair()
+    theirs.settimeout(0.0)
+    own.settimeout(WAIT)
+    program = program_module.Program(theirs)
+    with own:
+        for number in range(300):
+            program.put(event_of("lost", 1, number))
+            program.put(record_of(SAMPLE, bytes(2000), 1, 0, number))
+        told, stamps, reader = [], [], RecordReader()
+        while program.is_waiting:
+            program.flush()
+            for kind, _, _, when, body in reader.add(own.recv(1 << 20)):
+                (told.append(event_in(body)[1][1]) if kind == EVENT else stamps.append(when))
+        program.close()
+    assert told == list(range(300))
+    assert len(stamps) + program.dropped == 300
+    assert program.dropped > 0
 
 
 def test_settings_of_the_link_belong_to_its_owner(link: FakeLink, path: Path) -> None:
@@ -392,8 +414,10 @@ def test_a_program_that_ends_in_the_middle_of_a_record_has_sent_nothing(
 ) -> None:
     remote = link.connect()
     index = link.opened[1].index(link.route(remote, "in/trajectory_setpoint"))
-    record = record_of(SAMPLE, px4_types.TrajectorySetpoint().encode(), 1, index)
-    for end in (1, len(record) // 2, len(record) - 1):
+    body = px4_types.TrajectorySetpoint().encode()
+    for part in (0.0, 0.5, 1.0):
+        record = record_of(SAMPLE, body, 1, index, expiry())
+        end = 1 + round(part * (len(record) - 2))
         with raw(path, record, record[:end]):
             until(lambda: server.owner.programs)
         until(lambda: not server.owner.programs)

@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msggen.live.sim import Options, SimulatedVehicle
-from msggen.live.xrce import wire
+from msggen.live.xrce import entities, wire
 from msggen.live.xrce.client import Client
 from msggen.live.xrce.client_entities import Reader, Server, Settings, Writer
 from msggen.live.xrce.client_events import Connected, Disconnected, Event, Received, Requested
@@ -319,6 +319,23 @@ def test_a_writer_that_is_refused_starts_the_session_again_and_a_reader_is_skipp
     line.agent.status = wire.OK
     line.run(1.2)
     assert line.client.is_connected
+
+
+@pytest.mark.parametrize("kind", [entities.PUBLISHER, entities.WRITER])
+def test_a_writer_needs_all_of_its_entities(kind: int) -> None:
+    line = Line(ONE._replace(sync="off"))
+    line.agent.refused = frozenset({kind})
+    line.run(0.5)
+    assert line.reasons() == ["the agent refused the writer of rt/fmu/out/b"]
+
+
+@pytest.mark.parametrize("kind", [entities.SUBSCRIBER, entities.READER])
+def test_a_reader_without_one_of_its_entities_is_skipped(kind: int) -> None:
+    line = Line(ONE._replace(sync="off"))
+    line.agent.refused = frozenset({kind})
+    line.run(0.5)
+    assert line.client.is_connected
+    assert not {each for each in line.agent.reads if each[1] & 15 == entities.READER}
 
 
 def test_an_agent_that_is_slower_than_10_ms_never_gets_further_than_the_time() -> None:

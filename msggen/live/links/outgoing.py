@@ -1,0 +1,97 @@
+"""What a program sends to the process that owns its link, and what becomes known of how it gets on."""
+
+from __future__ import annotations
+
+import select
+import socket
+import threading
+from typing import Final
+
+from msggen.live.age import LONGEST_NS, LONGEST_S, OtherClock, now
+
+_SILENT_NS: Final = 1_000_000_000
+"""The time in ns without a sign that messages were taken after which they do not get through. The owner gives one each
+0.3 s."""
+_WHOLE: Final = getattr(socket, "MSG_DONTWAIT", 0)
+
+
+class Outgoing:
+    """The sending end of a program's socket."""
+
+    def __init__(self) -> None:
+        self.clock = OtherClock()
+        """That of the owner."""
+        self._lock = threading.Lock()
+        """Held while a record is sent, so that records are whole."""
+        self._own = 0
+        """Messages that were dropped here, and at the owners."""
+        self._theirs = self._earlier = 0
+        self._grown = -_SILENT_NS
+        """When the last message was dropped, as far as it is known."""
+        self._last = 0
+        self._since: int | None = None
+        """Since when there is no sign that the last message was taken."""
+
+    @property
+    def dropped(self) -> int:
+        """The messages that were dropped, because they had waited for too long."""
+        return self._own + self._earlier + self._theirs
+
+    def begin(self) -> None:
+        """Begin anew, with another owner."""
+        self.clock = OtherClock()
+        self._earlier, self._theirs = self._earlier + self._theirs, 0
+        self._since = None
+
+    def send(self, own: socket.socket, record: bytes) -> None:
+        """Send a record, and wait until the socket takes it. Raises OSError."""
+        with self._lock:
+            own.sendall(record)
+
+    def offer(self, own: socket.socket, record: bytes, until: int) -> None:
+        """Send the record of a message that expires, or drop it if the socket does not take it. Raises OSError."""
+        time = now()
+        if not self._lock.acquire(timeout=LONGEST_S):
+            self._drop(time)
+            return
+        try:
+            sent = own.send(record, _WHOLE)
+            if sent < len(record):  # not on Linux, which takes a record of this size as a whole or not at all
+                own.sendall(record[sent:])
+        except BlockingIOError:
+            self._drop(time)
+        finally:
+            self._lock.release()
+        self._last = until
+        self._since = time if self._since is None else self._since
+
+    def _drop(self, time: int) -> None:
+        self._own += 1
+        self._grown = time
+
+    def taken(self, until: int, dropped: int) -> None:
+        """Take the news of the owner: the last message that it has taken, and how many it has dropped."""
+        if dropped > self._theirs:
+            self._theirs, self._grown = dropped, now()
+        if until == self._last:
+            self._since = None
+        elif self._since is not None:  # the next one was sent after the one that was taken
+            self._since = max(self._since, self.clock.own(until) - LONGEST_NS)
+
+    def problem(self, own: socket.socket | None) -> str:
+        """Return why messages do not get through, or ""."""
+        time, since = now(), self._since
+        if since is not None and time - since > _SILENT_NS and own is not None and not _has_news(own):
+            seconds = (time - since) / 1e9
+            return f"the process that owns the link has taken none for {seconds:.1f} s: does it stand still?"
+        if time - self._grown < _SILENT_NS:
+            return f"they reach the process that owns the link after more than {LONGEST_S:g} s, and are dropped"
+        return ""
+
+
+def _has_news(own: socket.socket) -> bool:
+    """Whether something has arrived that this program has not read yet: it may be the news that messages were taken."""
+    try:
+        return bool(select.select([own], [], [], 0)[0])
+    except (OSError, ValueError):  # it was closed
+        return True
