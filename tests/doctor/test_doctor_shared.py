@@ -60,10 +60,9 @@ FOUND = {
     "DEFINITION_DIFFERS",
     "TIME_NOT_SYNCED",
     "CLOCK_WRONG",
-    "SAMPLES_LOST",
     "RATE_LOW",
 }
-"""The rules that find something in them."""
+"""The rules that find something in them. SAMPLES_LOST does at times, because about 1 % of the samples are lost."""
 
 
 @pytest.fixture
@@ -175,6 +174,13 @@ def wait_for(condition: Callable[[], object], patience: float = PATIENCE) -> Non
         time.sleep(0.05)
 
 
+def is_provoked(observer: Observer, url: str, expected: Expected) -> bool:
+    """Whether all that is wrong with the vehicles has happened, and the doctor finds it."""
+    seen = observe._seen(observer, parse_address(url), 1.0, 5.0)
+    has_lost = any(each.lost > 5 for each in seen.vehicles if each.remote.namespace == "lossy")
+    return has_lost and {*findings(seen, expected)} >= FOUND
+
+
 @pytest.mark.slow  # some of it takes seconds to happen
 def test_all_that_is_observed_arrives_through_the_owner(
     folder: Path, px4_types: Any, expected: Expected, monkeypatch: pytest.MonkeyPatch
@@ -192,8 +198,8 @@ def test_all_that_is_observed_arrives_through_the_owner(
         assert far.counters()._replace(receive_buffer=0) == Statistics(0, 0, 0, 0, 0, 0)
         assert far.refusals() == {}
         with Simulator(px4_types, url, WRONG):
-            wait_for(lambda: {*findings(observe._seen(near, parse_address(url), 1.0, 5.0), expected)} >= FOUND, 200.0)
             send_stray(link, 7)
+            wait_for(lambda: is_provoked(near, url, expected), 200.0)
             stop_link(link, monkeypatch)
             wait_for(lambda: cast("UnixLink", far.link).ask("state"))  # an answer comes after all samples
             at_link = observe._seen(near, parse_address(url), 1.0, 5.0)
@@ -216,7 +222,6 @@ def test_all_that_is_observed_arrives_through_the_owner(
     now = max(vehicle.heard for vehicle in at_link.vehicles)
     found = findings(through._replace(now=now), expected)
     assert found == findings(at_link._replace(now=now), expected)
-    assert {*found} >= FOUND
 
 
 class Told(UnixLink):
