@@ -7,6 +7,7 @@ import sys
 from types import ModuleType
 
 from msggen.base.diagnostics import InputError, input_error
+from msggen.base.missing import installing
 from msggen.generate.cache import import_folder
 from msggen.sources.settings import names_folder
 
@@ -71,4 +72,4 @@ def check_reading(code: str, extra: str = "recordings") -> None:
 def missing_extra(error: ImportError, extra: str, code: str) -> InputError:
     """Return the error about a package that comes with an extra of msggen, and is not installed."""
     name = str(error.name).partition(".")[0]
-    return input_error(name, code, f"this package is not installed: pip install 'msggen[{extra}]'", 0)
+    return input_error(name, code, f"this package is not installed: {installing(extra)}", 0)

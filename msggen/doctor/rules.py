@@ -29,8 +29,8 @@ DOCTOR = (
         Category.LINK,
         connecting.find_idle_agent,
         fix="Look at `uxrce_dds_client status` in PX4's shell: it must say that it runs, and show the address and the "
-        "port of the agent. A vehicle on another computer is only seen over DDS, which needs `pip install "
-        "'msggen[dds]'`.",
+        "port of the agent. A vehicle on another computer is only seen over DDS, which needs the extra "
+        "`dds` of msggen.",
     ),
     Rule(
         "AGENT_MISSING",

@@ -130,4 +130,4 @@ def test_without_matplotlib(here: Path) -> None:
         env={"PYTHONPATH": f"{here}:{ROOT}"}, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == FAILED
-    assert done.stderr.startswith("matplotlib: R102 this package is not installed: pip install 'msggen[plot]'")
+    assert re.match(r"matplotlib: R102 this package is not installed: \S+ install -e '.*\[plot\]'\n", done.stderr)

@@ -9,11 +9,12 @@ from typing import Any
 
 import pytest
 
+from msggen.base.missing import installing
 from support.flights import write_flight
 from support.repository import ROOT
 
 CLI = "import sys; sys.argv[0] = 'msggen'\nfrom msggen.cli import main\nraise SystemExit(main(sys.argv[1:]))"
-RECORDINGS = "'msggen[recordings]'"
+RECORDINGS = "recordings"
 COMMANDS = {
     "info": ("log", "info", "flight.mcap"),
     "show": ("log", "show", "flight.mcap", "vehicle_status", "-n", "1"),
@@ -41,18 +42,18 @@ COMMANDS = {
 TABLES = ("parquet", "arrow", "comma", "fleet", "compact")
 MCAP = ("mcap", "rosbag2", "sqlite3", "cut", "merge", "repair", "record")
 MISSING = [
-    ("view", "numpy", "'msggen[view]'"),
-    ("view", "zstandard", "'msggen[view]'"),
+    ("view", "numpy", "view"),
+    ("view", "zstandard", "view"),
     *((name, "numpy", RECORDINGS) for name in ("info", "show", "csv", "report", *TABLES, *MCAP[:-1], "play")),
     *((name, "zstandard", RECORDINGS) for name in ("info", "show", "report", *TABLES[:3], "cut", "play")),
     *((name, "pyarrow", RECORDINGS) for name in TABLES),
     *((name, "mcap", RECORDINGS) for name in MCAP),
-    *((name, "matplotlib", "'msggen[plot]'") for name in ("plot",)),
-    ("topic plot", "plotille", "'msggen[plot]'"),
-    ("store", "obstore", "'msggen[stores]'"),
-    ("store", "botocore", "'msggen[stores]'"),
-    ("dask", "distributed", "'msggen[dask]'"),
-    ("view", "foxglove", "'msggen[view]'"),
+    *((name, "matplotlib", "plot") for name in ("plot",)),
+    ("topic plot", "plotille", "plot"),
+    ("store", "obstore", "stores"),
+    ("store", "botocore", "stores"),
+    ("dask", "distributed", "dask"),
+    ("view", "foxglove", "view"),
 ]
 
 
@@ -62,7 +63,8 @@ def flight(px4_types: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def here(flight: Path, tmp_path: Path) -> Path:
+def here(flight: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
     for name in ("flight.mcap", "copy.mcap"):
         (tmp_path / name).write_bytes(flight.read_bytes())
     return tmp_path
@@ -83,7 +85,7 @@ def test_a_command_names_what_is_not_installed(name: str, package: str, extra: s
     assert done.returncode == 2, done.stdout + done.stderr
     first, *_ = done.stderr.splitlines()
     assert first.startswith(f"{package}: "), first
-    assert first.endswith(f" this package is not installed: pip install {extra}")
+    assert first.endswith(f" this package is not installed: {installing(extra)}")
     assert set(here.iterdir()) == before
 
 
@@ -106,10 +108,10 @@ CALLS = [
     (f"{CONVERTED}'csv')", "pyarrow", RECORDINGS),
     (f"{CONVERTED}'mcap')", "mcap", RECORDINGS),
     (f"{CONVERTED}'rosbag2')", "mcap", RECORDINGS),
-    ("recordings.plot.draw(log, ['sensor_combined.gyro_rad'])", "matplotlib", "'msggen[plot]'"),
-    ("recordings.open('http://127.0.0.1:9/flight.mcap')", "obstore", "'msggen[stores]'"),
+    ("recordings.plot.draw(log, ['sensor_combined.gyro_rad'])", "matplotlib", "plot"),
+    ("recordings.open('http://127.0.0.1:9/flight.mcap')", "obstore", "stores"),
     (FLEET.format("update"), "pyarrow", RECORDINGS),
-    ("from msggen.recordings.fleet import pools\nnext(pools.on_client([], None))", "distributed", "'msggen[dask]'"),
+    ("from msggen.recordings.fleet import pools\nnext(pools.on_client([], None))", "distributed", "dask"),
 ]
 
 
@@ -117,5 +119,5 @@ CALLS = [
 @pytest.mark.parametrize(("call", "package", "arguments"), CALLS)
 def test_a_function_names_what_is_not_installed(call: str, package: str, arguments: str, here: Path) -> None:
     done = without(package, OPENED + call, here)
-    expected = f"ModuleNotFoundError: the package {package} is not installed: pip install {arguments}"
+    expected = f"ModuleNotFoundError: the package {package} is not installed: {installing(*arguments.split())}"
     assert done.stderr.splitlines()[-1:] == [expected]

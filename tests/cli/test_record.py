@@ -16,6 +16,7 @@ from typing import Any
 
 import pytest
 
+from msggen.base.missing import installing
 from msggen.cli import main, parser_for
 from msggen.live.messages.object_ids import object_ids_of
 from msggen.live.sim import Misbehaviour, Options, Simulator
@@ -214,7 +215,7 @@ def test_a_package_that_is_missing_is_named(
     monkeypatch.setitem(sys.modules, "mcap", None)
     for words in (["record"], ["play", "a.mcap"]):
         assert main(words) == 2
-        assert "this package is not installed: pip install 'msggen[recordings]'" in capsys.readouterr().err
+        assert f"this package is not installed: {installing('recordings')}" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msggen import recordings
+from msggen.base.missing import installing
 from msggen.cli.log.opening import problem_text
 from msggen.recordings import Log, RecordingError, offset_between
 from msggen.recordings.decode.left_out import LeftOut, leave_out
@@ -363,7 +364,7 @@ def test_a_missing_package_names_the_extra(package: str, tmp_path: Path) -> None
         f"from msggen import recordings\nrecordings.open({str(path)!r})['/a']"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    expected = f"ModuleNotFoundError: the package {package} is not installed: pip install 'msggen[recordings]'"
+    expected = f"ModuleNotFoundError: the package {package} is not installed: {installing('recordings')}"
     assert done.stderr.splitlines()[-1] == expected
 
 

@@ -16,6 +16,7 @@ from botocore.session import Session
 from pyarrow import parquet
 
 from msggen import recordings
+from msggen.base.missing import installing
 from msggen.recordings.convert import Converted, convert, join
 from msggen.recordings.source.source import RecordingError
 from msggen.recordings.stores import client
@@ -263,4 +264,4 @@ def test_without_the_extra_the_error_names_it(source: Path) -> None:
             command = [sys.executable, "-c", code]
             done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
             assert done.returncode == 2, done
-            assert "this package is not installed: pip install 'msggen[stores]'\n" in done.stderr
+            assert f"this package is not installed: {installing('stores')}\n" in done.stderr

@@ -10,6 +10,7 @@ from types import ModuleType
 import pytest
 
 from msggen.base.exit_codes import DONE, FAILED, FINDINGS
+from msggen.base.missing import installing
 from msggen.cli import main
 from msggen.live.sim import Options, Simulator
 from support.ports import free_port
@@ -147,7 +148,7 @@ def test_a_package_that_is_not_installed_is_named(
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, package, None)
     assert run([FIELDS[0], "-o", "plot.png"], url) == FAILED
-    assert f"{package}: L111 this package is not installed: pip install 'msggen[plot]'" in capsys.readouterr().err
+    assert f"{package}: L111 this package is not installed: {installing('plot')}" in capsys.readouterr().err
 
 
 def test_a_topic_that_only_px4_reads_is_refused(

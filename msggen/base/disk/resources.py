@@ -8,6 +8,11 @@ PACKAGE = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file
 """The folder of msggen's modules."""
 
 
+def checkout() -> str | None:
+    """Return the folder of the checkout that msggen runs in, None for an installed copy."""
+    return None if _root("templates") == PACKAGE else os.path.dirname(PACKAGE)
+
+
 def resource(name: str) -> str:
     """Return the path of the folder `name`, such as "templates"."""
     return os.path.join(_root(name), name)

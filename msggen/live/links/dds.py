@@ -13,6 +13,7 @@ import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
+from msggen.base.missing import installing
 from msggen.live.link import LinkError, Listener, Remote, Route, Service, Statistics
 from msggen.live.links.guard import guarded
 
@@ -27,8 +28,6 @@ LOOPBACK = """<CycloneDDS><Domain>
   <Discovery><SPDPInterval>1s</SPDPInterval><ParticipantIndex>auto</ParticipantIndex></Discovery>
 </Domain></CycloneDDS>"""
 """A configuration of cyclonedds that keeps all traffic on this computer."""
-
-MISSING = "the package cyclonedds is not installed: pip install 'msggen[dds]'"
 
 PATIENCE = 0.5
 """The longest time in s until the thread looks around without having been woken."""
@@ -140,7 +139,7 @@ class DdsLink:
         try:
             from msggen.live.links.cyclone import DDSException, Participant
         except ImportError as error:
-            raise LinkError(MISSING) from error
+            raise LinkError(f"the package cyclonedds is not installed: {installing('dds')}") from error
         try:
             self._participant = Participant(self._domain, self._configuration)
         except DDSException as error:

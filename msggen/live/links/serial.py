@@ -10,6 +10,7 @@ import time
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 
+from msggen.base.missing import installing
 from msggen.live.link import LinkError, Listener, Route
 from msggen.live.links.agent_link import SelectorLink
 from msggen.live.xrce.framing import Deframer, pack_frame
@@ -248,7 +249,7 @@ def _set_up_with_pyserial(path: str, baud: int) -> None:
         from serial import Serial, SerialException
     except ImportError as error:
         raise LinkError(
-            f"{baud} baud needs the package pyserial: pip install 'msggen[serial]'. Speeds without it: {speeds}"
+            f"{baud} baud needs the package pyserial: {installing('serial')}. Speeds without it: {speeds}"
         ) from error
     try:
         Serial(path, baud, timeout=0, inter_byte_timeout=0.1).close()

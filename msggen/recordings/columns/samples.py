@@ -126,12 +126,12 @@ def frame_of(library: str, columns: Callable[[], Mapping[str, Any]], table: Call
 
 
 def _pandas() -> Any:
-    with installed_by(f"{RECORDINGS} pandas"):
+    with installed_by(RECORDINGS, "pandas"):
         import pandas as pd
     return pd
 
 
 def _polars() -> Any:
-    with installed_by(f"{RECORDINGS} polars"):
+    with installed_by(RECORDINGS, "polars"):
         import polars as pl
     return pl

@@ -16,7 +16,7 @@ from msggen.recordings.fleet.batch import Batch, Outcome, Task, convert_batch
 
 _PATIENCE = 10
 """How long to wait for a scheduler, in s."""
-_DASK = "'msggen[dask]'"
+_DASK = "dask"
 
 if TYPE_CHECKING:
     Pool = Callable[[Sequence[Task]], Iterator[Batch]]

@@ -134,7 +134,7 @@ def draw_panels(
     figure: Figure | None = None,
 ) -> Figure:
     """Draw fields over time from `start` on. See `draw`."""
-    with installed_by("'msggen[plot]'"):
+    with installed_by("plot"):
         import matplotlib as mpl
         from matplotlib.figure import Figure as NewFigure
     with mpl.rc_context(_LITERAL):  # each text takes it over when it is made

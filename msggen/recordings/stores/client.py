@@ -52,7 +52,7 @@ def client_for(place: str, address: str) -> ObjectStore:
 
     Raises StoreError, and ModuleNotFoundError without the extra.
     """
-    with installed_by("'msggen[stores]'"):
+    with installed_by("stores"):
         import botocore.session  # noqa: F401
         from obstore.exceptions import BaseError
         from obstore.store import HTTPStore, from_url

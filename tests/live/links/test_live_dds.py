@@ -236,7 +236,7 @@ def test_the_error_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
         return real(name, *args)
 
     monkeypatch.setattr(builtins, "__import__", missing)
-    with pytest.raises(LinkError, match=r"pip install 'msggen\[dds\]'"):
+    with pytest.raises(LinkError, match=r"pip install -e '.*\[dds\]'"):
         DdsLink(0).start(Records())
 
 

@@ -281,7 +281,7 @@ def test_without_pyserial_the_error_names_the_extra(vehicle: Vehicle, monkeypatc
         return real(name, *args)
 
     monkeypatch.setattr(builtins, "__import__", missing)
-    with nothing_is_left(), pytest.raises(LinkError, match=r"pip install 'msggen\[serial\]'.*57600, 115200"):
+    with nothing_is_left(), pytest.raises(LinkError, match=r"pip install -e '.*\[serial\]'\. .*57600, 115200"):
         SerialLink(vehicle.path, 250000).start(Records())
 
 
