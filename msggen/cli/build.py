@@ -5,8 +5,10 @@ from __future__ import annotations
 import argparse
 import keyword
 import os
+import sys
 import time
 from collections.abc import Iterator
+from shlex import quote
 
 from msggen.base.diagnostics import counted, input_error
 from msggen.base.disk.depfile import check_depfile, write_depfile
@@ -114,3 +116,14 @@ def _report(outcome: Outcome, label: str, seconds: float, *, write: bool, verbos
     counts = f"{counted(len(plan.written), 'file')} written, {len(plan.removed)} removed, {unchanged} unchanged"
     yield f"{os.path.basename(outcome.folder)} from {label}: {outcome.summary}"
     yield f"{plan.folder}: {counts}, in {seconds:.2f} s"
+    if not unchanged and not plan.removed:
+        yield from _importing(plan.folder)
+
+
+def _importing(package: str) -> Iterator[str]:
+    """Yield how to import a new package, unless programs in the current folder, or those of this Python, find it."""
+    folder = os.path.dirname(package) or os.curdir
+    if os.path.abspath(folder) not in map(os.path.abspath, ("", *sys.path)):
+        place = quote(folder) if os.path.isabs(folder) else f"$PWD/{quote(folder)}"
+        others = ":$PYTHONPATH" if os.environ.get("PYTHONPATH") else ""
+        yield f"to import it: export PYTHONPATH={place}{others}"

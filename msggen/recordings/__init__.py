@@ -1,7 +1,7 @@
 """Recordings of vehicles: how they are written (docs/record.md) and read (docs/reading.md).
 
 `open` reads a recording in any format, as arrays, tables and messages. It needs the packages of the extra
-`msggen[recordings]`. It imports base, definitions, sources, check and live.
+`recordings`. It imports base, definitions, sources, check and live.
 """
 
 __all__ = ["Log", "Offset", "Problem", "RecordingError", "Samples", "Topic", "offset_between", "open", "plot"]

@@ -12,6 +12,7 @@ import itertools
 import json
 import os
 import re
+import shlex
 import shutil
 import signal
 import subprocess
@@ -545,6 +546,32 @@ def test_a_build_says_what_it_made(capsys: pytest.CaptureFixture[str]) -> None:
     assert "2 endpoints" in said.out
     assert re.search(r"^generated/px4_types: \d+ files written, 0 removed, 0 unchanged", said.out, re.MULTILINE)
     assert said.err == ""
+
+
+def test_a_build_says_how_to_import_a_new_package(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A program with the line that it prints imports the package, and one without it does not."""
+    folder_of("bare", "Rpm")
+    monkeypatch.delenv("PYTHONPATH", raising=False)
+    assert build("--msg-dir", "bare", "-o", "my types") == 0
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert last == "to import it: export PYTHONPATH=$PWD/'my types'"
+    command = f"cd bare; {shlex.quote(sys.executable)} -c 'import px4_types; px4_types.Rpm'"
+    for line, code in (("true", 1), (last.partition(": ")[2], 0)):
+        script = ["sh", "-c", f"{line}; {command}"]
+        done = subprocess.run(script, capture_output=True, text=True, check=False)
+        assert done.returncode == code, done.stderr
+    build("--msg-dir", "bare", "-o", "my types")
+    assert "PYTHONPATH" not in capsys.readouterr().out
+    monkeypatch.setenv("PYTHONPATH", "/opt/ros")
+    build("--msg-dir", "bare", "-o", str(Path("absolute").absolute()))
+    assert f"export PYTHONPATH={Path.cwd()}/absolute:$PYTHONPATH\n" in capsys.readouterr().out
+    build("--msg-dir", "bare", "-o", ".")
+    assert "PYTHONPATH" not in capsys.readouterr().out
+    monkeypatch.syspath_prepend(str(Path("src").absolute()))
+    build("--msg-dir", "bare", "-o", "src")
+    assert "PYTHONPATH" not in capsys.readouterr().out
 
 
 def test_quiet_says_nothing(capsys: pytest.CaptureFixture[str]) -> None:

@@ -59,7 +59,7 @@ def test_the_commands_do_what_the_page_shows(
 
 def test_the_page_installs_what_its_code_imports() -> None:
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
-    (chosen,) = re.findall(r"pip install './msggen\[([\w,]+)\]'", PAGE)
+    (chosen,) = re.findall(r"pip install '\.\[([\w,]+)\]'", PAGE)
     installed = {re.split(r"[^\w-]", each)[0] for extra in chosen.split(",") for each in extras[extra]}
     (code,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
     assert set(re.findall(r"^(?:import|from) (\w+)", code, re.MULTILINE)) - {"msggen"} <= installed

@@ -78,7 +78,7 @@ def test_a_reader_gets_what_the_page_shows(page: str, tmp_path: Path, home: Path
 def requirements(page: str) -> list[str]:
     """Return what the commands of a page install."""
     commands = (step.code.removeprefix(INSTALL) for step in steps_of(page) if step.code.startswith(INSTALL))
-    return [each for command in commands for each in shlex.split(command)]
+    return [each for command in commands for each in shlex.split(command, comments=True)]
 
 
 @pytest.mark.parametrize("page", PAGES)

@@ -35,6 +35,15 @@ def test_every_page_is_listed_in_the_readme() -> None:
     assert [page.name for page in PAGES[1:] if f"docs/{page.name}" not in README] == []
 
 
+@pytest.mark.parametrize("page", PAGES, ids=[page.name for page in PAGES])
+def test_a_page_that_installs_from_the_index_says_how_to_install_from_a_clone(page: Path) -> None:
+    """An extra in the text has its name only, and README.md says how to install it."""
+    for line in page.read_text(encoding="utf-8").splitlines():
+        if extras := re.search(r"pip install '?msggen\[([\w,]+)\]", line):
+            command = f"  # in a clone: '.[{extras[1]}]'"
+            assert line.endswith(command) or page.name == "errors.md", f"{line}{command}"
+
+
 def test_ci_runs_the_test_command_of_the_readme() -> None:
     command = next(line for line in README.splitlines() if line.startswith("$ ") and "-m pytest" in line)
     assert command.removeprefix("$ ") in (ROOT / ".ci" / "run").read_text().splitlines()

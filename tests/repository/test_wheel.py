@@ -67,8 +67,9 @@ def test_it_works_in_an_empty_environment(wheel: Path, tmp_path: Path) -> None:
     program = "from px4_types import SensorCombined as S; assert S.decode(S(timestamp=1).encode()).timestamp == 1"
     run(tmp_path / "made", python, "-I", "-c", f"import sys; sys.path.insert(0, '.'); {program}")
     check_package(tmp_path / "made" / "px4_types")
-    hint = f"from msggen.base.missing import installing; assert installing('dds') == {f"pip install '{wheel}[dds]'"!r}"
-    run(tmp_path, python, "-I", "-c", f"{hint}, installing('dds')")
+    shown = f"pip install '{wheel}[dds]'"
+    hint = f"from msggen.base.missing import installing; assert installing('dds') == {shown!r}, installing('dds')"
+    run(tmp_path, python, "-I", "-c", hint)
     if shutil.which("cmake"):
         (tmp_path / "CMakeLists.txt").write_text(CMAKE)
         path = f"{programs}{os.pathsep}{os.environ['PATH']}"

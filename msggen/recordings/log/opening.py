@@ -23,7 +23,7 @@ def open(  # noqa: A001 - users write recordings.open
     """Return the recording at `path`: an MCAP file, a ULog, a db3 file or a folder of rosbag2.
 
     `path` can be the address of a recording in a store, such as "s3://bucket/flight.mcap", or on a server of HTTP, with
-    the extra `msggen[stores]`.
+    the extra `stores`.
 
     `path` can also be a file object in binary mode, such as `io.BytesIO` or a pipe: what is left of it is copied to a
     temporary file, which `Log.close` removes. A file that was just opened is read by its name, and not copied.

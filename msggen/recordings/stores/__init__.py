@@ -1,4 +1,4 @@
 """Object stores: S3, Google Cloud Storage, Azure; and servers of HTTP, which are only read.
 
-A program names an object by its address: `s3://bucket/flight.mcap`. It imports obstore, of the extra `msggen[stores]`.
+A program names an object by its address: `s3://bucket/flight.mcap`. It imports obstore, of the extra `stores`.
 """
