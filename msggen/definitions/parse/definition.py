@@ -24,7 +24,13 @@ from msggen.definitions.model import (
     snake_case,
 )
 from msggen.definitions.parse.comment import parse_comment, parse_constant_comment
-from msggen.definitions.parse.field_type import MESSAGE_NAME, NAME_IN_PX4, TypeSpellingError, parse_type
+from msggen.definitions.parse.field_type import (
+    INTERFACE_NAME,
+    MESSAGE_NAME,
+    NAME_IN_PX4,
+    TypeSpellingError,
+    parse_type,
+)
 from msggen.definitions.parse.value import parse_value
 from msggen.definitions.primitives import INTEGERS
 from msggen.definitions.tags import ATTRIBUTES, NAMES, UNIT
@@ -84,7 +90,8 @@ def parse_message(
     only the rules of ROS 2 apply.
     """
     body = _Body(path, name, of_uorb=of_uorb)
-    _check_name(body, name, is_of_px4=of_uorb)
+    if of_uorb or not INTERFACE_NAME.fullmatch(name):
+        _check_name(body, name, is_of_px4=of_uorb)
     body.read(text.split("\n"), 1)
     if not of_uorb:
         return body.message(package, "msg"), body.errors

@@ -24,6 +24,10 @@ _TYPE = re.compile(
     r"(?P<array>\[(?P<atmost><=)?(?P<length>[^\[\]<=]*)\])?"
 )
 MESSAGE_NAME = re.compile(r"[A-Z][A-Za-z0-9]*")
+INTERFACE_NAME = re.compile(
+    r"[A-Z][A-Za-z0-9]*(?:_(?:SendGoal|GetResult))?(?:_(?:Request|Response|Event|Goal|Result|Feedback|FeedbackMessage))?"
+)
+"""The names of messages in ROS 2, with those that rosidl derives from services and actions."""
 _PACKAGE_NAME = re.compile(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)*")
 
 NAME_IN_PX4 = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
@@ -57,7 +61,7 @@ def parse_type(text: str, *, of_uorb: bool = True) -> FieldType:
     Definitions `of_uorb` may nest messages with names in lower case, and have a lower limit for array lengths. Raises
     TypeSpellingError.
     """
-    pattern, most = (NAME_IN_PX4, MAX_LENGTH) if of_uorb else (MESSAGE_NAME, MAX_OTHER_LENGTH)
+    pattern, most = (NAME_IN_PX4, MAX_LENGTH) if of_uorb else (INTERFACE_NAME, MAX_OTHER_LENGTH)
     match = _TYPE.fullmatch(text)
     if match is None:
         hint = suggestion(text, PRIMITIVES) or ": expected a type such as 'float32', 'float32[3]' or 'package/Name'"

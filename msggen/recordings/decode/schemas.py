@@ -65,13 +65,16 @@ def _read(ros_type: str, definition: str) -> Schema | str:
 
 def _parsed(ros_type: str, definition: str) -> Schema:
     messages: dict[str, Message] = {}
+    folders = {
+        key_of(name): name.split("/")[1] for name in (ros_type, *_HEAD.findall(definition)) if name.count("/") > 1
+    }
     for key, text in definitions_in(ros_type, definition).items():
         package, _, name = key.partition("/")
         message, errors = parse_message(text, key, name, package, of_uorb=False)
         error = next((each for each in errors if each.level is Level.ERROR), None)
         if error is not None:
             raise SchemaError(f"definition of {key}, line {error.location.line}: {error.message}")
-        messages[key] = message
+        messages[key] = message._replace(folder=folders.get(key, message.folder))
     catalog = Catalog(messages, (), (), _NO_CONVENTIONS)
     message = messages[key_of(ros_type)]
     return Schema(catalog, message, _extent(messages, message).values)

@@ -317,11 +317,11 @@ class Db3File(Source):
         """Return the channels. Raises RecordingError."""
         definitions: dict[tuple[str, str], str] = {}
         for row in self._rows_of("message_definitions"):
-            if row.get("encoding") == "ros2msg":
-                of_type = str(row.get("topic_type"))
-                text = definition_in(of_type, str(row.get("encoded_message_definition") or ""))
-                definitions.setdefault((of_type, str(row.get("type_description_hash") or "")), text)
-                definitions.setdefault((of_type, ""), text)
+            of_type, text = str(row.get("topic_type")), str(row.get("encoded_message_definition") or "")
+            definition = definition_in(of_type, str(row.get("encoding")), text)
+            if definition:
+                definitions.setdefault((of_type, str(row.get("type_description_hash") or "")), definition)
+                definitions.setdefault((of_type, ""), definition)
         found = {}
         for row in self._rows_of("topics"):
             number, name, ros_type = row.get("id"), row.get("name"), row.get("type")

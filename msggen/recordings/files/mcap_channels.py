@@ -20,6 +20,7 @@ from msggen.recordings.files.mcap_records import (
     text_at,
 )
 from msggen.recordings.files.metadata import IS_LENT, NAMES
+from msggen.recordings.files.service_events import event_definition, is_service
 from msggen.recordings.source.source import VERIFIED, Channel, Problem, RawSchema
 
 if TYPE_CHECKING:
@@ -155,9 +156,9 @@ class Described:
         name, place = text_at(record, 2)
         encoding, place = text_at(record, place)
         data, place = bytes_at(record, place)
-        is_ros = encoding == "ros2msg"
-        self._schemas[number] = RawSchema(name, encoding, b"" if is_ros else data)
-        self._definitions[number] = definition_in(name, data.decode(errors="replace")) if is_ros else ""
+        definition = definition_in(name, encoding, data.decode(errors="replace"))
+        self._schemas[number] = RawSchema(name, "ros2msg", b"") if definition else RawSchema(name, encoding, data)
+        self._definitions[number] = definition
 
     def _channel_of(self, record: bytes, length: int) -> Channel:
         number, schema = struct.unpack_from("<HH", record)
@@ -198,9 +199,14 @@ def type_hash_in(text: str) -> str:
     return "" if text == _NO_HASH else text
 
 
-def definition_in(ros_type: str, text: str) -> str:
-    """Return a definition of a recording. That of std_msgs/msg/Empty has no characters; "" stands for no definition."""
-    return text or ("\n" if ros_type.endswith("/Empty") else "")
+def definition_in(ros_type: str, encoding: str, text: str) -> str:
+    """Return a definition of a recording, "" if there is none in `ros2msg`.
+
+    That of std_msgs/msg/Empty has no characters. Those of services have a definition in the encoding `unknown`, too.
+    """
+    if encoding != "ros2msg" and not is_service(text):
+        return ""
+    return event_definition(ros_type, text) or ("\n" if ros_type.endswith("/Empty") else "")
 
 
 def _mapping(data: bytes, start: int, stop: int) -> dict[str, str]:
