@@ -20,13 +20,16 @@ from msggen.definitions.model import (
     snake_case,
 )
 from msggen.definitions.nesting import Extent, cycles, too_large
-from msggen.definitions.parse.field_type import OTHER_SPELLINGS
-from msggen.definitions.primitives import INTEGERS, PRIMITIVES, STRINGS
+from msggen.definitions.parse.field_type import type_hint
+from msggen.definitions.primitives import INTEGERS, STRINGS
 from msggen.sources.sources import Sources
 from msggen.sources.tree_layout import LISTS
 
 if TYPE_CHECKING:
     from msggen.definitions.parse.cmake import MessageLists
+
+_OF_GENMSG = "px4"
+"""The package of PX4's messages in genmsg, which some definitions before v1.14 spell."""
 
 
 def check_names(definitions: Iterable[Message | Service], uorb: str) -> Iterator[Diagnostic]:
@@ -274,10 +277,13 @@ def _hint(outer: Message, type_: FieldType, known: Mapping[str, Message]) -> str
         elsewhere = sorted(package for package in names if type_.name in names[package])
         if elsewhere:
             return f", did you mean '{elsewhere[0]}/{type_.name}'?"
-        other = OTHER_SPELLINGS.get(type_.name)
-        return f", did you mean '{other}'?" if other else suggestion(type_.name, [*names[outer.package], *PRIMITIVES])
+        return type_hint(type_.name, names[outer.package])
     if type_.package in names:
         return suggestion(type_.base, [f"{type_.package}/{name}" for name in names[type_.package]])
+    if type_.package == _OF_GENMSG:
+        own = names[outer.package]
+        text = ": PX4's messages are nested without a package"
+        return f"{text}, write '{type_.name}'" if type_.name in own else f"{text}{suggestion(type_.name, own)}"
     text = f": the package '{type_.package}' is not among the sources"
     return f"{text}, name it with --msg-dir {type_.package}=DIR"
 

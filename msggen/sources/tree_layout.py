@@ -23,8 +23,8 @@ _PARTS = (("msg",), ("srv",), ("msg", "versioned"))
 _FOLDERS = ("msg/versioned", "msg/px4_msgs_old", "msg/translation_node")
 """The folders that PX4 has in `msg/`."""
 
-_OLD_SCRIPTS = "msg/tools"
-"""The folder of the generators of a tree before v1.14."""
+_OLD_SCRIPTS = ("msg/tools", "msg/templates/uorb")
+"""The folders of the generators of a tree before v1.14, and before v1.8."""
 
 _CLIENT = "src/modules/uxrce_dds_client"
 _BRIDGE_PLACES = (f"{_CLIENT}/dds_topics.yaml", "dds_topics.yaml")
@@ -95,7 +95,7 @@ def is_firmware(tree: Tree) -> bool:
 
 def is_too_old(tree: Tree) -> bool:
     """Whether this is a PX4-Autopilot tree before v1.14, which has another bridge and other names of messages."""
-    return is_firmware(tree) and not tree.is_folder(_CLIENT) and tree.is_folder(_OLD_SCRIPTS)
+    return is_firmware(tree) and not tree.is_folder(_CLIENT) and any(map(tree.is_folder, _OLD_SCRIPTS))
 
 
 def tree_above(path: str) -> str | None:

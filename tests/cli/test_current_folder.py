@@ -19,10 +19,12 @@ PACKAGE = "<package><name>{}</name></package>"
 TREE = {"msg/Lamp.msg": STAMP, "msg/versioned/Bulb.msg": STAMP, "src/modules/uxrce_dds_client/dds_topics.yaml": ""}
 ROS_PACKAGE = {"msg/Lamp.msg": STAMP, "package.xml": PACKAGE.format("px4_msgs")}
 OLD_TREE = {
-    "src/modules/micrortps_bridge/README": "",
-    "msg/tools/urtps_bridge_topics.yaml": "",
     "msg/CMakeLists.txt": "set(msg_files vehicle_status.msg)\n",
     **{f"msg/old_{number}.msg": "uint8 x\n# TOPICS  a  b\n" for number in range(100)},
+}
+OLD_TREES = {
+    "v1.13": {"src/modules/micrortps_bridge/README": "", "msg/tools/urtps_bridge_topics.yaml": "", **OLD_TREE},
+    "v1.7": {"src/modules/uORB/README": "", "msg/templates/uorb/msg.h.template": "", **OLD_TREE},
 }
 
 
@@ -131,11 +133,12 @@ def test_a_part_of_a_tree_is_refused_with_the_tree(
 
 
 @pytest.mark.tools("git")
+@pytest.mark.parametrize("tree", ["v1.13", "v1.7"])
 @pytest.mark.parametrize("kind", ["folder", "current", "revision", "archive"])
 def test_a_tree_before_v1_14_is_refused_in_a_line(
-    kind: str, working_folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    kind: str, tree: str, working_folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    write_definitions(working_folder / "px4", OLD_TREE)
+    write_definitions(working_folder / "px4", OLD_TREES[tree])
     named = {
         "folder": ["--px4", "px4"],
         "current": [],

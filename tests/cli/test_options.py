@@ -35,7 +35,7 @@ def meaning(action: argparse.Action) -> tuple[object, ...]:
 
 
 OF_OTHERS = {
-    "log": {"-o", "--output", "-n", "--count", "--field", "--format"},
+    "log": {"-o", "--output", "-n", "--count", "--field", "--format", "--types"},
     "doctor": {"--json", "--for", "-v", "--verbose"},
     "topic": {"-t", "-v", "--verbose"},
     "topic plot": {"-o", "--output", "--window"},

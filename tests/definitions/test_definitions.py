@@ -624,3 +624,28 @@ def test_a_message_cannot_be_changed() -> None:
     with pytest.raises(AttributeError):
         message.name = "Bar"  # type: ignore[misc]
     assert hash(message) == hash(read("uint64 timestamp"))
+
+
+@pytest.mark.parametrize(
+    ("line", "meant"),
+    [
+        ("uint STATUS_OK = 0", "uint8"),
+        ("int STATUS_OK = 0", "int32"),
+        ("float LIMIT = 0.5", "float32"),
+        ("double LIMIT = 0.5", "float64"),
+        ("Float32 LIMIT = 0.5", "float32"),
+        ("boolean ON = 1", "bool"),
+        ("unsigned COUNT = 1", "uint32"),
+        ("str NAME = one", "string"),
+    ],
+)
+@pytest.mark.parametrize("of_uorb", [True, False])
+def test_the_type_that_a_constant_should_have_is_told(line: str, meant: str, of_uorb: bool) -> None:  # noqa: FBT001
+    _, errors = parse_message(f"uint64 timestamp\n{line}\n", "Foo.msg", "Foo", "px4_msgs", of_uorb=of_uorb)
+    name = line.partition(" ")[0]
+    assert [str(error) for error in errors] == [f"Foo.msg:2:1: M301 unknown type '{name}', did you mean '{meant}'?"]
+
+
+def test_a_message_takes_no_value() -> None:
+    _, errors = parse_message("EscReport REPORT = 1\n", "Foo.msg", "Foo", "px4_msgs")
+    assert [error.message for error in errors] == ["'REPORT': a message ('EscReport') takes no value"]

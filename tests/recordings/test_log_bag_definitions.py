@@ -125,9 +125,9 @@ def test_other_types_stay_without_definitions(tmp_path: Path) -> None:
     assert {topic.name for topic in log.topics if not topic.definition} == {"/chatter", "/json"}
     assert any("/chatter has no definition" in note for note in log.notes)
     path = write_database(tmp_path / "y.db3", further, [(90, START, b"\0\1\0\0\1\0\0\0\0")], version=1)
-    assert recordings.open(path).notes == [
-        "1 topic has no definition in the recording, and no embedded release fits",
-    ]
+    nothing, hint = recordings.open(path).notes
+    assert nothing == "1 topic has no definition in the recording, and no embedded release fits"
+    assert hint.startswith("for the types of my_msgs, name the folder of their package, --msg-dir my_msgs=DIR, or ")
 
 
 def test_topics_without_samples_are_told(tmp_path: Path) -> None:

@@ -12,16 +12,17 @@ import pytest
 from rosbags.typesys import Stores, get_typestore
 
 from msggen import recordings
+from msggen.base.diagnostics import InputError
 from msggen.cli import main
 from msggen.generate.cache import package_of
-from msggen.recordings.decode.schemas import read_schema
+from msggen.recordings.decode.schemas import read_schema, type_hash_of
 from msggen.recordings.definitions import lent, ros_types
 from msggen.recordings.definitions.ros_types import standard_types, types_in
 from support.catalogs import write_definitions
 from support.databases import Stored, write_database
 from support.log_files import Written, write_log
 from support.recordings import START
-from support.ros_packages import DEFINITIONS
+from support.ros_packages import DEFINITIONS, TYPE_HASHES
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)
 POSE = "geometry_msgs/msg/PoseStamped"
@@ -82,12 +83,13 @@ def check_poses(log: recordings.Log) -> None:
     assert columns["pose.orientation.w"].tolist() == [1.0] * 5
 
 
-def test_rosbags_has_the_standard_types(bag: Path) -> None:
+@pytest.mark.usefixtures("no_rosbags")
+def test_the_standard_types_are_known(bag: Path) -> None:
     with recordings.open(bag) as log:
         check_poses(log)
         assert log.columns("/chatter")["data"].tolist() == [f"text {index}" for index in range(5)]
         assert log.notes == [
-            f"{LACKING}; 2 taken from the table 'ros2_humble' of rosbags, which has them",
+            f"{LACKING}; 2 taken from msggen's table of ROS 2 Humble, which has them",
         ]
         assert log.problems == []
         assert all(topic.is_lent for topic in log.topics)
@@ -103,7 +105,7 @@ def test_an_installed_ros_comes_first(bag: Path, tmp_path: Path, monkeypatch: py
         text = "1 topic has no definition in the recording; 1 taken from"
         assert log.notes == [
             f"{text} the ROS of AMENT_PREFIX_PATH, which has them",  # it has no String
-            f"{text} the table 'ros2_humble' of rosbags, which has them",
+            f"{text} msggen's table of ROS 2 Humble, which has them",
         ]
 
 
@@ -126,29 +128,119 @@ def test_a_folder_has_them(bag: Path, tmp_path: Path, below: str) -> None:
     write_packages(folder / below)
     with recordings.open(bag, folder) as log:
         check_poses(log)
-        assert log.notes[0] == (f"2 topics have no definitions in the recording; 1 taken from {folder}, as asked for")
-        assert log.notes[1].startswith(
-            f"/chatter has no definition: that of std_msgs/msg/String in {folder} is not there"
-        )
+        text = "1 topic has no definition in the recording; 1 taken from"
+        assert log.notes == [
+            f"{text} {folder}, as asked for",
+            f"{text} msggen's table of ROS 2 Humble, which has them",  # the folder has no String
+        ]
 
 
-def test_packages_and_firmwares_are_no_folders_of_packages(tmp_path: Path) -> None:
+def test_firmwares_and_missing_folders_are_no_packages(tmp_path: Path) -> None:
     folder = write_packages(tmp_path / "packages")
+    tree = write_definitions(tmp_path / "px4", {"src/modules/x": "", "msg/Rpm.msg": "uint64 timestamp\n"})
+    other = write_definitions(
+        tmp_path / "other", {"package.xml": MANIFEST.format("px4_msgs"), "msg/Rpm.msg": "uint64 timestamp\n"}
+    )
     assert types_in(str(folder)) is not None
-    assert types_in(str(folder / "std_msgs")) is None
-    assert types_in(str(tmp_path / "missing")) is None
-    assert types_in("v1.16") is None
+    assert types_in(str(folder / "std_msgs")) is not None
+    for path in (tree, other, tmp_path / "missing", "v1.16"):
+        assert types_in(str(path)) is None
+
+
+# --- Packages of one's own
+
+MANIFEST = "<package format='3'><name>{}</name></package>"
+OWN = {"msg/Grip.msg": "std_msgs/Header header\nFinger[2] fingers\n", "msg/Finger.msg": "float32 force\nstring name\n"}
+
+
+def grip() -> bytes:
+    text = struct.pack("<I4s", 4, b"map\0")
+    fingers = b"".join(struct.pack("<fI2s2x", force, 2, b"a\0") for force in (1.5, 2.5))
+    return b"\0\1\0\0" + struct.pack("<iI", 1, 2) + text + fingers
+
+
+def write_own(path: Path) -> Path:
+    topics = [Stored(1, "/grip", "my_msgs/msg/Grip"), Stored(2, "/chatter", STRING)]
+    return write_database(path, topics, [(1, START, grip()), (2, START, payload_of(STRING, data="x"))], version=2)
 
 
 @pytest.mark.usefixtures("no_rosbags")
-def test_what_could_have_them_is_told(bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with recordings.open(bag) as log:
-        assert log.notes == [
-            f"{LACKING}, and no embedded release fits",
-            "for the types of geometry_msgs, std_msgs, source the setup of an installed ROS 2, or pip install rosbags",
+@pytest.mark.parametrize("manifest", [True, False])
+def test_a_package_of_ones_own_needs_no_ros_and_no_manifest(tmp_path: Path, manifest: bool) -> None:  # noqa: FBT001
+    """It is no firmware: its messages have no timestamp, but strings. What they nest of std_msgs is known."""
+    folder = "grippers" if manifest else "my_msgs"
+    more = {"package.xml": MANIFEST.format("my_msgs")} if manifest else {}
+    write_definitions(tmp_path / folder, {**OWN, **more})
+    with recordings.open(write_own(tmp_path / "x.db3"), tmp_path / folder) as log:
+        (row,) = log["/grip"]
+        assert row["header"]["stamp"]["sec"] == 1
+        assert [finger["force"] for finger in row["fingers"]] == [1.5, 2.5]
+        assert len(log["/chatter"]) == 1
+
+
+@pytest.mark.usefixtures("no_rosbags")
+def test_a_package_can_be_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_definitions(tmp_path / "grippers", OWN)
+    bag = write_own(tmp_path / "x.db3")
+    named = f"my_msgs={tmp_path / 'grippers'}"
+    with recordings.open(bag, ["v1.16", named]) as log:
+        assert len(log["/grip"]) == 1
+    assert main(["log", "show", str(bag), "/grip", "--msg-dir", named]) == 0
+    assert "1.5" in capsys.readouterr().out
+    with pytest.raises(SystemExit):
+        main(["log", "show", str(bag), "/grip", "--msg-dir", str(tmp_path / "grippers")])
+    assert "/grip cannot be decoded" in capsys.readouterr().err
+
+
+def test_packages_beside_px4_leave_its_types_to_the_releases(tmp_path: Path) -> None:
+    write_definitions(tmp_path / "my_msgs", OWN)
+    info = package_of("v1.16").VehicleStatus.__msg__
+    topics = [Stored(1, "/grip", "my_msgs/msg/Grip"), Stored(7, "/fmu/out/vehicle_status", info.ros_type)]
+    rows = [(1, START, grip()), (7, START, b"\0\1\0\0" + bytes(info.cdr_size))]
+    with recordings.open(write_database(tmp_path / "x.db3", topics, rows, version=2), tmp_path / "my_msgs") as log:
+        assert (len(log["/grip"]), len(log["vehicle_status"])) == (1, 1)
+        assert [("as asked for" in note, "that fits best" in note) for note in log.notes] == [
+            (True, False),
+            (False, True),
         ]
+
+
+def test_a_firmwares_error_in_an_unnamed_folder_is_told(tmp_path: Path) -> None:
+    write_definitions(tmp_path / "my_msgs", {"msg/Grip.msg": "float32\n"})
+    with pytest.raises(InputError, match="M101"):
+        recordings.open(write_own(tmp_path / "x.db3"), tmp_path / "my_msgs")
+
+
+def test_what_could_have_them_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """An installed rosbags has standard types only, so that it cannot help."""
+    bag = write_own(tmp_path / "x.db3")
+    hint = "for the types of my_msgs, name the folder of their package, --msg-dir my_msgs=DIR, or source the setup of"
+    with recordings.open(bag) as log:
+        assert len(log["/chatter"]) == 1
+        assert log.notes[-1] == f"{hint} a ROS 2 that has them"
     assert main(["log", "info", str(bag)]) == 0
-    assert "definitions for the types of geometry_msgs, std_msgs, source the setup" in capsys.readouterr().out
+    assert hint in capsys.readouterr().out
+
+
+def test_the_table_has_the_types_of_humble() -> None:
+    """Their type hashes are those of rosbags, which computes them of its own table."""
+    (find,) = [find for name, find in standard_types() if "msggen" in name]
+    names = [name for name in STORE.fielddefs if "/msg/" in name]
+    known = [name for name in names if find("", name)]
+    assert {name.partition("/")[0] for name in names if name not in known} == {"rmw_dds_common", "rosbag2_interfaces"}
+    assert len(known) > 140
+    for name in known:
+        (text,) = find("", name)
+        if name != "std_msgs/msg/Char":  # rosidl hashes a char as a uint8, rosbags does not
+            assert type_hash_of(name, text) == STORE.hash_rihs01(name)
+        constants = [(each.name, str(each.type), each.value) for each in read_schema(name, text).message.constants]
+        assert constants == [(*of, value) for *of, value in STORE.fielddefs[name][0]]
+
+
+def test_the_table_has_the_hashes_of_rosidl() -> None:
+    (find,) = [find for name, find in standard_types() if "msggen" in name]
+    for name, value in TYPE_HASHES.items():
+        assert [type_hash_of(name, text) for text in find("", name)] == [value] * ("/msg/" in name)
 
 
 @pytest.mark.usefixtures("no_rosbags")
@@ -169,7 +261,7 @@ def test_topics_of_px4_have_a_release_beside_them(tmp_path: Path) -> None:
             assert len(log["vehicle_status"]) == 1
             assert len(log.notes) == 2
             assert log.notes[0].startswith("1 topic has no definition in the recording; 1 taken from ")
-            assert "rosbags" in log.notes[1]
+            assert "Humble" in log.notes[1]
 
 
 def test_a_package_of_the_user_comes_before_the_standard_types(tmp_path: Path) -> None:

@@ -287,12 +287,14 @@ def test_a_name_without_a_package_is_of_the_same_package() -> None:
         ("geometry_msgs/Header x", ""),
         ("sensor_msgs/Imu x", ": the package 'sensor_msgs' is not among the sources, name it with --msg-dir"),
         ("time x", ", did you mean 'builtin_interfaces/Time'?"),
+        ("px4/Bar[8] x", ": PX4's messages are nested without a package, write 'Bar'"),
+        ("px4/Baz x", ": PX4's messages are nested without a package, did you mean 'Bar'?"),
     ],
 )
 @pytest.mark.parametrize("folder", ["mine", "my_msgs=mine"])
 def test_an_unknown_type_is_told_with_what_was_perhaps_meant(field: str, hint: str, folder: str) -> None:
     ros_packages()
-    write_definitions(Path("mine"), {"Foo.msg": f"{STAMP}{field}\n"})
+    write_definitions(Path("mine"), {"Foo.msg": f"{STAMP}{field}\n", "Bar.msg": STAMP})
     name = field.split("[", maxsplit=1)[0].split(maxsplit=1)[0]
     expected = f"mine/Foo.msg:2:1: M301 unknown type '{name}'{hint}"
     assert refused(folder, *DEFINITIONS).startswith(expected)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from msggen.base.recording_formats import FORMATS
 from msggen.cli.log.targets import STDIN, SUFFIXES
 from msggen.cli.options import FAILED_CODES, add_shared
-from msggen.cli.values import new_recording, non_empty, recording, seconds
+from msggen.cli.values import local_path, new_recording, non_empty, recording, seconds
 
 if TYPE_CHECKING:
     from msggen.recordings import Log, Topic
@@ -26,6 +26,9 @@ def add_file(parser: argparse.ArgumentParser) -> None:
     """Add the recording to read."""
     text = f"recording: {KINDS}; {STDIN} for stdin; or an address: s3://BUCKET/KEY, https://…"
     parser.add_argument("file", metavar="FILE", type=recording, help=text)
+    group = parser.add_argument_group("definitions", "For topics that have no definition in the recording.")
+    add_shared(group, "--msg-dir")
+    group.add_argument("--types", metavar="NAME|DIR", type=local_path, help="package that msggen has generated")
 
 
 def add_topics(parser: argparse.ArgumentParser) -> None:

@@ -18,7 +18,7 @@ from msggen.cli.log.arguments import asked_time, refuse_files, swapped_hint
 from msggen.cli.log.progress import busy_bar, progress_bar
 from msggen.cli.log.targets import STDIN
 from msggen.cli.options import check_parent
-from msggen.cli.packages import check_reading, missing_extra
+from msggen.cli.packages import check_reading, import_package, missing_extra
 from msggen.cli.printing import number_of_bytes
 from msggen.cli.reading import store_errors, store_failed
 from msggen.show.report.json import dump
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from msggen.recordings import Log, Problem
     from msggen.recordings.convert import Converted
-    from msggen.recordings.definitions.lent import Nearby
+    from msggen.recordings.definitions.lent import Definitions, Nearby
 
 
 @contextmanager
@@ -47,7 +47,7 @@ def opened(options: argparse.Namespace, path: str) -> Iterator[Log]:
     try:
         with store_errors("R102"), busy_bar(options, f"opening {shown}"):
             keeps = getattr(options, "keep_damaged", False)
-            log = recordings.open(_source(options, path), _nearby(options), keep_damaged=keeps)
+            log = recordings.open(_source(options, path), _definitions(options) or None, keep_damaged=keeps)
     except RecordingError as error:
         text = str(error).removeprefix(f"{shown_address(_shown(path))} ")
         raise input_error(shown, "R102", text, 0) from None
@@ -86,12 +86,15 @@ def _shown(path: str) -> str:
     return name_of(sys.stdin.buffer) if path == STDIN else path
 
 
-def _nearby(options: argparse.Namespace) -> Nearby | None:
-    """Return the definitions for what a recording lacks, if the command has some beside those of the releases."""
+def _definitions(options: argparse.Namespace) -> list[Definitions | Nearby]:
+    """Return the definitions for what a recording lacks: those of the options, and of a firmware in the folder."""
     from msggen.recordings.definitions.lent import Nearby
 
+    found: list[Definitions | Nearby] = [*(getattr(options, "msg_dir", None) or [])]
+    if getattr(options, "types", None):
+        found.append(import_package(options.types))
     find: Callable[[argparse.Namespace], tuple[ModuleType, str] | None] | None = getattr(options, "nearby", None)
-    return None if find is None else Nearby(lambda: find(options))
+    return found if find is None else [*found, Nearby(lambda: find(options))]
 
 
 def written(options: argparse.Namespace, path: str, write: Callable[[Callable[[float], None]], Converted]) -> Converted:

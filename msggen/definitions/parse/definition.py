@@ -30,6 +30,7 @@ from msggen.definitions.parse.field_type import (
     NAME_IN_PX4,
     TypeSpellingError,
     parse_type,
+    type_hint,
 )
 from msggen.definitions.parse.value import parse_value
 from msggen.definitions.primitives import INTEGERS
@@ -260,6 +261,10 @@ class _Body:
             self.error(error.code, element.line, type_column, error.message)
             return
         value = None
+        hint = "" if type_.is_primitive or type_.package or not (is_constant or text) else type_hint(type_.name)
+        if hint:
+            self.error("M301", element.line, type_column, f"unknown type '{type_.name}'{hint}")
+            return
         if is_constant or text:
             try:
                 value = parse_value(type_, text, is_constant=is_constant)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from functools import lru_cache
 
 from msggen.base.diagnostics import suggestion
@@ -69,9 +70,7 @@ def parse_type(text: str, *, of_uorb: bool = True) -> FieldType:
         raise TypeSpellingError("M301", f"cannot read type '{text}'{hint}")
     package, name = match["package"], match["name"]
     if package is None and name not in PRIMITIVES and not pattern.fullmatch(name):
-        other = OTHER_SPELLINGS.get(name)
-        hint = f", did you mean '{other}'?" if other else suggestion(name, PRIMITIVES)
-        raise TypeSpellingError("M301", f"unknown type '{name}'{hint}")
+        raise TypeSpellingError("M301", f"unknown type '{name}'{type_hint(name)}")
     if package is not None and not (_PACKAGE_NAME.fullmatch(package) and pattern.fullmatch(name)):
         raise TypeSpellingError("M301", f"unknown type '{text}': expected 'package/Name'")
     bound = None
@@ -87,6 +86,12 @@ def parse_type(text: str, *, of_uorb: bool = True) -> FieldType:
         length = _length(match["length"], text, MAX_BOUND)
         return FieldType(name, package, ArrayKind.BOUNDED, length, string_bound=bound)
     return FieldType(name, package, ArrayKind.FIXED, _length(match["length"], text, most), string_bound=bound)
+
+
+def type_hint(name: str, others: Iterable[str] = ()) -> str:
+    """Return the primitive type, or one of `others`, that is probably meant by an unknown type, "" if none is near."""
+    known = OTHER_SPELLINGS.get(name)
+    return f", did you mean '{known}'?" if known else suggestion(name, [*others, *PRIMITIVES])
 
 
 def _length(digits: str, text: str, most: int) -> int:

@@ -20,14 +20,14 @@ from msggen.live.messages.names import version_of
 from msggen.live.messages.packages import classes_of, packages_of
 from msggen.recordings.decode.decoder import Decoder
 from msggen.recordings.decode.schemas import SchemaError, definition_of, read_schema, type_hash_of
-from msggen.recordings.definitions.ros_types import standard_types, types_in
+from msggen.recordings.definitions.ros_types import is_unnamed, standard_types, types_in
 from msggen.recordings.source.source import Channel, Part, Source
 
 if TYPE_CHECKING:
     from msggen.definitions.model import Catalog
 
 Definitions = ModuleType | str | os.PathLike[str]
-"""A generated package; a folder of definitions or a firmware, as `msggen.read` takes it; or a release: "v1.17"."""
+"""A generated package; a ROS package, a firmware or another source of `msggen.read`; or a release: "v1.17"."""
 
 _LOOKED_AT = 1 << 18
 """How many samples are read at most, to find one of each topic."""
@@ -38,6 +38,8 @@ _TRIED = 16
 _BRIDGE = re.compile("/fmu/(?:in|out)/.*")
 """The name of a topic of PX4 without the namespace of the vehicle."""
 _PX4 = "px4_msgs/"
+_RULES_OF_UORB = frozenset({"M301", "M306", "M307", "M401"})
+"""Errors of a firmware's definitions that those of other ROS packages can have."""
 _IS_HASH = re.compile("RIHS01_[0-9a-f]{64}")
 
 
@@ -49,6 +51,9 @@ class Lender(NamedTuple):
     """Returns the definitions for the name and the ROS type of a topic, the most likely first."""
     topics: frozenset[str] = frozenset()
     """The names of the topics of a release in ROS."""
+    is_of_px4: bool = True
+    """Whether PX4's types are expected here, and not in `otherwise` or a release."""
+    otherwise: Nearby | None = None
 
 
 class Nearby(NamedTuple):
@@ -75,16 +80,50 @@ class _Wanted(NamedTuple):
     channel: Channel
     part: Part | None
 
+    @property
+    def names(self) -> tuple[str, str]:
+        """The name and the type of the topic."""
+        return self.channel.topic, self.channel.ros_type
 
-def lender_of(definitions: Definitions | Nearby) -> Lender | Nearby:
-    """Return the definitions of a package, a folder, a firmware or a release. Raises InputError, and TypeError."""
+
+def lender_of(definitions: Definitions | Nearby | list[Definitions | Nearby]) -> Lender | Nearby:
+    """Return the definitions of packages, folders, a firmware or a release. Raises InputError, and TypeError.
+
+    Of several, the first one that has a type is taken.
+    """
     if isinstance(definitions, Nearby):
         return definitions
     if isinstance(definitions, ModuleType):
         return _of_package(*packages_of(definitions))
+    if isinstance(definitions, list):
+        found = [lender_of(each) for each in definitions]
+        lenders = [each for each in found if isinstance(each, Lender)]
+        return _joined(lenders, next((each for each in found if isinstance(each, Nearby)), None))
     path = os.fspath(definitions)
     find = types_in(path)
-    return _of_catalog(path) if find is None else Lender(path, find)
+    if find is None:
+        return _of_catalog(path)
+    own = Lender(path, find, is_of_px4=False)
+    return _of_unnamed(own) if is_unnamed(path) else own
+
+
+def _joined(lenders: Sequence[Lender], otherwise: Nearby | None) -> Lender:
+    def find(name: str, ros_type: str) -> list[str]:
+        return [text for each in lenders for text in each.definitions_of(name, ros_type)]
+
+    topics = frozenset(topic for each in lenders for topic in each.topics)
+    is_of_px4 = any(each.is_of_px4 for each in lenders)
+    return Lender(few([each.name for each in lenders]), find, topics, is_of_px4, otherwise)
+
+
+def _of_unnamed(package: Lender) -> Lender:
+    """Return the definitions of a folder without a package.xml, which can also be a folder of PX4's definitions."""
+    try:
+        return _joined([package, _of_catalog(package.name)], None)
+    except InputError as error:
+        if {each.code for each in error.diagnostics} <= _RULES_OF_UORB:
+            return package
+        raise
 
 
 def lend(sources: Sequence[Source], lender: Lender | Nearby | None, check_open: Callable[[], None]) -> Lent:
@@ -114,16 +153,15 @@ def _from_elsewhere(wanted: Sequence[_Wanted], lender: Lender | Nearby | None) -
     standard = _of_standard_types(others)
     rest = [each for each in wanted if each.key not in standard.definitions]
     found = _from_lender(rest, lender)
-    hint = _hint(others) if len(standard.definitions) < len(others) else ()
+    hint = _hint([each for each in others if each.key not in standard.definitions])
     return Lent({**standard.definitions, **found.definitions}, (*found.notes, *standard.notes, *hint))
 
 
 def _is_in(each: _Wanted, lender: Lender | Nearby | None) -> bool:
     """Whether a definition is expected of `lender`, or without one, of a release."""
-    channel = each.channel
-    if isinstance(lender, Lender) and lender.definitions_of(channel.topic, channel.ros_type):
+    if isinstance(lender, Lender) and lender.definitions_of(*each.names):
         return True
-    return channel.ros_type.startswith(_PX4)
+    return each.channel.ros_type.startswith(_PX4)
 
 
 def _of_standard_types(wanted: Sequence[_Wanted]) -> Lent:
@@ -144,11 +182,11 @@ def _of_standard_types(wanted: Sequence[_Wanted]) -> Lent:
 
 
 def _hint(wanted: Sequence[_Wanted]) -> Iterator[str]:
-    """Yield where the standard types could come from, if nothing has them here."""
-    packages = {each.channel.ros_type.partition("/")[0] for each in wanted} - {""}
-    if packages and next(standard_types(), None) is None:
-        names = few(sorted(packages))
-        yield f"for the types of {names}, source the setup of an installed ROS 2, or pip install rosbags"
+    """Yield where the types of other packages could come from."""
+    packages = sorted({each.channel.ros_type.partition("/")[0] for each in wanted} - {""})
+    if packages:
+        text = f"name the folder of their package, --msg-dir {packages[0]}=DIR, or source the setup of a ROS 2 that has"
+        yield f"for the types of {few(packages)}, {text} them"
 
 
 def _from_lender(wanted: Sequence[_Wanted], lender: Lender | Nearby | None) -> Lent:
@@ -156,8 +194,11 @@ def _from_lender(wanted: Sequence[_Wanted], lender: Lender | Nearby | None) -> L
     if not wanted:
         return Lent({}, ())
     if isinstance(lender, Lender):
-        found = _fitting(wanted, lender)
-        return Lent(found, _notes(wanted, found, lender, "as asked for"))
+        asked = [each for each in wanted if lender.is_of_px4 or lender.definitions_of(*each.names)]
+        found = _fitting(asked, lender)
+        others = _from_lender([each for each in wanted if each not in asked], lender.otherwise)
+        notes = _notes(asked, found, lender, "as asked for") if asked else []
+        return Lent({**found, **others.definitions}, (*notes, *others.notes))
     near = _near(lender)
     chosen, found = None, {}
     best: tuple[int, ...] = (0,)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 def open(  # noqa: A001 - users write recordings.open
     path: str | os.PathLike[str] | Readable,
-    definitions: Definitions | Nearby | None = None,
+    definitions: Definitions | Nearby | list[Definitions | Nearby] | None = None,
     *,
     verify: bool = True,
     keep_damaged: bool = False,
@@ -28,9 +28,9 @@ def open(  # noqa: A001 - users write recordings.open
     `path` can also be a file object in binary mode, such as `io.BytesIO` or a pipe: what is left of it is copied to a
     temporary file, which `Log.close` removes. A file that was just opened is read by its name, and not copied.
 
-    `definitions` are for topics that have none in the recording: a generated package, an embedded release such as
-    "v1.17", or what else `msggen.read` takes. Without them, those of the embedded release that fits best are used.
-    `Log.notes` tells which.
+    `definitions` are for topics that have none in the recording: a generated package, the folder of a ROS package such
+    as "my_msgs=DIR", an embedded release such as "v1.17", what else `msggen.read` takes, or a list of them. Without
+    them, those of the embedded release that fits best are used. `Log.notes` tells which.
 
     Chunks and attachments of MCAP are compared with their checksums when they are read. Those that differ are reported
     in `Log.problems` and left out; with `keep_damaged`, they are read all the same. `verify=False` does not compare
