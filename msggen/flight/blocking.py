@@ -88,6 +88,11 @@ class BlockingFlight:
         """The name of the mode that flies the vehicle."""
         return self._own.mode
 
+    @property
+    def problem(self) -> str:
+        """Why messages do not get through to the vehicle, "" if they do: see `Vehicle.problem`."""
+        return self._own.problem
+
     # Actions
 
     def arm(self) -> None:

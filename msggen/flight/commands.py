@@ -12,7 +12,7 @@ from contextlib import contextmanager, suppress
 from typing import Any, Final
 
 from msggen.flight.connection import Connection, Topics, filled
-from msggen.flight.errors import FlightError, NoAnswerError, RefusedError
+from msggen.flight.errors import FlightError, RefusedError
 from msggen.flight.feeds import Condition, Feeds
 from msggen.flight.reasons import reasons_for
 from msggen.live.messages import nav_states
@@ -111,7 +111,7 @@ class Commands:
                     return await answers.following(is_answer, _PATIENCE)
                 if has_shown():
                     return None
-        raise NoAnswerError(f"{what}: no answer from the vehicle to {_TRIES} tries of {_PATIENCE} s")
+        raise self._feeds.no_answer(f"{what}: no answer from the vehicle to {_TRIES} tries of {_PATIENCE} s")
 
     @contextmanager
     def _noticing(self, shown: Condition | None) -> Iterator[Callable[[], bool]]:

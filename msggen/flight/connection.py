@@ -20,6 +20,10 @@ class Connection(Protocol):
     def package(self) -> ModuleType:
         """The generated package."""
 
+    @property
+    def problem(self) -> str:
+        """Why messages do not get through to the vehicle, "" if they do, as far as it is known."""
+
     def publish(self, topic: str, message: Any) -> None:
         """Send a message."""
 

@@ -126,11 +126,18 @@ class Feeds:
         try:
             while not (await asyncio.wait([task], timeout=_LOOK))[0]:
                 if self["vehicle_status"].age > SILENCE:
-                    raise NoAnswerError(f"no vehicle_status for {SILENCE:.0f} s: is the link lost, or the vehicle off?")
+                    raise self.no_answer(
+                        f"no vehicle_status for {SILENCE:.0f} s: is the link lost, or the vehicle off?"
+                    )
             return task.result()
         finally:
             task.cancel()
             await asyncio.gather(task, return_exceptions=True)
+
+    def no_answer(self, text: str) -> NoAnswerError:
+        """Return the error of a vehicle that does not answer, with why messages to it do not get through."""
+        problem = self._connection.problem
+        return NoAnswerError(f"{text}. Messages to the vehicle do not get through: {problem}" if problem else text)
 
     def close(self) -> None:
         """End all subscriptions."""

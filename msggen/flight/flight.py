@@ -13,7 +13,7 @@ from msggen.flight.active import ActiveMode
 from msggen.flight.commands import Commands
 from msggen.flight.connection import Connection
 from msggen.flight.ending import Ending
-from msggen.flight.errors import FlightError, NoAnswerError, RegistrationError
+from msggen.flight.errors import FlightError, RegistrationError
 from msggen.flight.executor import Executor
 from msggen.flight.feeds import Feeds
 from msggen.flight.limits import NO_LIMITS, Fence, Limits
@@ -105,7 +105,7 @@ class Flight(Actions):
         try:
             await feeds["vehicle_status"].wait(lambda _: True, _HEARD)
         except TimeoutError:
-            raise NoAnswerError(f"no vehicle_status within {_HEARD:.0f} s") from None
+            raise feeds.no_answer(f"no vehicle_status within {_HEARD:.0f} s") from None
 
     async def __aexit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -222,6 +222,11 @@ class Flight(Actions):
     def mode(self) -> str:
         """The name of the mode that flies the vehicle: one of PX4's, such as `hold`, or one of `add`."""
         return self._own.mode_name()
+
+    @property
+    def problem(self) -> str:
+        """Why messages do not get through to the vehicle, "" if they do: see `Vehicle.problem`."""
+        return self._own.connection.problem
 
     @property
     def feeds(self) -> Feeds:

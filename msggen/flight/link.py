@@ -108,6 +108,11 @@ class LinkConnection:
         place = os.path.realpath(address.path) if address.path else str(address.port)
         return f"{address.scheme} {place} {address.domain} {remote.key} {remote.namespace}"
 
+    @property
+    def problem(self) -> str:
+        """See Connection."""
+        return self._vehicle.problem
+
     def publish(self, topic: str, message: Any) -> None:
         """See Connection. While the vehicle is not connected, messages are lost without an error."""
         try:

@@ -9,7 +9,7 @@ from contextlib import asynccontextmanager
 from typing import Any, Final, NamedTuple
 
 from msggen.flight.connection import Connection, Topics, filled
-from msggen.flight.errors import FlightError, NoAnswerError, UnsupportedError
+from msggen.flight.errors import FlightError, UnsupportedError
 from msggen.flight.feeds import Feeds
 
 OF_MODE: Final = 0
@@ -132,7 +132,7 @@ class Overrides:
             except TimeoutError:
                 continue
             return
-        raise NoAnswerError("the vehicle has not confirmed the overrides")
+        raise self._feeds.no_answer("the vehicle has not confirmed the overrides")
 
     def _repeat(self) -> None:
         """Send the overrides now and a few times later, because messages can get lost. Does not wait."""

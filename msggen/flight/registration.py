@@ -7,7 +7,7 @@ import random
 from typing import Any, Final, NamedTuple
 
 from msggen.flight.connection import Connection, Topics, filled
-from msggen.flight.errors import NoAnswerError, RegistrationError, UnsupportedError
+from msggen.flight.errors import RegistrationError, UnsupportedError
 from msggen.flight.feeds import Feeds
 from msggen.flight.states import is_armed
 
@@ -171,7 +171,7 @@ class Registrar:
                     continue
         finally:
             self._waiting.discard(request.request_id)
-        raise NoAnswerError(f"no answer from the vehicle to {_TRIES} registrations of {_PATIENCE:.0f} s")
+        raise self._feeds.no_answer(f"no answer from the vehicle to {_TRIES} registrations of {_PATIENCE:.0f} s")
 
     def _why(self, wanted: Wanted) -> str:
         """Return the likely reason of a refusal. The reply of the vehicle has none."""

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Final, NamedTuple, Protocol, TypeVar
 
 from msggen.flight.connection import Connection, Topics, filled
-from msggen.flight.errors import NoAnswerError, UnsupportedError
+from msggen.flight.errors import UnsupportedError
 from msggen.flight.feeds import Feeds
 from msggen.flight.requirements import ATTITUDE as NEEDS_ATTITUDE
 from msggen.flight.requirements import LOCAL_POSITION, Requirement
@@ -154,7 +154,7 @@ class Configuration:
                 )
             except TimeoutError:
                 continue
-        raise NoAnswerError(f"the vehicle has not answered whether it supports {kind.name} setpoints")
+        raise self._feeds.no_answer(f"the vehicle has not answered whether it supports {kind.name} setpoints")
 
 
 _WHY = {1: "the mode is not registered", 2: "not for this kind of vehicle", 3: "unknown to this firmware"}

@@ -160,7 +160,7 @@ def no_estimate(feeds: Feeds) -> NoAnswerError:
     """Return the error of a vehicle without a valid estimate: it has none, or is not heard."""
     age = feeds["vehicle_local_position"].age
     if math.isfinite(age) and age > _FRESH:
-        return NoAnswerError(f"no vehicle_local_position for {age:.1f} s: is the link lost?")
+        return feeds.no_answer(f"no vehicle_local_position for {age:.1f} s: is the link lost?")
     return NoAnswerError("the vehicle has no valid local position: it needs GPS, or another source of its position")
 
 

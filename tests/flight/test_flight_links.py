@@ -278,6 +278,26 @@ def test_the_death_of_the_owner_of_the_link_does_not_end_a_mode(url: str, px4_ty
         asyncio.run(stays(simulator))
 
 
+@pytest.mark.usefixtures("owned")
+def test_a_flight_is_told_that_the_owner_of_the_link_stands_still(url: str, px4_types: Any) -> None:
+    async def program() -> None:
+        async with Flight(url, px4_types) as flight:
+            assert flight.problem == ""
+            (owner,) = owners()
+            os.kill(owner.state["pid"], signal.SIGSTOP)
+            try:
+                with pytest.raises(NoAnswerError, match="do not get through: the process that owns the link has taken"):
+                    await flight.set_mode("hold")
+                assert "does it stand still?" in flight.problem
+            finally:
+                os.kill(owner.state["pid"], signal.SIGCONT)
+            await flight.set_mode("hold")
+            await until_so(lambda: not flight.problem)
+
+    with simulated(px4_types, url), nothing_is_left():
+        asyncio.run(program())
+
+
 async def until_so(condition: Callable[[], object]) -> None:
     """Wait until something is so. A mode that is not registered yet is none."""
     end = time.monotonic() + PATIENCE

@@ -28,6 +28,9 @@ Take = Callable[[Any], None]
 class NearVehicle:
     """A vehicle that is called, and calls. Times are in us since boot."""
 
+    problem = ""
+    """Messages to it always get through."""
+
     def __init__(self, package: ModuleType, options: Options = Options(), log: FlightLog | None = None) -> None:  # noqa: B008 - it is immutable
         self.package = package
         self.world = world_of(package, options)

@@ -31,15 +31,15 @@ from msggen.live.sim.vehicle import SimulatedVehicle
 from msggen.live.vehicle.delivery import Delivery
 from support.fake_link import FakeLink
 from support.link_records import nothing_is_left
-from support.owned_links import owned
 from support.ports import free_port
 from support.served import hello, owners, served
+
+pytest_plugins = ["support.owned_links"]
 
 WAIT = 20.0
 STOPPED_S = 3.0
 BUSY_S = 1.0
 """The time in s that a simulated vehicle may take to read what has arrived, on a busy computer."""
-__all__ = ["owned"]
 
 
 @pytest.fixture
