@@ -67,8 +67,10 @@ def _call(_owner: Owner, program: Program, vehicle: Carried, index: int, when: i
 
 
 def _last(owner: Owner, program: Program, vehicle: Carried, index: int, _when: int, _body: bytes) -> None:
-    row = vehicle.rows[vehicle.known.routes[index].name]
-    owner.send(program, record_of(LAST, row.last, vehicle.known.remote.number, index, row.time))
+    number = vehicle.known.remote.number
+    entry = owner.entries.get(number)
+    payload, time = (entry.last if entry is not None else {}).get(vehicle.known.routes[index].name, (b"", 0))
+    owner.send(program, record_of(LAST, payload, number, index, time))
 
 
 _ON_VEHICLE: Mapping[int, Callable[..., None]] = {SAMPLE: _publish, CALL: _call, LAST: _last}
