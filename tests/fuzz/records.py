@@ -5,6 +5,7 @@ Each is used or set aside, told once, and no value of it is beyond its range. Th
 
 from __future__ import annotations
 
+import importlib
 import json
 import logging
 import os
@@ -37,7 +38,7 @@ COUNT = 300
 LINK = "udp://127.0.0.1:8888"
 ADDRESS = ("127.0.0.1", 40123)
 VEHICLE, NAME = "udp 8888 0 1", "Square"
-ODD = (
+ODD: tuple[Any, ...] = (
     *(None, True, False, 0, -1, 1, 7, 70_000, 1 << 31, 1 << 32, 1 << 63, 1 << 64, -(1 << 70), 0.5, 1e300, float("inf")),
     *(float("-inf"), float("nan"), "", "a", "::1", "localhost", "127.0.0.1", "256.1.1.1", "\ud800", "\0", "x" * 70_000),
     *([], [[]], {}, {"a": 1}, ["127.0.0.1"], ["127.0.0.1", 70_000], ["::1", 8888, 0, 0], ["127.0.0.1", 1, 2], [1, 2]),
@@ -68,8 +69,7 @@ def check(case: Case) -> None:
 
 
 def _check_session(case: Case, folder: str) -> None:
-    import px4_types
-
+    px4_types = importlib.import_module("px4_types")
     told: list[str] = []
     routes = routes_of(px4_types)
     samples = {routes[0].name: (b"\0\1\0\0" + bytes(40), 5)}
@@ -86,7 +86,7 @@ def _check_session(case: Case, folder: str) -> None:
     agent.tick(0.1)
     for each in records:
         assert pack(LINK, each, "")
-        host, port = each.address
+        host, port = str(each.address[0]), int(each.address[1])
         assert str(IPv4Address(host)) == host
         assert 0 < port < 1 << 16
         agent.receive(
