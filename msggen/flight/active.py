@@ -10,7 +10,7 @@ from typing import Any
 from msggen.flight.actions import UNDER_WAY, Actions
 from msggen.flight.checks import Verdict
 from msggen.flight.connection import Connection, Topics, filled
-from msggen.flight.errors import FlightError, NotReachedError, report
+from msggen.flight.errors import FlightError, NotReachedError, report, watched
 from msggen.flight.feeds import Feeds
 from msggen.flight.limits import Fence
 from msggen.flight.mode import NO_LIFT, Mode, message_of, needs_of
@@ -170,9 +170,7 @@ class ActiveMode:
         before = self._task or self._ended
         self._end_run()
         self._flown, self._wanted = self._wanted, None
-        self._task = asyncio.get_running_loop().create_task(
-            self._fly(self._flown, before), name=f"fly {self.mode.name}"
-        )
+        self._task = watched(self._fly(self._flown, before), f"fly {self.mode.name}", self._break)
 
     def lose(self, error: FlightError) -> None:
         """End `fly` with an error, because the vehicle no longer knows the mode."""
@@ -217,8 +215,10 @@ class ActiveMode:
             self.restart()
 
     def _leave(self) -> None:
-        self._stream.stop()
-        self._end_run()
+        try:
+            self._stream.stop()
+        finally:
+            self._end_run()
 
     def _end_run(self) -> None:
         self._is_flying = False
@@ -238,6 +238,7 @@ class ActiveMode:
         result = _FAILURE
         self._is_flying = True
         try:
+            await self._fence.wait_for_home()
             await self.mode.fly()
         except asyncio.CancelledError:
             if self._task is asyncio.current_task():  # the mode was not left: something else has cancelled it
@@ -260,6 +261,17 @@ class ActiveMode:
             self._tell(result)
             await asyncio.sleep(_REPEAT)
 
+    def _break(self, task: asyncio.Task[None], error: Exception) -> None:
+        """End the mode if its task has ended with an error that nothing else has taken: PX4 leaves it."""
+        report(f"mode {self.mode.name!r} has failed", error)
+        if self._task is not task:
+            return
+        self.has_failed = True
+        self._stream.pause()
+        flown, self._flown = self._flown, None
+        if flown is not None and not flown.done():
+            flown.set_exception(error)
+
     def _report_late(self, error: Exception) -> None:
         """Tell of an exception after the mode was left, but for that of a setpoint, which nobody takes any more."""
         if not isinstance(error, NotReachedError):
@@ -275,9 +287,16 @@ class ActiveMode:
             report(f"mode {self.mode.name!r} has failed", error)
 
     def _hold_or_stop(self) -> bool:
-        """Let no setpoint of a program that has ended go on. Return whether the vehicle holds its place."""
+        """Let no setpoint of a program that has ended go on. Return whether the vehicle holds its place.
+
+        Never raises: the mode ends in any case. What prevents that the vehicle holds its place is reported.
+        """
         self._is_flying = False
-        is_held = self._hold()
+        try:
+            is_held = self._hold()
+        except Exception as error:  # noqa: BLE001 - such as limits without a home position
+            report(f"mode {self.mode.name!r} cannot hold its place at its end", error)
+            is_held = False
         if not is_held:
             self._stream.pause()
         return is_held

@@ -10,7 +10,7 @@ from typing import Any
 
 from msggen.flight.actions import UNDER_WAY, Actions
 from msggen.flight.active import ActiveMode
-from msggen.flight.errors import FlightError, NotReachedError, RefusedError, report
+from msggen.flight.errors import FlightError, NotReachedError, RefusedError, report, watched
 from msggen.flight.executor import Executor
 from msggen.flight.mode import Mode
 from msggen.flight.overrides import Overrides
@@ -119,9 +119,7 @@ class Charge:
         if is_armed or self.executor.starts != "armed":
             self._has_run, self._was_cut = True, False
             self.overrides.renew()
-            self._task = asyncio.get_running_loop().create_task(
-                self._run(self._ended), name=type(self.executor).__name__
-            )
+            self._task = watched(self._run(self._ended), type(self.executor).__name__, self._break)
 
     def _stop(self, status: Any = None) -> None:
         if self._task is not None:
@@ -163,15 +161,21 @@ class Charge:
 
     async def _fail(self, error: Exception) -> None:
         """Return home: PX4's failsafe does this from the mode of the executor, a command from other modes."""
-        self.find(self.executor.mode).has_failed = True
         self._finish(error)
         report(f"{self._name} has failed", error)
+        with suppress(FlightError):  # it is not registered any more
+            self.find(self.executor.mode).has_failed = True
         with suppress(TimeoutError, FlightError):
             await self.actions.wait_for_status(self._is_left_alone, UNDER_WAY)
             try:
                 await self.actions.set_mode(RETURN)
             except RefusedError:
                 await self.actions.set_mode(LAND)
+
+    def _break(self, _task: asyncio.Task[None], error: Exception) -> None:
+        """Tell of an error that has ended the task of `run` and that nothing else has taken."""
+        self._finish(error)
+        report(f"{self._name} has failed, and its end, too", error)
 
     def _is_left_alone(self, status: Any) -> bool:
         """Whether the vehicle is armed in a mode in which it now gets no commands, such as Takeoff."""

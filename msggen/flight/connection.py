@@ -12,6 +12,9 @@ from msggen.flight.errors import UnsupportedError
 Take = Callable[[Any], None]
 """Takes a message."""
 
+Recall = Callable[[Any, float], None]
+"""Takes a message from before the subscription, and its age in s."""
+
 
 class Connection(Protocol):
     """A vehicle with the messages of a generated package. Topics are named as in uORB."""
@@ -29,6 +32,12 @@ class Connection(Protocol):
 
     def subscribe(self, topic: str, take: Take) -> Callable[[], None]:
         """Call `take` for each message, in the thread of the event loop. Return a function that ends this."""
+
+    def recall(self, topic: str, take: Recall) -> None:
+        """Call `take` for the last message of a topic from before the subscription, at once or soon, if it is known.
+
+        PX4 publishes some topics on change only, such as home_position.
+        """
 
 
 class Topics:

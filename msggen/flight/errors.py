@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Sequence
+from collections.abc import Callable, Coroutine, Sequence
+from typing import Any
 
 
 class FlightError(Exception):
@@ -57,3 +58,21 @@ _RESULTS = {
 def report(message: str, error: Exception) -> None:
     """Report an error that nobody waits for to the exception handler of the event loop."""
     asyncio.get_running_loop().call_exception_handler({"message": message, "exception": error})
+
+
+def watched(
+    coroutine: Coroutine[Any, Any, None], name: str, failed: Callable[[asyncio.Task[None], Exception], None]
+) -> asyncio.Task[None]:
+    """Return a task of a coroutine. `failed` gets it and the exception that ends it, such as one that a handler raises.
+
+    SystemExit and KeyboardInterrupt end the program instead.
+    """
+
+    def look(task: asyncio.Task[None]) -> None:
+        error = None if task.cancelled() else task.exception()
+        if isinstance(error, Exception):
+            failed(task, error)
+
+    task = asyncio.get_running_loop().create_task(coroutine, name=name)
+    task.add_done_callback(look)
+    return task

@@ -8,7 +8,7 @@ from contextlib import suppress
 from typing import Any, TypeVar
 
 from msggen.flight.connection import Connection, Take, Topics
-from msggen.flight.errors import FlightError, NoAnswerError, NotReachedError
+from msggen.flight.errors import FlightError, NoAnswerError, NotReachedError, report
 from msggen.flight.states import described
 
 _Result = TypeVar("_Result")
@@ -32,8 +32,11 @@ class Feed:
         self._loop = asyncio.get_running_loop()
         self._takers: list[Take] = []
         self._waiting: dict[asyncio.Future[Any], Condition] = {}
+        self._content: set[asyncio.Future[Any]] = set()
+        """Those who wait for any message, also for one from before the subscription."""
         self.close = connection.subscribe(topic, self._take)
         """Ends the subscription."""
+        connection.recall(topic, self._recall)
 
     @property
     def age(self) -> float:
@@ -54,11 +57,18 @@ class Feed:
         """Return the last message if it meets a condition, else the next one that does. Raises TimeoutError."""
         if self.latest is not None and condition(self.latest):
             return self.latest
-        return await self.following(condition, timeout)
+        future = self._loop.create_future()
+        self._content.add(future)
+        try:
+            return await self._next(future, condition, timeout)
+        finally:
+            self._content.discard(future)
 
     async def following(self, condition: Condition, timeout: float | None = None) -> Any:
         """Return the next message that meets a condition. Raises TimeoutError after `timeout` s."""
-        future: asyncio.Future[Any] = self._loop.create_future()
+        return await self._next(self._loop.create_future(), condition, timeout)
+
+    async def _next(self, future: asyncio.Future[Any], condition: Condition, timeout: float | None) -> Any:
         self._waiting[future] = condition
         timer = None if timeout is None else self._loop.call_later(timeout, self._give_up, future)
         try:
@@ -72,10 +82,21 @@ class Feed:
         if not future.done():
             future.set_exception(TimeoutError(self.topic))
 
+    def _recall(self, message: Any, age: float) -> None:
+        """Take a message from before the subscription: it is the state of the vehicle, but nothing that happens now."""
+        if self.latest is None:
+            self.latest, self._time = message, self._loop.time() - age
+            for future in [*self._content]:
+                if not future.done():
+                    _answer(future, self._waiting[future], message)
+
     def _take(self, message: Any) -> None:
         self.latest, self._time = message, self._loop.time()
         for take in [*self._takers]:
-            take(message)
+            try:
+                take(message)
+            except Exception as error:  # noqa: BLE001 - the others get the message, too
+                report(f"a {self.topic} was not taken", error)
         for future, condition in [*self._waiting.items()]:
             if not future.done():
                 _answer(future, condition, message)

@@ -151,8 +151,8 @@ class Fence:
         return speed, pull
 
     async def wait_for_home(self) -> None:
-        """Wait for some time until the home position is known."""
-        if self._has_home:
+        """Wait for some time until the home position is known, if there are limits that are measured from it."""
+        if self._has_home and not self.limits.is_open:
             with suppress(TimeoutError):  # the check of a place raises the error
                 await self._feeds["home_position"].wait(lambda each: bool(each.valid_lpos), _HOME)
 

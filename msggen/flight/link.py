@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import os
+import time
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from logging import getLogger
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from msggen.flight.connection import Connection, Take, Topics
+from msggen.flight.connection import Connection, Recall, Take, Topics
 from msggen.flight.errors import FlightError, NoAnswerError, UnsupportedError
 from msggen.live.link import FormatError, LinkError, LinkTimeoutError, Route, TopicError
 from msggen.live.links.address import parse_address
@@ -19,6 +20,7 @@ from msggen.live.messages.packages import packages_of
 
 if TYPE_CHECKING:
     from msggen.live import Vehicle
+    from msggen.live.vehicle.subscription import Subscription
 
 LOGGER = getLogger("msggen.flight")
 _POLL = 0.02
@@ -47,6 +49,7 @@ class LinkConnection:
         self._vehicle, self._is_own = vehicle, is_own
         self._loop = asyncio.get_running_loop()
         self._is_lost = False
+        self._subscriptions: dict[str, Subscription[Any]] = {}
 
     def _choose(self, package: ModuleType) -> None:
         self.package, self._topics = package, Topics(package)
@@ -130,13 +133,28 @@ class LinkConnection:
         """See Connection. Raises UnsupportedError if the vehicle does not have the topic."""
         self.check([Need("out", topic)])
         inbox = _Inbox(self._loop, take)
-        subscription = self._vehicle.subscribe(self._topics.endpoint("out", topic), inbox.put)
+        subscription = self._subscriptions[topic] = self._vehicle.subscribe(
+            self._topics.endpoint("out", topic), inbox.put
+        )
 
         def end() -> None:
             inbox.close()
             subscription.close()
 
         return end
+
+    def recall(self, topic: str, take: Recall) -> None:
+        """See Connection. The owner of the link is asked in a thread, because its answer can take a second."""
+        subscription = self._subscriptions[topic]
+
+        def tell(asked: asyncio.Future[tuple[Any, int] | None]) -> None:
+            if asked.cancelled() or asked.exception() is not None:  # the subscription itself tells what is wrong
+                return
+            found = asked.result()
+            if found is not None:
+                take(found[0], max(0.0, (time.time_ns() - found[1]) / 1e9))
+
+        self._loop.run_in_executor(None, subscription.last).add_done_callback(tell)
 
     async def close(self) -> None:
         """Close the vehicle, if it belongs to this connection."""

@@ -16,9 +16,12 @@ from hashlib import blake2b
 from logging import getLogger
 from typing import IO, Any, Final, NamedTuple
 
+from msggen.base.checked import UnexpectedError, field, parsed, real, row, text, truth, whole
+from msggen.base.disk.reading import read_bytes
 from msggen.flight.errors import RegistrationError
 from msggen.flight.registration import Ids
-from msggen.live.links.session_files import boot_id, is_own, records_folder
+from msggen.live.links.session_files import boot_id, is_own, records_folder, set_aside
+from msggen.live.messages.nav_states import EXTERNAL
 
 try:
     import fcntl
@@ -30,7 +33,12 @@ _VERSION: Final = 2
 _UTC: Final = 10**15
 """Timestamps in us from this value on count from 1970, smaller ones from boot."""
 _SUFFIX: Final = ".json"
-_LONGEST: Final = 1 << 16
+_LATEST: Final = (1 << 64) - 1
+"""The largest timestamp of a vehicle in us."""
+_CHECKS: Final = 32
+"""The bits of ArmingCheckRequest.valid_registrations_mask."""
+_LARGEST_EXECUTOR: Final = 127
+"""RegisterExtComponentReply.mode_executor_id is an int8."""
 _TOUCH = 0.5
 """The period in s at which a program notes that it is alive."""
 
@@ -139,26 +147,30 @@ class Memory:
     def _read(self, name: str) -> Remembered | None:
         path = self._path(name)
         try:
-            with open(path, "rb") as file:
-                content = json.loads(file.read(_LONGEST))
+            content = parsed(read_bytes(path, follow=False))
             age = time.monotonic() - os.stat(path).st_mtime_ns / 1e9
-            found, *numbers = content["ids"]
-            check, mode, executor = map(int, numbers)
-            if content["version"] != _VERSION or content["vehicle"] != self._vehicle or found != name:
+            if field(content, "version") != _VERSION or field(content, "vehicle") != self._vehicle:
                 return None
-            is_same_boot = content["boot"] == self._boot
+            ids = Ids(*row(field(content, "ids"), text, _check, _mode, _executor))
+            if ids.name != name:
+                return None
+            is_same_boot = text(field(content, "boot")) == self._boot
+            booted = real(field(content, "booted"), may_be_nan=True)
             return Remembered(
-                Ids(name, check, mode, executor),
-                int(content["armed_time"]),
-                int(content["mode_time"]),
-                float(content["booted"]) if is_same_boot else math.nan,
+                ids,
+                whole(field(content, "armed_time"), 0, _LATEST),
+                whole(field(content, "mode_time"), 0, _LATEST),
+                booted if is_same_boot else math.nan,
                 age if is_same_boot and age >= 0 else math.inf,
-                bool(content["is_over"]),
+                truth(field(content, "is_over")),
             )
         except FileNotFoundError:
             return None
-        except (KeyError, TypeError, ValueError, RecursionError):
-            LOGGER.warning("the ids of mode %r from an earlier program are damaged and not used: %s", name, path)
+        except (OSError, UnexpectedError) as error:
+            set_aside(path)
+            LOGGER.warning(
+                "the ids of mode %r from an earlier program were damaged and set aside: %s: %s", name, path, error
+            )
             return None
 
     def _replace(self, path: str, data: bytes) -> None:
@@ -181,6 +193,18 @@ class Memory:
         if not self._is_told:
             self._is_told = True
             LOGGER.warning("the next program cannot continue the modes of this one: %s", error)
+
+
+def _check(value: Any) -> int:
+    return whole(value, 0, _CHECKS - 1)
+
+
+def _mode(value: Any) -> int:
+    return whole(value, EXTERNAL[0], EXTERNAL[-1])
+
+
+def _executor(value: Any) -> int:
+    return whole(value, -1, _LARGEST_EXECUTOR)
 
 
 def booted(status: Any) -> float:

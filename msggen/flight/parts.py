@@ -17,7 +17,7 @@ from msggen.flight.checks import Answers
 from msggen.flight.commands import Commands
 from msggen.flight.connection import Connection, Topics
 from msggen.flight.declared import check_executor, check_mode
-from msggen.flight.errors import FlightError, NoAnswerError, RegistrationError, RestartedError, report
+from msggen.flight.errors import FlightError, NoAnswerError, RegistrationError, RestartedError, report, watched
 from msggen.flight.executor import Executor
 from msggen.flight.feeds import Feeds
 from msggen.flight.limits import Fence
@@ -331,7 +331,11 @@ class Parts:
         with self._lock:
             self._registered.clear()
         if self._renewal is None or self._renewal.done():
-            self._renewal = asyncio.get_running_loop().create_task(self._renew(), name="msggen flight renewal")
+            self._renewal = watched(
+                self._renew(),
+                "msggen flight renewal",
+                lambda _, error: report("the modes could not be registered again", error),
+            )
 
     def _remove_selected(self) -> None:
         """Unregister what the vehicle keeps although it does not answer, because it is selected."""

@@ -228,13 +228,18 @@ class Stream:
         now = self._loop.time()
         self._is_late = self._is_late or now > self._due + _HUNG
         interval = _IDLE
-        if self._current is not None and self._may_send():
-            kind, message = self._current
-            interval = 1.0 / kind.rate
-            self._configuration.send()
-            self._connection.publish(kind.topic, self._shaped(kind, message))
-        base = min(self._due, now)  # a new setpoint comes before its time
-        self._wait(max(base + interval, now))  # late setpoints do not come in a burst
+        try:
+            if self._current is not None and self._may_send():
+                kind, message = self._current
+                interval = 1.0 / kind.rate
+                self._configuration.send()
+                self._connection.publish(kind.topic, self._shaped(kind, message))
+        except Exception:
+            self.pause()  # told once, by who has called or by the event loop
+            raise
+        finally:
+            base = min(self._due, now)  # a new setpoint comes before its time
+            self._wait(max(base + interval, now))  # late setpoints do not come in a burst
 
     def _may_send(self) -> bool:
         return not self._is_late and self._status.age <= _SILENT and self.is_alive()

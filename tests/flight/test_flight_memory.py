@@ -76,7 +76,11 @@ def test_a_damaged_file_is_told_and_not_used(damage: bytes, folder: Path, caplog
     (path,) = folder.glob("*.json")
     path.write_bytes(damage)
     assert Memory(VEHICLE).claim(IDS.name) is None
-    assert "are damaged and not used" in caplog.text
+    assert "were damaged and set aside" in caplog.text
+    assert [each.name for each in folder.glob("*") if each.suffix != ".lock"] == [f"{path.stem}.damaged"]
+    caplog.clear()
+    assert Memory("another").claim(IDS.name) is None
+    assert not caplog.text
 
 
 def test_a_file_of_another_version_is_not_used(folder: Path, caplog: pytest.LogCaptureFixture) -> None:

@@ -8,8 +8,10 @@ from typing import Any
 
 import pytest
 
-from msggen.flight.errors import FlightError, NotReachedError, RestartedError
+from msggen.flight.active import ActiveMode
+from msggen.flight.errors import FlightError, NoAnswerError, NotReachedError, RestartedError, UnsupportedError
 from msggen.flight.flight import Flight
+from msggen.flight.limits import Fence
 from msggen.flight.mode import Mode
 from support.flown import EXTERNAL, Flown, Line, Short, fly
 
@@ -68,6 +70,54 @@ def test_a_flight_that_is_cancelled_early_does_not_begin(types: Any, delay: floa
         assert vehicle.world.flight.position[0] > 1.0
 
     fly(types, program)
+
+
+def test_an_error_in_the_handler_of_an_error_still_ends_the_mode(
+    px4_types: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The vehicle cannot hold its place where `fly` fails: PX4 leaves the mode, and both errors are told."""
+    told: list[str] = []
+
+    class Fails(Mode):
+        async def fly(self) -> None:
+            monkeypatch.setattr(Fence, "nearest", lack_home)
+            raise RuntimeError("planned")
+
+    def lack_home(*_: object) -> Any:
+        raise NoAnswerError("no home")
+
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        asyncio.get_running_loop().set_exception_handler(lambda _, what: told.append(str(what["exception"])))
+        await flight.add(Fails)
+        await vehicle.in_air(flight)
+        await flight.set_mode(Fails)
+        await asyncio.sleep(3.0)
+        assert vehicle.world.mode != EXTERNAL
+        assert told == ["no home", "planned"]
+        await flight.hold()
+        await asyncio.sleep(1.0)
+        with pytest.raises(RuntimeError, match="planned"):
+            await flight.fly(Fails)
+
+    fly(px4_types, program)
+
+
+def test_an_error_that_nothing_takes_still_ends_the_mode(px4_types: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[str] = []
+
+    def fail(*_: object) -> None:
+        raise UnsupportedError("planned")
+
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        asyncio.get_running_loop().set_exception_handler(lambda _, what: told.append(str(what["exception"])))
+        await flight.add(Short)
+        await vehicle.in_air(flight)
+        monkeypatch.setattr(ActiveMode, "_tell", fail)
+        await flight.set_mode(Short)
+        await vehicle.until(lambda: vehicle.world.mode != EXTERNAL, 20.0)
+        assert told == ["planned"]
+
+    fly(px4_types, program)
 
 
 def test_a_task_that_outlives_fly_sends_nothing(px4_types: Any) -> None:

@@ -160,6 +160,19 @@ class AgentLink(ABC):
         with self.lock, suppress(LinkError):
             self.agent.remember(remote.number, hashes)
 
+    def samples(self, remote: Remote) -> Mapping[str, tuple[bytes, int]]:
+        """Return the samples that the record of a session has, each with the time of its arrival, by route."""
+        with self.lock:
+            try:
+                return self.agent.samples(remote.number)
+            except LinkError:
+                return {}
+
+    def keep(self, remote: Remote, samples: Mapping[str, tuple[bytes, int]]) -> None:
+        """Write samples into the record of a session."""
+        with self.lock, suppress(LinkError):
+            self.agent.keep(remote.number, samples)
+
     def statistics(self) -> Statistics:
         """Return the counters."""
         with self.lock:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from msggen.live.link import LinkError
 from msggen.live.links.places import CAN_SHARE, Place, places
 from msggen.live.links.records import LONGEST, RecordError, RecordReader, event_in, event_of
-from msggen.live.links.unix import LeavingError, connected, greeted
+from msggen.live.links.unix import connected
 
 _PATIENCE = 5.0
 """The longest wait in s for an answer, and for the end of a process."""
@@ -62,15 +62,14 @@ def stop(place: Place) -> None:
 
 def _asked(place: Place, what: str) -> Any:
     """Return an answer of an owner. Raises OSError if nobody listens, and LinkError if it does not answer."""
-    own = connected(place.socket)
-    with suppress(LeavingError), greeted(own, "", is_program=False) as joined:
-        joined.settimeout(_PATIENCE)
-        joined.sendall(event_of("ask", 1, what))
-        reader = RecordReader(LONGEST)
-        while chunk := joined.recv(1 << 16):
+    with connected(place.socket) as own, suppress(OSError, RecordError):  # also TimeoutError
+        own.settimeout(_PATIENCE)
+        own.sendall(event_of("ask", 1, what))  # without a hello: an owner of another version would end
+        reader, end = RecordReader(LONGEST), time.monotonic() + _PATIENCE
+        while (chunk := own.recv(1 << 16)) and time.monotonic() < end:
             for *_, body in reader.add(chunk):
                 with suppress(RecordError):
                     name, values = event_in(body)
-                    if name == "answer":
+                    if name == "answer" and len(values) > 1:
                         return values[1]
     raise LinkError("it does not answer")

@@ -14,9 +14,12 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from hashlib import blake2b
+from ipaddress import IPv4Address
 from types import MappingProxyType
 from typing import Any, Final
 
+from msggen.base.checked import TIME, field, fields, parsed, row, several, shortened, table, text, whole
+from msggen.base.disk.reading import read_bytes
 from msggen.live.xrce.outbox import Address
 from msggen.live.xrce.record import Record
 
@@ -29,7 +32,10 @@ _LONGEST: Final = 1 << 20
 _FILES: Final = 1000
 """The most files of a folder that are looked at."""
 _SUFFIX: Final = ".json"
-_LARGEST: Final = {"key": 1 << 32, "session_id": 1 << 8, "mtu": 1 << 16, "next": 1 << 16}
+_BITS: Final = MappingProxyType(
+    {"key": 32, "session_id": 8, "mtu": 16, "next": 16, "hash": 32, "object": 12, "port": 16}
+)
+"""The bits of the numbers in a record."""
 
 
 class DamagedError(ValueError):
@@ -67,7 +73,7 @@ class Records:
             return found
         for path in self._paths():
             try:
-                link, record, boot = unpack(_read(path))
+                link, record, boot = unpack(read_bytes(path, follow=False))
                 age = time.monotonic() - os.stat(path).st_mtime_ns / 1e9
             except (OSError, ValueError) as error:
                 self._set_aside(path, error)
@@ -105,9 +111,7 @@ class Records:
                     yield os.path.join(self._folder, name)
 
     def _set_aside(self, path: str, error: Exception) -> None:
-        """Rename a file that cannot be used, so that it is neither lost nor looked at again."""
-        with suppress(OSError):
-            os.replace(path, f"{path.removesuffix(_SUFFIX)}.damaged")
+        set_aside(path)
         self._tell_once(f"the record of a session was set aside, and the vehicle connects again: {path}: {error}")
 
     def _replace(self, path: str, data: bytes) -> bool:
@@ -143,6 +147,7 @@ def pack(link: str, record: Record, boot: str) -> bytes:
         "parts": [part.hex() for part in record.parts],
         "hashes": dict(record.hashes),
         "sizes": {str(number): size for number, size in record.sizes.items()},
+        "samples": {name: [payload.hex(), time] for name, (payload, time) in record.samples.items()},
     }
     return json.dumps({"version": VERSION, "digest": _digest(_canonical(content)), "record": content}).encode()
 
@@ -150,29 +155,50 @@ def pack(link: str, record: Record, boot: str) -> bytes:
 def unpack(data: bytes) -> tuple[str, Record, str]:
     """Return link, record and boot of the content of a file. Raises DamagedError."""
     try:
-        whole = json.loads(data)
-        version = whole["version"]
-        content = whole["record"]
-        if version != VERSION or _digest(_canonical(content)) != whole["digest"]:
-            raise DamagedError(f"it has another version, {version!r:.20}" if version != VERSION else "it is damaged")
-        address = content["address"]
-        numbers = {name: _number(content[name], largest) for name, largest in _LARGEST.items()}
+        file = parsed(data)
+        if field(file, "version") != VERSION:
+            raise DamagedError(f"it has another version, {shortened(field(file, 'version'))}")
+        content = field(file, "record")
+        if _digest(_canonical(content)) != field(file, "digest"):
+            raise DamagedError("it is damaged")
+        link = text(field(content, "link"))
         record = Record(
-            address=address if isinstance(address, str) else (str(address[0]), *map(int, address[1:])),
-            parts=tuple(map(bytes.fromhex, content["parts"])),
-            hashes=MappingProxyType({str(name): int(value) for name, value in content["hashes"].items()}),
-            sizes=MappingProxyType({int(number): int(size) for number, size in content["sizes"].items()}),
-            **numbers,
+            address=_address(field(content, "address"), link),
+            parts=tuple(several(field(content, "parts"), _bytes)),
+            hashes=MappingProxyType(table(field(content, "hashes"), lambda each: _number("hash", each))),
+            sizes=MappingProxyType(dict(map(_size, fields(field(content, "sizes")).items()))),
+            samples=MappingProxyType(table(content.get("samples", {}), _sample)),
+            **{name: _number(name, field(content, name)) for name in ("key", "session_id", "mtu", "next")},
         )
-        return str(content["link"]), record, str(content["boot"])
-    except (AttributeError, IndexError, KeyError, RecursionError, TypeError, ValueError) as error:
-        raise error if isinstance(error, DamagedError) else DamagedError("it is damaged") from None
+        return link, record, text(field(content, "boot"))
+    except (ValueError, TypeError, RecursionError) as error:
+        raise error if isinstance(error, DamagedError) else DamagedError(f"it is damaged: {error}") from None
 
 
-def _number(value: Any, end: int) -> int:
-    if not isinstance(value, int) or not 0 <= value < end:
-        raise DamagedError("it is damaged")
-    return value
+def _address(value: Any, link: str) -> Address:
+    """Return the address of a client: of a host and a port, or of a device as its link is."""
+    if isinstance(value, str) and "://" not in link:
+        return text(value)
+    host, port = row(value, text, lambda each: _number("port", each, 1))
+    return str(IPv4Address(host)), port
+
+
+def _number(kind: str, value: Any, least: int = 0) -> int:
+    return whole(value, least, (1 << _BITS[kind]) - 1)
+
+
+def _bytes(value: Any) -> bytes:
+    return bytes.fromhex(text(value, _LONGEST))
+
+
+def _sample(value: Any) -> tuple[bytes, int]:
+    payload, time = row(value, _bytes, lambda each: whole(each, 0, TIME))
+    return payload, time
+
+
+def _size(pair: tuple[str, Any]) -> tuple[int, int]:
+    """Return an object id and the size of its samples. JSON has texts as names."""
+    return _number("object", int(pair[0])), _number("mtu", pair[1], -1)
 
 
 def _canonical(content: Any) -> str:
@@ -183,6 +209,12 @@ def _digest(text: str) -> str:
     return blake2b(text.encode("utf-8", "backslashreplace"), digest_size=12).hexdigest()
 
 
+def set_aside(path: str) -> None:
+    """Rename a file that cannot be used, so that it is neither lost nor looked at again."""
+    with suppress(OSError):
+        os.replace(path, f"{path.removesuffix(_SUFFIX)}.damaged")
+
+
 def is_own(folder: str) -> bool:
     """Whether nobody else can put a record into a folder, or it does not exist."""
     try:
@@ -190,11 +222,6 @@ def is_own(folder: str) -> bool:
     except OSError:
         return True
     return sys.platform == "win32" or (told.st_uid == os.getuid() and not told.st_mode & 0o022)
-
-
-def _read(path: str) -> bytes:
-    with open(path, "rb") as file:
-        return file.read(_LONGEST)
 
 
 def _remove(path: str) -> None:

@@ -43,7 +43,8 @@ _CHUNK = 1 << 18
 _ANSWER_S = 1.0
 """The longest wait in s for an answer of the owner."""
 _HELLO_S = 10.0
-"""The longest wait in s for its first one."""
+"""The longest wait in s for its first one, and for a place among its programs."""
+_AGAIN_S = 0.02
 
 
 class LeavingError(LinkError):
@@ -337,22 +338,40 @@ def _ended() -> Iterator[None]:
 
 
 def connected(path: str) -> socket.socket:
-    """Return a socket that is connected to the owner at a path. Raises OSError."""
+    """Return a socket that is connected to the owner at a path.
+
+    Raises OSError if nobody listens there, and LinkError if no further program is taken within 10 s.
+    """
     own = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:
-        own.connect(path)
+        own.settimeout(0.0)  # a blocking one would wait for ever while many others wait
+        _connect(own, path)
+        own.settimeout(None)
     except BaseException:
         own.close()
         raise
     return own
 
 
-def greeted(
-    own: socket.socket, address: str, allow: Sequence[str | int] = (), *, is_program: bool = True
-) -> socket.socket:
+def _connect(own: socket.socket, path: str) -> None:
+    end = time.monotonic() + _HELLO_S
+    while time.monotonic() < end:
+        try:
+            own.connect(path)
+        except BlockingIOError:
+            time.sleep(_AGAIN_S)
+        else:
+            return
+    raise LinkError(
+        f"the process that owns the link at '{path}' takes no further program: end some of those that use it, or see "
+        "its log"
+    )
+
+
+def greeted(own: socket.socket, address: str, allow: Sequence[str | int] = ()) -> socket.socket:
     """Return a socket once its owner has welcomed this program, which wants a link of this address and these settings.
 
-    With `is_program=False` it is only asked for its state. Raises LeavingError, and LinkError with what to do.
+    Raises LeavingError, and LinkError with what to do.
     """
     hello = {
         "protocol": PROTOCOL,
@@ -362,7 +381,7 @@ def greeted(
         "address": address,
         "place": found_at(parse_address(address)) if address else "",
         "allow": list(allow),
-        "is_program": is_program,
+        "is_program": True,
     }
     try:
         own.settimeout(_HELLO_S)

@@ -39,16 +39,14 @@ class Sent(NamedTuple):
 
 
 class Row:
-    """A route: which programs follow it, and its last sample."""
+    """A route: which programs follow it, and which ones publish to it."""
 
-    __slots__ = ("count", "index", "last", "programs", "publishers", "time")
+    __slots__ = ("count", "index", "programs", "publishers")
 
     def __init__(self, index: int) -> None:
         self.index = index
         self.programs: tuple[Program, ...] = ()
         self.publishers: dict[Program, Sent] = {}
-        self.last = b""
-        self.time = 0
         self.count = 0
 
 
@@ -133,7 +131,6 @@ class Owner(Hub):
         vehicle = self.vehicles.get(remote.number)
         row = vehicle.rows.get(route.name) if vehicle is not None else None
         if row is not None:
-            row.last, row.time = payload, time
             row.count += 1
             self._samples += 1
             if row.programs:
@@ -232,11 +229,14 @@ class Owner(Hub):
         except LinkError as error:
             self._warn(program, str(error))
             return
-        row.last, row.time = payload, clock.time_ns()
+        now = clock.time_ns()
+        entry = self.entries.get(vehicle.known.remote.number)
+        if entry is not None:
+            entry.last[route.name] = payload, now
         row.count += 1
-        row.publishers[program] = Sent(row.publishers.get(program, _NONE).samples + 1, row.time)
+        row.publishers[program] = Sent(row.publishers.get(program, _NONE).samples + 1, now)
         if row.programs:
-            self.give(row, vehicle.known.remote.number, payload, row.time)
+            self.give(row, vehicle.known.remote.number, payload, now)
 
     def drop(self, program: Program) -> None:
         """Count a message of a program that is dropped."""

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from logging.handlers import RotatingFileHandler
 
+from msggen.base.foreign import escaped
 from msggen.live.link import LinkError, Route
 from msggen.live.links.address import Address, parse_address
 from msggen.live.links.aside import Aside
@@ -163,11 +164,19 @@ class Soon(logging.Handler):
         super().close()
 
 
+class _Escaping(logging.Formatter):
+    """Writes each message in one line: names of programs and vehicles can have any characters."""
+
+    def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802 - a method of the standard library
+        record.message = escaped(record.message)
+        return super().formatMessage(record)
+
+
 def _log_to(path: str) -> None:
     """Write what is told to a file of bounded size, or nowhere if it cannot be written."""
     with suppress(OSError):
         handler = RotatingFileHandler(path, maxBytes=_LOG_SIZE, backupCount=1, encoding="utf-8")
-        handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
+        handler.setFormatter(_Escaping("%(asctime)s %(levelname)s %(message)s"))
         LOGGER.addHandler(Soon(handler))
     LOGGER.setLevel(logging.INFO)
     LOGGER.propagate = False

@@ -49,8 +49,11 @@ class Program:
         """Its messages to vehicles that were dropped, because they had waited for too long."""
         self._told = -1, 0.0
         """The last message that it knows to be taken, and when it was told."""
-        self._queue: deque[bytes] = deque()
-        self._size = 0
+        self._queue: deque[list[bytes]] = deque()
+        """The records, each in a list of one. That of a sample that was dropped is empty."""
+        self._samples: deque[list[bytes]] = deque()
+        """The samples among them, so that the oldest one is found at once."""
+        self._size = self._holes = 0
         self._rest = memoryview(b"")
 
     def fileno(self) -> int:
@@ -71,22 +74,25 @@ class Program:
 
     def put(self, record: bytes) -> None:
         """Add a record to those that wait."""
-        self._queue.append(record)
+        cell = [record]
+        self._queue.append(cell)
+        if record[0] == SAMPLE:
+            self._samples.append(cell)
         self._size += len(record)
         if self._size > BACKLOG:
             self._drop()
 
     def _drop(self) -> None:
         """Drop the oldest samples, so that half of the backlog is free. All other records stay."""
-        kept: list[bytes] = []
-        while self._queue and self._size > BACKLOG // 2:
-            record = self._queue.popleft()
-            if record[0] == SAMPLE:
-                self._size -= len(record)
-                self.dropped += 1
-            else:
-                kept.append(record)
-        self._queue.extendleft(reversed(kept))
+        while self._samples and self._size > BACKLOG // 2:
+            cell = self._samples.popleft()
+            self._size -= len(cell[0])
+            self.dropped += 1
+            self._holes += 1
+            cell[0] = b""
+        if self._holes > len(self._queue) // 2:
+            self._queue = deque(cell for cell in self._queue if cell[0])
+            self._holes = 0
         self.is_gone |= self._size > BACKLOG  # it reads nothing, and no samples are left to drop
 
     def flush(self) -> None:
@@ -108,9 +114,13 @@ class Program:
     def _next(self) -> bytes:
         records, size = [], 0
         while self._queue and size < _CHUNK:
-            record = self._queue.popleft()
-            size += len(record)
-            records.append(record)
+            cell = self._queue.popleft()
+            if not cell[0]:
+                self._holes -= 1
+            elif cell[0][0] == SAMPLE:
+                self._samples.popleft()
+            size += len(cell[0])
+            records.append(cell[0])
         self._size -= size
         return b"".join(records)
 
@@ -118,7 +128,8 @@ class Program:
         """Close the socket. What waits is lost."""
         self.is_gone = True
         self._queue.clear()
-        self._size, self._rest = 0, memoryview(b"")
+        self._samples.clear()
+        self._size, self._holes, self._rest = 0, 0, memoryview(b"")
         self.socket.close()
 
 

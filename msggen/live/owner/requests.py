@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from msggen.base.foreign import escaped
 from msggen.base.version import __version__
 from msggen.live.link import Publisher
 from msggen.live.links.address import Address, parse_address
@@ -73,19 +74,21 @@ def _call(_owner: Owner, program: Program, vehicle: Carried, index: int, when: i
 
 
 def _last(owner: Owner, program: Program, vehicle: Carried, index: int, _when: int, _body: bytes) -> None:
-    row = vehicle.rows[vehicle.known.routes[index].name]
-    owner.send(program, record_of(LAST, row.last, vehicle.known.remote.number, index, row.time))
+    number = vehicle.known.remote.number
+    entry = owner.entries.get(number)
+    payload, time = (entry.last if entry is not None else {}).get(vehicle.known.routes[index].name, (b"", 0))
+    owner.send(program, record_of(LAST, payload, number, index, time))
 
 
 _ON_VEHICLE: Mapping[int, Callable[..., None]] = {SAMPLE: _publish, CALL: _call, LAST: _last}
 
 
 def _hello(owner: Owner, program: Program, hello: Mapping[str, Any]) -> None:
-    program.name = str(hello["name"])[:_NAME]
+    program.name = escaped(str(hello["name"])[:_NAME])
     if program.pid < 0:
         program.pid = int(hello["pid"])
     if (hello["version"], hello["protocol"]) != (__version__, PROTOCOL):
-        _part(owner, program, str(hello["version"]))
+        _part(owner, program, escaped(str(hello["version"])[:_NAME]), is_program=hello.get("is_program") is not False)
         return
     problem = _problem_of(owner, hello)
     if problem:
@@ -112,17 +115,19 @@ def _introduce(owner: Owner, program: Program, number: int, vehicle: Carried) ->
         owner.tell_definitions(entry, None, program)
 
 
-def _part(owner: Owner, program: Program, version: str) -> None:
-    """Refuse a program with another version of msggen, or make room for its own owner if nobody else is here."""
+def _part(owner: Owner, program: Program, version: str, *, is_program: bool) -> None:
+    """Refuse a program with another version of msggen, or make room for its own owner if nobody else is here.
+
+    Who only asks for the state, such as `link list`, ends nothing.
+    """
     others = [each for each in owner.programs if each is not program and each.has_joined]
-    if not others:
+    if not others and is_program:
         program.put(event_of("leaving"))
         raise EndOfOwner(f"{program.name} (pid {program.pid}) is msggen {version}, and starts an owner of its own")
-    users = ", ".join(f"{each.name} (pid {each.pid})" for each in others)
-    text = (
-        f"msggen {__version__} owns the link, this is msggen {version}, and {users} use it: end them, or "
-        f"`msggen link stop {owner.address}`"
-    )
+    text = f"msggen {__version__} owns the link, this is msggen {version}"
+    if others:
+        users = ", ".join(f"{each.name} (pid {each.pid})" for each in others)
+        text = f"{text}, and {users} use it: end them, or `msggen link stop {owner.address}`"
     owner.send(program, event_of("refused", text))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import selectors
 import socket
@@ -20,6 +21,9 @@ GATHER_S = 0.002
 """How long samples are gathered, in s, when many arrive."""
 _TICK_S = 0.2
 _CHUNK = 1 << 16
+_FULL = frozenset({errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM})
+_PAUSE_S = 1.0
+"""How long no program is taken when there are no descriptors for more, in s."""
 
 
 class Server:
@@ -38,19 +42,27 @@ class Server:
         self._is_over = False
         self._is_woken = threading.Event()
         self._used_at = time.monotonic()
+        self._full_until: float | None = None
+        """Until when no further programs are taken, because this process has no descriptor for them."""
 
     def serve(self, listening: socket.socket) -> None:
         """Serve programs that connect to a socket, until `end` is called, the link fails, or no program is left."""
         listening.settimeout(0.0)
-        self._selector.register(listening, selectors.EVENT_READ, lambda: self._accept(listening))
+        self._listen(listening)
         self._selector.register(self._woken, selectors.EVENT_READ, self._drain)
         try:
             while not (self._is_over or self.owner.failure):
                 for key, _ in self._selector.select(_TICK_S):
                     key.data()
                 self._look()
+                if self._full_until is not None and time.monotonic() >= self._full_until:
+                    self._full_until = None
+                    self._listen(listening)
         finally:
             self._close()
+
+    def _listen(self, listening: socket.socket) -> None:
+        self._selector.register(listening, selectors.EVENT_READ, lambda: self._accept(listening))
 
     def end(self) -> None:
         """Let `serve` return. From any thread."""
@@ -99,9 +111,16 @@ class Server:
     def _accept(self, listening: socket.socket) -> None:
         try:
             accepted, _ = listening.accept()
-        except OSError:  # it is gone again, or there are too many
-            return
+        except OSError as error:
+            if error.errno in _FULL:  # the socket stays readable: without a pause, this thread would do nothing else
+                self._selector.unregister(listening)
+                self._full_until = time.monotonic() + _PAUSE_S
+                LOGGER.warning("no program can join for %g s: %s", _PAUSE_S, error.strerror)
+            return  # else it is gone again
         accepted.settimeout(0.0)
+        self._take(accepted)
+
+    def _take(self, accepted: socket.socket) -> None:
         program = Program(accepted)
         if program.uid not in {-1, os.getuid()}:
             program.close()

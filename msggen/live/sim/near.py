@@ -41,6 +41,8 @@ class NearVehicle:
         self._fillers: dict[str, Filler] = {each.topic: each.filler for each in out}
         self._inputs = {each.uorb_topic for each in topics.ENDPOINTS if each.direction == "in"}
         self._takers: dict[str, list[Take]] = defaultdict(list)
+        self._last: dict[str, tuple[Any, int]] = {}
+        """The last message of each topic, and when it was sent."""
         self._arrived: list[tuple[str, Any]] = []
         """The messages that the vehicle takes in its next step."""
         self._start()
@@ -82,6 +84,13 @@ class NearVehicle:
         self._takers[topic].append(take)
         return lambda: self._takers[topic].remove(take)
 
+    def recall(self, topic: str, take: Callable[[Any, float], None]) -> None:
+        """Call `take` with the last message of a topic and its age in s, if it was sent. It may be called soon."""
+        if topic in self._last:
+            message, sent = self._last[topic]
+            loop = asyncio.get_running_loop()
+            loop.call_soon(take, type(message).decode(message.encode()), (self.time - sent) / 1e6)
+
     def publish(self, topic: str, message: Any) -> None:
         """Send a message of a program on a topic, which is named as in uORB.
 
@@ -97,6 +106,7 @@ class NearVehicle:
         """Restart the vehicle at home: it knows nothing of programs but the slots of their names."""
         self.world = restarted(self.world, self.package, self._options)
         self._arrived.clear()
+        self._last.clear()
         self._start()
 
     def loses(self, _topic: str) -> bool:
@@ -127,6 +137,7 @@ class NearVehicle:
     def _send(self, topic: str, message: Any) -> None:
         if self._log is not None:
             self._log.add(topic, message)
+        self._last[topic] = message, self.time
         takers = self._takers[topic]
         if takers:
             loop = asyncio.get_running_loop()

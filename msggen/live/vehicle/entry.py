@@ -12,6 +12,7 @@ from msggen.live.messages.packages import Decoding, NamedTopic, Packages, Unknow
 from msggen.live.vehicle.calls import Calls
 from msggen.live.vehicle.feed import Feed
 from msggen.live.vehicle.firmware import Firmware, FormatCheck, identify, releases
+from msggen.live.vehicle.memory import Kept, Memory
 from msggen.live.vehicle.selection import Selection, is_same, is_unnamed, may_have
 from msggen.live.vehicle.watch import Watch
 
@@ -33,6 +34,9 @@ class Entry:
         self.table: dict[str, tuple[Row, ...]] = {}
         self.followed: set[str] = set()
         """The routes whose samples cross to this process, if another one owns the link."""
+        self.last: dict[str, Kept] = {}
+        """The last sample of each route that crosses to this process, by name."""
+        self.memory = Memory()
         self.opened_at = time.monotonic()
         self.heard_ns = 0
         self.ticked_ns = self.due_ns = 0

@@ -6,9 +6,9 @@ import struct
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from functools import lru_cache
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import NamedTuple
 
-from msggen.live.link import LinkError, Remote, Route
+from msggen.live.link import LinkError, Route
 from msggen.live.messages.names import stem_of, without_namespace
 
 REQUEST = "/fmu/in/message_format_request"
@@ -127,17 +127,6 @@ def answer_of(request: bytes, time: int, hash_of: Callable[[str], int | None]) -
 
 RETRY_NS = 300_000_000
 TRIES = 4
-
-
-@runtime_checkable
-class Remembering(Protocol):
-    """A link that keeps the hashes of definitions in the records of sessions."""
-
-    def hashes(self, remote: Remote) -> Mapping[str, int]:
-        """Return the hashes that the record of a session has, by ROS type."""
-
-    def remember(self, remote: Remote, hashes: Mapping[str, int]) -> None:
-        """Write hashes into the record of a session."""
 
 
 class FormatCheck:

@@ -14,7 +14,8 @@ from msggen.live.messages.packages import Decoding, NamedTopic
 from msggen.live.vehicle.delivery import Delivery
 from msggen.live.vehicle.entry import Entry, Member, Row
 from msggen.live.vehicle.feed import Feed, Item, check_outside_callback
-from msggen.live.vehicle.firmware import RESPONSE, RETRY_NS, Remembering
+from msggen.live.vehicle.firmware import RESPONSE, RETRY_NS
+from msggen.live.vehicle.memory import Kept, Remembering
 from msggen.live.vehicle.selection import is_same, is_unnamed, may_be_meant, shown, why_missing, why_unknown
 from msggen.live.vehicle.watch import Watch
 
@@ -32,6 +33,7 @@ class Hub:
         self.link = link
         self._following = cast("FollowingLink", link) if hasattr(link, "follow") else None
         """The link, if another process owns it, which asks the vehicle for its definitions."""
+        self._remembering = link if isinstance(link, Remembering) else None
         self.changed = threading.Condition(threading.RLock())
         """Guards everything except `table` of an entry, which is replaced as a whole."""
         self.entries: dict[int, Entry] = {}
@@ -52,11 +54,15 @@ class Hub:
         if remote.number in self.entries:
             self._learn(remote)
             return
-        known = self.link.hashes(remote) if isinstance(self.link, Remembering) else {}
+        remembering = self._remembering
+        known = remembering.hashes(remote) if remembering is not None else {}
+        samples = remembering.samples(remote) if remembering is not None else {}
         with self.changed:
             self.thread = threading.get_ident()
             entry = self.entries[remote.number] = Entry(remote, self.link, self.evaluate)
             entry.check.recall(known)
+            entry.last.update(samples)
+            entry.memory.recall(samples)
             for member in self.members:
                 self._offer(member, entry)
             self.changed.notify_all()
@@ -111,10 +117,13 @@ class Hub:
         if entry is None:
             return
         entry.heard_ns = time
+        entry.last[route.name] = payload, time
         for push, decoding in entry.table.get(route.name, ()):
             push(payload, time, decoding)
         if not entry.ticked_ns <= time < entry.due_ns:  # also if the clock was set back
             self.tick(entry, time)
+        if not entry.memory.looked_ns <= time < entry.memory.due_ns:
+            self._look(entry, time)
 
     def replied(self, remote: Remote, service: Service, number: int, payload: bytes) -> None:  # noqa: ARG002
         """Give a reply to the call that waits for it."""
@@ -181,8 +190,8 @@ class Hub:
                 entry.is_checked = False
             elif not entry.is_checked:
                 entry.is_checked = True
-                if isinstance(self.link, Remembering):
-                    self.link.remember(entry.remote, dict(entry.check.hashes))
+                if self._remembering is not None:
+                    self._remembering.remember(entry.remote, dict(entry.check.hashes))
                 entry.due_ns = now + _MISSING_NS
                 self.evaluate(entry, None)
             else:
@@ -190,6 +199,14 @@ class Hub:
                 for member in self.members:
                     if member.entry is entry:
                         self._tell_missing(member, entry)
+
+    def _look(self, entry: Entry, now: int) -> None:
+        """Let the link remember the samples that are not followed by others soon."""
+        routes = entry.routes
+        last = {name: each for name, each in tuple(entry.last.items()) if routes[name].direction == "out"}
+        changed = entry.memory.look(last, now)
+        if changed is not None and self._remembering is not None:
+            self._remembering.keep(entry.remote, changed)
 
     def _answered(self, entry: Entry, payload: bytes, now: int) -> None:
         """Take an answer about a definition, and ask for the next one."""
@@ -243,17 +260,24 @@ class Hub:
                 entry.due_ns = entry.heard_ns + _MISSING_NS
 
     def last(self, member: Member, feed: Feed) -> Item | None:
-        """Return the last sample of a topic, also one from before this program began, if the link has it."""
+        """Return the last sample of a topic, also one from before the subscription or the program, if it is known."""
         entry = member.entry
-        if self._following is None or entry is None:
+        if entry is None:
             return None
         for route in tuple(entry.routes.values()):
             if self._is_route_of(feed.topic, route, entry):
                 rows = [decoding for push, decoding in entry.table.get(route.name, ()) if push == feed.push]
-                sample = self._following.last(entry.remote, route) if rows else None
+                sample = self._last_of(entry, route) if rows else None
                 if sample is not None:
-                    return sample.payload, sample.time, rows[0]
+                    return *sample, rows[0]
         return None
+
+    def _last_of(self, entry: Entry, route: Route) -> Kept | None:
+        """Return the last sample of a route. Another process that owns the link has those that do not cross to here."""
+        if self._following is None:
+            return entry.last.get(route.name)
+        found = self._following.last(entry.remote, route)
+        return (found.payload, found.time) if found is not None else None
 
     @property
     def is_shared(self) -> bool:

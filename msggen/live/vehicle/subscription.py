@@ -35,19 +35,21 @@ class Subscription(Generic[Value]):
     again. Several readers share the queue: each sample goes to one of them.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - a Vehicle calls it
         self,
         feed: Feed,
         attach: Callable[[Feed], None],
         detach: Callable[[Feed], None],
         last: Callable[[Feed], Item | None],
         tell_absence: Waker,
+        *,
+        is_shared: bool,
     ) -> None:
         """Make a subscription. `tell_absence` is called if no sample arrives for long; it may warn the user.
 
         `last` returns the last sample of the topic from before the subscription, if there is one that can be had.
         """
-        self._last = last
+        self._last, self._is_shared = last, is_shared
         self._feed = feed
         self._tell_absence = tell_absence  # a method of its Vehicle, which this keeps open
         self._attach, self._detach = attach, detach
@@ -176,11 +178,11 @@ class Subscription(Generic[Value]):
     def latest(self) -> Value | None:
         """Return the newest message, or None if there is none. It stays in the queue.
 
-        If none has arrived yet, it is the last one from before the subscription, as far as the process that owns the
-        link has it. Raises FormatError if the definition of the vehicle differs.
+        If none has arrived yet, it is the last one from before the subscription, if another process owns the link and
+        has it. Raises FormatError if the definition of the vehicle differs.
         """
         self._check()
-        item, last = self._feed.newest or self._last(self._feed), self._latest
+        item, last = self._feed.newest or (self._last(self._feed) if self._is_shared else None), self._latest
         if item is None:
             return None
         if last is not None and last[0] is item:
@@ -192,7 +194,7 @@ class Subscription(Generic[Value]):
     def last(self) -> tuple[Value, int] | None:
         """Return the last message from before the subscription, with the time of its arrival as `timed`.
 
-        None if there is none, if a message has arrived meanwhile, or if this program owns the link. Raises FormatError.
+        None if there is none, or if a message has arrived meanwhile. Raises FormatError.
         """
         self._check()
         item = None if self._feed.newest else self._last(self._feed)
@@ -209,7 +211,9 @@ class Subscription(Generic[Value]):
         deadline = _deadline(timeout)
         watch = Feed(feed.topic, max(feed.size, 256), None, feed.options)
         self._attach(watch)
-        watcher: Subscription[Value] = Subscription(watch, self._attach, self._detach, self._last, self._tell_absence)
+        watcher: Subscription[Value] = Subscription(
+            watch, self._attach, self._detach, self._last, self._tell_absence, is_shared=self._is_shared
+        )
         signal = _Signal()
         watch.add_waker(signal.set)
         feed.add_waker(signal.set)  # for its end

@@ -350,7 +350,12 @@ class Vehicle:
             hub.attach(member, feed)
 
         subscription: Subscription[Any] = Subscription(
-            feed, attach, lambda feed: hub.detach(member, feed), lambda feed: hub.last(member, feed), self._tell_absence
+            feed,
+            attach,
+            lambda feed: hub.detach(member, feed),
+            lambda feed: hub.last(member, feed),
+            self._tell_absence,
+            is_shared=hub.is_shared,
         )
         attach(feed)
         return subscription

@@ -265,6 +265,25 @@ class Agent:
             session.hashes = MappingProxyType(dict(hashes))
             session.journal.version += 1
 
+    def samples(self, number: int) -> Mapping[str, tuple[bytes, int]]:
+        """Return the samples that are kept of vehicle `Remote.number`, by route. Raises LinkError."""
+        return self._find(number).samples
+
+    def keep(self, number: int, samples: Mapping[str, tuple[bytes, int]]) -> None:
+        """Write down samples of vehicle `Remote.number`, by route: the newest ones, as far as a record takes them.
+
+        Raises LinkError if it is not connected.
+        """
+        session, left = self._find(number), self._limits.record
+        kept: dict[str, tuple[bytes, int]] = {}
+        for name, sample in sorted(samples.items(), key=lambda each: each[1][1], reverse=True):
+            left -= len(name) + len(sample[0])
+            if left >= 0:
+                kept[name] = sample
+        if kept != session.samples:
+            session.samples = MappingProxyType(kept)
+            session.journal.version += 1
+
     def renew(self, number: int) -> None:
         """End the session of vehicle `Remote.number`: it connects anew, and tells its key and its namespace.
 

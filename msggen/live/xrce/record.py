@@ -13,6 +13,7 @@ _NOTHING: Mapping[str, int] = MappingProxyType({})
 
 
 _NO_SIZES: Mapping[int, int] = MappingProxyType({})
+_NO_SAMPLES: Mapping[str, tuple[bytes, int]] = MappingProxyType({})
 
 
 class Record(NamedTuple):
@@ -32,6 +33,9 @@ class Record(NamedTuple):
     """The `message_hash` of the vehicle's definitions by ROS type, as far as they are known."""
     sizes: Mapping[int, int] = _NO_SIZES
     """The sizes of samples by the object ids of topics, of a session whose topics were learnt from its samples."""
+    samples: Mapping[str, tuple[bytes, int]] = _NO_SAMPLES
+    """The last samples of topics that the vehicle publishes on change only, each with the time of its arrival in ns, by
+    the names of their routes."""
 
 
 class Journal:

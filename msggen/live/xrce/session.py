@@ -94,6 +94,8 @@ class Session:
         self.writers = self.inventory.writers
         self.hashes: Mapping[str, int] = {}
         """The `message_hash` of the vehicle's definitions by ROS type, as far as they are known."""
+        self.samples: Mapping[str, tuple[bytes, int]] = {}
+        """The last samples of topics that the vehicle publishes rarely, each with the time of its arrival, by route."""
         self.journal = Journal(limits.record)
         self.recorded = self.settled = 0
         """The version of the journal of the last record, and at the last look."""
@@ -191,6 +193,8 @@ class Session:
             raise WireError("record without a participant")
         self.inventory.limit(record.sizes)
         self.hashes = record.hashes
+        names = {each.name for each in self.inventory.routes() if isinstance(each, Route) and each.direction == "out"}
+        self.samples = {name: sample for name, sample in record.samples.items() if name in names}
         self.recorded = self.settled = self.journal.version
         self._next_create = record.next
         self._continue()
@@ -225,7 +229,8 @@ class Session:
             parts = (wire.Create(wire.NO_REQUEST, PARTICIPANT, entities.Participant(name).pack()).pack(), *parts)
         create, following = self.create, self.input.expected or 0
         sizes = self.inventory.sizes()
-        return Record(self.address, create.key, self.session_id, create.mtu, following, parts, self.hashes, sizes)
+        told = self.hashes, sizes, self.samples
+        return Record(self.address, create.key, self.session_id, create.mtu, following, parts, *told)
 
     def _continue(self) -> None:
         self.continued = True

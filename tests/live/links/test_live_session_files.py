@@ -47,10 +47,14 @@ def told() -> Told:
 
 def test_what_was_written_is_read(tmp_path: Path, told: Told) -> None:
     folder = tmp_path / "state" / "sessions"
-    device = RECORD._replace(address="/dev/ttyUSB0", key=0, sizes=MappingProxyType({5: 16, 4095: 8}))
-    told.records(folder).write([(ADDRESS, RECORD), (device.address, device)])
+    samples = MappingProxyType({"/fmu/out/home_position": (b"\0\1\0\0home", 1_700_000_000_000_000_000)})
+    record = RECORD._replace(sizes=MappingProxyType({5: 16, 4095: 8}), samples=samples)
+    device = RECORD._replace(address="/dev/ttyUSB0", key=0)
+    told.records(folder).write([(ADDRESS, record)])
+    told.records(folder, "/dev/ttyUSB0").write([(device.address, device)])
     told.records(folder, "udp://127.0.0.1:9999").write([(ADDRESS, RECORD._replace(key=9))])
-    assert sorted(told.records(folder).load(), key=str) == sorted([RECORD, device], key=str)
+    assert told.records(folder).load() == [record]
+    assert told.records(folder, "/dev/ttyUSB0").load() == [device]
     assert stat.S_IMODE(folder.stat().st_mode) == 0o700
     assert {stat.S_IMODE(path.stat().st_mode) for path in folder.iterdir()} == {0o600}
     assert len(list(folder.iterdir())) == 3

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import random
 import socket
@@ -9,6 +10,7 @@ import struct
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +21,10 @@ from msggen.live.age import expiry
 from msggen.live.links import unix
 from msggen.live.links.records import CALL, EVENT, HEADER, LAST, SAMPLE, RecordReader, event_in, event_of, record_of
 from msggen.live.links.unix import UnixLink
+from msggen.live.owner import process
 from msggen.live.owner import program as program_module
+from msggen.live.owner import server as server_module
+from msggen.live.owner.owner import LOGGER
 from msggen.live.owner.server import Server
 from support.fake_link import FakeLink
 from support.link_records import Records, nothing_is_left
@@ -502,3 +507,102 @@ def test_a_question_of_a_later_release_has_no_answer(path: Path) -> None:
     assert joined.ask("what is not known") is None
     assert joined.ask("state")["programs"]
     joined.close()
+
+
+def test_dropping_samples_takes_no_longer_if_much_else_waits(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A program that reads nothing asks much: each sample that is dropped costs the same, however many answers wait."""
+    monkeypatch.setattr(program_module, "BACKLOG", 4_000_000)
+    here, there = socket.socketpair()
+    with here, there:
+        slow = program_module.Program(here)
+        answer, sample = event_of("answer", 1, "x" * 20), record_of(SAMPLE, bytes(200), 1, 0, 5)
+        count = 3_900_000 // len(answer)
+        for _ in range(count):
+            slow.put(answer)
+        begin = time.process_time()
+        for _ in range(20_000):
+            slow.put(sample)
+        assert time.process_time() - begin < 5.0, "it took 50 s and more"
+        assert not slow.is_gone
+        assert slow.dropped > 19_000
+        got = bytearray()
+        here.settimeout(0.0)
+        there.settimeout(0.0)
+        while slow.is_waiting:
+            slow.flush()
+            while True:
+                try:
+                    got += there.recv(1 << 16)
+                except BlockingIOError:
+                    break
+        kinds = [kind for kind, *_ in RecordReader().add(bytes(got))]
+        assert (kinds.count(EVENT), kinds.count(SAMPLE)) == (count, 20_000 - slow.dropped)
+        assert kinds == sorted(kinds, reverse=True), "in their order"
+
+
+def test_who_asks_for_the_state_ends_no_owner_of_another_version(server: Server, path: Path) -> None:
+    with unix.connected(str(path)) as own:  # as `link list`, which needs no hello
+        own.settimeout(WAIT)
+        own.sendall(event_of("ask", 1, "state"))
+        ((kind, *_, body),) = [next(received(own))]
+        assert (kind, event_in(body)[0]) == (EVENT, "answer")
+    with unix.connected(str(path)) as own:
+        own.settimeout(WAIT)
+        own.sendall(event_of("hello", hello(version="9.9.9", is_program=False)))
+        name, (text,) = event_in(next(received(own))[-1])
+        assert (name, text.endswith("this is msggen 9.9.9")) == ("refused", True)
+    assert not server._is_over
+
+
+def test_names_of_programs_are_shown_with_escapes(
+    server: Server, path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(LOGGER, "handlers", [])
+    monkeypatch.setattr(LOGGER, "propagate", True)
+    process._log_to(str(tmp_path / "log"))
+    forged = "a\x1b[2J\n2026-01-01 00:00:00,000 ERROR forged"
+    with unix.connected(str(path)) as own:
+        own.settimeout(WAIT)
+        own.sendall(event_of("hello", hello(name=forged)))
+        next(received(own))
+        assert [each.name for each in server.owner.programs] == [r"a\x1b[2J\n2026-01-01 00:00:00,000 ERROR forged"]
+    LOGGER.warning("%s", forged)
+    lines = (tmp_path / "log").read_text().splitlines()
+    assert not any(each.startswith("2026-01-01") for each in lines)
+    assert not any("\x1b" in each for each in lines)
+
+
+@pytest.mark.usefixtures("server")
+def test_an_owner_without_descriptors_waits_for_some(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It serves those who are there, and takes the next one when it can."""
+    accepts, is_full = 0, True
+    accept = socket.socket.accept
+
+    def limited(self: socket.socket) -> Any:
+        nonlocal accepts
+        accepts += 1
+        if is_full:
+            raise OSError(errno.EMFILE, "Too many open files")
+        return accept(self)
+
+    with UnixLink(str(path)).open():
+        monkeypatch.setattr(server_module, "_PAUSE_S", 0.3)
+        monkeypatch.setattr(socket.socket, "accept", limited)
+        own = unix.connected(str(path))
+        begin = time.monotonic()
+        until(lambda: accepts >= 3)
+        assert accepts <= 3 + (time.monotonic() - begin) / 0.3
+        is_full = False
+        with unix.greeted(own, ""):
+            pass
+
+
+def test_a_program_does_not_wait_for_ever_for_a_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(unix, "_HELLO_S", 0.2)
+    with socket.socket(socket.AF_UNIX) as listening, ExitStack() as waiting:
+        listening.bind(str(tmp_path / "s"))
+        listening.listen(1)
+        for _ in range(2):  # Linux takes one more than is asked for
+            waiting.enter_context(unix.connected(str(tmp_path / "s")))
+        with pytest.raises(LinkError, match="takes no further program"):
+            unix.connected(str(tmp_path / "s"))
