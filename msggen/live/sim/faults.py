@@ -8,9 +8,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Final, NamedTuple
 
 from msggen.base.diagnostics import suggestion
+from msggen.live.messages.commands import SET_NAV_STATE
 from msggen.live.messages.nav_states import MODE_NAMES
 from msggen.live.sim.commander.states import ACCEPTED
-from msggen.live.sim.commands import SET_NAV_STATE
+from msggen.live.sim.commands import SIMULATED
 from msggen.live.sim.world import World
 
 NO_LINK: Final = "no-link"
@@ -19,7 +20,7 @@ RESTART: Final = "restart"
 RESTART_CLIENT: Final = "restart-client"
 _PILOT: Final = 1
 """The source component of what a pilot selects: COMPONENT_AUTOPILOT."""
-_MODES: Mapping[str, int] = {name.replace(" ", "-"): mode for mode, name in MODE_NAMES.items()}
+_MODES: Mapping[str, int] = {name.replace(" ", "-"): mode for mode, name in MODE_NAMES.items() if mode in SIMULATED}
 
 
 class Fault(NamedTuple):
