@@ -24,12 +24,13 @@ from typing import Any
 
 from environment import ROOT
 from msggen.flight import TRAJECTORY, Flight, Mode
-from msggen.flight.commands import ARM_DISARM, Commands
+from msggen.flight.commands import Commands
 from msggen.flight.feeds import Feeds
 from msggen.flight.link import LinkConnection
 from msggen.flight.registration import Registrar, Wanted
 from msggen.flight.setpoints import FREE, trajectory_values
 from msggen.live import Vehicle
+from msggen.live.messages.commands import ARM_DISARM
 from setpoints import place_of
 
 sys.path.insert(0, str(ROOT / "generated"))

@@ -28,6 +28,7 @@ HEIGHT = 3.0
 NEAR = 0.5  # meters
 SQUARE = [(0.0, 0.0), (5.0, 0.0), (5.0, 5.0), (0.0, 5.0), (0.0, 0.0)]
 OFFBOARD = {"mav_mode_value": 1, "param2": 6}  # PX4's main mode 6
+HOLD = {"mav_mode_value": 1, "param2": 4, "param3": 3}  # AUTO, LOITER
 
 
 class Flight:
@@ -75,6 +76,7 @@ def main() -> None:
             flight.command(commands.NAV_LAND())
         # no setpoint goes on: PX4 takes them in Land, too
         flight.status.wait_for(lambda each: each.arming_state == each.ARMING_STATE_DISARMED, timeout=60)
+        flight.command(commands.DO_SET_MODE(**HOLD))  # in Offboard mode, nobody could arm it without a heartbeat
         print("landed", flush=True)
 
 

@@ -77,6 +77,7 @@ ROOMS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "recordings.report": (
             "base",
             "definitions",
+            "live.messages",
             "recordings.source",
             "recordings.columns",
             "recordings.topics",

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import math
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -18,6 +20,7 @@ from msggen.cli.names import names_of
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, refuse
 from msggen.cli.table import BOLD, styled
 from msggen.cli.values import Deferred, non_empty
+from msggen.live.messages.nav_states import MODE_NAMES, SELECTABLE, TAKEOFF, mode_number
 from msggen.show.report.json import dump
 
 if TYPE_CHECKING:
@@ -28,19 +31,19 @@ _MOST_IDS = 255
 _NUMBERS = ("result_param1", "result_param2")
 """The fields of VehicleCommandAck that say more about a result."""
 
-SHORT: Mapping[str, tuple[str, str]] = {
+SHORT: Mapping[str, tuple[str, ...]] = {
     "arm": ("COMPONENT_ARM_DISARM", "param1=1"),
     "disarm": ("COMPONENT_ARM_DISARM", "param1=0"),
+    "land": ("NAV_LAND",),
+    "rtl": ("NAV_RETURN_TO_LAUNCH",),
+    "takeoff": ("NAV_TAKEOFF",),
 }
-"""Short names of commands with a parameter."""
-_SYNONYMS = {
-    "RTL": "NAV_RETURN_TO_LAUNCH",
-    "RETURN": "NAV_RETURN_TO_LAUNCH",
-    "HOLD": "NAV_LOITER_UNLIM",
-    "LOITER": "NAV_LOITER_UNLIM",
-    "MODE": "DO_SET_MODE",
-}
-"""What people call commands, for suggestions."""
+"""Short names of commands, some with a parameter."""
+_MODE = "mode"
+"""The short name of the command that selects the mode whose name follows."""
+_SELECT = "SET_NAV_STATE"
+_EXPLAINED = ("TEMPORARILY_REJECTED", "DENIED")
+"""The results whose reasons a vehicle shows."""
 
 
 def add_to(commands: Commands) -> None:
@@ -57,14 +60,19 @@ def add_to(commands: Commands) -> None:
         epilog=f"Exit codes: 0 accepted, 1 not accepted or not answered, {FAILED_CODES}",
     )
     parser.add_argument(
-        "command", metavar="COMMAND", nargs="?", type=non_empty, help="such as NAV_TAKEOFF, or arm, disarm"
+        "command",
+        metavar="COMMAND",
+        nargs="?",
+        type=non_empty,
+        help=f"such as NAV_TAKEOFF, or {', '.join((*SHORT, _MODE))}",
     )
     parser.add_argument(
         "parameters",
         metavar="NAME=VALUE",
         nargs="*",
         type=non_empty,
-        help="parameters of the command, such as altitude=500, and fields of VehicleCommand",
+        help="parameters of the command, such as altitude=500, and fields of VehicleCommand; after mode, the name of a "
+        "mode, such as hold; after takeoff, a height in m above the ground",
     )
     parser.add_argument("--list", action="store_true", help="list all commands, or the parameters of one")
     parser.add_argument(
@@ -81,7 +89,7 @@ def add_to(commands: Commands) -> None:
 def _command(options: argparse.Namespace) -> int:
     if options.list or options.command is None:
         expected = expected_types(options).package
-        rows = _all(expected) if options.command is None else _one(_found(options, expected)[0])
+        rows = _all(expected) if options.command is None else _one(_found(options, expected))
         print(*map(Styled, rows), sep="\n")
         return DONE
     with connection(options, lambda package: _message(options, package, (1, 1))) as found:
@@ -105,33 +113,43 @@ class _Outcome(NamedTuple):
     result: str
     text: str
     answer: Any = None
+    reasons: Sequence[str] = ()
+    """Why the vehicle refuses it, as far as it shows that."""
 
 
 def _send(options: argparse.Namespace, found: Connection) -> int:
     """Send the command, and print the answer."""
-    from msggen.live.vehicle.command import address_of
+    from msggen.live.vehicle.command import address_of, altitude_above
 
     if found.has_one_package:
         _message(options, found.package, (1, 1))  # errors are told before the vehicle has told its definition
     package = _package(found)
     message: Any = _message(options, package, options.target or address_of(found.vehicle))
-    name = _found(options, package)[0].name
+    height = _wanted(options).height
+    if height is not None:
+        message.param7 = altitude_above(found.vehicle, height)
+    name = _found(options, package).name
     outcome = _outcome(options, found, name, message)
     if options.json:
         numbers = {each: getattr(outcome.answer, each, None) for each in _NUMBERS}
-        about = {"command": name, "target_system": message.target_system, "result": outcome.result}
+        about = {
+            "command": name,
+            "target_system": message.target_system,
+            "result": outcome.result,
+            "reasons": [*outcome.reasons],
+        }
         print(dump(about | numbers))
     elif outcome.answer is None:
         print(f"{name}: {outcome.text}", file=sys.stderr)
     else:
-        print(f"{name}: {outcome.result}{outcome.text}")
+        print(f"{name}: {': '.join(filter(None, [outcome.result + outcome.text, ', '.join(outcome.reasons)]))}")
     return DONE if outcome.result == "ACCEPTED" else FINDINGS
 
 
 def _outcome(options: argparse.Namespace, found: Connection, name: str, message: Any) -> _Outcome:
     """Send the command, and wait for the answer."""
     from msggen.live import LinkTimeoutError
-    from msggen.live.vehicle.command import COMMAND, acknowledges, send_command
+    from msggen.live.vehicle.command import COMMAND, acknowledges, reasons_of, send_command
 
     def progress(answer: Any) -> None:
         if not options.json:
@@ -144,7 +162,9 @@ def _outcome(options: argparse.Namespace, found: Connection, name: str, message:
         answer = send_command(found.vehicle, message, options.timeout, progress)
     except LinkTimeoutError as error:
         return _Outcome("NONE", f"{error} for system {message.target_system}")
-    return _Outcome(_result(answer), _details(answer), answer)
+    result = _result(answer)
+    reasons = reasons_of(found.vehicle, message, f"`msggen command {_MODE} hold`") if result in _EXPLAINED else ()
+    return _Outcome(result, _details(answer), answer, reasons)
 
 
 def _result(answer: Any) -> str:
@@ -181,14 +201,71 @@ def _commands(package: ModuleType) -> dict[str, Any]:
     return {name: each for name, each in vars(module).items() if hasattr(each, "params") and not isinstance(each, type)}
 
 
-def _found(options: argparse.Namespace, package: ModuleType) -> tuple[Any, list[str]]:
-    """Return the command that the user names, and its parameters. Raises WrongArgumentError for a wrong name."""
-    name, *first = _plain(options.command)
-    known = _commands(package)
+class _Wanted(NamedTuple):
+    """What the user asks for: a command by the name that it has in a package, and its parameters."""
+
+    name: str
+    words: Sequence[str]
+    height: float | None = None
+    """In m above where the vehicle is, for a takeoff to there."""
+
+
+def _wanted(options: argparse.Namespace) -> _Wanted:
+    """Return what the user asks for. Raises WrongArgumentError for a wrong mode or height."""
+    name, words = options.command, options.parameters
+    if name.lower() == _MODE:
+        number = _mode_named(options, next(iter(words), ""))
+        words = words[1:]
+        if number != TAKEOFF or not words:
+            return _Wanted(_SELECT, [f"param1={number}", *words])
+        name = "takeoff"
+    plain, *first = _plain(name)
+    if name.lower() == "takeoff" and words and "=" not in words[0]:
+        return _Wanted(plain, words[1:], _height(options, words[0]))
+    return _Wanted(plain, [*first, *words])
+
+
+def _mode_named(options: argparse.Namespace, text: str) -> int:
+    """Return the number of the mode that follows `mode`. Raises WrongArgumentError for an unknown one."""
+    number = mode_number(text)
+    if number is None:
+        words = [*map(_word, SELECTABLE)]
+        near = (text and suggestion(text, words)) or f": there are {', '.join(words)}"
+        refuse(options, f"argument NAME=VALUE: no mode '{text}'{near}")
+    return number
+
+
+def _height(options: argparse.Namespace, text: str) -> float:
+    """Return the height that follows `takeoff`. Raises WrongArgumentError unless it is a number above 0."""
+    with suppress(ValueError):
+        if 0.0 < float(text) < math.inf:
+            return float(text)
+    return refuse(
+        options, f"argument NAME=VALUE: expected a height above the ground in m, as in takeoff 5, found '{text}'"
+    )
+
+
+def _found(options: argparse.Namespace, package: ModuleType) -> Any:
+    """Return the command that the user names. Raises WrongArgumentError for a wrong name."""
+    name, known = _wanted(options).name, _commands(package)
     if name not in known:
-        near = suggestion(_SYNONYMS.get(name, name), [*known, *SHORT]) or ": msggen command --list has all"
-        refuse(options, f"argument COMMAND: no command '{options.command}'{near}")
-    return known[name], [*first, *options.parameters]
+        refuse(options, f"argument COMMAND: no command '{options.command}'{_near(options.command, known)}")
+    return known[name]
+
+
+def _near(text: str, known: Iterable[str]) -> str:
+    """Return what to write instead of a name that is not a command."""
+    if text.lower() == _MODE:
+        return f": the firmware has no {_SELECT}, as none before v1.15, and DO_SET_MODE takes PX4's numbers of modes"
+    mode = mode_number(text)
+    if mode is not None:
+        return f": to select the mode, msggen command {_MODE} {_word(MODE_NAMES[mode])}"
+    return suggestion(text, [*known, *SHORT, _MODE]) or ": msggen command --list has all"
+
+
+def _word(mode: str) -> str:
+    """Return the name of a mode as one word."""
+    return mode.replace(" ", "-")
 
 
 def _plain(text: str) -> Sequence[str]:
@@ -201,12 +278,11 @@ def _plain(text: str) -> Sequence[str]:
 
 def _message(options: argparse.Namespace, package: ModuleType, target: tuple[int, int]) -> Message:
     """Return the message with the parameters that the user gives. Raises WrongArgumentError for a wrong one."""
-    command, words = _found(options, package)
-    enums = {each.name: each.enum for each in command.params} | {
-        f"param{each.number}": each.enum for each in command.params
-    }
+    command = _found(options, package)
+    enums = {each.name: _enum(each, package) for each in command.params}
+    enums |= {f"param{each.number}": enums[each.name] for each in command.params}
     values: dict[str, Any] = {}
-    for word in words:
+    for word in _wanted(options).words:
         name, mark, text = word.partition("=")
         if not mark:
             refuse(options, f"argument NAME=VALUE: expected a name and a value such as altitude=5, found '{word}'")
@@ -226,6 +302,12 @@ def _message(options: argparse.Namespace, package: ModuleType, target: tuple[int
     except (TypeError, ValueError) as error:
         refuse(options, f"argument NAME=VALUE: {error}")
     return message
+
+
+def _enum(parameter: Any, package: ModuleType) -> Any:
+    """Return the enum of a parameter. That of SET_NAV_STATE is an enum of VehicleStatus."""
+    is_mode = parameter.name in ("nav_state", "navigation_state_value")
+    return package.VehicleStatus.NavigationState if parameter.enum is None and is_mode else parameter.enum
 
 
 def _value(options: argparse.Namespace, name: str, text: str, enum: Any) -> Any:
@@ -282,12 +364,15 @@ def _kind(parameter: Any) -> str:
 
 def _complete_command(_: str, options: argparse.Namespace) -> Iterator[str]:
     """Yield the names of commands."""
-    yield from SHORT
+    yield from (*SHORT, _MODE)
     yield from names_of(options).commands
 
 
 def _complete_parameter(prefix: str, options: argparse.Namespace) -> Iterator[str]:
     """Yield the parameters of the command with `=`, and the members of the enum of one."""
+    if (options.command or "").lower() == _MODE:
+        yield from map(_word, SELECTABLE)
+        return
     name, *first = _plain(options.command or "")
     for each in names_of(options).commands.get(name, ()):
         if any(word.startswith(f"param{each.number}=") for word in first):

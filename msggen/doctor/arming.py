@@ -11,41 +11,14 @@ from msggen.doctor.case import Case
 from msggen.doctor.commands import misaddressed
 from msggen.doctor.observation import SampleSeen, VehicleSeen
 from msggen.doctor.steering import CONTROLS, Values, control, is_steered, means_inputs, setpoints
+from msggen.live.messages.commands import ARM_DISARM, REFUSALS, SET_MODE, SET_NAV_STATE
 from msggen.live.messages.names import uorb_name
+from msggen.live.messages.nav_states import EXTERNAL, MODE_TITLES, OFFBOARD
+from msggen.live.messages.refusals import REQUIREMENTS
 
 _DISARMED = 1
-_OFFBOARD = 14
-_EXTERNAL = range(23, 31)
-_NAMES: Mapping[int, str] = MappingProxyType(
-    {
-        0: "Manual", 1: "Altitude", 2: "Position", 3: "Mission", 4: "Hold", 5: "Return", 10: "Acro", 12: "Descend",
-        13: "Termination", _OFFBOARD: "Offboard", 15: "Stabilized", 17: "Takeoff", 18: "Land", 19: "Follow",
-        20: "Precision Land", 21: "Orbit", 22: "VTOL Takeoff",
-    }
-)  # fmt: skip
-"""The modes by their numbers, NAVIGATION_STATE_* of VehicleStatus."""
-_ARM = 400
-_SET_MODE = (176, 100001)
-"""DO_SET_MODE and SET_NAV_STATE."""
-_RESULTS: Mapping[int, str] = MappingProxyType(
-    {1: "temporarily rejected", 2: "denied", 3: "unsupported", 4: "failed", 6: "cancelled"}
-)
-"""The results of VehicleCommandAck that are refusals."""
-_REQUIRED: Mapping[str, str] = MappingProxyType(
-    {
-        "angular_velocity_invalid": "mode_req_angular_velocity",
-        "attitude_invalid": "mode_req_attitude",
-        "local_altitude_invalid": "mode_req_local_alt",
-        "local_position_invalid": "mode_req_local_position",
-        "local_position_invalid_relaxed": "mode_req_local_position_relaxed",
-        "global_position_invalid": "mode_req_global_position",
-        "global_position_invalid_relaxed": "mode_req_global_position_relaxed",
-        "auto_mission_missing": "mode_req_mission",
-        "offboard_control_signal_lost": "mode_req_offboard_signal",
-        "home_position_invalid": "mode_req_home_position",
-        "manual_control_signal_lost": "mode_req_manual_control",
-    }
-)
+_SET_MODE = (SET_MODE, SET_NAV_STATE)
+_REQUIRED: Mapping[str, str] = MappingProxyType({flag: f"mode_req_{name}" for name, (flag, _) in REQUIREMENTS.items()})
 """The flags of FailsafeFlags that count in some modes, and the field that tells in which ones."""
 _ALWAYS = (
     "battery_unhealthy",
@@ -110,7 +83,7 @@ def find_failsafe(case: Case) -> Iterator[Change]:
 
 def _mode(status: Values) -> str:
     number = status.get("nav_state", -1)
-    return f"External {number - _EXTERNAL.start + 1}" if number in _EXTERNAL else _NAMES.get(number, str(number))
+    return MODE_TITLES.get(number, str(number))
 
 
 def _why(vehicle: VehicleSeen) -> str:
@@ -122,7 +95,7 @@ def _why(vehicle: VehicleSeen) -> str:
 def _failing(vehicle: VehicleSeen) -> list[str]:
     """Return the flags of FailsafeFlags that forbid the mode that the user has selected."""
     flags, status = vehicle.state("failsafe_flags"), vehicle.state("vehicle_status")
-    bit = 1 << status.get("nav_state_user_intention", status.get("nav_state", _OFFBOARD))
+    bit = 1 << status.get("nav_state_user_intention", status.get("nav_state", OFFBOARD))
     found = [name for name, field in _REQUIRED.items() if flags.get(name) and flags.get(field, 0) & bit]
     found += [name for name in _ALWAYS if flags.get(name)]
     warning = flags.get("battery_warning", 0)
@@ -132,7 +105,9 @@ def _failing(vehicle: VehicleSeen) -> list[str]:
 def find_failing_checks(case: Case) -> Iterator[Change]:
     """Find vehicles that cannot be armed, and that nobody has told so yet."""
     for vehicle in _disarmed(case):
-        if vehicle.state("vehicle_status").get("pre_flight_checks_pass") is False and not _refused(vehicle, (_ARM,)):
+        if vehicle.state("vehicle_status").get("pre_flight_checks_pass") is False and not _refused(
+            vehicle, (ARM_DISARM,)
+        ):
             yield case.of(
                 vehicle,
                 f"is disarmed and cannot be armed: its checks fail in mode {_mode(vehicle.state('vehicle_status'))}"
@@ -143,7 +118,7 @@ def find_failing_checks(case: Case) -> Iterator[Change]:
 def find_refused_arming(case: Case) -> Iterator[Change]:
     """Find vehicles that refuse to arm."""
     for vehicle in case.alive:
-        status, refused = vehicle.state("vehicle_status"), _refused(vehicle, (_ARM,))
+        status, refused = vehicle.state("vehicle_status"), _refused(vehicle, (ARM_DISARM,))
         if status.get("arming_state") == _DISARMED and refused and means_inputs(case, vehicle):
             checks = "its checks pass now" if status.get("pre_flight_checks_pass", True) else "its checks fail"
             yield case.of(
@@ -158,7 +133,7 @@ def find_not_armed(case: Case) -> Iterator[Change]:
     """Find vehicles that get setpoints, and could be armed."""
     for vehicle in _disarmed(case):
         passes = vehicle.state("vehicle_status").get("pre_flight_checks_pass", True)
-        if passes and not _refused(vehicle, (_ARM,)) and not _is_misaddressed(case, vehicle, (_ARM,)):
+        if passes and not _refused(vehicle, (ARM_DISARM,)) and not _is_misaddressed(case, vehicle, (ARM_DISARM,)):
             yield case.of(
                 vehicle,
                 "gets setpoints, but is not armed: send VehicleCommand COMPONENT_ARM_DISARM (400) with param1 = 1, "
@@ -189,14 +164,13 @@ def find_other_mode(case: Case) -> Iterator[Change]:
             yield case.of(
                 vehicle,
                 f"gets setpoints, but is in mode {_mode(status)}, which does not use them: send VehicleCommand "
-                "DO_SET_MODE (176) with param1 = 1 and param2 = 6, "
-                "`msggen command DO_SET_MODE mav_mode_value=1 param2=6`",
+                "DO_SET_MODE (176) with param1 = 1 and param2 = 6, `msggen command mode offboard`",
             )
 
 
 def _follows(status: Values) -> bool:
     """Whether a vehicle is in a mode that uses the setpoints of programs."""
-    return status.get("nav_state") == _OFFBOARD or status.get("nav_state") in _EXTERNAL
+    return status.get("nav_state") == OFFBOARD or status.get("nav_state") in EXTERNAL
 
 
 def _disarmed(case: Case) -> Iterator[VehicleSeen]:
@@ -209,7 +183,7 @@ def _disarmed(case: Case) -> Iterator[VehicleSeen]:
 def _refused(vehicle: VehicleSeen, commands: tuple[int, ...]) -> SampleSeen | None:
     """Return the last acknowledgement of some commands if it is a refusal."""
     found = [each for each in vehicle.kept("vehicle_command_ack") if each.values.get("command") in commands]
-    return found[-1] if found and found[-1].values.get("result") in _RESULTS else None
+    return found[-1] if found and found[-1].values.get("result") in REFUSALS else None
 
 
 def _is_misaddressed(case: Case, vehicle: VehicleSeen, commands: tuple[int, ...]) -> bool:
@@ -218,7 +192,7 @@ def _is_misaddressed(case: Case, vehicle: VehicleSeen, commands: tuple[int, ...]
 
 
 def _result(refused: SampleSeen) -> str:
-    return _RESULTS[refused.values["result"]]
+    return REFUSALS[refused.values["result"]]
 
 
 def _ago(case: Case, refused: SampleSeen) -> str:

@@ -12,16 +12,17 @@ from logging import getLogger
 from typing import Any
 
 from msggen.base import earth
-from msggen.flight import commands
 from msggen.flight.commands import Commands
 from msggen.flight.errors import FlightError, LimitError, NotReachedError
 from msggen.flight.feeds import Condition, Feeds
 from msggen.flight.limits import Fence
-from msggen.flight.places import GlobalPlace, local_place, sea_level
+from msggen.flight.places import GlobalPlace, local_place, on_earth, sea_level
 from msggen.flight.setpoints import finite
-from msggen.flight.states import MODES, described, is_armed, is_disarmed
-from msggen.flight.telemetry import is_known_in_air, is_landed, valid_estimate
-from msggen.live.messages.nav_states import HOLD, LAND, RETURN, TAKEOFF
+from msggen.flight.states import described, is_armed, is_disarmed
+from msggen.flight.telemetry import is_known_in_air, is_known_landed, is_landed, valid_estimate
+from msggen.flight.usage import ON_EARTH, explained, named
+from msggen.live.messages import commands
+from msggen.live.messages.nav_states import HOLD, LAND, RETURN, SELECTABLE, TAKEOFF, mode_number
 
 LOGGER = getLogger("msggen.flight")
 
@@ -112,7 +113,7 @@ class Actions:
         """
         await self._check_armed("land")
         await self._send(commands.LAND, what="land", shown=self._is_in(LAND))
-        await self._completed(LAND, "the landing")
+        await self._landed(LAND, "the landing")
 
     async def return_home(self) -> None:
         """Fly to the home position and land. The call ends when the vehicle has landed.
@@ -121,7 +122,7 @@ class Actions:
         """
         await self._check_armed("return")
         await self._send(commands.RETURN, what="return", shown=self._is_in(RETURN))
-        await self._completed(RETURN, "the return")
+        await self._landed(RETURN, "the return")
 
     async def hold(self) -> None:
         """Let PX4 hold the vehicle where it is. Raises RefusedError and NoAnswerError."""
@@ -132,9 +133,9 @@ class Actions:
 
         Raises ValueError for an unknown name, RefusedError, NoAnswerError, and FlightError if the mode is not entered.
         """
-        number = MODES.get(mode.lower()) if isinstance(mode, str) else mode
+        number = mode_number(mode) if isinstance(mode, str) else mode
         if number is None:
-            raise ValueError(f"expected one of the modes {', '.join(MODES)}, or a nav_state, got {mode!r}")
+            raise ValueError(f"expected one of the modes {', '.join(SELECTABLE)}, or a nav_state, got {mode!r}")
         await self._select(number, str(mode))
 
     async def _select(self, number: int, name: str) -> None:
@@ -147,17 +148,26 @@ class Actions:
         await self._send(commands.SET_NAV_STATE, float(number), what=f"mode {name}", shown=is_selected)
         await self._until(is_selected, f"in mode {name}")
 
+    @explained(ON_EARTH)
     async def goto(
-        self, latitude: float, longitude: float, altitude: float | None = None, *, heading_deg: float = math.nan
+        self,
+        place: GlobalPlace | None = None,
+        *,
+        latitude: float | None = None,
+        longitude: float | None = None,
+        altitude: float | None = None,
+        heading_deg: float = math.nan,
     ) -> None:
         """Fly to a place in Hold mode, and return when it is reached: nearer than 1 m, slower than 0.5 m/s.
 
-        Latitude and longitude are in degrees, the altitude in m above mean sea level, by default the current one.
-        Raises RefusedError, NoAnswerError, NotReachedError if another mode is selected on the way, LimitError, and
-        FlightError on the ground.
+        The place is a GlobalPlace, or keywords: latitude and longitude in degrees, and the altitude in m above mean sea
+        level, by default the current one.
+
+        Raises TypeError for numbers without names, ValueError, RefusedError, NoAnswerError, NotReachedError if another
+        mode is selected on the way or the vehicle lands, LimitError as `Limits` says, and FlightError on the ground.
         """
-        place = GlobalPlace(latitude, longitude, altitude or 0.0)
-        await self._check_place(place, is_level=altitude is None)
+        latitude, longitude, altitude = on_earth("goto", place, latitude, longitude, altitude)
+        await self._check_place(GlobalPlace(latitude, longitude, altitude or 0.0), is_level=altitude is None)
         if is_landed(self._feeds):
             raise FlightError("the vehicle is on the ground: take off first")
         above_sea = math.nan if altitude is None else altitude
@@ -166,34 +176,45 @@ class Actions:
         reached = self._feeds["vehicle_global_position"].following(
             lambda place: _is_near(place, latitude, longitude, altitude)
         )
-        await self._feeds.within({HOLD}, reached, "the flight to a place")
+        await self._feeds.within({HOLD}, reached, "the flight to a place", may_land=False)
         slow = self._feeds["vehicle_local_position"].following(lambda each: math.hypot(each.vx, each.vy) < _SLOW)
-        await self._feeds.within({HOLD}, slow, "the flight to a place")
+        await self._feeds.within({HOLD}, slow, "the flight to a place", may_land=False)
 
+    @explained(ON_EARTH)
     async def set_home(
-        self, latitude: float | None = None, longitude: float | None = None, altitude: float | None = None
+        self,
+        place: GlobalPlace | None = None,
+        *,
+        latitude: float | None = None,
+        longitude: float | None = None,
+        altitude: float | None = None,
     ) -> None:
-        """Set the home position: to where the vehicle is, or to a place in degrees and in m above mean sea level.
+        """Set the home position: to where the vehicle is, or to a place as in `goto`.
 
-        Raises ValueError, RefusedError and NoAnswerError.
+        Raises TypeError, ValueError, RefusedError and NoAnswerError.
         """
-        place = [each for each in (latitude, longitude, altitude) if each is not None]
-        if not place:
-            await self._send(commands.SET_HOME, 1.0, what="set the home position")
-        elif len(place) < 3:  # noqa: PLR2004 - latitude, longitude, altitude
-            raise ValueError("expected latitude, longitude and altitude, or none of them")
+        what = "set the home position"
+        if (place, latitude, longitude, altitude) == (None,) * 4:
+            await self._send(commands.SET_HOME, 1.0, what=what)
         else:
-            GlobalPlace(*place)
-            await self._send(commands.SET_HOME, 0.0, *[math.nan] * 3, *place, what="set the home position")
+            values = _whole("set_home", place, latitude, longitude, altitude)
+            await self._send(commands.SET_HOME, 0.0, *[math.nan] * 3, *values, what=what)
 
-    async def set_origin(self, latitude: float, longitude: float, altitude: float) -> None:
-        """Set the origin of the local frame, for a vehicle without a global position.
+    @explained(ON_EARTH)
+    async def set_origin(
+        self,
+        place: GlobalPlace | None = None,
+        *,
+        latitude: float | None = None,
+        longitude: float | None = None,
+        altitude: float | None = None,
+    ) -> None:
+        """Set the origin of the local frame to a place as in `goto`, for a vehicle without a global position.
 
-        The origin is in degrees and in m above mean sea level. Raises ValueError, RefusedError and NoAnswerError.
+        Raises TypeError, ValueError, RefusedError and NoAnswerError.
         """
-        GlobalPlace(latitude, longitude, altitude)
-        place = latitude, longitude, altitude
-        await self._send(commands.SET_ORIGIN, *[math.nan] * 4, *place, what="set the origin")
+        values = _whole("set_origin", place, latitude, longitude, altitude)
+        await self._send(commands.SET_ORIGIN, *[math.nan] * 4, *values, what="set the origin")
 
     async def wait_armed(self) -> None:
         """Wait until the vehicle is armed. Raises NoAnswerError if it is not heard for 10 s."""
@@ -227,6 +248,14 @@ class Actions:
         if found.result:
             raise NotReachedError(f"{what} has failed: ModeCompleted has result {found.result}")
 
+    async def _landed(self, mode: int, what: str) -> None:
+        """Wait until a mode of PX4 that lands is completed. A vehicle that disarms on the ground has landed."""
+        try:
+            await self._completed(mode, what)
+        except NotReachedError:
+            if is_armed(self._feeds["vehicle_status"].latest) or not is_known_landed(self._feeds):
+                raise
+
     def _modes_for(self, mode: int) -> frozenset[int]:
         """Return the nav_states that the vehicle can show for a mode."""
         return frozenset({mode, self._replacements.get(mode, mode)})
@@ -246,11 +275,24 @@ class Actions:
 
     async def _check_place(self, place: GlobalPlace, *, is_level: bool) -> None:
         """Raise LimitError for a place beyond the limits. The altitude does not count if the flight is level."""
-        if self._fence.limits.is_open:
-            return
-        await self._fence.wait_for_home()
+        if not self._fence.limits.is_open:
+            await self._fence.wait_for_home()
         north, east, down = await local_place(self._feeds, place, "ned")
-        self._fence.check_place((north, east, math.nan if is_level else down))
+        self._fence.check_goto((north, east, math.nan if is_level else down))
+
+
+def _whole(
+    function: str,
+    place: GlobalPlace | None,
+    latitude: float | None,
+    longitude: float | None,
+    altitude: float | None,
+) -> tuple[float, float, float]:
+    """Return a place with its altitude. Raises TypeError and ValueError as `on_earth`."""
+    north, east, up = on_earth(function, place, latitude, longitude, altitude)
+    if up is None:
+        raise TypeError(named(function, ON_EARTH))
+    return north, east, up
 
 
 def _is_near(place: Any, latitude: float, longitude: float, altitude: float | None) -> bool:

@@ -17,6 +17,7 @@ from msggen.flight.mode import NO_LIFT, Mode, message_of, needs_of
 from msggen.flight.overrides import OF_MODE, Overrides
 from msggen.flight.registration import Ids
 from msggen.flight.setpoints import FREE, GOTO, TRAJECTORY, Configuration, Kind, Stream
+from msggen.flight.space import Vector
 from msggen.flight.states import described, is_armed
 from msggen.flight.telemetry import is_landed, valid_estimate
 
@@ -68,10 +69,9 @@ class ActiveMode:
         """Whether the mode flies the vehicle."""
         return self._stream.is_active
 
-    @property
-    def ground(self) -> float:
+    def check_goto(self, place: Vector) -> None:
         """See Fence."""
-        return self._fence.ground
+        self._fence.check_goto(place)
 
     def verdict(self) -> Verdict:
         """Return the reply to an arming check. If `problems` raises an exception, the reply is that it cannot run."""

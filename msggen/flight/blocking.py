@@ -22,6 +22,7 @@ from msggen.flight.runners import CallerRunner, Runner, ThreadRunner
 from msggen.flight.setpoints import FREE
 from msggen.flight.space import Frame, Vector
 from msggen.flight.telemetry import Attitude, Battery, GlobalPosition, Home, Land, LocalPosition, Telemetry
+from msggen.flight.usage import BY_NAME, LOCAL, ON_EARTH, explained
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -123,21 +124,44 @@ class BlockingFlight:
         """See `Flight.set_mode`."""
         self._wait(self._own.set_mode(mode))
 
+    @explained(ON_EARTH)
     def goto(
-        self, latitude: float, longitude: float, altitude: float | None = None, *, heading_deg: float = math.nan
+        self,
+        place: GlobalPlace | None = None,
+        *,
+        latitude: float | None = None,
+        longitude: float | None = None,
+        altitude: float | None = None,
+        heading_deg: float = math.nan,
     ) -> None:
         """See `Flight.goto`."""
-        self._wait(self._own.goto(latitude, longitude, altitude, heading_deg=heading_deg))
+        self._wait(
+            self._own.goto(place, latitude=latitude, longitude=longitude, altitude=altitude, heading_deg=heading_deg)
+        )
 
+    @explained(ON_EARTH)
     def set_home(
-        self, latitude: float | None = None, longitude: float | None = None, altitude: float | None = None
+        self,
+        place: GlobalPlace | None = None,
+        *,
+        latitude: float | None = None,
+        longitude: float | None = None,
+        altitude: float | None = None,
     ) -> None:
         """See `Flight.set_home`."""
-        self._wait(self._own.set_home(latitude, longitude, altitude))
+        self._wait(self._own.set_home(place, latitude=latitude, longitude=longitude, altitude=altitude))
 
-    def set_origin(self, latitude: float, longitude: float, altitude: float) -> None:
+    @explained(ON_EARTH)
+    def set_origin(
+        self,
+        place: GlobalPlace | None = None,
+        *,
+        latitude: float | None = None,
+        longitude: float | None = None,
+        altitude: float | None = None,
+    ) -> None:
         """See `Flight.set_origin`."""
-        self._wait(self._own.set_origin(latitude, longitude, altitude))
+        self._wait(self._own.set_origin(place, latitude=latitude, longitude=longitude, altitude=altitude))
 
     def wait_armed(self) -> None:
         """See `Flight.wait_armed`."""
@@ -255,6 +279,7 @@ class BlockingOffboard:
     def __init__(self, setpoint: Offboard, wait: Callable[[Coroutine[Any, Any, Any]], Any]) -> None:
         self._setpoint, self._wait = setpoint, wait
 
+    @explained(BY_NAME)
     def trajectory(  # noqa: PLR0913 - keywords, each of which has a default
         self,
         *,
@@ -284,6 +309,7 @@ class BlockingOffboard:
         found: Vector = self._wait(self._setpoint.position())
         return found
 
+    @explained(LOCAL)
     def goto(
         self, place: Sequence[float] | GlobalPlace, *, heading_deg: float | None = None, within: float = 0.5
     ) -> None:

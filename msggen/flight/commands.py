@@ -1,39 +1,18 @@
-"""Commands to the vehicle: VehicleCommand with its acknowledgement.
-
-The numbers are those of VehicleCommand, and have been the same since v1.15.
-"""
+"""Commands to the vehicle: VehicleCommand with its acknowledgement."""
 
 from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Any, Final
 
 from msggen.flight.connection import Connection, Topics, filled
 from msggen.flight.errors import FlightError, RefusedError
 from msggen.flight.feeds import Condition, Feeds
-from msggen.flight.reasons import reasons_for
-from msggen.live.messages import nav_states
+from msggen.live.messages.refusals import reasons_for_command
 
-ARM_DISARM: Final = 400
-RETURN: Final = 20
-LAND: Final = 21
-TAKEOFF: Final = 22
-SET_HOME: Final = 179
-REPOSITION: Final = 192
-SET_ORIGIN: Final = 100_000
-SET_NAV_STATE: Final = 100_001
-"""VEHICLE_CMD_COMPONENT_ARM_DISARM, _NAV_RETURN_TO_LAUNCH, _NAV_LAND, _NAV_TAKEOFF, _DO_SET_HOME, _DO_REPOSITION,
-_SET_GPS_GLOBAL_ORIGIN, _SET_NAV_STATE."""
-_MODES: Final = {
-    RETURN: nav_states.RETURN,
-    LAND: nav_states.LAND,
-    TAKEOFF: nav_states.TAKEOFF,
-    REPOSITION: nav_states.HOLD,
-}
-"""The nav_state that a command selects."""
 COMPANION: Final = 191
 """The component id of a companion computer in MAVLink: PX4 takes commands of components below 1000 as a user's."""
 EXECUTOR: Final = 1000
@@ -95,7 +74,9 @@ class Commands:
         async with self._lock:
             answer = await self._answered(topic, message, is_answer, what, shown)
         if answer is not None and answer.result != _ACCEPTED:
-            raise RefusedError(what, answer.result, [*self._reasons(number, values)])
+            flags, status = (self._feeds[each].latest for each in ("failsafe_flags", "vehicle_status"))
+            reasons = reasons_for_command(number, values, flags, status, "`hold()`")
+            raise RefusedError(what, answer.result, [*reasons])
 
     async def _answered(
         self, topic: str, message: Any, is_answer: Condition, what: str, shown: Condition | None
@@ -128,14 +109,3 @@ class Commands:
         status = self._feeds["vehicle_status"].latest
         ids = (0, 0) if status is None else (status.system_id, status.component_id)
         return dict(zip(("target_system", "target_component"), ids, strict=True))
-
-    def _reasons(self, number: int, values: Sequence[float]) -> Iterator[str]:
-        """Yield the reasons for which the vehicle refuses a command, as far as its messages show them."""
-        if number == ARM_DISARM and values[0]:
-            yield from reasons_for(self._feeds)
-        elif number == SET_NAV_STATE:
-            yield from reasons_for(self._feeds, int(values[0]))
-        elif number in _MODES:
-            yield from reasons_for(self._feeds, _MODES[number])
-        elif number == ARM_DISARM:
-            yield "the vehicle is in the air"

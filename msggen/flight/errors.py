@@ -6,6 +6,8 @@ import asyncio
 from collections.abc import Callable, Coroutine, Sequence
 from typing import Any
 
+from msggen.live.messages.commands import REFUSALS
+
 
 class FlightError(Exception):
     """The vehicle cannot do, or has not done, what the program asked for."""
@@ -38,21 +40,11 @@ class RefusedError(FlightError):
         """Take the name of the command, and the result in VehicleCommandAck."""
         self.result, self.reasons = result, tuple(reasons)
         why = f": {', '.join(reasons)}" if reasons else ""
-        super().__init__(f"{what}: {_RESULTS.get(result, f'result {result}')}{why}")
+        super().__init__(f"{what}: {REFUSALS.get(result, f'result {result}')}{why}")
 
 
 class NotReachedError(FlightError):
     """A mode, such as Takeoff, has ended before its goal was reached."""
-
-
-_RESULTS = {
-    1: "temporarily rejected",
-    2: "denied",
-    3: "unsupported",
-    4: "failed",
-    6: "cancelled",
-}
-"""The results of VehicleCommandAck."""
 
 
 def report(message: str, error: Exception) -> None:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable, Callable, Container
 from contextlib import suppress
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 from msggen.flight.connection import Connection, Take, Topics
 from msggen.flight.errors import FlightError, NoAnswerError, NotReachedError, report
-from msggen.flight.states import described
+from msggen.flight.states import described, is_disarmed
 
 _Result = TypeVar("_Result")
 SILENCE = 10.0
@@ -18,6 +18,8 @@ _LOOK = 1.0
 """The time in s between two looks at the age of the last VehicleStatus."""
 _GRACE = 0.5
 """The time in s for which a message can still arrive after the vehicle has left a mode."""
+ANY_MODE: Final = range(256)
+"""All values of a nav_state."""
 Condition = Callable[[Any], bool]
 """Says whether a message is the one that a task waits for."""
 
@@ -124,22 +126,34 @@ class Feeds:
         """Whether the firmware publishes a topic, as far as its types tell."""
         return self._topics.has("out", topic)
 
-    async def within(self, modes: Container[int], waiting: Awaitable[_Result], what: str) -> _Result:
-        """Return what an awaitable returns. Raises NoAnswerError, and NotReachedError if the vehicle leaves `modes`."""
+    async def within(
+        self, modes: Container[int], waiting: Awaitable[_Result], what: str, *, may_land: bool = True
+    ) -> _Result:
+        """Return what an awaitable returns.
+
+        Raises NoAnswerError, and NotReachedError if the vehicle leaves `modes`, disarms, or lands unless it may.
+        """
         goal = asyncio.ensure_future(waiting)
-        left = asyncio.ensure_future(self["vehicle_status"].following(lambda each: each.nav_state not in modes))
-        both = asyncio.ensure_future(asyncio.wait([goal, left], return_when=asyncio.FIRST_COMPLETED))
+        ends = [
+            asyncio.ensure_future(
+                self["vehicle_status"].following(lambda each: each.nav_state not in modes or is_disarmed(each))
+            )
+        ]
+        if not may_land and self.has("vehicle_land_detected"):
+            ends.append(asyncio.ensure_future(self["vehicle_land_detected"].following(lambda each: bool(each.landed))))
+        first = asyncio.ensure_future(asyncio.wait([goal, *ends], return_when=asyncio.FIRST_COMPLETED))
         try:
-            await self.while_heard(both)
+            await self.while_heard(first)
             if not goal.done():
                 await asyncio.wait([goal], timeout=_GRACE)
             if not goal.done():
-                raise NotReachedError(f"{what} was not completed: {described(left.result())}")
+                why = described(ends[0].result()) if ends[0].done() else "the vehicle has landed"
+                raise NotReachedError(f"{what} was not completed: {why}")
             return goal.result()
         finally:
-            for each in (goal, left, both):
+            for each in (goal, *ends, first):
                 each.cancel()
-            await asyncio.gather(goal, left, both, return_exceptions=True)
+            await asyncio.gather(goal, *ends, first, return_exceptions=True)
 
     async def while_heard(self, waiting: Awaitable[_Result]) -> _Result:
         """Return the result of an awaitable. Raises NoAnswerError after 10 s without a VehicleStatus."""

@@ -16,6 +16,7 @@ from msggen.flight.errors import LimitError, NoAnswerError, UnsupportedError
 from msggen.flight.feeds import Feeds
 from msggen.flight.setpoints import ATTITUDE, RATES, TRAJECTORY, Kind
 from msggen.flight.space import Vector
+from msggen.flight.usage import LIMITS, explained_class
 
 _GAIN = 0.5
 """The speed in m/s towards a limit that is 1 m away, low enough that a multicopter does not overshoot."""
@@ -23,6 +24,10 @@ _BRAKING = 2.0
 """The deceleration in m/s^2 that the vehicle is assumed to reach. PX4's limits are 3 and more by default."""
 _HORIZON = 0.5
 """The time in s within which an acceleration may bring the vehicle to the allowed speed."""
+_DISTANCE = 10_000.0
+"""How far from home in m `goto` flies if no limit is set: farther away, latitude and longitude are probably others."""
+_DEPTH = 1.0
+"""How far below home in m `goto` flies if no limit is set: the estimate of the height drifts by as much."""
 _FRESH = 0.5
 """The age in s up to which an estimate is used."""
 _HOME = 3.0
@@ -34,32 +39,40 @@ _UNLIMITED: Final = (ATTITUDE, RATES)
 """The kinds of setpoints for which limits cannot be enforced."""
 
 
-@dataclass(frozen=True)
+@explained_class(LIMITS)
+@dataclass(frozen=True, kw_only=True)
 class Limits:
-    """How far a program may fly from the home position, in m. By default, there is no limit.
+    """How far a program may fly from the home position, in m. By default, there is no limit, except for `goto`.
 
-    Before PX4 v1.16, which does not publish the home position, the origin of the local frame counts instead.
+    `goto` refuses places that are more than 10 km away or more than 1 m below home, unless `distance` or `depth` is
+    set. Before PX4 v1.16, which does not publish the home position, the origin of the local frame counts instead.
     """
 
     height: float = math.inf
     """Above the home position."""
     distance: float = math.inf
     """From the home position, horizontally."""
+    depth: float = math.inf
+    """Below the home position, for the places of `goto` only: where the ground falls away from home."""
 
     def __post_init__(self) -> None:
-        """Raise ValueError unless both are positive."""
-        for name in ("height", "distance"):
+        """Raise ValueError unless all are positive."""
+        for name in ("height", "distance", "depth"):
             if not getattr(self, name) > 0.0:
                 raise ValueError(f"{name}: expected a positive number, got {getattr(self, name)!r}")
 
     @property
     def is_open(self) -> bool:
-        """Whether there is no limit."""
+        """Whether there is no limit on setpoints."""
         return math.isinf(self.height) and math.isinf(self.distance)
 
     def tightened(self, other: Limits) -> Limits:
         """Return the limits within both."""
-        return Limits(min(self.height, other.height), min(self.distance, other.distance))
+        return Limits(
+            height=min(self.height, other.height),
+            distance=min(self.distance, other.distance),
+            depth=min(self.depth, other.depth),
+        )
 
 
 NO_LIMITS: Final = Limits()
@@ -78,13 +91,12 @@ class Fence:
     def __init__(self, feeds: Feeds, limits: Limits = NO_LIMITS) -> None:
         self.limits, self._feeds = limits, feeds
         self._has_home = feeds.has("home_position")
-        if not limits.is_open:  # subscribe now, so that both are known when they are needed
-            for topic in ("home_position", "vehicle_local_position")[not self._has_home :]:
-                feeds[topic]
+        for topic in ("home_position", "vehicle_local_position")[not self._has_home :]:
+            feeds[topic]  # subscribe now, so that both are known when they are needed
 
     def tightened(self, limits: Limits) -> Fence:
         """Return a fence that also enforces other limits."""
-        return self if limits.is_open else Fence(self._feeds, self.limits.tightened(limits))
+        return self if limits == NO_LIMITS else Fence(self._feeds, self.limits.tightened(limits))
 
     def check_kinds(self, kinds: Sequence[Kind]) -> None:
         """Raise UnsupportedError if limits cannot be enforced for a kind of setpoint."""
@@ -114,6 +126,25 @@ class Fence:
         if not distance <= self.limits.distance:
             raise LimitError(
                 f"{distance:.1f} m from home: the limit is {self.limits.distance:g} m, and nothing was sent"
+            )
+
+    def check_goto(self, place: Sequence[float]) -> None:
+        """Raise LimitError and NoAnswerError as `check_place`, and LimitError for a place that is probably a mistake.
+
+        Such a place is more than 10 km from home, or more than 1 m below it, and `Limits` do not say that it is meant.
+        """
+        self.check_place(place)
+        x, y, down = _from_home(place, self._known_home() or Vector(0.0, 0.0, 0.0))
+        distance, depth = self.limits.distance, self.limits.depth
+        if math.isinf(distance) and not _length(x, y) <= _DISTANCE:
+            raise LimitError(
+                f"{_length(x, y) / 1e3:.0f} km from home: without `Limits(distance=...)`, goto flies "
+                f"{_DISTANCE / 1e3:g} km at most, and nothing was sent"
+            )
+        if down > (_DEPTH if math.isinf(depth) else depth):
+            raise LimitError(
+                f"{down:.1f} m below home, and nothing was sent: z points down in NED, and the altitude of a "
+                "GlobalPlace is above sea level; `Limits(depth=...)` allows places below home"
             )
 
     def nearest(self, place: Sequence[float]) -> Vector:

@@ -8,17 +8,19 @@ from collections.abc import Sequence
 from contextlib import AbstractAsyncContextManager
 from typing import Any, ClassVar, Protocol
 
+from msggen.flight import usage
 from msggen.flight.checks import Problem
 from msggen.flight.connection import filled
 from msggen.flight.errors import FlightError, NotReachedError, UnsupportedError
-from msggen.flight.feeds import Feeds
+from msggen.flight.feeds import ANY_MODE, Feeds
 from msggen.flight.limits import NO_LIMITS, Limits
 from msggen.flight.overrides import Deferral, Keeps, Overrides
-from msggen.flight.places import GlobalPlace, check_within, local_place, warn_of_depth
+from msggen.flight.places import GlobalPlace, check_within, local_place
 from msggen.flight.requirements import Requirement
 from msggen.flight.setpoints import ATTITUDE, FREE, GOTO, RATES, TRAJECTORY, Kind, finite, trajectory_values
 from msggen.flight.space import Frame, Vector, heading_of, turned, turned_heading, wrapped
 from msggen.flight.telemetry import is_estimate, is_landed, no_estimate, valid_estimate
+from msggen.flight.usage import BY_NAME, LOCAL, explained
 
 _SLOW = 0.5
 """The speed in m/s below which a place is reached."""
@@ -40,8 +42,7 @@ class Registered(Protocol):
     def send(self, kind: Kind, **values: Any) -> None:
         """Send a setpoint from now on."""
 
-    @property
-    def ground(self) -> float:
+    def check_goto(self, place: Vector) -> None:
         """See Fence."""
 
     def hold(self) -> bool:
@@ -123,6 +124,7 @@ class Mode:
 
     # Setpoints
 
+    @explained(LOCAL)
     async def goto(  # noqa: PLR0913 - keywords, each of which has a default
         self,
         place: Sequence[float] | GlobalPlace,
@@ -138,8 +140,8 @@ class Mode:
 
         The limits, in m/s and rad/s, can only be tighter than those of PX4. Afterwards, the vehicle holds the place.
 
-        Raises ValueError, NoAnswerError without a valid position, LimitError, and NotReachedError on the ground and if
-        the mode does not fly.
+        Raises ValueError, NoAnswerError without a valid position, LimitError as `Limits` says, and NotReachedError on
+        the ground, if the vehicle lands, and if the mode does not fly.
         """
         north, east, down = await local_place(self._own.feeds, place, self.frame)
         yaw = heading_of(heading, heading_deg, self.frame)
@@ -149,7 +151,7 @@ class Mode:
             raise ValueError(f"expected limits above 0, got {limits}")
         check_within(within)
         await self._estimate()
-        warn_of_depth(down - self._own.ground)
+        self._own.check_goto(Vector(north, east, down))
         if is_landed(self._own.feeds):
             raise NotReachedError(f"mode {self.name!r} is on the ground, and goto {NO_LIFT}")
         self._own.send(
@@ -175,8 +177,11 @@ class Mode:
                 and (yaw is None or abs(wrapped(estimate.heading - yaw)) < _TURNED)
             )
 
-        await self._own.feeds["vehicle_local_position"].following(is_reached)
+        feeds = self._own.feeds
+        reached = feeds["vehicle_local_position"].following(is_reached)
+        await feeds.within(ANY_MODE, reached, "the flight to a place", may_land=False)
 
+    @explained(BY_NAME)
     def trajectory(  # noqa: PLR0913 - keywords, each of which has a default
         self,
         *,
@@ -200,7 +205,8 @@ class Mode:
         axes = position, velocity, acceleration
         self._own.send(TRAJECTORY, **trajectory_values(self.frame, axes, heading, heading_deg, turn_rate))
 
-    def attitude(self, quaternion: Sequence[float], thrust: float, *, turn_rate: float = 0.0) -> None:
+    @explained(usage.ATTITUDE)
+    def attitude(self, quaternion: Sequence[float], *, thrust: float, turn_rate: float = 0.0) -> None:
         """Send an attitude from now on: a quaternion w, x, y, z from FRD to NED, and the thrust up, from 0 to 1."""
         w, x, y, z = finite([*map(float, quaternion)], "a quaternion")
         if abs(math.hypot(w, x, y, z) - 1.0) > _UNIT:
@@ -208,7 +214,8 @@ class Mode:
         finite([turn_rate], "a turn rate")
         self._own.send(ATTITUDE, q_d=(w, x, y, z), thrust_body=(0.0, 0.0, -_share(thrust)), yaw_sp_move_rate=turn_rate)
 
-    def rates(self, roll: float, pitch: float, yaw: float, thrust: float) -> None:
+    @explained(usage.RATES)
+    def rates(self, *, roll: float, pitch: float, yaw: float, thrust: float) -> None:
         """Send rates in rad/s in FRD from now on, and the thrust up, from 0 to 1."""
         finite([roll, pitch, yaw], "rates")
         self._own.send(RATES, roll=roll, pitch=pitch, yaw=yaw, thrust_body=(0.0, 0.0, -_share(thrust)))

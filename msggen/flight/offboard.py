@@ -13,11 +13,12 @@ from msggen.flight.connection import Connection, Topics, filled
 from msggen.flight.errors import NotReachedError
 from msggen.flight.feeds import Feeds
 from msggen.flight.limits import Fence
-from msggen.flight.places import GlobalPlace, check_within, local_place, warn_of_depth
+from msggen.flight.places import GlobalPlace, check_within, local_place
 from msggen.flight.setpoints import FREE, TRAJECTORY, Kind, Stream, trajectory_values
 from msggen.flight.space import Frame, Vector, check_frame, turned
 from msggen.flight.states import described
 from msggen.flight.telemetry import checked_estimate, is_estimate
+from msggen.flight.usage import BY_NAME, LOCAL, explained
 from msggen.live.messages.nav_states import HOLD, OFFBOARD
 
 _INTERVAL = 0.1
@@ -61,6 +62,7 @@ class Offboard:
         self._is_left = False
         self._timer: asyncio.TimerHandle | None = None
 
+    @explained(BY_NAME)
     def trajectory(  # noqa: PLR0913 - keywords, each of which has a default
         self,
         *,
@@ -79,18 +81,19 @@ class Offboard:
         self._heartbeat.values = values
         self.stream.set(TRAJECTORY, filled(self._setpoint, **values))
 
+    @explained(LOCAL)
     async def goto(
         self, place: Sequence[float] | GlobalPlace, *, heading_deg: float | None = None, within: float = 0.5
     ) -> None:
         """Fly to a place, and return when it is nearer than `within` m. Raises as `Mode.goto`."""
         goal = await local_place(self._feeds, place, self._frame)
         check_within(within)
-        warn_of_depth(goal.z - self._fence.ground)
+        self._fence.check_goto(goal)
         self.trajectory(position=turned(goal, self._frame), heading_deg=heading_deg)
         reached = self._feeds["vehicle_local_position"].following(
             lambda each: is_estimate(each) and math.dist((each.x, each.y, each.z), goal) < within
         )
-        await self._feeds.within({OFFBOARD}, reached, "the flight to a place")
+        await self._feeds.within({OFFBOARD}, reached, "the flight to a place", may_land=False)
 
     async def position(self) -> Vector:
         """Return the place of the vehicle in `frame`. Raises NoAnswerError."""

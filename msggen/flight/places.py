@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from logging import getLogger
 from typing import Any
 
 from msggen.base import earth
@@ -12,10 +11,8 @@ from msggen.flight.errors import NoAnswerError
 from msggen.flight.feeds import Feeds
 from msggen.flight.setpoints import finite
 from msggen.flight.space import Frame, Vector, three, turned
+from msggen.flight.usage import LOCAL, ON_EARTH, named
 
-LOGGER = getLogger("msggen.flight")
-_DEPTH = 1.0
-"""The depth in m below home from which on a place is doubtful."""
 _KNOWN = 1.0
 """The time in s within which the vehicle shows where it is on earth."""
 
@@ -43,28 +40,42 @@ class GlobalPlace:
 async def local_place(feeds: Feeds, place: Sequence[float] | GlobalPlace, frame: Frame) -> Vector:
     """Return a place in the local frame in NED. Raises ValueError for three numbers that are not finite.
 
-    Raises NoAnswerError for a place on earth if the vehicle does not know where it is.
+    Raises TypeError for a single number, and NoAnswerError for a place on earth if the vehicle does not know where it
+    is.
     """
     if not isinstance(place, GlobalPlace):
+        if not isinstance(place, Iterable):
+            raise TypeError(named("goto", LOCAL))
         return turned(finite(three(place), "a place"), frame)
     origin = await _origin(feeds, lambda each: bool(each.xy_global and each.z_global), "where on earth it is")
     north, east = earth.local((origin.ref_lat, origin.ref_lon), place.latitude, place.longitude)
     return Vector(north, east, origin.ref_alt - place.altitude)
 
 
+def on_earth(
+    function: str,
+    place: GlobalPlace | None,
+    latitude: float | None,
+    longitude: float | None,
+    altitude: float | None,
+) -> tuple[float, float, float | None]:
+    """Return the latitude, the longitude and the altitude of a place that a call names in one of two ways.
+
+    Raises TypeError, which shows both ways, and ValueError for what is no place on earth.
+    """
+    numbers = latitude, longitude, altitude
+    if isinstance(place, GlobalPlace) and numbers == (None, None, None):
+        return place.latitude, place.longitude, place.altitude
+    if place is not None or latitude is None or longitude is None:
+        raise TypeError(named(function, ON_EARTH))
+    GlobalPlace(latitude, longitude, 0.0 if altitude is None else altitude)
+    return latitude, longitude, altitude
+
+
 def check_within(within: float) -> None:
     """Raise ValueError unless a distance at which a place is reached is above 0."""
     if not within > 0.0:
         raise ValueError(f"expected `within` above 0 m, got {within:g}")
-
-
-def warn_of_depth(depth: float) -> None:
-    """Warn of a place that is some m below home: the sign of its altitude may be wrong."""
-    if depth > _DEPTH:
-        LOGGER.warning(
-            "a place %.1f m below home: z points down in NED, and the altitude of a GlobalPlace is above sea level",
-            depth,
-        )
 
 
 async def sea_level(feeds: Feeds) -> float:

@@ -1,13 +1,10 @@
-"""What a VehicleStatus says of the vehicle, and the modes that a program can select by name."""
+"""What a VehicleStatus says of the vehicle."""
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Any
 
-from msggen.live.messages.nav_states import EXTERNAL, MODE_NAMES, TERMINATION
-
-MODES: Final = {name: number for number, name in MODE_NAMES.items() if number not in {TERMINATION, *EXTERNAL}}
-"""The nav_states of the modes that a program can select, by their names."""
+from msggen.live.messages.nav_states import MODE_NAMES
 
 
 def name_of(nav_state: int) -> str:

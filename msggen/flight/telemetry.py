@@ -174,6 +174,14 @@ def is_landed(feeds: Feeds) -> bool:
     return found is not None and bool(found.landed)
 
 
+def is_known_landed(feeds: Feeds) -> bool:
+    """Whether a disarmed vehicle says that it is on the ground. v1.15 does not: its height above the origin counts."""
+    if feeds.has("vehicle_land_detected"):
+        return is_landed(feeds)
+    place = valid_estimate(feeds)
+    return place is not None and place.z >= -_LIFTED
+
+
 def is_known_in_air(feeds: Feeds) -> bool:
     """Whether the vehicle says that it is not on the ground. v1.15 does not: its height above the origin counts."""
     try:

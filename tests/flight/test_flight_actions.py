@@ -27,7 +27,7 @@ HOLD, RETURN, TAKEOFF, LAND = 4, 5, 17, 18
 def test_a_takeoff_counts_from_the_vehicle_and_not_from_the_origin(types: Any, above: float) -> None:
     async def program(flight: Flight, _: Flown) -> float:
         ground = await flight.telemetry.global_position()
-        await flight.set_origin(ground.latitude, ground.longitude, ground.altitude + above)
+        await flight.set_origin(latitude=ground.latitude, longitude=ground.longitude, altitude=ground.altitude + above)
         await asyncio.sleep(1.0)
         await flight.arm()
         await flight.takeoff(5.0)
@@ -43,7 +43,9 @@ def test_the_limit_of_a_takeoff_counts_from_home(px4_types: Any) -> None:
         await asyncio.sleep(1.0)
         async with Flight(vehicle, limits=Limits(height=20.0)) as flight:
             ground = await flight.telemetry.global_position()
-            await flight.set_origin(ground.latitude, ground.longitude, ground.altitude - 30.0)
+            await flight.set_origin(
+                latitude=ground.latitude, longitude=ground.longitude, altitude=ground.altitude - 30.0
+            )
             await asyncio.sleep(1.0)
             await flight.arm()
             with pytest.raises(LimitError):

@@ -57,7 +57,7 @@ class Tilts(Mode, name="Tilts"):
     setpoints = (ATTITUDE,)
 
     async def fly(self) -> None:
-        self.attitude((1.0, 0.0, 0.0, 0.0), 0.5)
+        self.attitude((1.0, 0.0, 0.0, 0.0), thrust=0.5)
         await asyncio.Event().wait()
 
 

@@ -43,7 +43,7 @@ class Down(Picky, name="Down"):
     setpoints = (ATTITUDE,)
 
     async def fly(self) -> None:
-        self.attitude((1.0, 0.0, 0.0, 0.0), 0.4)
+        self.attitude((1.0, 0.0, 0.0, 0.0), thrust=0.4)
         await asyncio.Event().wait()
 
 
@@ -248,11 +248,11 @@ def test_home_is_set_here_or_there(types: Any) -> None:
 
     async def program(flight: Flight, vehicle: Flown) -> list[Any]:
         start = vehicle.world.home
-        await flight.set_home(start.latitude + 0.001, start.longitude, start.altitude)
+        await flight.set_home(latitude=start.latitude + 0.001, longitude=start.longitude, altitude=start.altitude)
         assert vehicle.world.home.latitude == pytest.approx(start.latitude + 0.001, abs=1e-4)
         await flight.set_home()
         assert vehicle.world.home.latitude == pytest.approx(start.latitude, abs=1e-4)
-        await flight.set_origin(48.0, 9.0, 500.0)
+        await flight.set_origin(latitude=48.0, longitude=9.0, altitude=500.0)
         assert vehicle.world.origin.latitude == pytest.approx(48.0, abs=1e-4)
         return [each.message for each in vehicle.sent]
 

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msggen.flight.errors import FlightError, LimitError, NoAnswerError, UnsupportedError
+from msggen.flight.errors import FlightError, LimitError, NoAnswerError, NotReachedError, UnsupportedError
 from msggen.flight.executor import Executor
 from msggen.flight.flight import Flight
 from msggen.flight.limits import Fence, Limits, allowed
@@ -142,7 +142,7 @@ def test_no_place_beyond_the_limits_is_sent_or_flown(px4_types: Any, asked: list
                 else:
                     target.trajectory(**values)
                     await asyncio.sleep(seconds)
-            except (LimitError, ValueError, TimeoutError, asyncio.TimeoutError):
+            except (LimitError, NotReachedError, ValueError, TimeoutError, asyncio.TimeoutError):
                 continue
 
     _, program = in_mode(ask, sum(seconds for _, seconds in asked) + 5.0)
@@ -177,7 +177,7 @@ homes = st.tuples(*[st.floats(-1e4, 1e4)] * 3)
 
 
 @settings(max_examples=examples(500))
-@given(st.builds(Limits, lengths, lengths), homes, st.tuples(*[st.floats(-1e5, 1e5)] * 3))
+@given(st.builds(Limits, height=lengths, distance=lengths), homes, st.tuples(*[st.floats(-1e5, 1e5)] * 3))
 def test_limits_count_from_home(limits: Limits, home: tuple[float, ...], place: tuple[float, ...]) -> None:
     feeds: Any = Fixed((home[0], home[1], home[2]))
     fence = Fence(feeds, limits)
@@ -261,9 +261,9 @@ def test_takeoffs_and_places_on_earth_are_limited(px4_types: Any) -> None:
             await flight.takeoff()
         home = vehicle.world.home
         with pytest.raises(LimitError, match="m from home"):
-            await flight.goto(home.latitude + 0.001, home.longitude)
+            await flight.goto(latitude=home.latitude + 0.001, longitude=home.longitude)
         with pytest.raises(LimitError, match=r"16\.0 m above home"):
-            await flight.goto(home.latitude, home.longitude, home.altitude + 16.0)
+            await flight.goto(latitude=home.latitude, longitude=home.longitude, altitude=home.altitude + 16.0)
         assert len(vehicle.times("vehicle_command")) == before
         await flight.takeoff(10.0)
 

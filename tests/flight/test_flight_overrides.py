@@ -183,7 +183,7 @@ async def moved(flight: Flight, vehicle: Flown) -> None:
     await flight.arm()
     await flight.takeoff(5.0)
     here = vehicle.world.place
-    await flight.goto(here.latitude + 0.000063, here.longitude)
+    await flight.goto(latitude=here.latitude + 0.000063, longitude=here.longitude)
     await flight.land()
     await flight.wait_disarmed()
     await flight.set_mode(selected)

@@ -25,9 +25,9 @@ def test_setpoints_are_sent_at_the_rate_of_their_kind(px4_types: Any) -> None:
         async def fly(self) -> None:
             self.trajectory(velocity=(1.0, 0.0, 0.0))
             await asyncio.sleep(2.0)
-            self.attitude((1.0, 0.0, 0.0, 0.0), 0.5)
+            self.attitude((1.0, 0.0, 0.0, 0.0), thrust=0.5)
             await asyncio.sleep(2.0)
-            self.rates(0.0, 0.0, 0.1, 0.5)
+            self.rates(roll=0.0, pitch=0.0, yaw=0.1, thrust=0.5)
             await asyncio.sleep(2.0)
             await self.goto((100.0, 0.0, -10.0))
 
@@ -59,7 +59,7 @@ def test_setpoints_are_sent_at_the_rate_of_their_kind(px4_types: Any) -> None:
 def test_a_kind_that_a_mode_does_not_declare_is_an_error(px4_types: Any, caplog: pytest.LogCaptureFixture) -> None:
     class Plain(Mode):
         async def fly(self) -> None:
-            self.rates(0.0, 0.0, 0.0, 0.5)
+            self.rates(roll=0.0, pitch=0.0, yaw=0.0, thrust=0.5)
 
     async def program(flight: Flight, vehicle: Flown) -> Flown:
         await flight.add(Plain)
@@ -106,7 +106,7 @@ def test_enu_and_ned_lead_to_the_same_setpoint(
     [
         (lambda mode: mode.trajectory(velocity=(1.0, 0.0, math.nan)), "each axis needs"),
         (lambda mode: mode.trajectory(position=(0.0, 0.0, 0.0), heading=0.0, heading_deg=0.0), "got both"),
-        (lambda mode: mode.attitude((1.0, 0.0, 0.0, 0.0), 1.5), "a thrust from 0 to 1"),
+        (lambda mode: mode.attitude((1.0, 0.0, 0.0, 0.0), thrust=1.5), "a thrust from 0 to 1"),
     ],
 )
 def test_wrong_setpoints_are_errors_before_anything_is_sent(

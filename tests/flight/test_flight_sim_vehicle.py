@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 import time
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -14,8 +15,10 @@ import pytest
 from msggen import recordings
 from msggen.flight import Executor, Flight, FlightError, Mode
 from msggen.flight.pytest import SimVehicle
+from msggen.flight.pytest.faults import Faults
 from msggen.flight.pytest.recording import Recording
 from msggen.live.sim import Options
+from msggen.live.sim.faults import LINK, NAMES, NO_LINK, RESTART, RESTART_CLIENT, read_fault
 
 CORNERS = ((5.0, 0.0), (5.0, 5.0), (0.0, 0.0))
 
@@ -181,6 +184,8 @@ def test_two_vehicles_share_a_clock(px4_types: Any) -> None:
         (lambda faults: faults.silence_program(), ["return"]),
         (lambda faults: faults.lose_position(), ["descend"]),
         (lambda faults: faults.lose_position(1.0), ["descend", "Waits"]),
+        (lambda faults: faults.lose_gps(), ["descend"]),
+        (lambda faults: faults.lose_gps(4.0), []),
         (lambda faults: faults.pilot_takes_over(), ["position"]),
         (lambda faults: faults.pilot_takes_over("land"), ["land"]),
         (lambda faults: faults.restart(), []),
@@ -191,6 +196,70 @@ def test_two_vehicles_share_a_clock(px4_types: Any) -> None:
 )
 def test_faults_have_the_effects_that_they_have_in_px4(px4_types: Any, fault: Any, expected: list[str]) -> None:
     assert left_mode(SimVehicle(px4_types), fault) == expected
+
+
+def blind_pilot(faults: Faults) -> None:
+    faults.lose_position()
+    faults.pilot_takes_over()
+
+
+SAME: dict[str, tuple[Callable[[Faults], None], tuple[str, ...]]] = {
+    "battery": (lambda faults: faults.low_battery(0.06), ("battery=0.06",)),
+    "position": (lambda faults: faults.lose_position(), ("no-position",)),
+    "position again": (lambda faults: faults.lose_position(1.0), ("no-position", "position")),
+    "gps": (lambda faults: faults.lose_gps(), ("no-gps",)),
+    "gps again": (lambda faults: faults.lose_gps(1.0), ("no-gps", "gps")),
+    "sticks": (lambda faults: faults.sticks(there=True), ("sticks",)),
+    "no sticks": (lambda faults: faults.sticks(there=False), ("no-sticks",)),
+    "pilot": (lambda faults: faults.pilot_takes_over("land"), ("sticks", "mode=land")),
+    "pilot in position": (lambda faults: faults.pilot_takes_over(), ("sticks", "mode=position")),
+    "pilot without position": (blind_pilot, ("no-position", "sticks", "mode=position")),
+}
+
+
+def happen(vehicle: SimVehicle, texts: Sequence[str]) -> None:
+    for text in texts:
+        change = read_fault(text).change
+        assert change is not None
+        change(vehicle.world)
+
+
+@pytest.mark.parametrize("name", SAME)
+def test_a_fault_is_the_same_as_that_of_msggen_sim(px4_types: Any, name: str) -> None:
+    call, texts = SAME[name]
+    ours, theirs = SimVehicle(px4_types), SimVehicle(px4_types)
+    seen: list[list[Any]] = []
+    for vehicle in (ours, theirs):
+        found: list[Any] = []
+
+        async def program(flight: Flight, vehicle: SimVehicle = vehicle, found: list[Any] = found) -> None:
+            await flight.arm()
+            await flight.takeoff(5.0)
+            begin = texts[:1] if name.endswith("again") else texts
+            if vehicle is ours:
+                call(vehicle.faults)
+            else:
+                happen(vehicle, begin)
+            for step in range(16):
+                await asyncio.sleep(0.5)
+                if vehicle is theirs and step == 1:
+                    happen(vehicle, texts[len(begin) :])
+                world = vehicle.world
+                told = flight.feeds["vehicle_status"].latest
+                found.append((world.mode, world.reason, world.has_position, world.has_gps, world.has_sticks))
+                found.append(
+                    (round(world.battery.remaining, 2), told.nav_state, told.failsafe, world.commander.intention)
+                )
+
+        vehicle.run(program)
+        seen.append(found)
+    assert seen[0] == seen[1]
+
+
+def test_all_faults_of_msggen_sim_are_compared() -> None:
+    compared = {text.partition("=")[0] for _, texts in SAME.values() for text in texts}
+    of_the_link = {NO_LINK, LINK, RESTART, RESTART_CLIENT}
+    assert compared == {name.partition("=")[0] for name in NAMES} - of_the_link
 
 
 def test_sticks_that_are_gone_let_the_vehicle_return(px4_types: Any) -> None:

@@ -253,7 +253,7 @@ ACTIONS: dict[str, Action] = {
     "return_home": Flight.return_home,
     "wait_disarmed": Flight.wait_disarmed,
     "fly": lambda flight: flight.fly(Away),
-    "goto": lambda flight: flight.goto(47.4, 8.5456),
+    "goto": lambda flight: flight.goto(latitude=47.4, longitude=8.5456),
 }
 
 

@@ -101,7 +101,7 @@ class Wanders(Mode, name="Wanders"):
             elif way == 1:
                 self.trajectory(velocity=(x / 3, y / 3, 0.0))
             elif way == 2:
-                self.attitude((1.0, 0.0, 0.0, 0.0), 0.5)
+                self.attitude((1.0, 0.0, 0.0, 0.0), thrust=0.5)
             elif way == 3:
                 await self.hold(chance.uniform(0, 2))
             await asyncio.sleep(chance.uniform(0, 2))
@@ -157,7 +157,9 @@ async def _block(_: Flight, chance: Random) -> None:
 
 async def _goto(flight: Flight, chance: Random) -> None:
     place = GlobalPlace(47.3977 + chance.uniform(0, 2e-4), 8.5456, 500.0)
-    await flight.goto(place.latitude, place.longitude, chance.choice((None, place.altitude)))
+    await flight.goto(
+        latitude=place.latitude, longitude=place.longitude, altitude=chance.choice((None, place.altitude))
+    )
 
 
 PROGRAM: dict[str, Callable[[Flight, Random], Coroutine[Any, Any, None]]] = {

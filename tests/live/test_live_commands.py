@@ -199,6 +199,69 @@ def test_commands_are_sent_and_answered(bench: Bench, capsys: pytest.CaptureFixt
     ]
 
 
+def test_modes_are_selected_by_name(bench: Bench, capsys: pytest.CaptureFixture[str]) -> None:
+    world = bench.simulator.vehicles[0].world
+    for words, mode in (
+        (["arm"], 4),
+        (["takeoff", "4"], 17),
+        (["mode", "hold"], 4),
+        (["mode", "LAND"], 18),
+        (["mode", "AUTO_LOITER"], 4),
+        (["rtl"], 5),
+        (["SET_NAV_STATE", "navigation_state_value=AUTO_LOITER"], 4),
+        (["SET_NAV_STATE", "param1=auto_rtl"], 5),
+        (["mode", "takeoff", "8"], 17),
+        (["land"], 18),
+    ):
+        assert main(["command", *words, *bench.link]) == 0, words
+        assert re.fullmatch(r"[A-Z_]+: ACCEPTED\n", capsys.readouterr().out)
+        wait_until(lambda mode=mode: world.commander.intention == mode)
+
+
+def test_a_takeoff_to_a_height_begins_where_the_vehicle_is(bench: Bench, capsys: pytest.CaptureFixture[str]) -> None:
+    vehicle = bench.simulator.vehicles[0]
+    wait_until(lambda: vehicle.world.is_landed)
+    assert main(["command", "mode", "hold", *bench.link]) == main(["command", "arm", *bench.link]) == 0
+    assert main(["command", "takeoff", "3", *bench.link]) == 0
+    wait_until(lambda: vehicle.world.mode == 17)
+    wait_until(lambda: vehicle.world.mode == 4)  # from takeoff to hold, within 0.8 m of the height
+    assert vehicle.world.flight.ground - vehicle.world.flight.position[2] == pytest.approx(3.0, abs=1.0)
+    assert capsys.readouterr().err == ""
+
+
+WITHOUT_STICKS = (
+    "there are no sticks, mode position is selected (`msggen command mode hold` selects another), "
+    "the preflight checks fail (pre_flight_checks_pass)"
+)
+
+
+def test_a_refusal_has_the_reasons_that_the_vehicle_shows(px4_types: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    url = f"udp://127.0.0.1:{free_port()}"
+    link = ["--link", url, "--types", PACKAGE]
+    with Simulator(px4_types, url, [Options(sync="short")]) as simulator:
+        for words, text in (
+            (["mode", "position"], "SET_NAV_STATE: ACCEPTED\n"),
+            (["arm"], f"COMPONENT_ARM_DISARM: TEMPORARILY_REJECTED: {WITHOUT_STICKS}\n"),
+            (["mode", "hold"], "SET_NAV_STATE: ACCEPTED\n"),
+            (["arm"], "COMPONENT_ARM_DISARM: ACCEPTED\n"),
+            (["takeoff"], "NAV_TAKEOFF: ACCEPTED\n"),
+        ):
+            main(["command", *words, *link])
+            assert capsys.readouterr().out == text
+        wait_until(lambda: not simulator.vehicles[0].world.is_landed)
+        assert main(["command", "disarm", *link]) == 1
+        assert "REJECTED: the vehicle is in the air\n" in capsys.readouterr().out
+        assert main(["command", "mode", "position", "--json", *link]) == 1
+        assert json.loads(capsys.readouterr().out)["reasons"] == ["there are no sticks"]
+
+
+def test_a_firmware_without_modes_by_number_is_told(px4_types: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    assert px4_types
+    with pytest.raises(SystemExit):
+        main(["command", "--link", "udp://127.0.0.1:1", "--px4", "v1.14", "mode", "hold"])
+    assert "no command 'mode': the firmware has no SET_NAV_STATE, as none before v1.15" in capsys.readouterr().err
+
+
 def test_a_command_goes_to_the_system_of_the_vehicle(bench: Bench, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["command", "CUSTOM_0", "--json", *bench.link]) == 1
     document = json.loads(capsys.readouterr().out)
@@ -216,7 +279,17 @@ def test_a_command_goes_to_the_system_of_the_vehicle(bench: Bench, capsys: pytes
     ("words", "text"),
     [
         (["NAV_TAKEOF"], "argument COMMAND: no command 'NAV_TAKEOF', did you mean 'NAV_TAKEOFF'?"),
-        (["RTL"], "argument COMMAND: no command 'RTL', did you mean 'NAV_RETURN_TO_LAUNCH'?"),
+        (["rtk"], "argument COMMAND: no command 'rtk', did you mean 'rtl'?"),
+        (["hold"], "argument COMMAND: no command 'hold': to select the mode, msggen command mode hold"),
+        (["LOITER"], "argument COMMAND: no command 'LOITER': to select the mode, msggen command mode hold"),
+        (["vtol_takeoff"], "no command 'vtol_takeoff': to select the mode, msggen command mode vtol-takeoff"),
+        (["mode"], "argument NAME=VALUE: no mode '': there are manual, altitude, position, mission, hold, return, "),
+        (["mode", "hols"], "argument NAME=VALUE: no mode 'hols', did you mean 'hold'?"),
+        (["mode", "x=4"], "argument NAME=VALUE: no mode 'x=4': there are manual, "),
+        (["takeoff", "x"], "argument NAME=VALUE: expected a height above the ground in m, as in takeoff 5, found 'x'"),
+        (["mode", "takeoff", "-5"], "expected a height above the ground in m, as in takeoff 5, found '-5'"),
+        (["takeoff", "5", "6"], "expected a name and a value such as altitude=5, found '6'"),
+        (["SET_NAV_STATE", "param1=AUTO_LOTER"], "expected a number, found 'AUTO_LOTER', did you mean 'AUTO_LOITER'?"),
         (["xyz"], "argument COMMAND: no command 'xyz': msggen command --list has all"),
         (["NAV_TAKEOFF", "altitud=3"], "NAV_TAKEOFF has no parameter 'altitud', did you mean 'altitude'?"),
         (["NAV_TAKEOFF", "altitude"], "expected a name and a value such as altitude=5, found 'altitude'"),
@@ -351,7 +424,7 @@ def test_the_sessions_of_the_page_are_real(px4_types: ModuleType, capsys: pytest
                 main([*shlex.split(command)[1:], "--link", url, "--types", PACKAGE])
             told = capsys.readouterr()
             assert masked(told.out + told.err) == masked(shown), command
-    assert len(STEPS) == 11
+    assert len(STEPS) == 12
 
 
 def masked(text: str) -> str:

@@ -12,6 +12,7 @@ import pytest
 from IPython.core import interactiveshell
 
 from msggen.cli import main
+from msggen.flight import BlockingFlight
 from msggen.live.sim import Options, Simulator
 from support.example_program import EXAMPLES, LONGEST, Program, interrupted
 from support.ports import free_port
@@ -71,6 +72,9 @@ def test_offboard(px4_types: ModuleType, address: str, run: type[Program]) -> No
     with Simulator(px4_types, address, [SOON]):
         program.wait_for(r"connected: Remote\(number=1, .*\) v1.18", *map(re.escape, shown.splitlines()))
         assert program.process.wait(LONGEST) == 0
+        with BlockingFlight(address, px4_types) as flight:
+            assert flight.mode == "hold"
+            flight.arm()
 
 
 def test_two_vehicles(px4_types: ModuleType, address: str, run: type[Program]) -> None:

@@ -71,6 +71,10 @@ class Flown(NearVehicle):
         """Select a mode by its nav_state, as a pilot does."""
         self.world.command(100_001, [float(mode), *[0.0] * 6])
 
+    def kill(self) -> None:
+        """Disarm at once, also in the air."""
+        self.world.command(400, [0.0, 21196.0, *[0.0] * 5])
+
     async def restart_after(self, seconds: float) -> None:
         """Restart the vehicle as PX4 does: it is not heard for some time before."""
         self.loss = 1.0

@@ -10,6 +10,7 @@ from itertools import count
 from typing import NamedTuple, Protocol
 
 from msggen.flight.pytest.flown import mode_of
+from msggen.live.sim.faults import choose, read_fault
 from msggen.live.sim.world import World
 
 _REPLIES = ("arming_check_reply",)
@@ -73,18 +74,15 @@ class Faults:
 
         COM_LOW_BAT_ACT says what PX4 does then, by default a warning. Raises ValueError for a share outside 0 to 1.
         """
-        if not 0.0 <= remaining <= 1.0:
-            raise ValueError(f"expected a share from 0 to 1, got {remaining:g}")
-
-        def drain() -> None:
-            battery = self._vehicle.world.battery
-            battery.discharged = battery.capacity * (1.0 - remaining)
-
-        self._begin(at, drain)
+        self._begin(at, self._change(f"battery={remaining}"))
 
     def lose_position(self, seconds: float = math.inf, *, at: float | None = None) -> None:
-        """Let the vehicle lose the estimate of its position."""
-        self._during(seconds, at, lambda: self._know(is_known=False), lambda: self._know(is_known=True))
+        """Let the vehicle lose the estimate of its position at once."""
+        self._during(seconds, at, self._change("no-position"), self._change("position"))
+
+    def lose_gps(self, seconds: float = math.inf, *, at: float | None = None) -> None:
+        """Let the vehicle lose GPS. It loses the estimate of its position 5.2 s later."""
+        self._during(seconds, at, self._change("no-gps"), self._change("gps"))
 
     def restart(self, *, at: float | None = None) -> None:
         """Restart the vehicle, which takes 2 s. It is back at its start, and knows no programs."""
@@ -95,23 +93,18 @@ class Faults:
 
     def sticks(self, *, there: bool, at: float | None = None) -> None:
         """Start or stop the stick input of a pilot. A vehicle that has had stick input returns when it is lost."""
-
-        def change() -> None:
-            self._vehicle.world.has_sticks = there
-
-        self._begin(at, change)
+        self._begin(at, self._change("sticks" if there else "no-sticks"))
 
     def pilot_takes_over(self, mode: str = "position", *, at: float | None = None) -> None:
         """Let a pilot with sticks select a mode by its name: one of PX4's, or one that a program has registered.
 
         PX4 may refuse the mode. Raises ValueError for an unknown name.
         """
+        connect = self._change("sticks")
 
         def take_over() -> None:
-            world = self._vehicle.world
-            world.has_sticks = True
-            world.commander.senses = world.senses
-            world.commander.select(mode_of(world, mode))
+            connect()
+            choose(self._vehicle.world, mode_of(self._vehicle.world, mode), mode)
 
         self._begin(at, take_over)
 
@@ -127,9 +120,15 @@ class Faults:
         matching = [each.share for each in self._losses if not each.topics or topic in each.topics]
         return any(share >= 1.0 or self._random.random() < share for share in matching)
 
-    def _know(self, *, is_known: bool) -> None:
-        world = self._vehicle.world
-        world.has_position = world.has_gps = is_known
+    def _change(self, text: str) -> Callable[[], None]:
+        """Return what lets a fault of `msggen sim` happen. Raises ValueError for another text."""
+        change = read_fault(text).change
+
+        def happen() -> None:
+            if change is not None:
+                change(self._vehicle.world)
+
+        return happen
 
     def _during(self, seconds: float, at: float | None, begin: Callable[[], None], end: Callable[[], None]) -> None:
         self._begin(at, begin)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from msggen.live.messages.nav_states import MODE_NAMES
+from msggen.live.messages.nav_states import MODE_NAMES, SELECTABLE, mode_number
 
 if TYPE_CHECKING:
     import numpy as np
@@ -133,7 +133,7 @@ def mode_name(world: World) -> str:
 def mode_of(world: World, name: str) -> int:
     """Return the nav_state of a mode of PX4 or of a program. Raises ValueError for an unknown name."""
     own = {each.name: number for number, each in world.commander.components.modes.items()}
-    known = {text: number for number, text in MODE_NAMES.items() if not text.startswith("external")} | own
-    if name not in known:
-        raise ValueError(f"expected one of the modes {', '.join(known)}, got {name!r}")
-    return known[name]
+    found = own.get(name, mode_number(name))
+    if found is None:
+        raise ValueError(f"expected one of the modes {', '.join([*SELECTABLE, *own])}, got {name!r}")
+    return found

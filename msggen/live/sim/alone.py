@@ -9,8 +9,8 @@ from importlib import import_module
 from types import ModuleType
 from typing import Any
 
+from msggen.live.messages.commands import ARM_DISARM, LAND, SET_MODE, TAKEOFF
 from msggen.live.messages.nav_states import HOLD, OFFBOARD
-from msggen.live.sim.commands import ARM_DISARM, LAND, SET_MODE, TAKEOFF
 from msggen.live.sim.faults import TimedFaults
 from msggen.live.sim.flight import NAN
 from msggen.live.sim.options import Options

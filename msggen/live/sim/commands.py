@@ -4,25 +4,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Final, Protocol
+from typing import Protocol
 
 from msggen.live.messages import nav_states
+from msggen.live.messages.commands import (
+    ARM_DISARM,
+    LAND,
+    REPOSITION,
+    RETURN,
+    SET_HOME,
+    SET_MODE,
+    SET_NAV_STATE,
+    SET_ORIGIN,
+    TAKEOFF,
+)
 from msggen.live.sim.autopilot import Autopilot
 from msggen.live.sim.commander import states
 from msggen.live.sim.commander.commander import EXECUTOR_SOURCE, Commander
 from msggen.live.sim.places import Home
 
-ARM_DISARM: Final = 400
-SET_MODE: Final = 176
-RETURN: Final = 20
-LAND: Final = 21
-TAKEOFF: Final = 22
-SET_HOME: Final = 179
-REPOSITION: Final = 192
-SET_ORIGIN: Final = 100_000
-SET_NAV_STATE: Final = 100_001
-"""VEHICLE_CMD_COMPONENT_ARM_DISARM, _DO_SET_MODE, _NAV_RETURN_TO_LAUNCH, _NAV_LAND, _NAV_TAKEOFF, _DO_SET_HOME,
-_DO_REPOSITION, _SET_GPS_GLOBAL_ORIGIN, _SET_NAV_STATE."""
 _MAIN_MODES: Mapping[int, int] = {
     1: nav_states.MANUAL,
     2: nav_states.ALTITUDE,
@@ -46,7 +46,7 @@ _CHANGE_MODE = 1
 """The bit of parameter 2 of DO_REPOSITION that PX4 wants, and no other."""
 _FORCE = 21196
 """Parameter 2 of COMPONENT_ARM_DISARM that overrides the checks."""
-_MODES = frozenset({*_MAIN_MODES.values(), *_AUTO_MODES.values(), nav_states.DESCEND, nav_states.TERMINATION})
+SIMULATED = frozenset({*_MAIN_MODES.values(), *_AUTO_MODES.values(), nav_states.DESCEND, nav_states.TERMINATION})
 """The modes that SET_NAV_STATE can select."""
 
 
@@ -112,7 +112,7 @@ class Order:
     def set_nav_state(self) -> int:
         """SET_NAV_STATE."""
         mode = _whole(self._parameters[0])
-        if mode not in _MODES:
+        if mode not in SIMULATED:
             return self.refuse(states.TEMPORARILY_REJECTED, f"mode {self._parameters[0]:g} is not simulated")
         return self.select(mode)
 

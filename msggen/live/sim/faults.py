@@ -8,9 +8,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Final, NamedTuple
 
 from msggen.base.diagnostics import suggestion
+from msggen.live.messages.commands import SET_NAV_STATE
 from msggen.live.messages.nav_states import MODE_NAMES
 from msggen.live.sim.commander.states import ACCEPTED
-from msggen.live.sim.commands import SET_NAV_STATE
+from msggen.live.sim.commands import SIMULATED
 from msggen.live.sim.world import World
 
 NO_LINK: Final = "no-link"
@@ -19,7 +20,7 @@ RESTART: Final = "restart"
 RESTART_CLIENT: Final = "restart-client"
 _PILOT: Final = 1
 """The source component of what a pilot selects: COMPONENT_AUTOPILOT."""
-_MODES: Mapping[str, int] = {name.replace(" ", "-"): mode for mode, name in MODE_NAMES.items()}
+_MODES: Mapping[str, int] = {name.replace(" ", "-"): mode for mode, name in MODE_NAMES.items() if mode in SIMULATED}
 
 
 class Fault(NamedTuple):
@@ -32,22 +33,34 @@ class Fault(NamedTuple):
 
 
 def _lose_position(world: World) -> str:
+    world.has_position = world.has_gps = False
+    return "the position is lost"
+
+
+def _find_position(world: World) -> str:
+    world.has_position = world.has_gps = True
+    return "the position is there again"
+
+
+def _lose_gps(world: World) -> str:
     world.has_gps = False
     return "GPS is lost"
 
 
-def _find_position(world: World) -> str:
+def _find_gps(world: World) -> str:
     world.has_gps = True
     return "GPS is there again"
 
 
 def _connect_sticks(world: World) -> str:
     world.has_sticks = True
+    world.commander.senses = world.senses
     return "the pilot's sticks are there"
 
 
 def _lose_sticks(world: World) -> str:
     world.has_sticks = False
+    world.commander.senses = world.senses
     return "the pilot's sticks are gone"
 
 
@@ -71,18 +84,21 @@ def _mode(text: str) -> Callable[[World], str]:
     """Return what selects a mode, as a pilot does with the switch."""
     if text not in _MODES:
         raise ValueError(f"'mode={text}': no such mode{suggestion(text, _MODES)}: there are {', '.join(_MODES)}")
+    return lambda world: choose(world, _MODES[text], text)
 
-    def change(world: World) -> str:
-        result = world.command(SET_NAV_STATE, (_MODES[text], *[math.nan] * 6), _PILOT)
-        answer = "" if result == ACCEPTED else f", which is refused: {world.reason}"
-        return f"the pilot selects {text}{answer}"
 
-    return change
+def choose(world: World, mode: int, name: str) -> str:
+    """Let a pilot select a mode with the switch, and return a line for people."""
+    result = world.command(SET_NAV_STATE, (mode, *[math.nan] * 6), _PILOT)
+    answer = "" if result == ACCEPTED else f", which is refused: {world.reason}"
+    return f"the pilot selects {name}{answer}"
 
 
 _PLAIN: Mapping[str, Callable[[World], str] | None] = {
     "no-position": _lose_position,
     "position": _find_position,
+    "no-gps": _lose_gps,
+    "gps": _find_gps,
     "sticks": _connect_sticks,
     "no-sticks": _lose_sticks,
     NO_LINK: None,

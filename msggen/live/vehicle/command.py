@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import queue
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from msggen.live.link import LinkTimeoutError, NotConnectedError, TopicError
 from msggen.live.messages.names import stem_of
+from msggen.live.messages.refusals import reasons_for_command
 
 if TYPE_CHECKING:
     from msggen.live.messages.packages import Message
@@ -21,6 +22,8 @@ ACKNOWLEDGEMENT = "/fmu/out/vehicle_command_ack"
 _IN_PROGRESS = "IN_PROGRESS"
 _STATUS_S = 5.0
 """How long to wait for a VehicleStatus, which PX4 publishes at 2 Hz and more."""
+_STATE_S = 2.0
+"""How long to wait for another state of the vehicle."""
 _SLICE_S = 0.2
 """The longest wait without a look at the connection and at signals."""
 
@@ -34,6 +37,34 @@ def address_of(vehicle: Vehicle) -> tuple[int, int]:
         status = statuses.wait_for(lambda _: True, timeout=_STATUS_S)
         return int(status.system_id), int(status.component_id)
     return 1, 1
+
+
+def altitude_above(vehicle: Vehicle, height: float) -> float:
+    """Return the altitude above mean sea level in m that is some m above where a vehicle is.
+
+    Raises NotConnectedError, and LinkTimeoutError if the vehicle does not know its altitude.
+    """
+    place = _newest(vehicle, "vehicle_local_position", lambda each: bool(each.z_valid and each.z_global))
+    if place is None:
+        raise LinkTimeoutError(
+            "the vehicle does not know its altitude above sea level, which a takeoff to a height needs"
+        )
+    return float(place.ref_alt - place.z + height)
+
+
+def reasons_of(vehicle: Vehicle, command: Message, cure: str) -> Sequence[str]:
+    """Return why a vehicle refuses a VehicleCommand, as far as it shows that. `cure` is what selects Hold."""
+    sent: Any = command
+    parameters = [getattr(sent, f"param{number}") for number in range(1, 8)]
+    flags, status = (_newest(vehicle, topic, lambda _: True) for topic in ("failsafe_flags", "vehicle_status"))
+    return [*reasons_for_command(sent.command, parameters, flags, status, cure)]
+
+
+def _newest(vehicle: Vehicle, topic: str, is_meant: Callable[[Any], bool]) -> Any:
+    """Return the newest message of a topic that is meant, None if there is none for some time."""
+    with suppress(TopicError, LinkTimeoutError), vehicle.subscribe(topic) as samples:
+        return samples.wait_for(is_meant, timeout=_STATE_S)
+    return None
 
 
 def acknowledges(vehicle: Vehicle) -> bool:

@@ -5,24 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from msggen.live.messages.nav_states import MODE_CONSTANTS, MODE_TITLES
 from msggen.recordings.log.series import MODES
 from msggen.recordings.report.recorded import Recorded, spans
 
-_NAMES = {
-    "MANUAL": "Manual",
-    "ALTCTL": "Altitude",
-    "POSCTL": "Position",
-    "AUTO_MISSION": "Mission",
-    "AUTO_LOITER": "Hold",
-    "AUTO_RTL": "Return",
-    "AUTO_TAKEOFF": "Takeoff",
-    "AUTO_LAND": "Land",
-    "AUTO_PRECLAND": "Precision land",
-    "AUTO_FOLLOW_TARGET": "Follow me",
-    "AUTO_VTOL_TAKEOFF": "VTOL takeoff",
-    "STAB": "Stabilized",
-}
-"""The names of modes in ground stations, where they differ from those in PX4."""
+_NAMES = {constant: MODE_TITLES[mode] for mode, constant in MODE_CONSTANTS.items()}
+"""The names of modes in ground stations, by those in PX4."""
 COLOURS = 10
 """The number of colours of modes."""
 

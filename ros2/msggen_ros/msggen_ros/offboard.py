@@ -25,6 +25,7 @@ PERIOD = 0.1
 RETRY = 2.0
 """The time in s after which a command is repeated: a sample can be lost."""
 OFFBOARD = {"mav_mode_value": 1, "param2": 6}  # PX4's main mode 6
+HOLD = {"mav_mode_value": 1, "param2": 4, "param3": 3}  # AUTO, LOITER
 
 
 class Offboard(Node):
@@ -38,7 +39,7 @@ class Offboard(Node):
         self.height = float(self.declare_parameter("height", 3.0).value)
         self.hover = float(self.declare_parameter("hover", 5.0).value)
         self.types = package_of(self.declare_parameter("px4", "v1.18").value)
-        self.is_done = self.is_armed = False
+        self.is_done = self.is_armed = self.is_in_hold = False
         self.above = 0.0
         self.stage, self.since, self.commanded = self.warm_up, self.seconds(), 0.0
         topics = self.types.topics
@@ -63,9 +64,10 @@ class Offboard(Node):
         return self.get_clock().now().nanoseconds / 1e9
 
     def hear_status(self, data: bytes) -> None:
-        """Keep whether the vehicle is armed."""
+        """Keep whether the vehicle is armed, and in Hold."""
         status = self.types.VehicleStatus.decode(data)
         self.is_armed = status.arming_state == status.ARMING_STATE_ARMED
+        self.is_in_hold = status.nav_state == status.NAVIGATION_STATE_AUTO_LOITER
 
     def hear_odometry(self, message: Odometry) -> None:
         """Keep the height in m above the start: z of ENU."""
@@ -108,8 +110,14 @@ class Offboard(Node):
         if self.is_armed:
             self.command(self.types.commands.NAV_LAND())
         else:
-            self.get_logger().info("landed")
+            self.enter(self.let_go, "landed")
+
+    def let_go(self) -> None:
+        """Select Hold: in Offboard mode, nobody could arm the vehicle without a heartbeat."""
+        if self.is_in_hold:
             self.is_done = True
+        else:
+            self.command(self.types.commands.DO_SET_MODE(**HOLD))
 
     def command(self, *messages: object) -> None:
         """Send commands, not more often than every `RETRY`."""

@@ -354,7 +354,7 @@ def test_faults_can_be_told_from_another_thread(server: Server, px4_types: Any) 
     with Simulator(px4_types, server.address, [SHORT]) as simulator:
         (vehicle,) = simulator.vehicles
         wait_until(lambda: vehicle.is_connected)
-        vehicle.fault("no-position")
+        vehicle.fault("no-gps")
         wait_until(lambda: vehicle.changes[-1].text == "GPS is lost")
         vehicle.fault("no-link")
         wait_until(lambda: not vehicle.is_connected, 20.0)

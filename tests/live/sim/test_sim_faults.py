@@ -42,13 +42,13 @@ def told(bench: Bench) -> list[str]:
 
 def test_a_lost_position_ends_hold_and_comes_back(px4_types: Any) -> None:
     bench = flying(px4_types)
-    bench.vehicle.fault("no-position")
+    bench.vehicle.fault("no-gps")
     wait(bench, lambda: bench.last("vehicle_status").nav_state == DESCEND, 8.0)
     bench.run(0.3)  # until the other topics tell it
     assert bench.last("failsafe_flags").global_position_invalid
     assert not bench.last("vehicle_local_position").xy_valid
     assert bench.last("vehicle_status").failsafe
-    bench.vehicle.fault("position")
+    bench.vehicle.fault("gps")
     wait(bench, lambda: bench.last("vehicle_status").nav_state == HOLD, 8.0)
     assert "GPS is lost" in told(bench)
     assert "GPS is there again" in told(bench)
@@ -136,7 +136,10 @@ def test_answers_come_again_in_a_new_session(px4_types: Any) -> None:
 @pytest.mark.parametrize(
     ("text", "error"),
     [
-        ("no-positon", "no fault 'no-positon', did you mean 'no-position'?: there are no-position, position, sticks, "),
+        (
+            "no-positon",
+            "no fault 'no-positon', did you mean 'no-position'?: there are no-position, position, no-gps, ",
+        ),
         ("", "no fault '': there are "),
         ("battery", "'battery=': expected a share from 0 to 1, as in 'battery=0.1'"),
         ("battery=", "'battery=': expected a share from 0 to 1, as in 'battery=0.1'"),

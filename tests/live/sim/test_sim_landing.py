@@ -8,6 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from msggen.live.messages.commands import ARM_DISARM
+from msggen.live.messages.commands import TAKEOFF as TAKE_OFF
 from msggen.live.messages.nav_states import (
     ALTITUDE,
     DESCEND,
@@ -21,8 +23,6 @@ from msggen.live.messages.nav_states import (
     TERMINATION,
 )
 from msggen.live.sim.commander.states import ACCEPTED, BY_LANDING, TEMPORARILY_REJECTED
-from msggen.live.sim.commands import ARM_DISARM
-from msggen.live.sim.commands import TAKEOFF as TAKE_OFF
 from msggen.live.sim.flight import NAN
 from msggen.live.sim.parameters import PARAMETERS
 from msggen.live.sim.world import STEP, World

@@ -1,0 +1,258 @@
+"""Tests that no number of a program has a meaning that must be guessed, and that no flight to a place is endless."""
+
+from __future__ import annotations
+
+import asyncio
+import inspect
+import math
+import re
+from collections.abc import Callable, Coroutine
+from typing import Any
+
+import pytest
+
+from msggen.flight import (
+    BlockingFlight,
+    Executor,
+    Flight,
+    GlobalPlace,
+    LimitError,
+    Limits,
+    Mode,
+    NotReachedError,
+    Vector,
+)
+from msggen.flight.blocking import BlockingOffboard
+from msggen.flight.limits import NO_LIMITS
+from msggen.flight.offboard import Offboard
+from msggen.flight.pytest.vehicle import SimVehicle
+from msggen.live.sim import Options
+from msggen.live.sim.loop import run
+from support.flown import Flown, fly
+
+pytest_plugins = ["support.flight_releases"]
+
+BOTH = (
+    "{0}: expected a GlobalPlace or keywords: `{0}(GlobalPlace(47.4, 8.5, 500.0))` or "
+    "`{0}(latitude=47.4, longitude=8.5, altitude=500.0)`, in degrees and in m above mean sea level"
+)
+SINGLE = {"takeoff": "altitude", "hold": "seconds", "sleep": "seconds"}
+"""Calls that take one number, whose name and docstring say what it is."""
+PAIRS = {"wait_for_status": "seconds", "deferring_failsafes": "seconds"}
+
+
+def numbers(function: Callable[..., Any]) -> list[str]:
+    """Return the numbers that a call takes without names."""
+    return [
+        each.name
+        for each in inspect.signature(function).parameters.values()
+        if each.kind in {each.POSITIONAL_ONLY, each.POSITIONAL_OR_KEYWORD, each.VAR_POSITIONAL}
+        and re.match(r"(float|int)\b", str(each.annotation))
+    ]
+
+
+@pytest.mark.parametrize("owner", [Flight, BlockingFlight, Mode, Executor, Offboard, BlockingOffboard, Limits])
+def test_no_call_takes_numbers_that_must_be_guessed(owner: type) -> None:
+    calls = {name: each for name, each in inspect.getmembers(owner, callable) if name[0] != "_"} | {"": owner}
+    found = {name: numbers(each) for name, each in calls.items()}
+    known = {name: [text] for name, text in (SINGLE | PAIRS).items()}
+    assert {name: each for name, each in found.items() if each and each != known.get(name)} == {}
+
+
+@pytest.mark.parametrize("name", ["goto", "set_home", "set_origin"])
+@pytest.mark.parametrize(
+    ("arguments", "options"),
+    [
+        ((5, 0, -5), {}),
+        ((47.4, 8.5), {}),
+        ((47.4,), {}),
+        (((47.4, 8.5, 500.0),), {}),
+        ((GlobalPlace(47.4, 8.5, 500.0), 3.0), {}),
+        ((GlobalPlace(47.4, 8.5, 500.0),), {"altitude": 3.0}),
+        ((), {"latitude": 47.4}),
+    ],
+)
+def test_a_place_on_earth_is_named(name: str, arguments: Any, options: Any, px4_types: Any) -> None:
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        await vehicle.in_air(flight)
+        before = len(vehicle.sent)
+        with pytest.raises(TypeError, match=re.escape(BOTH.format(name))):
+            await getattr(flight, name)(*arguments, **options)
+        assert len(vehicle.sent) == before
+
+    fly(px4_types, program)
+    with BlockingFlight(SimVehicle(px4_types)) as flight, pytest.raises(TypeError, match=re.escape(BOTH.format(name))):
+        getattr(flight, name)(*arguments, **options)
+
+
+def test_both_ways_to_name_a_place_lead_there(px4_types: Any) -> None:
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        await vehicle.in_air(flight)
+        home = vehicle.world.home
+        await flight.goto(GlobalPlace(home.latitude + 0.0001, home.longitude, home.altitude + 8.0))
+        assert vehicle.world.flight.position == pytest.approx((11.1, 0.0, -8.0), abs=1.0)
+        await flight.goto(latitude=home.latitude, longitude=home.longitude)
+        assert vehicle.world.flight.position == pytest.approx((0.0, 0.0, -8.0), abs=1.0)
+        await flight.set_home(GlobalPlace(home.latitude, home.longitude, home.altitude))
+
+    fly(px4_types, program)
+
+
+WRONG: dict[str, tuple[Callable[[Any], Any], str]] = {
+    "goto": (lambda mode: mode.goto(5, 0, -5), r"goto: expected one place: `goto\(\(5\.0, 0\.0, -5\.0\)\)` in m"),
+    "goto of a number": (lambda mode: mode.goto(5), r"goto: expected one place: `goto\(\(5\.0, 0\.0, -5\.0\)\)` in m"),
+    "goto with a yaw": (lambda mode: mode.goto((5, 0, -5), yaw=1.0), "no argument 'yaw': it is `heading` in rad or"),
+    "trajectory": (lambda mode: mode.trajectory((1, 0, 0)), r"keywords, such as `trajectory\(velocity="),
+    "trajectory with a yaw": (lambda mode: mode.trajectory(yaw=1.0), "no argument 'yaw': it is `heading` in rad or"),
+    "trajectory with an error": (lambda mode: mode.trajectory(velocty=(1, 0, 0)), "did you mean 'velocity'"),
+    "rates": (lambda mode: mode.rates(0.0, 0.0, 0.1, 0.5), r"rates\(roll=0\.0, pitch=0\.0, yaw=0\.1, thrust=0\.5\)"),
+    "attitude": (lambda mode: mode.attitude((1.0, 0.0, 0.0, 0.0), 0.5), "a quaternion w, x, y, z"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_wrong_arguments_of_a_setpoint_are_explained(name: str, px4_types: Any) -> None:
+    call, text = WRONG[name]
+    owners: list[Any] = []
+
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        await vehicle.in_air(flight)
+        async with flight.offboard() as setpoint:
+            if hasattr(setpoint, name.partition(" ")[0]):
+                owners.append(setpoint)
+            if name != "goto of a number":  # of a mode, this is told once it flies
+                owners.append(Mode())
+            for each in owners:
+                with pytest.raises(TypeError, match=text):
+                    await call(each)
+
+    fly(px4_types, program)
+    assert owners
+
+
+def test_limits_are_named() -> None:
+    with pytest.raises(TypeError, match=r"Limits: expected keywords: `Limits\(height=20\.0, distance=50\.0\)`, in m"):
+        Limits(20.0, 50.0)  # type: ignore[call-arg]
+    with pytest.raises(ValueError, match="depth: expected a positive number, got 0"):
+        Limits(depth=0.0)
+    assert Limits(depth=5.0, height=3.0).tightened(Limits(depth=7.0)) == Limits(depth=5.0, height=3.0)
+
+
+# Where a program does not mean to fly
+
+Meanwhile = Callable[[Flown], object]
+
+
+class Goes(Mode, name="Goes"):
+    """Flies to a place, and keeps the error."""
+
+    goal = Vector(0.0, 0.0, 0.0)
+    error: Exception | None = None
+
+    async def fly(self) -> None:
+        try:
+            await self.goto(self.goal)
+        except Exception as error:
+            self.error = error
+            raise
+
+
+async def by_action(flight: Flight, _: Goes, place: GlobalPlace) -> None:
+    await flight.goto(place)
+
+
+async def in_offboard(flight: Flight, mode: Goes, _: GlobalPlace) -> None:
+    async with flight.offboard() as setpoint:
+        await setpoint.goto(mode.goal)
+
+
+async def in_a_mode(flight: Flight, mode: Goes, _: GlobalPlace) -> None:
+    await flight.fly(mode)
+
+
+Way = Callable[[Flight, Goes, GlobalPlace], Coroutine[Any, Any, None]]
+WAYS: dict[str, Way] = {"action": by_action, "offboard": in_offboard, "mode": in_a_mode}
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize(
+    ("goal", "text", "limits"),
+    [
+        (Vector(5.0, 0.0, 3.0), "3.0 m below home, and nothing was sent: z points down in NED", Limits(depth=10.0)),
+        (Vector(10_100.0, 0.0, -5.0), "10 km from home: without `Limits(distance=...)`, goto", Limits(distance=2e4)),
+    ],
+)
+def test_a_place_that_is_not_meant_is_refused_unless_limits_allow_it(
+    way: str, goal: Vector, text: str, limits: Limits, px4_types: Any
+) -> None:
+    with pytest.raises(LimitError, match=re.escape(text)):
+        flown(px4_types, WAYS[way], goal)
+    with pytest.raises((TimeoutError, NotReachedError)):  # under way, or at the ground
+        flown(px4_types, WAYS[way], goal, limits)
+
+
+def flown(
+    px4_types: Any, way: Way, goal: Vector, limits: Limits = NO_LIMITS, meanwhile: Meanwhile | None = None
+) -> None:
+    """Fly to a place for 30 s at most, and let something happen after 3 s."""
+    vehicle = Flown(px4_types, Options(parameters={"COM_DISARM_LAND": 60.0}))
+
+    async def main() -> None:
+        await asyncio.sleep(1.0)
+        async with Flight(vehicle, limits=limits) as flight:
+            mode = Goes()
+            mode.goal = goal
+            await flight.add(mode)
+            await vehicle.in_air(flight)
+            home = vehicle.world.home
+            degrees = math.degrees(goal.x / 6_371_000.0)
+            place = GlobalPlace(home.latitude + degrees, home.longitude, home.altitude - goal.z)
+            if meanwhile is not None:
+                asyncio.get_running_loop().call_later(3.0, meanwhile, vehicle)
+            await asyncio.wait_for(way(flight, mode, place), 30.0)
+
+    run(main(), vehicle)
+
+
+LANDS = "it lands"
+"""Not in a mode: PX4 detects no landing while it gets goto setpoints."""
+ENDS: dict[str, tuple[Vector, Meanwhile | None, str]] = {
+    LANDS: (Vector(1.0, 0.0, 4.0), None, "the vehicle has landed"),
+    "it is killed": (Vector(500.0, 0.0, -10.0), lambda vehicle: vehicle.kill(), "disarmed"),
+    "a pilot takes over": (
+        Vector(500.0, 0.0, -10.0),
+        lambda vehicle: vehicle.choose(5),
+        "the vehicle is in mode return",
+    ),
+}
+
+
+@pytest.mark.parametrize(("way", "end"), [(way, end) for way in WAYS for end in ENDS if (way, end) != ("mode", LANDS)])
+def test_a_flight_to_a_place_ends_with_the_flight(way: str, end: str, px4_types: Any) -> None:
+    goal, meanwhile, text = ENDS[end]
+    with pytest.raises(NotReachedError, match=text):
+        flown(px4_types, WAYS[way], goal, Limits(depth=10.0), meanwhile)
+
+
+@pytest.mark.parametrize("name", ["takeoff", "land", "return_home"])
+def test_an_action_of_px4_ends_when_the_vehicle_is_killed(name: str, types: Any) -> None:
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        await flight.arm()
+        if name != "takeoff":
+            await flight.takeoff(10.0)
+        asyncio.get_running_loop().call_later(2.0, vehicle.kill)
+        with pytest.raises(NotReachedError, match=r"was not completed: .*disarmed"):
+            await asyncio.wait_for(getattr(flight, name)(*((10.0,) if name == "takeoff" else ())), 30.0)
+
+    fly(types, program)
+
+
+@pytest.mark.parametrize("name", ["land", "return_home"])
+def test_a_vehicle_that_disarms_on_the_ground_has_landed(name: str, types: Any) -> None:
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        await vehicle.in_air(flight)
+        vehicle.lost = {"mode_completed"}
+        await asyncio.wait_for(getattr(flight, name)(), 60.0)
+        assert not vehicle.world.is_armed
+
+    fly(types, program)
