@@ -6,19 +6,20 @@ Messages are encoded and decoded, as on a link, so neither side can change what 
 from __future__ import annotations
 
 import asyncio
-import random
 from collections import defaultdict
 from collections.abc import Callable, Sequence
 from importlib import import_module
 from types import ModuleType
 from typing import Any
 
+from msggen.live.sim.changes import Changes
+from msggen.live.sim.disturbances import noise_with
 from msggen.live.sim.options import Options
 from msggen.live.sim.programs import Programs
-from msggen.live.sim.publishing import STATUS, FlightLog, Schedule, publication_of
+from msggen.live.sim.publishing import FlightLog, Schedule, publication_of
 from msggen.live.sim.requests import Requests
 from msggen.live.sim.values import Clocks, Filler, Scene
-from msggen.live.sim.vehicle import restarted, status_of, world_of
+from msggen.live.sim.vehicle import restarted, world_of
 from msggen.live.sim.world import STEP
 
 Take = Callable[[Any], None]
@@ -32,16 +33,21 @@ class NearVehicle:
         self.package = package
         self.world = world_of(package, options)
         self._log = log
-        self._noise = random.Random(f"noise {options.seed} {options.key}")  # noqa: S311 - not for secrets
+        self._noise = noise_with(options.disturbances, options.seed, options.key)
         topics = import_module(f"{package.__name__}.topics")
-        out = [publication_of(each, rate=options.rate) for each in topics.ENDPOINTS if each.direction == "out"]
+        endpoints = [each for each in topics.ENDPOINTS if each.direction == "out"]
+        out = [publication_of(each, rate=options.rate, parts=options.parts) for each in endpoints]
         self._fillers: dict[str, Filler] = {each.topic: each.filler for each in out}
         self._inputs = {each.uorb_topic for each in topics.ENDPOINTS if each.direction == "in"}
         self._takers: dict[str, list[Take]] = defaultdict(list)
         self._arrived: list[tuple[str, Any]] = []
         """The messages that the vehicle takes in its next step."""
         self._start()
-        self._status: Sequence[object] = ()
+        self._kept: dict[str, Any] = {}
+        """The last messages of the topics that are published rarely."""
+        self._joined: list[tuple[str, Take]] = []
+        """Those who have subscribed since the last step."""
+        self._changes = Changes()
         self._schedule = Schedule(out, 0)
         self._options = options
         self.time = 0
@@ -60,14 +66,24 @@ class NearVehicle:
             self._receive(topic, message)
         self._programs.advance(now)
         self._programs.ask()
-        status = status_of(self.world)
-        if status != self._status:
-            self._status = status
-            self._schedule.hasten(STATUS, now)
+        self._schedule.hasten(self._changes.take(self.world), now)
+        self._publish_due()
+
+    def _publish_due(self) -> None:
         scene = Scene(self.world, self._noise, Clocks())
-        for publication in self._schedule.take(now):
-            if self._takers[publication.topic] or self._log is not None:
-                self._send(publication.topic, publication.filler.make(scene, now))
+        joined, self._joined = self._joined, []
+        for topic, take in joined:
+            if topic in self._kept and take in self._takers[topic]:
+                self._deliver(topic, self._kept[topic], [take])
+        for publication in self._schedule.take(self.time):
+            topic, is_rare = publication.topic, publication.is_rare
+            if self._takers[topic] or self._log is not None or is_rare:
+                message = publication.filler.make(scene, self.time)
+                if message is None:
+                    continue
+                if is_rare:
+                    self._kept[topic] = message
+                self._send(topic, message)
 
     def subscribe(self, topic: str, take: Take) -> Callable[[], None]:
         """Call `take` for each message of a topic, which is named as in uORB. Return what ends that.
@@ -77,6 +93,7 @@ class NearVehicle:
         if topic not in self._fillers:
             raise LookupError(f"the vehicle does not publish '{topic}'")
         self._takers[topic].append(take)
+        self._joined.append((topic, take))
         return lambda: self._takers[topic].remove(take)
 
     def publish(self, topic: str, message: Any) -> None:
@@ -94,6 +111,7 @@ class NearVehicle:
         """Restart the vehicle at home: it knows nothing of programs but the slots of their names."""
         self.world = restarted(self.world, self.package, self._options)
         self._arrived.clear()
+        self._kept.clear()
         self._start()
 
     def loses(self, _topic: str) -> bool:
@@ -124,8 +142,11 @@ class NearVehicle:
     def _send(self, topic: str, message: Any) -> None:
         if self._log is not None:
             self._log.add(topic, message)
-        takers = self._takers[topic]
-        if takers:
-            loop = asyncio.get_running_loop()
-            for take in [] if self.loses(topic) else takers:
-                loop.call_soon(take, type(message).decode(message.encode()))
+        if self._takers[topic]:
+            self._deliver(topic, message, self._takers[topic])
+
+    def _deliver(self, topic: str, message: Any, takers: Sequence[Take]) -> None:
+        """Let programs take a message, which each of them decodes."""
+        loop = asyncio.get_running_loop()
+        for take in [] if self.loses(topic) else takers:
+            loop.call_soon(take, type(message).decode(message.encode()))
