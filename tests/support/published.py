@@ -128,7 +128,7 @@ FIELDS: Mapping[str, Mapping[str, str]] = {
         "cs_rng_hgt": _HEADING,
         "cs_mag_aligned_in_flight": _HEADING,
     },
-    "failsafe_flags": {"offboard_control_signal_lost": _MODES, "remote_id_unhealthy": "sim has one"},
+    "failsafe_flags": {"offboard_control_signal_lost": _MODES},
     "home_position": dict.fromkeys(("x", "y", "z", "roll", "pitch", "yaw"), _ONE_ORIGIN),
     "position_setpoint_triplet": dict.fromkeys(("previous", "current", "next"), _NAVIGATOR),
     "timesync_status": dict.fromkeys(

@@ -373,6 +373,7 @@ def _failsafe_flags(scene: Scene) -> Values:
         "gcs_connection_lost": not senses.ground_station,
         "battery_warning": senses.battery,
         "mode_req_wind_and_flight_time_compliance": _WIND_LIMITED,
+        "remote_id_unhealthy": True,  # as of every vehicle without a remote id
     }
 
 
