@@ -18,8 +18,11 @@ GAIN = 0.8  # m/s towards the target for each m of distance
 SMOOTHING = 0.1  # the weight of a new measurement in the estimated velocity of the target
 NEAR = 0.3  # m of horizontal distance to the target, within which the vehicle descends
 ABOVE = 0.15  # m added to NEAR for each m of height
+FASTEST = 3.0  # m/s sideways
 FAST, SLOW = 1.0, 0.4  # m/s downwards
-LOW = 2.0  # m, below which the vehicle descends slowly
+LOW = 2.0  # m above the ground, below which the vehicle descends slowly
+TOUCHED = 0.05  # m above the ground, below which it does not move sideways any more
+DECIDED = 0.5  # m above the ground, below which it lands, wherever the target drives
 
 
 class Target:
@@ -53,28 +56,41 @@ class Motion(NamedTuple):
 
 
 class PreciseLanding(Mode, name="Precise Landing"):
-    """Follow the target, and descend while the vehicle is above it."""
+    """Follow the target, and descend while the vehicle is above it. Near the ground, land."""
 
     setpoints = (TRAJECTORY,)
 
     def __init__(self, flight: Flight, target: Target) -> None:
         self.telemetry, self.target = flight.telemetry, target
+        self.estimate = flight.feeds["vehicle_local_position"]
 
     async def fly(self) -> None:
-        """Fly until the vehicle has landed."""
+        """Fly until PX4 says that the vehicle has landed."""
         place = await self.position()
         motion = Motion(self._absolute(place))
-        while not (await self.telemetry.land()).is_landed:
+        while not (land := await self.telemetry.land()).is_landed:
             place = await self.position()
             motion = motion.after(self._absolute(place))
-            away = self.target.seen_from(place)
-            north, east = (speed + GAIN * distance for speed, distance in zip(motion.velocity, away, strict=True))
-            height = -place.z
-            down = FAST if height > LOW else SLOW
-            is_above = math.hypot(*away) < NEAR + ABOVE * height
-            self.trajectory(velocity=(north, east, down if is_above else 0.0))
+            height = self.height(place)
+            if land.has_ground_contact or height < TOUCHED:
+                self.trajectory(velocity=(0.0, 0.0, SLOW))  # PX4 sees a landing only while the setpoint leads down
+            else:
+                self.trajectory(velocity=self._towards(motion, place, height))
             await asyncio.sleep(INTERVAL)
         print(f"landed {math.hypot(*self.target.seen_from(await self.position())):.1f} m from the target", flush=True)
+
+    def height(self, place: Vector) -> float:
+        """Return the distance to the ground, which an estimate of the height that drifts does not tell."""
+        estimate = self.estimate.latest
+        return estimate.dist_bottom if estimate and estimate.dist_bottom_valid else -place.z
+
+    def _towards(self, motion: Motion, place: Vector, height: float) -> tuple[float, float, float]:
+        """Return the velocity to the target, and down if the vehicle is above it, or too low to turn back."""
+        away = self.target.seen_from(place)
+        north, east = (speed + GAIN * distance for speed, distance in zip(motion.velocity, away, strict=True))
+        share = FASTEST / max(math.hypot(north, east), FASTEST)
+        is_above = height < DECIDED or math.hypot(*away) < NEAR + ABOVE * height
+        return north * share, east * share, (FAST if height > LOW else SLOW) if is_above else 0.0
 
     def _absolute(self, place: Vector) -> tuple[float, float]:
         north, east = self.target.seen_from(place)

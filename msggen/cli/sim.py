@@ -205,6 +205,8 @@ def _options_of_vehicles(options: argparse.Namespace) -> Iterator[Options]:
             board=options.board,
             parameters=dict(options.param),
             faults=tuple(options.fault),
+            parts=tuple(options.part),
+            disturbances=tuple(options.disturbance),
         )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
+from collections.abc import Callable
 
 from msggen.cli.options import add_shared
 from msggen.cli.values import Deferred, finite, local_path, non_empty, positive, share, whole
@@ -67,6 +68,14 @@ def _add_vehicles(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="set a parameter of PX4, such as COM_MODE_ARM_CHK=1; repeatable",
     )
+    group.add_argument(
+        "--part",
+        metavar="NAME",
+        type=_part,
+        action="append",
+        default=[],
+        help="have a part that PX4's simulated multicopter does not have, such as gimbal; repeatable",
+    )
     add_shared(group, "--for")
 
 
@@ -103,6 +112,14 @@ def _add_misbehaviour(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--no-time-reply", action="store_true", help="lose the answers to requests for the time")
     group.add_argument("--no-position", action="store_true", help="have no estimate of the position")
     group.add_argument(
+        "--disturbance",
+        metavar="NAME",
+        type=_disturbance,
+        action="append",
+        default=[],
+        help="make flying hard, such as wind; repeatable",
+    )
+    group.add_argument(
         "--fault",
         metavar="SECONDS:FAULT",
         type=_fault,
@@ -135,13 +152,33 @@ def _parameter(text: str) -> tuple[str, float]:
     from msggen.live.sim.parameters import check_settable
 
     name, mark, value = text.partition("=")
-    try:
-        check_settable(name)
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(str(error)) from None
+    _checked(check_settable, name)
     if not mark:
         raise argparse.ArgumentTypeError(f"expected a parameter and a value such as {name}=1, found {text!r}")
     return name, finite.convert(value)
+
+
+@Deferred
+def _part(text: str) -> str:
+    from msggen.live.sim.parts import check_part
+
+    return _checked(check_part, text)
+
+
+@Deferred
+def _disturbance(text: str) -> str:
+    from msggen.live.sim.disturbances import check_disturbance
+
+    return _checked(check_disturbance, text)
+
+
+def _checked(check: Callable[[str], None], name: str) -> str:
+    """Return a name that `check` does not refuse."""
+    try:
+        check(name)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+    return name
 
 
 @Deferred

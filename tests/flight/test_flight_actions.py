@@ -168,7 +168,7 @@ def test_answers_to_commands_at_once_are_not_mixed_up(types: Any) -> None:
 
 def test_a_command_is_not_sent_again_after_the_end_of_the_flight(px4_types: Any) -> None:
     async def program(flight: Flight, vehicle: Flown) -> None:
-        vehicle.lost = {"vehicle_command_ack"}
+        vehicle.lost = {"vehicle_command_ack", "vehicle_status"}  # neither an answer nor the effect
         arming = asyncio.ensure_future(flight.disarm())
         await asyncio.sleep(0.1)
         flight.close()

@@ -8,7 +8,7 @@ from __future__ import annotations
 import gzip
 import json
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from functools import cache
 from itertools import groupby, pairwise
 from pathlib import Path
@@ -88,15 +88,24 @@ def whole(folder: Path) -> dict[str, Flight]:
 
 
 def _read(path: Path) -> Flight:
-    content = json.loads(gzip.decompress(path.read_bytes()))
-    datagrams = content["datagrams"] if isinstance(content, dict) else content
+    datagrams = _datagrams(path)
     times = [round(row[0], 3) for row in datagrams]
     gaps = [(one, two) for one, two in pairwise(times) if two - one > _GAP]
-    return Flight([*_samples(datagrams)], gaps)
+    return Flight([*_samples(datagrams, TOPICS)], gaps)
 
 
-def _samples(datagrams: Sequence[Sequence[Any]]) -> Iterator[Row]:
-    """Yield the samples of all topics that count."""
+def samples_of(path: Path, names: Collection[str]) -> list[Row]:
+    """Return the samples of topics in a whole capture."""
+    return [*_samples(_datagrams(path), names)]
+
+
+def _datagrams(path: Path) -> Any:
+    content = json.loads(gzip.decompress(path.read_bytes()))
+    return content["datagrams"] if isinstance(content, dict) else content
+
+
+def _samples(datagrams: Sequence[Sequence[Any]], names: Collection[str]) -> Iterator[Row]:
+    """Yield the samples of some topics."""
     topics: dict[bytes, str] = {}
     ends: dict[bytes, str] = {}
     for time, sender, text, *_ in datagrams:
@@ -107,7 +116,7 @@ def _samples(datagrams: Sequence[Sequence[Any]]) -> Iterator[Row]:
             elif message.id == (wire.WRITE_DATA if sender == "client" else wire.DATA):
                 sample = wire.Sample.unpack(message.payload, message.flags)
                 topic = ends.get(sample.object_id, "")
-                if topic in TOPICS:
+                if topic in names:
                     yield round(time, 3), topic, (wire.ENCAPSULATION + sample.data).hex()
 
 

@@ -50,10 +50,16 @@ class Flown(NearVehicle):
         """The share of messages that get lost, each way. 1: programs and vehicle do not hear each other."""
         self.lost: set[str] = set()
         """The topics of which no message arrives."""
-        self._losses = random.Random(f"losses {options.seed} {options.key}")  # noqa: S311 - not for secrets
+        self._losses: dict[str, random.Random] = {}
+        """For each topic, so that what is lost of it does not depend on how often others are published."""
 
     def loses(self, topic: str) -> bool:
-        return topic in self.lost or (self.loss > 0.0 and self._losses.random() < self.loss)
+        if topic in self.lost or self.loss == 0.0:
+            return topic in self.lost
+        if topic not in self._losses:
+            seed = f"losses {self._options.seed} {self._options.key} {topic}"
+            self._losses[topic] = random.Random(seed)  # noqa: S311 - not for secrets
+        return self._losses[topic].random() < self.loss
 
     def publish(self, topic: str, message: Any) -> None:
         self.sent.append(Sent(self.time / 1e6, topic, message))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import random
 import re
 from contextlib import suppress
 from importlib import import_module
@@ -11,6 +10,7 @@ from types import ModuleType
 from typing import Any
 
 from msggen.live.sim import Options
+from msggen.live.sim.disturbances import noise_with
 from msggen.live.sim.parameters import PARAMETERS
 from msggen.live.sim.publishing import Schedule, publication_of
 from msggen.live.sim.values import Clocks, Scene
@@ -49,8 +49,8 @@ class Recording:
             path, start, topics, {**PARAMETERS, **options.parameters}, Vehicle(options.key, release)
         )
         out = [publication_of(each) for each in endpoints if each.direction == "out" and each.uorb_topic in _TOPICS]
-        self._schedule = Schedule([each._replace(interval=max(each.interval, _INTERVAL)) for each in out], start)
-        self._noise = random.Random(f"recording {options.seed}")  # noqa: S311 - not for secrets
+        self._schedule = Schedule([each._replace(interval=max(each.pause, _INTERVAL)) for each in out], start)
+        self._noise = noise_with(options.disturbances, options.seed, options.key)
         self._state = ""
 
     def observe(self, world: World, now: int) -> None:
@@ -61,7 +61,9 @@ class Recording:
             self._writer.text(now, state)
         scene = Scene(world, self._noise, Clocks())
         for publication in self._schedule.take(now):
-            self._writer.add(publication.topic, publication.filler.make(scene, now))
+            message = publication.filler.make(scene, now)
+            if message is not None:
+                self._writer.add(publication.topic, message)
 
     def add(self, topic: str, message: Any) -> None:
         """Write a message of a program, or an answer to it."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import random
 from collections.abc import Callable, Iterator, Mapping
 from importlib import import_module
 from types import ModuleType
@@ -11,10 +10,12 @@ from typing import Any
 
 from msggen.live.messages.commands import ARM_DISARM, LAND, SET_MODE, TAKEOFF
 from msggen.live.messages.nav_states import HOLD, OFFBOARD
+from msggen.live.sim.changes import Changes
+from msggen.live.sim.disturbances import noise_with
 from msggen.live.sim.faults import TimedFaults
 from msggen.live.sim.flight import NAN
 from msggen.live.sim.options import Options
-from msggen.live.sim.publishing import STATUS, FlightLog, Publication, Schedule, publication_of
+from msggen.live.sim.publishing import FlightLog, Publication, Schedule, publication_of
 from msggen.live.sim.values import Clocks, Filler, Scene
 from msggen.live.sim.vehicle import world_of
 from msggen.live.sim.world import STEP
@@ -42,9 +43,10 @@ class LoneFlight:
         self.world = world_of(package, options)
         self.time = self.world.time = BOOT
         self._utc = utc
-        self._noise = random.Random(f"noise {options.seed} {options.key}")  # noqa: S311 - not for secrets
+        self._noise = noise_with(options.disturbances, options.seed, options.key)
         topics = import_module(f"{package.__name__}.topics")
-        publications = [publication_of(each, rate=options.rate) for each in topics.ENDPOINTS if each.direction == "out"]
+        endpoints = [each for each in topics.ENDPOINTS if each.direction == "out"]
+        publications = [publication_of(each, rate=options.rate, parts=options.parts) for each in endpoints]
         fillers = {name: Filler(topics.UORB[name].message) for name in (*INSIDE, *_INPUTS) if name in topics.UORB}
         publications += [
             Publication(name, "", 0, interval, fillers[name]) for name, interval in INSIDE.items() if name in fillers
@@ -54,6 +56,7 @@ class LoneFlight:
             name: filler.message for name, filler in self._inputs.items()
         }
         """The classes of the messages of all topics, by their names in uORB."""
+        self._changes = Changes()
         self._schedule = Schedule(publications, BOOT)
         self._goal: tuple[float, float] | None = None
         self._sent: dict[str, int] = {}
@@ -68,7 +71,6 @@ class LoneFlight:
             self._advance(log)
             after = self.world.is_armed, self.world.mode
             if after != before:
-                self._schedule.hasten(STATUS, self.time)
                 log.text(self.time, self.world.state(was_armed=before[0]))
                 if before[1] == OFFBOARD:
                     self._goal, is_reached = None, _never  # as a program that sees that another mode flies
@@ -120,9 +122,12 @@ class LoneFlight:
                 log.text(self.time, fault.change(self.world))
         if self._goal is not None:
             self._send_setpoints(log, *self._goal)
+        self._schedule.hasten(self._changes.take(self.world), self.time)
         scene = Scene(self.world, self._noise, Clocks(remote=self._utc + self.time - BOOT))
         for publication in self._schedule.take(self.time):
-            log.add(publication.topic, publication.filler.make(scene, self.time))
+            message = publication.filler.make(scene, self.time)
+            if message is not None:
+                log.add(publication.topic, message)
 
     def _send_setpoints(self, log: FlightLog, north: float, east: float) -> None:
         free = (NAN, NAN, NAN)

@@ -52,11 +52,11 @@ class Autopilot:
         self.lift = Lift()
         self.controls_position = True
         """Whether position control runs."""
+        self.is_led = False
+        """Whether a setpoint of a program was flown in the last step."""
         self._flight, self._setpoints, self._parameters = flight, setpoints, parameters
         self._mode, self._since = -1, 0
         self._hold = Target()
-        self._is_led = False
-        """Whether a setpoint of a program was flown in the last step."""
         self._place: Target | None = None
         """Where the next Hold is to be."""
         self._takeoff_height = NAN
@@ -93,7 +93,7 @@ class Autopilot:
             return
         is_after_takeoff = self._mode == TAKEOFF and mode == HOLD and self.is_done(is_landed=False)
         goal, hold = self._goal, self._hold
-        self._mode, self._since, self._is_led = mode, time, False
+        self._mode, self._since, self.is_led = mode, time, False
         self.controls_position = mode not in _WITHOUT_POSITION_CONTROL
         self._hold = self._stop()
         z = self._flight.position[2]
@@ -173,10 +173,10 @@ class Autopilot:
     def _led(self, found: Target | Push | None) -> Setpoint:
         """Return the setpoint of a program. Without one, the place and the speed of the last are held, as in PX4."""
         if found is not None:
-            self._is_led = True
+            self.is_led = True
             return found
-        if self._is_led:
-            self._is_led = False
+        if self.is_led:
+            self.is_led = False
             flight = self._flight
             self._hold = self._hold._replace(position=flight.position, velocity=flight.velocity, yaw=flight.yaw)
         return self._hold

@@ -49,7 +49,9 @@ def endpoints_of(package: ModuleType, options: Options) -> Endpoints:
             inputs[number] = Input(endpoint.uorb_topic, name, endpoint.message)
         else:
             writers.append(Writer(number, f"rt{name}", endpoint.dds_type))
-            publications.append(publication_of(endpoint, name=name, number=number, rate=options.rate))
+            publications.append(
+                publication_of(endpoint, name=name, number=number, rate=options.rate, parts=options.parts)
+            )
     servers = _servers(getattr(package, "srv", None), namespace)
     settings = Settings(readers, writers, servers, key=options.key, namespace=options.namespace, sync=options.sync)
     return Endpoints(publications, inputs, settings)

@@ -50,7 +50,7 @@ DRAG = 1.0
 _UPRIGHT = 0.5
 """The cosine of the lean, and the share of the thrust in hover, that position control begins with."""
 _LIFT = 0.2
-"""The upward acceleration in m/s^2 above which the vehicle leaves the ground."""
+"""The upward acceleration in m/s^2 above which the vehicle leaves the ground. The same downwards presses it on it."""
 
 
 class Target(NamedTuple):
@@ -89,9 +89,12 @@ class Flight:
         """The heading in rad. It is not wrapped, so that the quaternion does not change its sign."""
         self.rates: Vector = ZERO
         """The angular velocity in rad/s, in body axes: forward, right, down."""
-        self.is_on_ground = True
+        self.is_on_ground = self.is_pressed = True
+        """Whether the vehicle stands on the ground, and whether its setpoint asks it to go further down, or nowhere."""
         self.ground = 0.0
         """The down position of the ground."""
+        self.gust = (0.0, 0.0)
+        """The acceleration by wind, north and east, in m/s^2."""
         self._drag: Vector = ZERO
         """The part of the acceleration that is not thrust or gravity."""
         self._thrust: float | None = None
@@ -109,7 +112,8 @@ class Flight:
                 return
             self._leave()
         wanted = (0.0, 0.0, GRAVITY) if target is None else self._wanted(target, climb)
-        if self.is_on_ground and (target is None or climb <= 0 or wanted[2] > -_LIFT):
+        self.is_pressed = target is None or climb <= 0 or wanted[2] > _LIFT
+        if self.is_on_ground and (self.is_pressed or wanted[2] > -_LIFT):
             self._rest(seconds)
             return
         self.is_on_ground = False
@@ -124,7 +128,8 @@ class Flight:
     def _move(self, seconds: float, x: float, y: float, z: float) -> None:
         """Move with an acceleration."""
         (north, east, down), (vx, vy, vz) = self.position, self.velocity
-        vx, vy, vz = vx + x * seconds, vy + y * seconds, vz + z * seconds
+        a, b = self.gust
+        vx, vy, vz = vx + (x + a) * seconds, vy + (y + b) * seconds, vz + z * seconds
         self.acceleration, self.velocity = (x, y, z), (vx, vy, vz)
         self.position = (north + vx * seconds, east + vy * seconds, down + vz * seconds)
 
@@ -193,6 +198,7 @@ class Flight:
         goal = GRAVITY * max(0.0, min(_MAX_THRUST, target.thrust))
         self._thrust += (goal - self._thrust) * min(1.0, seconds / _LAG)
         x, y, z = (-self._thrust * axis for axis in down_axis(after))
+        self.is_pressed = z + GRAVITY > _LIFT
         if self.is_on_ground and z + GRAVITY > -_LIFT:
             self._rest(seconds)
             return

@@ -6,19 +6,20 @@ Messages are encoded and decoded, as on a link, so neither side can change what 
 from __future__ import annotations
 
 import asyncio
-import random
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from importlib import import_module
 from types import ModuleType
 from typing import Any
 
+from msggen.live.sim.changes import Changes
+from msggen.live.sim.disturbances import noise_with
 from msggen.live.sim.options import Options
 from msggen.live.sim.programs import Programs
-from msggen.live.sim.publishing import STATUS, FlightLog, Schedule, publication_of
+from msggen.live.sim.publishing import FlightLog, Schedule, publication_of
 from msggen.live.sim.requests import Requests
 from msggen.live.sim.values import Clocks, Filler, Scene
-from msggen.live.sim.vehicle import restarted, status_of, world_of
+from msggen.live.sim.vehicle import restarted, world_of
 from msggen.live.sim.world import STEP
 
 Take = Callable[[Any], None]
@@ -35,9 +36,10 @@ class NearVehicle:
         self.package = package
         self.world = world_of(package, options)
         self._log = log
-        self._noise = random.Random(f"noise {options.seed} {options.key}")  # noqa: S311 - not for secrets
+        self._noise = noise_with(options.disturbances, options.seed, options.key)
         topics = import_module(f"{package.__name__}.topics")
-        out = [publication_of(each, rate=options.rate) for each in topics.ENDPOINTS if each.direction == "out"]
+        endpoints = [each for each in topics.ENDPOINTS if each.direction == "out"]
+        out = [publication_of(each, rate=options.rate, parts=options.parts) for each in endpoints]
         self._fillers: dict[str, Filler] = {each.topic: each.filler for each in out}
         self._inputs = {each.uorb_topic for each in topics.ENDPOINTS if each.direction == "in"}
         self._takers: dict[str, list[Take]] = defaultdict(list)
@@ -46,7 +48,7 @@ class NearVehicle:
         self._arrived: list[tuple[str, Any]] = []
         """The messages that the vehicle takes in its next step."""
         self._start()
-        self._status: Sequence[object] = ()
+        self._changes = Changes()
         self._schedule = Schedule(out, 0)
         self._options = options
         self.time = 0
@@ -65,14 +67,17 @@ class NearVehicle:
             self._receive(topic, message)
         self._programs.advance(now)
         self._programs.ask()
-        status = status_of(self.world)
-        if status != self._status:
-            self._status = status
-            self._schedule.hasten(STATUS, now)
+        self._schedule.hasten(self._changes.take(self.world), now)
+        self._publish_due()
+
+    def _publish_due(self) -> None:
         scene = Scene(self.world, self._noise, Clocks())
-        for publication in self._schedule.take(now):
-            if self._takers[publication.topic] or self._log is not None:
-                self._send(publication.topic, publication.filler.make(scene, now))
+        for publication in self._schedule.take(self.time):
+            topic = publication.topic
+            if self._takers[topic] or self._log is not None or publication.is_rare:  # a rare one can be recalled
+                message = publication.filler.make(scene, self.time)
+                if message is not None:
+                    self._send(topic, message)
 
     def subscribe(self, topic: str, take: Take) -> Callable[[], None]:
         """Call `take` for each message of a topic, which is named as in uORB. Return what ends that.

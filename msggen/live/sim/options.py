@@ -33,3 +33,7 @@ class Options(NamedTuple):
     """Parameters of PX4 that differ from their defaults: those of `SETTABLE` in msggen.live.sim.parameters."""
     faults: Sequence[tuple[float, str]] = ()
     """What happens at times in s after the start, such as `(20.0, "no-position")`: `SimulatedVehicle.fault`."""
+    parts: Sequence[str] = ()
+    """The parts that the vehicle has, such as "gimbal": those of `PARTS` in msggen.live.sim.parts."""
+    disturbances: Sequence[str] = ()
+    """What makes flying hard, such as "wind": those of `DISTURBANCES` in msggen.live.sim.disturbances."""

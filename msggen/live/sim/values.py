@@ -7,7 +7,6 @@ are not listed have only their times.
 from __future__ import annotations
 
 import math
-import random
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, TypeAlias
 
@@ -18,23 +17,27 @@ from msggen.live.messages.nav_states import (
     HOLD,
     LAND,
     MANUAL,
-    MODE_NAMES,
     OFFBOARD,
     RETURN,
     STABILIZED,
     TAKEOFF,
     TERMINATION,
 )
+from msggen.live.sim.battery import Battery
 from msggen.live.sim.commander.setpoint_types import ALL, Controls
 from msggen.live.sim.commander.states import PILOTED
-from msggen.live.sim.flight import NAN, Target
+from msggen.live.sim.flight import NAN, Target, wrapped
+from msggen.live.sim.noise import Noise
+from msggen.live.sim.parts import POWER_MODULE
 from msggen.live.sim.world import World
 
 Values: TypeAlias = Mapping[str, Any]
 
 _AUTOMATIC = {HOLD, RETURN, TAKEOFF, LAND, DESCEND}
-_OWN_MODES = sum(1 << mode for mode in MODE_NAMES if mode not in EXTERNAL)
-_EXTERNAL_MODES = sum(1 << mode for mode in EXTERNAL)
+_VALID_MODES = 0x7FFEE5FF
+"""The modes that PX4 v1.18 has on a multicopter, with those of programs, as bits."""
+_WIND_LIMITED = 0x280098
+"""Those that end in too much wind or at the end of the flight time, as bits."""
 _RATES: Controls = frozenset({"allocation", "rates"})
 _LEVELS: Mapping[int, Controls] = {
     MANUAL: _RATES | {"attitude"},
@@ -51,6 +54,20 @@ _LOW = 1.0
 """The height in m below which the vehicle is close to the ground."""
 _MOVING = 0.1
 """The speed in m/s above which the land detector reports movement."""
+_EPH, _EPV = 0.29, 0.05
+"""The accuracy of estimates, horizontally and vertically, in m."""
+_START = 636_000
+"""When the estimator found its origin, in us since boot."""
+_UNAIDED = 0.05
+"""How far the heading without a magnetometer is off, in rad."""
+_PLACE, _SPEED, _PULL, _TURN, _HEADING = 0.001, 0.015, 0.06, 0.006, 0.0005
+"""The noise of estimates, as standard deviations in m, m/s, m/s^2, rad/s and rad: those of PX4's simulator at rest."""
+_GYRO, _FORCE = 0.007, 0.07
+"""That of the sensors, in rad/s and m/s^2."""
+_GPS_PLACE, _GPS_HEIGHT, _GPS_SPEED = 2e-7, 0.03, 0.025
+"""That of GPS, in degrees, m and m/s."""
+_XY_RESETS, _Z_RESETS, _VXY_RESETS, _VZ_RESETS, _HEADING_RESETS = 4, 2, 3, 1, 1
+"""How often the estimator has been reset since boot, before the vehicle can fly."""
 
 
 class Clocks(NamedTuple):
@@ -66,7 +83,7 @@ class Scene(NamedTuple):
     """All that messages tell."""
 
     world: World
-    noise: random.Random
+    noise: Noise
     clocks: Clocks = Clocks()
 
 
@@ -83,9 +100,9 @@ class Filler:
         self._values = VALUES.get(message.__name__)
 
     def make(self, scene: Scene, time: int) -> Any:
-        """Return a message of a time, in us."""
+        """Return a message of a time, in us, or None if there is nothing to tell yet."""
         values = self._values(scene) if self._values else {}
-        return self.filled(values, time)
+        return None if values is None else self.filled(values, time)
 
     def filled(self, values: Values, time: int) -> Any:
         """Return a message with those of some values that it has, of a time in us."""
@@ -111,7 +128,7 @@ def _vehicle_status(scene: Scene) -> Values:
         "nav_state_display": commander.displayed,
         "executor_in_charge": commander.executor_in_charge,
         "accepts_offboard_setpoints": commander.mode == OFFBOARD,
-        "valid_nav_states_mask": _OWN_MODES | _EXTERNAL_MODES,
+        "valid_nav_states_mask": _VALID_MODES,
         "can_set_nav_states_mask": commander.selectable,
         "vehicle_type": 1,
         "failsafe": failsafe.is_active,
@@ -122,6 +139,7 @@ def _vehicle_status(scene: Scene) -> Values:
         "system_type": 2,
         "system_id": scene.world.system_id,
         "component_id": 1,
+        "safety_button_available": True,
         "safety_off": True,
         "power_input_valid": True,
         "pre_flight_checks_pass": commander.is_ready,
@@ -129,127 +147,172 @@ def _vehicle_status(scene: Scene) -> Values:
 
 
 def _vehicle_local_position(scene: Scene) -> Values:
-    flight, origin, valid = scene.world.flight, scene.world.origin, scene.world.has_position
+    world, noise = scene.world, scene.noise
+    flight, origin, valid, resets = world.flight, world.origin, world.has_position, world.position_resets
     x, y, z = flight.position
     vx, vy, vz = flight.velocity
     ax, ay, az = flight.acceleration
+    north, east = flight.gust
+    heading = flight.yaw + _HEADING * noise()
     return {
         "xy_valid": valid, "z_valid": True, "v_xy_valid": valid, "v_z_valid": True,
-        "x": x, "y": y, "z": z, "vx": vx, "vy": vy, "vz": vz, "z_deriv": vz, "ax": ax, "ay": ay, "az": az,
-        "heading": flight.heading, "heading_var": 0.001, "unaided_heading": NAN, "heading_good_for_control": True,
-        "xy_global": valid, "z_global": True, "ref_lat": origin.latitude, "ref_lon": origin.longitude,
-        "ref_alt": origin.altitude, "dist_bottom": max(0.0, flight.ground - z),
-        "eph": 0.3, "epv": 0.4, "evh": 0.1, "evv": 0.1,
+        "x": x + _PLACE * noise(), "y": y + _PLACE * noise(), "z": z + _PLACE * noise(),
+        "xy_reset_counter": _XY_RESETS + resets, "delta_z": -origin.altitude, "z_reset_counter": _Z_RESETS,
+        "vx": vx + _SPEED * noise(), "vy": vy + _SPEED * noise(), "vz": vz + _SPEED * noise(), "z_deriv": vz,
+        "delta_vxy": (0.0106, 0.0052), "vxy_reset_counter": _VXY_RESETS + resets, "delta_vz": 0.0003,
+        "vz_reset_counter": _VZ_RESETS,
+        "ax": ax + north + _PULL * noise(), "ay": ay + east + _PULL * noise(), "az": az + _PULL * noise(),
+        "heading": wrapped(heading), "heading_var": 0.0006, "heading_good_for_control": True,
+        "unaided_heading": wrapped(heading - _UNAIDED), "delta_heading": -0.0123,
+        "heading_reset_counter": _HEADING_RESETS, "tilt_var": 0.00007,
+        "xy_global": valid, "z_global": True, "ref_timestamp": _START, "ref_lat": origin.latitude,
+        "ref_lon": origin.longitude, "ref_alt": origin.altitude,
+        "dist_bottom_valid": True, "dist_bottom": max(0.0, flight.ground - z), "dist_bottom_var": 0.0008,
+        "delta_dist_bottom": -origin.altitude, "dist_bottom_reset_counter": _Z_RESETS, "dist_bottom_sensor_bitfield": 1,
+        "eph": _EPH, "epv": _EPV, "evh": 0.13, "evv": 0.03,
         "vxy_max": math.inf, "vz_max": math.inf, "hagl_min": math.inf, "hagl_max": math.inf, "hagl_max_z": math.inf,
         "hagl_max_xy": math.inf,
     }  # fmt: skip
 
 
 def _vehicle_odometry(scene: Scene) -> Values:
-    flight = scene.world.flight
+    world, noise = scene.world, scene.noise
+    flight = world.flight
+    (x, y, z), (vx, vy, vz), (p, q, r) = flight.position, flight.velocity, flight.rates
+    counters = _XY_RESETS, _Z_RESETS, _VXY_RESETS, _VZ_RESETS, _HEADING_RESETS
     return {
         "pose_frame": 1,  # POSE_FRAME_NED
-        "position": flight.position,
+        "position": (x + _PLACE * noise(), y + _PLACE * noise(), z + _PLACE * noise()),
         "q": flight.quaternion,
         "velocity_frame": 1,  # VELOCITY_FRAME_NED
-        "velocity": flight.velocity,
-        "angular_velocity": flight.rates,
-        "position_variance": (0.01, 0.01, 0.02),
-        "orientation_variance": (0.0001, 0.0001, 0.001),
-        "velocity_variance": (0.01, 0.01, 0.01),
+        "velocity": (vx + _SPEED * noise(), vy + _SPEED * noise(), vz + _SPEED * noise()),
+        "angular_velocity": (p + _TURN * noise(), q + _TURN * noise(), r + _TURN * noise()),
+        "position_variance": (0.04, 0.04, 0.003),
+        "orientation_variance": (0.00003, 0.00005, 0.0006),
+        "velocity_variance": (0.009, 0.009, 0.001),
+        "reset_counter": (sum(counters) + 2 * world.position_resets) & 0xFF,
     }
 
 
 def _vehicle_attitude(scene: Scene) -> Values:
-    return {"q": scene.world.flight.quaternion, "delta_q_reset": (1.0, 0.0, 0.0, 0.0)}
+    return {
+        "q": scene.world.flight.quaternion,
+        "delta_q_reset": (1.0, 0.0, 0.0, 0.0),
+        "quat_reset_counter": _HEADING_RESETS,
+    }
 
 
 def _vehicle_global_position(scene: Scene) -> Values:
     world = scene.world
+    place, origin = world.place, world.origin
     return {
-        "lat": world.latitude,
-        "lon": world.longitude,
-        "alt": world.altitude,
-        "alt_ellipsoid": world.altitude + 47.0,
+        "lat": place.latitude,
+        "lon": place.longitude,
+        "alt": place.altitude,
+        "alt_ellipsoid": place.altitude + 47.0,
         "lat_lon_valid": world.has_position,
         "alt_valid": True,
-        "eph": 0.3,
-        "epv": 0.4,
-        "terrain_alt": world.home.altitude,
+        "delta_alt": origin.altitude,
+        "delta_terrain": origin.altitude,
+        "lat_lon_reset_counter": _XY_RESETS + world.position_resets,
+        "alt_reset_counter": _Z_RESETS,
+        "terrain_reset_counter": _Z_RESETS,
+        "eph": _EPH,
+        "epv": _EPV,
+        "terrain_alt": origin.altitude - world.flight.ground,
         "terrain_alt_valid": True,
     }
 
 
 def _sensor_gps(scene: Scene) -> Values:
-    world = scene.world
-    north, east, down = world.flight.velocity
-    speed = math.hypot(north, east)
-    millimetres = round(world.altitude * 1e3)
+    world, noise = scene.world, scene.noise
+    place = world.place
+    latitude, longitude = place.latitude + _GPS_PLACE * noise(), place.longitude + _GPS_PLACE * noise()
+    altitude = place.altitude + _GPS_HEIGHT * noise()
+    north, east, down = (speed + _GPS_SPEED * noise() for speed in world.flight.velocity)
+    millimetres = round(altitude * 1e3)
     return {
         "device_id": 11468804,
-        "latitude_deg": world.latitude,
-        "longitude_deg": world.longitude,
-        "altitude_msl_m": world.altitude,
-        "altitude_ellipsoid_m": world.altitude + 47.0,
-        "lat": round(world.latitude * 1e7),
-        "lon": round(world.longitude * 1e7),
+        "latitude_deg": latitude,
+        "longitude_deg": longitude,
+        "altitude_msl_m": altitude,
+        "altitude_ellipsoid_m": altitude + 47.0,
+        "lat": round(latitude * 1e7),
+        "lon": round(longitude * 1e7),
         "alt": millimetres,
         "alt_ellipsoid": millimetres + 47_000,
-        "s_variance_m_s": 0.1,
+        "s_variance_m_s": 0.4,
         "c_variance_rad": 0.1,
-        "fix_type": 3,  # FIX_TYPE_3D
-        "eph": 0.8,
-        "epv": 1.2,
+        "fix_type": 3 if world.has_gps else 1,  # FIX_TYPE_3D, FIX_TYPE_NONE
+        "eph": 0.9,
+        "epv": 1.78,
         "hdop": 0.7,
         "vdop": 1.1,
-        "jamming_state": 1,  # JAMMING_STATE_OK
-        "spoofing_state": 1,  # SPOOFING_STATE_OK
-        "vel_m_s": speed,
+        "vel_m_s": math.hypot(north, east),
         "vel_n_m_s": north,
         "vel_e_m_s": east,
         "vel_d_m_s": down,
         "cog_rad": math.atan2(east, north),
         "vel_ned_valid": True,
         "time_utc_usec": scene.clocks.remote,
-        "satellites_used": 14,
+        "satellites_used": 10 if world.has_gps else 0,
         "heading": NAN,
         "heading_offset": NAN,
     }
 
 
 def _sensor_combined(scene: Scene) -> Values:
-    flight, noise = scene.world.flight, scene.noise.gauss
-    turn, force = flight.rates, flight.specific_force
+    flight, noise = scene.world.flight, scene.noise
+    (p, q, r), (x, y, z) = flight.rates, flight.specific_force
     return {
-        "gyro_rad": (turn[0] + noise(0.0, 0.001), turn[1] + noise(0.0, 0.001), turn[2] + noise(0.0, 0.001)),
+        "gyro_rad": (p + _GYRO * noise(), q + _GYRO * noise(), r + _GYRO * noise()),
         "gyro_integral_dt": 4000,
-        "accelerometer_m_s2": (force[0] + noise(0.0, 0.02), force[1] + noise(0.0, 0.02), force[2] + noise(0.0, 0.02)),
+        "accelerometer_m_s2": (x + _FORCE * noise(), y + _FORCE * noise(), z + _FORCE * noise()),
         "accelerometer_integral_dt": 4000,
+        "gyro_calibration_count": 1,
     }
 
 
 def _battery_status(scene: Scene) -> Values:
     battery = scene.world.battery
-    voltage, cells = battery.voltage, battery.cells
-    left = battery.remaining * battery.capacity
-    return {
+    found = {
         "connected": True,
-        "voltage_v": voltage,
-        "voltage_filtered_v": voltage,
+        "voltage_v": battery.voltage,
+        "voltage_filtered_v": battery.voltage,
+        "current_a": -1.0,
+        "current_filtered_a": -1.0,
+        "current_average_a": -1.0,
+        "remaining": battery.remaining,
+        "scale": 1.0,
+        "time_remaining_s": NAN,
+        "temperature": NAN,
+        "cell_count": battery.cells,
+        "id": 1,
+        "warning": battery.warning,
+        "remaining_capacity_wh": NAN,
+        "nominal_voltage": NAN,
+        "internal_resistance_estimate": 0.005,
+        "ocv_estimate": battery.voltage,
+        "ocv_estimate_filtered": 16.18,
+        "volt_based_soc_estimate": 0.989,
+        "estimation_covariance_norm": 6.013,
+    }
+    return {**found, **_measured(battery)} if POWER_MODULE in scene.world.parts else found
+
+
+def _measured(battery: Battery) -> Values:
+    """Return what a power module adds."""
+    cells, left = battery.cells, battery.remaining * battery.capacity
+    return {
         "current_a": battery.current,
         "current_filtered_a": battery.current,
         "current_average_a": battery.current,
         "discharged_mah": battery.discharged,
-        "remaining": battery.remaining,
-        "scale": 1.0,
         "time_remaining_s": left * 3.6 / battery.current,
         "temperature": battery.temperature,
-        "cell_count": cells,
         "capacity": round(battery.capacity),
-        "id": 1,
-        "voltage_cell_v": (voltage / cells,) * cells + (0.0,) * (14 - cells),
+        "voltage_cell_v": (battery.voltage / cells,) * cells + (0.0,) * (14 - cells),
         "is_required": True,
-        "warning": battery.warning,
         "nominal_voltage": 3.7 * cells,
     }
 
@@ -266,7 +329,7 @@ def _vehicle_land_detected(scene: Scene) -> Values:
         "landed": landed,
         "in_ground_effect": not landed and is_low,
         "in_descend": down > _MOVING,
-        "has_low_throttle": landed,
+        "has_low_throttle": landing.ground_contact,
         "vertical_movement": abs(down) > _MOVING,
         "horizontal_movement": math.hypot(north, east) > _MOVING,
         "rotational_movement": max(map(abs, flight.rates)) > _MOVING,
@@ -309,22 +372,49 @@ def _failsafe_flags(scene: Scene) -> Values:
         "manual_control_signal_lost": not senses.manual_control,
         "gcs_connection_lost": not senses.ground_station,
         "battery_warning": senses.battery,
+        "mode_req_wind_and_flight_time_compliance": _WIND_LIMITED,
+        "remote_id_unhealthy": True,  # as of every vehicle without a remote id
     }
 
 
-def _home_position(scene: Scene) -> Values:
+def _home_position(scene: Scene) -> Values | None:
     home, valid = scene.world.home, scene.world.has_home
+    if not valid:
+        return None
     x, y, z = scene.world.origin.local(home)
     place = {"lat": home.latitude, "lon": home.longitude, "alt": home.altitude, "x": x, "y": y, "z": z}
-    return {**place, "valid_alt": valid, "valid_hpos": valid, "valid_lpos": valid, "update_count": 1}
+    return {
+        **place,
+        "valid_alt": True,
+        "valid_hpos": True,
+        "valid_lpos": True,
+        "update_count": scene.world.home_changes,
+    }
+
+
+_CONTROL_CHANGES = 44
+"""How often the flags have changed before the vehicle can fly."""
+_STEADY = (
+    *("cs_tilt_align", "cs_yaw_align", "cs_mag_3d", "cs_mag", "cs_mag_heading_consistent", "cs_heading_observable"),
+    *("cs_baro_hgt", "cs_rng_hgt", "cs_rng_kin_consistent", "cs_rng_terrain"),
+)
+_BY_GPS = ("cs_gps_hgt", "cs_gnss_pos", "cs_gnss_vel", "cs_gps")
+"""The flags that need GPS. The last one is the name of two of them before v1.17."""
 
 
 def _estimator_status_flags(scene: Scene) -> Values:
-    landed = scene.world.is_landed
-    steady = ("cs_tilt_align", "cs_yaw_align", "cs_mag_hdg", "cs_mag", "cs_baro_hgt", "cs_gps_hgt", "cs_gps")
-    satellites = ("cs_gnss_pos", "cs_gnss_vel")
-    flags = dict.fromkeys((*steady, *satellites), True)
-    return {**flags, "cs_in_air": not landed, "cs_vehicle_at_rest": landed}
+    world = scene.world
+    landed = world.is_landed
+    flags = dict.fromkeys(_STEADY, True) | dict.fromkeys(_BY_GPS, world.has_gps)
+    return {
+        **flags,
+        "control_status_changes": _CONTROL_CHANGES + world.control_changes,
+        "cs_mag_dec": landed,
+        "cs_mag_aligned_in_flight": not landed,
+        "cs_in_air": not landed,
+        "cs_gnd_effect": not landed and world.flight.ground - world.flight.position[2] < _LOW,
+        "cs_vehicle_at_rest": landed,
+    }
 
 
 def _timesync_status(scene: Scene) -> Values:
@@ -351,8 +441,8 @@ def _vehicle_local_position_setpoint(scene: Scene) -> Values:
 
 
 def _actuator_motors(scene: Scene) -> Values:
-    each, noise = _HOVER * scene.world.thrust, scene.noise.gauss
-    motors = tuple(max(0.0, each + noise(0.0, 0.01)) if each else NAN for _ in range(_MOTORS))
+    each, noise = _HOVER * scene.world.thrust, scene.noise
+    motors = tuple(max(0.0, each + 0.01 * noise()) if each else NAN for _ in range(_MOTORS))
     return {"control": motors + (NAN,) * (12 - _MOTORS)}
 
 
@@ -369,11 +459,15 @@ def _gimbal_device_attitude_status(scene: Scene) -> Values:
     return {"q": (1.0, 0.0, 0.0, 0.0), "target_system": scene.world.system_id, "gimbal_device_id": 1}
 
 
-def _input_rc(_: Scene) -> Values:
-    return {"rc_lost": True, "rssi": -1, "link_quality": -1, "rssi_dbm": NAN}
+def _input_rc(scene: Scene) -> Values:
+    return {"rc_lost": not scene.world.has_sticks, "rssi": -1, "link_quality": -1, "rssi_dbm": NAN}
 
 
-VALUES: Mapping[str, Callable[[Scene], Values]] = {
+def _manual_control_setpoint(scene: Scene) -> Values:
+    return {"valid": scene.world.has_sticks, "data_source": int(scene.world.has_sticks)}  # SOURCE_RC
+
+
+VALUES: Mapping[str, Callable[[Scene], Values | None]] = {
     "ActuatorMotors": _actuator_motors,
     "AirspeedValidated": _airspeed_validated,
     "BatteryStatus": _battery_status,
@@ -382,6 +476,7 @@ VALUES: Mapping[str, Callable[[Scene], Values]] = {
     "GimbalDeviceAttitudeStatus": _gimbal_device_attitude_status,
     "HomePosition": _home_position,
     "InputRc": _input_rc,
+    "ManualControlSetpoint": _manual_control_setpoint,
     "SensorCombined": _sensor_combined,
     "SensorGps": _sensor_gps,
     "TimesyncStatus": _timesync_status,

@@ -10,21 +10,22 @@ Times are in us since boot. The same options and the same calls give the same da
 
 from __future__ import annotations
 
-import random
 import re
 from collections import Counter, deque
-from collections.abc import Sequence
 from importlib import import_module
 from types import ModuleType
 from typing import Any, NamedTuple
 
 from msggen.live.sim import faults
+from msggen.live.sim.changes import Changes
+from msggen.live.sim.disturbances import Disturbances, noise_with
 from msggen.live.sim.endpoints import endpoints_of
 from msggen.live.sim.line import Line
 from msggen.live.sim.options import Options
 from msggen.live.sim.parameters import PARAMETERS, check_settable
+from msggen.live.sim.parts import check_part
 from msggen.live.sim.programs import Programs, rules_of
-from msggen.live.sim.publishing import STATUS, Answer, Answers, FlightLog, Publication, Schedule
+from msggen.live.sim.publishing import Answer, Answers, FlightLog, Publication, Schedule
 from msggen.live.sim.requests import Requests
 from msggen.live.sim.values import Clocks, Scene
 from msggen.live.sim.world import World
@@ -68,7 +69,7 @@ class SimulatedVehicle:
         self._endpoints = endpoints_of(package, options)
         self._by_topic = {each.topic: each for each in self._endpoints.publications}
         self._now = 0
-        self._noise = random.Random(f"noise {options.seed} {options.key}")  # noqa: S311 - not for secrets
+        self._noise = noise_with(options.disturbances, options.seed, options.key)
         self._clocks = Clocks()
         wrong = options.misbehaviour
         self._clock_off = round(wrong.clock_off * 1e6)
@@ -92,7 +93,7 @@ class SimulatedVehicle:
         self._requests = Requests(self.world, self._answer, self._tell, self._hashes())
         self._handlers = {**self._programs.handlers, **self._requests.handlers}
         self._shown = (False, self.world.mode, False)
-        self._status: Sequence[object] = ()
+        self._changes = Changes()
 
     def _hashes(self) -> dict[str, int]:
         """Return the hash of the message of each topic, by its name in uORB."""
@@ -186,7 +187,9 @@ class SimulatedVehicle:
         self._publish_answers()
         scene = Scene(self.world, self._noise, self._clocks)
         for publication in self._schedule.take(self._now):
-            self._publish(publication, publication.filler.make(scene, self._now))
+            message = publication.filler.make(scene, self._now)
+            if message is not None:
+                self._publish(publication, message)
 
     def _publish(self, publication: Publication, message: Any) -> None:
         """Send a message, with its times in the agent's clock (docs/time.md)."""
@@ -278,10 +281,7 @@ class SimulatedVehicle:
         if state != self._shown:
             self._tell(world.state(was_armed=self._shown[0]))
             self._shown = state
-        status = status_of(world)
-        if status != self._status:
-            self._status = status
-            self._schedule.hasten(STATUS, self._now)
+        self._schedule.hasten(self._changes.take(world), self._now)
 
     def _tell(self, text: str) -> None:
         self.changes.append(Change(self._now, text))
@@ -341,19 +341,24 @@ class SimulatedVehicle:
 def world_of(package: ModuleType, options: Options) -> World:
     """Return the world of a vehicle, with the rules of the release of a generated package.
 
-    Raises ValueError for a parameter that cannot be set.
+    Raises ValueError for a parameter that cannot be set, and for what is no part or no disturbance.
     """
     for name in options.parameters:
         check_settable(name)
+    for name in options.parts:
+        check_part(name)
     topics = import_module(f"{package.__name__}.topics")
     has_versions = any(re.search(r"_v\d+$", each.ros_name) for each in topics.ENDPOINTS)
-    return World(
+    found = World(
         options.home,
         options.key,
         has_position=not options.misbehaviour.no_position,
         rules=rules_of(topics.UORB, has_versions=has_versions, is_sitl=options.board == "sitl"),
         parameters={**PARAMETERS, **options.parameters},
     )
+    found.parts = options.parts
+    found.disturbances = Disturbances(options.disturbances, options.seed, options.key)
+    return found
 
 
 def restarted(before: World, package: ModuleType, options: Options) -> World:
@@ -364,14 +369,6 @@ def restarted(before: World, package: ModuleType, options: Options) -> World:
     found.commander.components = before.commander.components
     found.commander.components.restart()
     return found
-
-
-def status_of(world: World) -> Sequence[object]:
-    """Return what PX4 publishes VehicleStatus for, when it changes."""
-    commander = world.commander
-    failsafe = commander.failsafe
-    state = commander.is_armed, commander.mode, commander.intention, commander.executor_in_charge
-    return *state, failsafe.is_active, failsafe.defer_state, commander.is_ready
 
 
 def _clocks_of(client: xrce.Client, clock_off: int) -> Clocks:

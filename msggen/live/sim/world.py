@@ -6,7 +6,7 @@ Times are in us since boot.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 from msggen.live.messages.nav_states import MODE_NAMES
 from msggen.live.sim.autopilot import Autopilot
@@ -16,6 +16,7 @@ from msggen.live.sim.commander.requirements import Senses
 from msggen.live.sim.commander.rules import V1_18, Rules
 from msggen.live.sim.commander.states import BY_INACTION, BY_LANDING
 from msggen.live.sim.commands import carry_out
+from msggen.live.sim.disturbances import Disturbances
 from msggen.live.sim.flight import GRAVITY, Flight, Push, Target
 from msggen.live.sim.landing import LandDetector
 from msggen.live.sim.parameters import PARAMETERS
@@ -55,6 +56,10 @@ class World:
         self.has_sticks = self.has_ground_station = False
         """Whether a pilot's sticks, and a ground station, are there. Both can be set at any time."""
         self.system_id = system_id
+        self.parts: Collection[str] = ()
+        """The names of the parts that the vehicle has."""
+        self.disturbances = Disturbances()
+        """What moves the vehicle beside its motors."""
         self.flight = Flight()
         self.battery = Battery()
         self.time = 0
@@ -65,6 +70,8 @@ class World:
         self.setpoints = Setpoints()
         self.autopilot = Autopilot(self.flight, self.setpoints, parameters)
         self.landing = LandDetector()
+        self.position_resets = self.home_changes = self.control_changes = 0
+        """How often the position was found again, home was set, and the vehicle took off or landed."""
         self._parameters = parameters
         self._rests = True, True
         """Whether the vehicle was disarmed and landed in the last step."""
@@ -103,6 +110,7 @@ class World:
             self._gps_time = self.time
         elif self.time - self._gps_time >= (_GAIN if self.has_gps else _LOSS):
             self.has_position = self.has_gps
+            self.position_resets += self.has_position
         self.autopilot.has_position = self.has_position
         self.has_home |= self.has_position
 
@@ -115,15 +123,19 @@ class World:
             autopilot.lift.reset()
         else:
             climb = autopilot.lift_off(self.time, commander.armed_time, target, is_landed=landing.landed)
+        if not self.disturbances.is_calm:
+            self.disturbances.step(flight, seconds)
         flight.step(seconds, target, climb)
         is_disturbed, self.setpoints.has_new_goto = self.setpoints.has_new_goto and autopilot.controls_position, False
-        is_resting = flight.is_on_ground and not autopilot.lift.is_pushing
+        is_led_down = flight.is_pressed or not autopilot.is_led  # else the motors carry the vehicle: it has not landed
+        is_resting = flight.is_on_ground and not autopilot.lift.is_pushing and is_led_down
         landing.step(self.time, is_resting=is_resting, is_disturbed=is_disturbed, is_armed=commander.is_armed)
         self._setpoint = target
 
     def _follow_home(self) -> None:
         """Let home be where the vehicle is armed, and then where it takes off, as PX4 does with COM_HOME_EN."""
         before, self._rests = self._rests, (not self.commander.is_armed, self.landing.landed)
+        self.control_changes += before[1] != self._rests[1]
         begins = any(was and not still for was, still in zip(before, self._rests, strict=True))
         if begins and self.has_position and not self._is_manual_home and not self.commander.keeps_home:
             self.set_home(self.place)
@@ -222,6 +234,7 @@ class World:
     def set_home(self, home: Home, *, is_manual: bool = False) -> None:
         """Let a return end at a place. One that `is_manual` stays at the next takeoff."""
         self.home, self.has_home, self._is_manual_home = home, True, is_manual
+        self.home_changes += 1
         self.autopilot.home = self.origin.local(home)
 
     def set_origin(self, origin: Home) -> None:

@@ -27,7 +27,7 @@ from msggen.live.sim.flight import NAN
 from msggen.live.sim.parameters import PARAMETERS
 from msggen.live.sim.world import STEP, World
 from support.examples import examples
-from support.sim_world import ARM, NOTHING, SECOND, Goto, Pilot, Program, Setpoint, speed_of
+from support.sim_world import ARM, NOTHING, SECOND, TRAJECTORY, Goto, Pilot, Program, Setpoint, speed_of
 
 meters = st.floats(-80, 80)
 
@@ -108,6 +108,23 @@ def test_a_landing_has_stages() -> None:
     assert pilot.world.commander.completed[-1] == LAND
     assert pilot.until(lambda: not pilot.world.is_armed) == pytest.approx(2.0, abs=0.03)
     assert pilot.world.commander.disarming_reason == BY_LANDING
+
+
+def test_a_vehicle_that_is_sent_sideways_stands_on_the_ground_and_has_not_landed() -> None:
+    """As PX4: the ground stops it, and while no setpoint leads down, the motors carry it."""
+    program = Program()
+    program.take_off()
+    program.enter(TRAJECTORY)
+    flight, landing = program.world.flight, program.world.landing
+    while not flight.is_on_ground:
+        program.send(0.1, program.publish(Setpoint(velocity=(1.0, 0.0, 0.7))), 30)
+    place = flight.position
+    program.send(5.0, program.publish(Setpoint(velocity=(15.0, 0.0, 0.0))), 30)
+    assert flight.position == place
+    assert speed_of(program) == 0.0
+    assert not landing.ground_contact
+    program.send(2.0, program.publish(Setpoint(velocity=(15.0, 0.0, 0.4))), 30)
+    assert landing.landed
 
 
 @settings(max_examples=examples(6))
