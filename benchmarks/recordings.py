@@ -32,7 +32,7 @@ from flight import COMPRESSIONS, Topic, beginning, flight, write_db3, write_mcap
 from msggen import recordings
 from msggen.recordings.files.compression import decompress_into
 from tables import NONE, Table
-from ulogs import ulog_table, write_vehicle_log
+from ulogs import first_table, ulog_table, write_vehicle_log
 
 SECONDS = 600
 MCAP_HEAD = ["reader of MCAP", *(f"{each}, ms" for each in COMPRESSIONS), *(f"{each}, CPU ms" for each in COMPRESSIONS)]
@@ -303,12 +303,14 @@ SAMPLES = {"generated, few samples": 5_000, "generated, some samples": 15_000, "
 """The generated logs of a vehicle, and the samples of all their topics."""
 
 
-def vehicle_table(folder: str, given: list[str], rounds: int) -> Table:
+def vehicle_tables(folder: str, given: list[str], rounds: int) -> Iterator[Table]:
     """Measure reading of ULogs with many topics: generated ones and those that were given."""
     paths = {name: f"{folder}/{count}.ulg" for name, count in SAMPLES.items()}
     for name, path in paths.items():
         write_vehicle_log(path, SAMPLES[name])
-    return ulog_table({**paths, **{Path(path).name: path for path in given}}, ours, our_columns, pyulog, rounds)
+    paths |= {Path(path).name: path for path in given}
+    yield ulog_table(paths, ours, our_columns, pyulog, rounds)
+    yield first_table(paths, 2 * rounds)
 
 
 def main() -> None:
@@ -319,7 +321,8 @@ def main() -> None:
     options = parser.parse_args()
     is_quick = options.quick
     with tempfile.TemporaryDirectory() as folder:
-        vehicle_table(folder, options.ulog, 3 if is_quick else 9).print()
+        for table in vehicle_tables(folder, options.ulog, 3 if is_quick else 9):
+            table.print()
     if options.ulog:
         return
     topics = flight(10 if is_quick else SECONDS)

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import importlib
+import resource
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -17,6 +20,8 @@ from tables import NONE, Table
 HEAD = ["ULog", "MB", "arrays, CPU ms", "columns, CPU ms", "pyulog, CPU ms", "pyulog / arrays", "goal"]
 TOPICS = 80
 PARAMETERS = 900
+_SMALL = 1_000_000
+"""The bytes from which on a process with msggen is to be as fast as one with pyulog."""
 _LARGE = 3_000_000
 """The bytes from which on the higher goal applies."""
 Reader = Callable[[str], None]
@@ -58,6 +63,40 @@ def ulog_table(paths: dict[str, str], arrays: Reader, columns: Reader, pyulog: R
         cells = [NONE if each is None else f"{each:.1f}" for each in times]
         rows.append([name, f"{size / 1e6:.1f}", *cells, ratio, "5" if size >= _LARGE else "3"])
     return Table("ULogs with many topics", HEAD, rows, notes=["goal: pyulog / arrays is at least this"])
+
+
+FIRST = {
+    "msggen": "import sys\nfrom msggen import recordings\nwith recordings.open(sys.argv[1]) as log: log.load()",
+    "pyulog": "import sys\nfrom pyulog import ULog\nULog(sys.argv[1])",
+    "numpy": "import numpy",
+}
+"""Programs that read all topics of a log, and what both import."""
+
+
+def first_table(paths: dict[str, str], rounds: int) -> Table:
+    """Return the least CPU times of whole processes that read a log once. Programs take turns."""
+    rows = []
+    for name, path in paths.items():
+        least = dict.fromkeys(FIRST, float("inf"))
+        for _ in range(rounds):
+            for program, code in FIRST.items():
+                least[program] = min(least[program], _process_seconds(code, path))
+        own, other, numpy = least.values()
+        ratio = f"{own / other:.2f}" if other < float("inf") else NONE
+        size = Path(path).stat().st_size
+        cells = [f"{each * 1e3:.0f}" if each < float("inf") else NONE for each in (own, other, numpy)]
+        rows.append([name, f"{size / 1e6:.1f}", *cells, ratio, "1.0" if size >= _SMALL else "1.3"])
+    head = ["ULog", "MB", "msggen, CPU ms", "pyulog, CPU ms", "import numpy", "msggen / pyulog", "goal"]
+    return Table("whole processes that read one ULog", head, rows, notes=["goal: msggen / pyulog is at most this"])
+
+
+def _process_seconds(code: str, path: str) -> float:
+    """Return the CPU time in s of a process that runs a program, infinity if it fails: a package is missing."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    done = subprocess.run([sys.executable, "-c", code, path], check=False, capture_output=True)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    seconds = after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
+    return float("inf") if done.returncode else seconds
 
 
 def _turns(readers: list[Reader], path: str, rounds: int) -> list[list[float]]:

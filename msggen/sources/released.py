@@ -50,11 +50,17 @@ def released_as(releases: Releases, release: str, name: str, package: str = DEFA
         path, text = releases.file(release, f"{stem}.msg")
         if not path:
             return None
-        found[key], _ = parse_message(text, f"{PREFIX}{release}/{path}", stem, package)
+        found[key] = _parsed(text, path, stem, package)
         nested = (found[key].key_of(field.type) for field in found[key].fields if not field.type.is_primitive)
         waiting += [inner for inner in nested if inner not in found]
     catalog = Catalog(MappingProxyType(found), (), (), CONVENTIONS[release], package)
     return Released(catalog, found[f"{package}/{name}"])
+
+
+@lru_cache(2048)
+def _parsed(text: str, path: str, name: str, package: str) -> Message:
+    """Return a definition, whose location has no release: most are the same in several, and are read once."""
+    return parse_message(text, PREFIX + path, name, package)[0]
 
 
 @lru_cache(2048)

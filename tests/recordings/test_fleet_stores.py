@@ -13,6 +13,7 @@ import pytest
 
 from msggen.recordings.fleet import compact, files, pools, run, update
 from msggen.recordings.fleet.records import FleetError
+from msggen.recordings.fleet.stored import StoredFolder
 from msggen.recordings.source.source import RecordingError
 from msggen.recordings.stores.errors import StoreError
 from support.databases import Stored, write_database
@@ -113,6 +114,22 @@ def test_a_folder_that_is_no_fleet_is_an_error(bucket: Bucket, logs: Path) -> No
     with pytest.raises(StoreError, match=r"^s3://nobucket[^:]*: there is no such bucket$"):
         update(str(logs), "s3://nobucket/fleet")
     assert not [key for key in bucket.names() if "_msggen" in key]
+
+
+def test_a_file_of_a_topic_can_be_read_without_the_lock(bucket: Bucket, logs: Path, working_folder: Path) -> None:
+    """Nothing is written below the current folder, before, during and after a run."""
+    bucket.put(logs, "logs")
+    update(LOGS, FLEET)
+    folder = StoredFolder(FLEET)
+    place = folder.files()[0]
+    before = {*working_folder.rglob("*")}
+    with folder.open(place) as file:
+        expected = file.read()
+    with folder.locked(lambda _: None), folder.open(place) as file:
+        assert file.read() == expected
+    with folder.open(place) as file:
+        assert file.read() == expected
+    assert {*working_folder.rglob("*")} == before
 
 
 def test_a_list_of_files_needs_no_temporary_folder(

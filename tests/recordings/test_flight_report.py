@@ -51,7 +51,7 @@ from support.report_flights import (
     write_mcap,
     write_ulog,
 )
-from support.ulog import snake
+from support.ulog import UlogWriter, snake
 from support.written import write_recording
 
 _LARGEST = 5_000_000
@@ -633,3 +633,23 @@ def test_samples_are_packed_as_the_page_reads_them(mcap: Path) -> None:
             assert list(whole) == sorted(whole)
             assert all(len(b64decode(each)) == 4 * len(whole) for each in values)
     assert data["duration"] == pytest.approx(DURATION, abs=0.6)
+
+
+def test_a_page_with_long_texts_and_tables_stays_small(tmp_path: Path, px4_types: Any) -> None:
+    """Texts are cut, with their length, and tables have a limit, with the number of rows that are left out."""
+    long = "x" * 40_000
+    path = tmp_path / "long.ulg"
+    usual = len(page_of(write_ulog(path, px4_types)))
+    page = page_of(write_ulog(path, px4_types, {"text": long, "ver_hw": long, "parameter": "P" + "y" * 200}))
+    assert len(page) < usual + 10_000
+    assert page.count("x… (40,000 characters)") >= 2
+    assert "x" * 1000 not in page
+    writer = UlogWriter(flags=False)
+    for number in range(60_000):
+        for default in (None, 1):
+            writer.parameter(f"PARAMETER_{number}", number + (default or 0), default=default)
+    data, extra, front = path.read_bytes(), bytes(writer.data[16:]), 16 + 3 + 40
+    path.write_bytes(data[:front] + extra + data[front:] + extra)
+    page = page_of(path)
+    assert len(page) < usual + 1_000_000
+    assert len(re.findall(r">(?:5[78]|11[78])\d\d\d more are left out", page)) == 2

@@ -20,12 +20,12 @@ from msggen.recordings.convert import tables
 from msggen.recordings.convert.selection import Selection
 from msggen.recordings.decode.decoder import Decoder
 from msggen.recordings.decode.layouts import layout_of
-from msggen.recordings.decode.schemas import SchemaError, read_schema
+from msggen.recordings.decode.schemas import read_schema
 from msggen.recordings.files import compression, frames, mcap
 from msggen.recordings.files.compression import CompressionError
 from msggen.recordings.files.mcap_records import Chunk
 from msggen.recordings.log import opening
-from msggen.recordings.source.source import Channel, RecordingError
+from msggen.recordings.source.source import Channel, RecordingError, SchemaError
 from support.commands import run
 from support.databases import Stored, write_database
 from support.recordings import START

@@ -292,6 +292,24 @@ def test_a_damaged_message_index_in_a_file_with_a_damaged_summary(
             assert set(whole) <= set(found_in(log))
 
 
+@pytest.mark.parametrize("way", ["none", "zstd"])
+@pytest.mark.parametrize("time", [0, 1, 1 << 62, (1 << 64) - 1])
+def test_a_damaged_time_in_a_message_index_is_told(time: int, way: str, px4_types: Any, tmp_path: Path) -> None:
+    """A topic has the times of its messages, and no gap of decades."""
+    whole = recording(px4_types, 25, 3, 1200, **WAYS[way])
+    path = tmp_path / "flight.mcap"
+    path.write_bytes(whole)
+    with opening.open(path) as log:
+        expected = {topic.key: topic.times.tolist() for topic in log.topics}
+    for place in [start for opcode, start in records_of(whole) if opcode == 7][::4]:
+        data = bytearray(whole)
+        struct.pack_into("<Q", data, place + 9 + 2 + 4, time)
+        path.write_bytes(data)
+        with opening.open(path) as log:
+            assert {topic.key: topic.times.tolist() for topic in log.topics} == expected
+            assert ["the message index has other times" in each.text for each in problems_of(log)] == [True]
+
+
 def test_a_cut_file_has_every_whole_message(px4_types: Any, tmp_path: Path) -> None:
     for way in ("none", "zstd", "without-chunks"):
         data = recording(px4_types, 60, 5, 1500, **WAYS[way])

@@ -453,3 +453,31 @@ def test_parameters_change_at_the_latest_time_of_the_samples_before_them(tmp_pat
             latest = max(latest, time)
     with recordings.open(writer.write(tmp_path / "a.ulg")) as log:
         assert log.facts.changed_parameters == expected
+
+
+def test_a_sample_without_a_time_has_that_of_the_sample_before(tmp_path: Path) -> None:
+    """It stays at its place, makes no gap, and is told."""
+    writer = UlogWriter(start=48_000_000)
+    for name in ("a", "b"):
+        writer.format(name, "uint64_t timestamp;float x")
+    writer.format("c", "float x")
+    for number, name in enumerate("abc"):
+        writer.subscribe(number, name)
+    writer.sample(2, struct.pack("<f", 0))
+    writer.sample(1, struct.pack("<Qf", 0, -1))
+    for step in range(10):
+        writer.sample(0, struct.pack("<Qf", 48_000_000 + step * 10_000, step))
+    for step in (10, 11):
+        writer.sample(0, struct.pack("<Qf", 0, step))
+    with recordings.open(writer.write(tmp_path / "unset.ulg")) as log:
+        assert log["a"]["x"].tolist() == [*range(12)]
+        assert log["a"]["timestamp"].tolist()[-2:] == [0, 0]
+        assert log.samples("a").log_times.tolist()[-3:] == [48_090_000_000] * 3
+        assert [log.topic(name).first for name in "abc"] == [48_000_000_000] * 3
+        assert log.topic("a").gaps == []
+        assert log.duration == pytest.approx(0.09)
+        assert log.problems == []
+        assert log.notes == [
+            "a: 2 samples without a time (timestamp 0), with that of the sample before in the file",
+            "b: 1 sample without a time (timestamp 0), with that of the sample before in the file",
+        ]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,7 @@ from msggen import InputError, recordings
 from msggen.recordings import Log, RecordingError
 from msggen.recordings.convert import convert
 from msggen.recordings.writer import Channel, Writer
+from support.imports import READING
 from support.ulog import write_ulog
 
 
@@ -115,3 +118,15 @@ def test_a_folder_without_metadata(names: tuple[str, ...], *, is_one: bool, tmp_
         text = r"has several recordings and no metadata.yaml.*`msggen log convert .* are called 'a_0.mcap'"
         with pytest.raises(RecordingError, match=text):
             recordings.open(folder)
+
+
+def test_reading_a_ulog_imports_only_what_that_needs(tmp_path: Path) -> None:
+    program = (
+        "import sys, numpy, zstandard; given = {*sys.modules}\n"
+        "from msggen import recordings\n"
+        'with recordings.open(sys.argv[1]) as log: log.load(), log["sensor_gps", 0], log.notes, log.problems\n'
+        "print(*({*sys.modules} - given))"
+    )
+    command = [sys.executable, "-c", program, str(write_ulog(tmp_path / "a.ulg"))]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert not READING & {*done.stdout.split()}

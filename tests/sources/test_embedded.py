@@ -20,7 +20,7 @@ from typing import Any
 import pytest
 
 from msggen.check.run import breaking, check
-from msggen.cli import main
+from msggen.cli import main, releases
 from msggen.definitions.model import Catalog, Comment, Conventions, Message
 from msggen.definitions.tags import INHERITED
 from msggen.definitions.unit import normalized_unit
@@ -581,3 +581,12 @@ class TestNames:
             topics = sum(len(each["orb_ids"]) for each in messages.values())
             numbers = map(str, (len(messages), len(SERVICES[release]), topics, len(endpoints)))
             assert row.split() == [release, *numbers, *(["default"] if release == NEWEST else [])]
+
+
+@pytest.mark.parametrize("release", EMBEDDED)
+def test_the_listed_numbers_of_a_release_are_those_of_its_catalog(release: str) -> None:
+    """`msggen releases` counts lines, and reads no definitions."""
+    catalog = read_catalog(find_sources(PREFIX + release))
+    topics = sum(len(message.topic_names) for message in catalog.uorb_messages)
+    expected = len(catalog.uorb_messages), len(catalog.own_services), topics, len(catalog.bridge)
+    assert releases.counts(release) == expected

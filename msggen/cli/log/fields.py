@@ -49,8 +49,8 @@ def field_objects(topic: Topic) -> list[dict[str, Any]]:
 
 
 def _fields_of(topic: Topic) -> list[_Field]:
-    from msggen.recordings.decode.schemas import SchemaError, read_schema
-    from msggen.recordings.source.source import RecordingError
+    from msggen.recordings.decode.schemas import read_schema
+    from msggen.recordings.source.source import RecordingError, SchemaError
 
     try:
         schema = read_schema(topic.ros_type, topic.definition)

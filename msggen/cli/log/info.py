@@ -149,7 +149,7 @@ def _rows(log: Log) -> Iterator[tuple[str, str]]:
             several = f", {parts} of several parts" if parts else ""
             yield "information", counted(len(facts.information), "value") + f"{several}: --json prints all"
     for note in log.notes:
-        yield "definitions", note
+        yield "note", note
 
 
 def _contents(found: Contents) -> str:
@@ -276,7 +276,7 @@ def _gaps(gaps: Sequence[tuple[int, int]]) -> str:
 def _sample_size(topic: Topic) -> int | None:
     """Return the bytes of each sample, None if they differ or the definition is not known."""
     from msggen.recordings.decode.layouts import layout_of
-    from msggen.recordings.decode.schemas import SchemaError
+    from msggen.recordings.source.source import SchemaError
 
     channel = topic.channels[0][1]
     if channel.encoding not in ("cdr", "ulog") or not (channel.layout or topic.definition):

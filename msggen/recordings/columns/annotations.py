@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, NamedTuple
 from msggen.definitions.enumeration import Enumeration, enum_by_name, enumerations
 from msggen.definitions.model import DEFAULT_PACKAGE, Comment, Field, InferredTag, Message
 from msggen.definitions.tags import ENUM, INHERITED, UNIT
-from msggen.recordings.decode.schemas import Schema, SchemaError, read_schema
+from msggen.recordings.decode.schemas import Schema, read_schema
+from msggen.recordings.source.source import SchemaError
 from msggen.sources.inferred import unit_in_sentences
 from msggen.sources.released import nearest
 

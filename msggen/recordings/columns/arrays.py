@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from msggen.base.diagnostics import suggestion
-from msggen.definitions.nesting import MAX_TOTAL
 from msggen.recordings.source.source import RecordingError, UnknownFieldError
 
 if TYPE_CHECKING:
@@ -28,6 +27,8 @@ def columns_of(rows: NDArray[Any], fields: Collection[str] | None = None) -> dic
     RecordingError for an unknown field, or for more than MAX_TOTAL columns. A column is of numbers,
     or of objects where the values have no fixed size.
     """
+    from msggen.definitions.nesting import MAX_TOTAL
+
     count = len(rows)
     if count_of(rows.dtype) > MAX_TOTAL:
         raise RecordingError(f"{count_of(rows.dtype)} columns, up to {MAX_TOTAL} can be made: use the array of rows")

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 from msggen.base.diagnostics import counted
 from msggen.base.missing import RECORDINGS, installed_by
 from msggen.recordings.columns.arrays import check_fields, columns_of
-from msggen.recordings.columns.sql_names import columns_for_sql, renamed_for_sql
 from msggen.recordings.topics.choice import listed
 
 if TYPE_CHECKING:
@@ -57,7 +56,11 @@ class Samples:
         `esc_7_esc_rpm`, and with `_` behind them if another column has this name or SQL has it for itself.
         """
         found = {**self._clocks(times=times), **columns_of(self.array, self.fields)}
-        return columns_for_sql(found) if sql_names else found
+        if not sql_names:
+            return found
+        from msggen.recordings.columns.sql_names import columns_for_sql
+
+        return columns_for_sql(found)
 
     def _clocks(self, *, times: bool) -> dict[str, NDArray[np.int64]]:
         """Return copies of the columns with times, none without `times`."""
@@ -87,7 +90,11 @@ class Samples:
         fields = [*(pa.field(name, pa.int64()) for name in clocks), *table.schema]
         arrays = [*map(pa.array, clocks.values()), *table.columns]
         made = pa.Table.from_arrays(arrays, schema=pa.schema(fields, table.schema.metadata))
-        return renamed_for_sql(made) if sql_names else made
+        if not sql_names:
+            return made
+        from msggen.recordings.columns.sql_names import renamed_for_sql
+
+        return renamed_for_sql(made)
 
     @overload
     def frame(self, library: Literal["pandas"] = ..., *, sql_names: bool = ...) -> pd.DataFrame: ...

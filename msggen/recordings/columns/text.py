@@ -10,7 +10,8 @@ import numpy as np
 from msggen.base.foreign import escaped
 from msggen.live.messages.formats import quoted_text, shortest, yaml_number
 from msggen.recordings.columns.annotations import UNKNOWN, Annotation, annotation_of, annotations_of, without_indices
-from msggen.recordings.decode.schemas import SchemaError, read_schema
+from msggen.recordings.decode.schemas import read_schema
+from msggen.recordings.source.source import SchemaError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -10,7 +10,6 @@ import numpy as np
 from msggen.recordings.decode.encoder import encoded
 from msggen.recordings.decode.schemas import read_schema
 from msggen.recordings.source.gather import at
-from msggen.recordings.source.memory import Octets
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -18,6 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from msggen.recordings.columns.samples import Samples
+    from msggen.recordings.source.memory import Octets
     from msggen.recordings.source.source import Part
     from msggen.recordings.topics.topic import Topic
 

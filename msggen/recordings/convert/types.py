@@ -8,7 +8,8 @@ from itertools import count
 from typing import TYPE_CHECKING
 
 from msggen.definitions.identity import type_hash
-from msggen.recordings.decode.schemas import SchemaError, key_of, read_schema
+from msggen.recordings.decode.schemas import key_of, read_schema
+from msggen.recordings.source.source import SchemaError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from msggen.recordings.convert.payloads import Block
-from msggen.recordings.decode.layouts import USUAL
+from msggen.recordings.decode.encapsulation import USUAL
 from msggen.recordings.files.mcap_writer import Target
 from msggen.recordings.log.decoded_events import DEFINITION, TOPIC, TYPE, values_of
 from msggen.recordings.source.source import SEPARATOR

@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 from functools import cached_property, lru_cache
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from msggen.recordings.decode import values
-from msggen.recordings.decode.layouts import ENCODINGS, HEADER, USUAL, layout_of, wire_of
+from msggen.recordings.decode.encapsulation import HEADER, USUAL
 from msggen.recordings.decode.left_out import Missing, leave_out
-from msggen.recordings.decode.schemas import SchemaError, read_schema
 from msggen.recordings.source.gather import at
-from msggen.recordings.source.memory import Octets
 from msggen.recordings.source.rows import Layout
-from msggen.recordings.source.source import Channel, Part
+from msggen.recordings.source.source import Channel, Part, SchemaError
 
-Rows = NDArray[Any]
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from msggen.recordings.decode.schemas import Schema
+    from msggen.recordings.source.memory import Octets
+
+    Rows = NDArray[Any]
+
 DECODED = ("cdr", "ulog")
 """The encodings that are decoded."""
 
@@ -43,11 +46,15 @@ class Decoder:
                 f"its definition is in '{other}', expected ros2msg" if other else "the recording has no definition"
             )
         self._channel = channel
-        is_needed = channel.layout is None
-        self._schema = read_schema(channel.ros_type, channel.definition) if is_needed else None
         self.layout: Layout | None = channel.layout
-        if self.layout is None and self._schema is not None and self._schema.is_static:
-            self.layout = layout_of(channel.ros_type, channel.definition)
+        self._schema: Schema | None = None
+        if channel.layout is None:  # the modules that read definitions take longer to import than most ULogs to read
+            from msggen.recordings.decode.layouts import layout_of
+            from msggen.recordings.decode.schemas import read_schema
+
+            self._schema = read_schema(channel.ros_type, channel.definition)
+            if self._schema.is_static:
+                self.layout = layout_of(channel.ros_type, channel.definition)
         self.dtype: np.dtype[Any] = self._dtype()
         self._sample = _void(self.layout.size if self.layout else 0)
         self._row = _void(self.dtype.itemsize)
@@ -83,6 +90,8 @@ class Decoder:
 
     def _mixed(self, part: Part, kinds: NDArray[np.uint16], layout: Layout, missing: Missing | None) -> Decoded:
         """Return the rows of samples of which some are not in little-endian XCDR1."""
+        from msggen.recordings.decode.layouts import ENCODINGS
+
         rows = np.zeros(len(part.starts), self._row)
         is_kept = np.zeros(len(part.starts), bool)
         for number in np.unique(kinds).tolist():
@@ -107,6 +116,8 @@ class Decoder:
 
     def _converted(self, part: Part, encapsulation: bytes, layout: Layout, missing: Missing | None) -> Decoded:
         """Return the rows of samples in another encapsulation than the usual one."""
+        from msggen.recordings.decode.layouts import ENCODINGS, wire_of
+
         assert self._schema is not None  # noqa: S101 - only CDR has encapsulations
         wire = wire_of(self._schema, encapsulation)
         kept = _fitting(part, wire.size, layout.surplus, missing)
@@ -152,6 +163,8 @@ class Decoder:
     @cached_property
     def _positions(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Return the positions of the bytes of values in a row, and in the sample, if these are not the same."""
+        from msggen.recordings.decode.layouts import wire_of
+
         assert self._schema is not None  # noqa: S101 - only rows of CDR are not samples
         assert self.layout is not None  # noqa: S101
         return self.layout.positions, wire_of(self._schema, USUAL).positions
@@ -169,6 +182,9 @@ class Decoder:
     # samples of variable size
 
     def _one_by_one(self, part: Part, missing: Missing | None) -> Decoded:
+        from msggen.recordings.decode import values
+        from msggen.recordings.decode.layouts import ENCODINGS
+
         assert self._schema is not None  # noqa: S101 - without a layout there is a definition
         rows, kept = [], []
         data = part.buffer.data
@@ -193,6 +209,8 @@ class Decoder:
         if self.layout is not None:
             return self.layout.dtype
         assert self._schema is not None  # noqa: S101 - without a layout there is a definition
+        from msggen.recordings.decode import values
+
         return values.dtype_of(self._schema)
 
 

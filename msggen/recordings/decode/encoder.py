@@ -9,14 +9,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from msggen.definitions.layout import lay_out
-from msggen.recordings.decode.layouts import USUAL, wire_of
+from msggen.recordings.decode.encapsulation import USUAL
+from msggen.recordings.decode.layouts import wire_of
 from msggen.recordings.decode.schemas import Schema
-from msggen.recordings.source.memory import Octets
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from msggen.definitions.layout import Path
+    from msggen.recordings.source.memory import Octets
     from msggen.recordings.source.rows import Layout
 
 

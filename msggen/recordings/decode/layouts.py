@@ -15,6 +15,7 @@ from msggen.definitions.layout import DelimiterHeader, Encoding, lay_out
 from msggen.definitions.layout import Layout as LaidOut
 from msggen.definitions.model import ArrayKind
 from msggen.definitions.primitives import PRIMITIVES
+from msggen.recordings.decode.encapsulation import HEADER, SURPLUS, USUAL
 from msggen.recordings.decode.schemas import Schema, read_schema
 from msggen.recordings.source.rows import Layout, bools_at
 
@@ -24,12 +25,6 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-HEADER = 4
-"""The size of the encapsulation header."""
-SURPLUS = 3
-"""DDS fills samples up to a multiple of four bytes."""
-USUAL = b"\0\1"
-"""Little-endian XCDR1, in which PX4 writes."""
 ENCODINGS = {
     b"\0\0": (">", Encoding.XCDR1),
     USUAL: ("<", Encoding.XCDR1),

@@ -15,7 +15,7 @@ from msggen.definitions.model import Catalog, Conventions, Message
 from msggen.definitions.nesting import Extent, cycles, too_large
 from msggen.definitions.parse.definition import parse_message
 from msggen.definitions.primitives import OCTETS
-from msggen.recordings.source.source import SEPARATOR
+from msggen.recordings.source.source import SEPARATOR, SchemaError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -40,10 +40,6 @@ class Schema:
     def is_static(self) -> bool:
         """Whether all samples have the same size: no strings, sequences, or messages without fields."""
         return is_static(self.catalog, self.message)
-
-
-class SchemaError(ValueError):
-    """A definition that cannot be read, is too large, or nests one that is missing or itself."""
 
 
 def read_schema(ros_type: str, definition: str) -> Schema:

@@ -11,7 +11,8 @@ import numpy as np
 from msggen.definitions.layout import Encoding, is_static, padding_before
 from msggen.definitions.model import ArrayKind, Field, Message
 from msggen.definitions.primitives import PRIMITIVES
-from msggen.recordings.decode.layouts import ENCODINGS, HEADER, SURPLUS
+from msggen.recordings.decode.encapsulation import HEADER, SURPLUS
+from msggen.recordings.decode.layouts import ENCODINGS
 
 if TYPE_CHECKING:
     from collections.abc import Callable

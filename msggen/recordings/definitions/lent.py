@@ -19,9 +19,9 @@ from msggen.base.diagnostics import InputError, few
 from msggen.live.messages.names import version_of
 from msggen.live.messages.packages import classes_of, packages_of
 from msggen.recordings.decode.decoder import Decoder
-from msggen.recordings.decode.schemas import SchemaError, definition_of, read_schema, type_hash_of
+from msggen.recordings.decode.schemas import definition_of, read_schema, type_hash_of
 from msggen.recordings.definitions.ros_types import is_unnamed, standard_types, types_in
-from msggen.recordings.source.source import Channel, Part, Source
+from msggen.recordings.source.source import Channel, Part, SchemaError, Source
 
 if TYPE_CHECKING:
     from msggen.definitions.model import Catalog
@@ -136,7 +136,7 @@ def lend(sources: Sequence[Source], lender: Lender | Nearby | None, check_open: 
         (number, channel.number): channel
         for number, source in enumerate(sources)
         for channel in source.channels.values()
-        if not channel.definition and channel.layout is None and channel.encoding == "cdr"
+        if channel.lacks_definition
     }
     if not lacking:
         return Lent({}, ())

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, NamedTuple
 from msggen.base.diagnostics import counted
 from msggen.definitions.identity import type_hash
 from msggen.definitions.model import DEFAULT_PACKAGE
-from msggen.recordings.decode.schemas import SchemaError, content_of, read_schema
+from msggen.recordings.decode.schemas import content_of, read_schema
+from msggen.recordings.source.source import SchemaError
 from msggen.sources.embedded import EMBEDDED, all_releases
 from msggen.sources.released import embedded
 

@@ -6,12 +6,11 @@ import mmap
 import os
 from collections import deque
 from contextlib import suppress
-from typing import TYPE_CHECKING
-from weakref import ref
+from typing import TYPE_CHECKING, Protocol
+from weakref import WeakValueDictionary, ref
 
 import numpy as np
 
-from msggen.recordings.files.stored import copy_at
 from msggen.recordings.source.source import RecordingError
 
 if TYPE_CHECKING:
@@ -23,6 +22,27 @@ _MOST = 32
 """How many files are mapped at a time. Each map has a descriptor, of which a process may have 256 or fewer."""
 _mapped: deque[ref[MappedFile]] = deque()
 """The files that are mapped, the oldest map first."""
+
+
+class Copy(Protocol):
+    """A copy of an object in a store, of which ranges are fetched."""
+
+    shown: str
+    """The address of the object for people."""
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether all bytes were fetched."""
+
+    def fetch(self, ranges: Iterable[tuple[int, int]]) -> None:
+        """Fetch ranges, from an offset up to another one."""
+
+    def fetch_all(self) -> None:
+        """Fetch the whole file."""
+
+
+copies: WeakValueDictionary[str, Copy] = WeakValueDictionary()
+"""The copies that are in use, by their paths."""
 
 
 class MappedFile:
@@ -43,7 +63,7 @@ class MappedFile:
         self._identity = found.st_ino, found.st_mtime_ns
         if not self.size:
             raise RecordingError(f"{path} is empty")
-        self._copy = copy_at(path)
+        self._copy = copies.get(os.path.realpath(path)) if copies else None
         self.shown = path if self._copy is None else self._copy.shown
         """The path, or the address of the object, for people."""
         if self._copy is not None and not in_ranges:

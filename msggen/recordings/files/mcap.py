@@ -244,8 +244,17 @@ class McapFile(Source):
         if self._mapped.is_partial:
             fetch_indexes(self._mapped, [chunk.indexes[channel]])
         entries = entries_of(self._file, channel, chunk.indexes[channel])
-        if entries is not None and entries.size:
-            yield times_of(entries.view("<u8")[::2])
+        if entries is None or not entries.size:
+            return
+        times = times_of(entries.view("<u8")[::2])
+        if chunk.first <= int(times.min()) and int(times.max()) <= chunk.last:
+            yield times
+            return
+        own = [part.log_times for part in self._of_chunk(chunk, {channel})]
+        if not np.array_equal(np.sort(times), np.sort(np.concatenate([times[:0], *own]))):
+            text = "the message index has other times than the messages of the chunk, which are taken instead"
+            self._described.report(text, chunk.start)
+        yield from own
 
     def _chunks_with(self, channels: Collection[int]) -> Iterable[Chunk]:
         """Return the chunks that may have messages of channels. Topics ask for one channel after the other."""

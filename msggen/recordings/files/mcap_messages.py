@@ -22,13 +22,13 @@ from msggen.recordings.files.mcap_records import (
     times_of,
 )
 from msggen.recordings.source.gather import at, groups, walk
-from msggen.recordings.source.memory import Octets, Places
 from msggen.recordings.source.source import FOREVER, Part
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator, Sequence
 
     from msggen.recordings.files.mcap_channels import Described
+    from msggen.recordings.source.memory import Octets, Places
 
 
 class Index(NamedTuple):

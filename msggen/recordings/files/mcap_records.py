@@ -11,13 +11,14 @@ import numpy as np
 from msggen.base.recording_formats import FORMATS
 from msggen.recordings.files.compression import LARGEST
 from msggen.recordings.source.gather import at
-from msggen.recordings.source.memory import Octets, Places
 from msggen.recordings.source.source import Attached
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
+
+    from msggen.recordings.source.memory import Octets, Places
 
 MAGIC = FORMATS["mcap"].front
 FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX, STATISTICS = 2, 3, 4, 5, 6, 7, 8, 11

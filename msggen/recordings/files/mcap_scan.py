@@ -34,7 +34,7 @@ from msggen.recordings.files.mcap_records import (
     steps,
 )
 from msggen.recordings.source.gather import at, walk
-from msggen.recordings.source.memory import Octets, drop_pages
+from msggen.recordings.source.memory import drop_pages
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -43,6 +43,7 @@ if TYPE_CHECKING:
 
     from msggen.recordings.files.compression import Room
     from msggen.recordings.files.mcap_channels import Described
+    from msggen.recordings.source.memory import Octets
     from msggen.recordings.source.source import Channel
 
 _SIZES = {DATA_END: 4, FOOTER: 20}

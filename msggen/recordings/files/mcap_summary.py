@@ -28,13 +28,14 @@ from msggen.recordings.files.mcap_records import (
     steps,
 )
 from msggen.recordings.source.gather import WINDOW
-from msggen.recordings.source.memory import Octets, drop_pages
+from msggen.recordings.source.memory import drop_pages
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from msggen.recordings.files.mapped import MappedFile
     from msggen.recordings.files.mcap_channels import Described
+    from msggen.recordings.source.memory import Octets
 
 _TAIL = 1 << 16
 """The bytes at the end of a file in a store that are fetched first: small summaries fit."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from contextlib import contextmanager
 from functools import partial
 from importlib import import_module
@@ -28,10 +27,10 @@ def open_sources(path: str, verification: Verification = VERIFIED) -> list[Sourc
         from msggen.recordings.files.stored import open_stored
 
         return open_stored(path, lambda local: open_sources(local, verification))
-    from msggen.recordings.files.bag import open_folder
-
     open_file = partial(_open_file, verification=verification)
     if os.path.isdir(path):
+        from msggen.recordings.files.bag import open_folder
+
         return open_folder(path, open_file)
     if os.path.exists(path) and not os.path.isfile(path):
         cure = "open it, and pass the file object; `msggen log` reads - from stdin"
@@ -77,6 +76,8 @@ def temporary_copy(shown: str, name: str) -> Iterator[tuple[str, Callable[[], No
 
     It is removed here if it cannot be opened. A RecordingError has `shown` in the place of the path.
     """
+    import tempfile
+
     folder = tempfile.TemporaryDirectory(prefix="msggen-", ignore_cleanup_errors=True)
     path = os.path.join(folder.name, name)
     try:

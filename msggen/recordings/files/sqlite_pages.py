@@ -12,13 +12,15 @@ import numpy as np
 
 from msggen.base.recording_formats import FORMATS
 from msggen.recordings.source.gather import at
-from msggen.recordings.source.memory import Octets, Places, drop_pages
+from msggen.recordings.source.memory import drop_pages
 from msggen.recordings.source.source import RecordingError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
+
+    from msggen.recordings.source.memory import Octets, Places
 
 MAGIC = FORMATS["db3"].front
 _HEADER = 100

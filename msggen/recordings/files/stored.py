@@ -10,13 +10,14 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from threading import Lock
 from typing import TYPE_CHECKING
-from weakref import WeakValueDictionary, finalize
+from weakref import finalize
 
 import numpy as np
 
 from msggen.base.diagnostics import few
 from msggen.base.disk.urls import is_in_store, shown_address
 from msggen.base.recording_formats import FORMATS, format_named, unpacked
+from msggen.recordings.files.mapped import copies
 from msggen.recordings.files.paths import LOGS, METADATA, is_bag
 from msggen.recordings.source.source import RecordingError
 from msggen.recordings.stores.client import split
@@ -62,7 +63,7 @@ class Copy:
         self._lock = Lock()
         with _making_room(stored.address), open(path, "wb") as file:
             file.truncate(stored.size)
-        _copies[os.path.realpath(path)] = self
+        copies[os.path.realpath(path)] = self
 
     @property
     def is_whole(self) -> bool:
@@ -97,15 +98,6 @@ class Copy:
     def fetch_all(self) -> None:
         """Fetch all bytes. Raises StoreError."""
         self.fetch([(0, self._stored.size)])
-
-
-_copies: WeakValueDictionary[str, Copy] = WeakValueDictionary()
-"""The copies that are in use, by their paths."""
-
-
-def copy_at(path: str) -> Copy | None:
-    """Return the copy at a path, None for any other file."""
-    return _copies.get(os.path.realpath(path)) if _copies else None
 
 
 def open_stored(address: str, open_local: Callable[[str], list[Source]]) -> list[Source]:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from msggen.base.diagnostics import counted
 from msggen.base.recording_formats import FORMATS
 from msggen.recordings.files.mapped import MappedFile
 from msggen.recordings.files.ulog_formats import FRONT, LONGEST_RUN, NUMBERS, is_format, parse_fields
@@ -21,7 +22,7 @@ from msggen.recordings.files.ulog_notes import Notes, usual_parameters
 from msggen.recordings.files.ulog_samples import Samples
 from msggen.recordings.files.ulog_topics import Topics
 from msggen.recordings.source.facts import Facts
-from msggen.recordings.source.memory import Octets, drop_pages
+from msggen.recordings.source.memory import drop_pages
 from msggen.recordings.source.source import (
     FOREVER,
     Channel,
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from msggen.recordings.files.ulog_heads import Heads
+    from msggen.recordings.source.memory import Octets
 
 MAGIC = FORMATS["ulog"].front
 _HEADER = 16
@@ -143,6 +145,8 @@ class UlogFile(Source):
             start = stop
         self._channels = self._topics.channels(self._samples.counts)
         self.problems += self._samples.problems
+        counts = {self._topics.name_of(channel): count for channel, count in self._samples.unset.items()}
+        self.notes = [_note_on_unset(*key, count) for key, count in sorted(counts.items())]
         unknown = self._topics.unknown
         if unknown:
             numbers = ", ".join(map(str, sorted(unknown)[:_SHOWN])) + ", ..." * (len(unknown) > _SHOWN)
@@ -345,3 +349,10 @@ class UlogFile(Source):
 
     def _report(self, text: str, offset: int, size: int = 0) -> None:
         self.problems.append(Problem(text, offset, size))
+
+
+def _note_on_unset(name: str, instance: int, count: int) -> str:
+    topic = f"{name} {instance}" if instance else name
+    return (
+        f"{topic}: {counted(count, 'sample')} without a time (timestamp 0), with that of the sample before in the file"
+    )

@@ -118,7 +118,7 @@ class Formats:
         """What was asked for so far."""
         self._is_shared = False
         """Whether other logs have the same texts, names and answers."""
-        self._fields: dict[str, list[_Field]] = {}
+        self._fields: dict[str, tuple[_Field, ...]] = {}
         self._blocks: dict[str, _Block] = {}
         self._sum = 0
         """The bytes of the samples and the definitions of all topics so far."""
@@ -244,7 +244,7 @@ class Formats:
     def _visible(self, name: str) -> list[_Field]:
         return [field for field in self._fields_of(name) if not field.is_padding]
 
-    def _fields_of(self, name: str) -> list[_Field]:
+    def _fields_of(self, name: str) -> tuple[_Field, ...]:
         """Return the fields of a format. Raises FormatError."""
         if name not in self._fields:
             if name not in self._texts:
@@ -356,8 +356,17 @@ def _is_short_format(data: bytes) -> bool:
     return FORMAT.fullmatch(data) is not None
 
 
-def parse_fields(text: str) -> list[_Field]:
+def parse_fields(text: str) -> tuple[_Field, ...]:
     """Return the fields of a format: `uint64_t timestamp;esc_report[8] esc`. Raises FormatError."""
+    return _short_fields(text) if len(text) <= _LONGEST_KEPT else _fields_in(text)
+
+
+@lru_cache(_MOST_KEPT)
+def _short_fields(text: str) -> tuple[_Field, ...]:
+    return _fields_in(text)
+
+
+def _fields_in(text: str) -> tuple[_Field, ...]:
     fields = []
     for each in text.split(";"):
         if not each.strip():
@@ -365,10 +374,9 @@ def parse_fields(text: str) -> list[_Field]:
         found = _FIELD.fullmatch(each.strip())
         if found is None:
             raise FormatError(f"{each[:80]!r} is not a field")
-        fields.append(
-            _Field(found[1], None if found[2] is None else int(found[2]), found[3], found[3].startswith(_PADDING))
-        )
-    return fields
+        type_, length, name = found.groups()
+        fields.append(_Field(type_, None if length is None else int(length), name, name.startswith(_PADDING)))
+    return tuple(fields)
 
 
 def timestamp_of(layout: Layout) -> int | None:

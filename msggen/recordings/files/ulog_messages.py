@@ -15,7 +15,7 @@ from msggen.recordings.files.ulog_formats import FRONT, NUMBERS, PAYLOAD, is_for
 from msggen.recordings.files.ulog_heads import DATA, HEAD, SIZE, Heads, chained, heads_at, heads_of
 from msggen.recordings.files.ulog_notes import Notes
 from msggen.recordings.source.gather import at, walk
-from msggen.recordings.source.memory import Octets, Places, drop_pages
+from msggen.recordings.source.memory import drop_pages
 from msggen.recordings.source.source import Problem
 
 if TYPE_CHECKING:
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from msggen.recordings.files.ulog_topics import Topics
+    from msggen.recordings.source.memory import Octets, Places
 
 WINDOW = 1 << 24
 """The bytes of a file that are read at a time: all of most logs, as each topic takes time in each window."""

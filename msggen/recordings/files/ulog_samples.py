@@ -73,6 +73,8 @@ class Samples:
         self.windows: list[Window] = []
         self.counts: Counter[int] = Counter()
         """How many samples each channel has."""
+        self.unset: Counter[int] = Counter()
+        """How many samples of each channel have no time of their own."""
         self.last = 0
         """The latest time in us of all samples so far."""
         self._topics = topics
@@ -130,6 +132,7 @@ class Samples:
             if clock is not None and clock != PAYLOAD:
                 times[low:high] = _times_at(file, heads.starts[indices[low:high]], clock)
         spans, indices, times = self._in_time(heads, spans, indices, times)
+        self._set_unset(spans, indices, times)
         in_order[indices] = times
         if len(with_time) < len(found):
             spans, indices, times = self._with_others(found, spans, indices, times)
@@ -184,12 +187,36 @@ class Samples:
     ) -> tuple[Spans, Places, Times]:
         """Add the samples of channels without a time. They have the time of the sample before them in the file."""
         others = {channel: each for channel, each in found.items() if self._topics.clocks[channel] is None}
-        order = np.argsort(indices)
-        before = self.windows[-1].time_at_end if self.windows else 0
         own_spans, own = _together(others)
-        own_times = np.append(before, times[order])[np.searchsorted(indices[order], own)]
+        own_times = self._times_before(own, indices, times)
         moved = {channel: (low + len(indices), high + len(indices)) for channel, (low, high) in own_spans.items()}
         return {**spans, **moved}, np.append(indices, own), np.append(times, own_times)
+
+    def _set_unset(self, spans: Spans, indices: Places, times: Times) -> None:
+        """Give samples with the time 0 that of the sample before them in the file, and count them.
+
+        A program has published them without a time. At the start of a log, 0 can be right.
+        """
+        is_unset = times == 0
+        if not is_unset.any():
+            return
+        times[is_unset] = self._times_before(indices[is_unset], indices[~is_unset], times[~is_unset])
+        for channel, (low, high) in spans.items():
+            count = int(np.count_nonzero(is_unset[low:high] & (times[low:high] > 0)))
+            if count:
+                self.unset[channel] += count
+
+    def _times_before(self, wanted: Places, indices: Places, times: Times) -> Times:
+        """Return the times of the samples before those at `wanted` in the file.
+
+        Before the first one, it is 0, or its time if the log starts later than with 0.
+        """
+        order = np.argsort(indices)
+        first = self.windows[-1].time_at_end if self.windows else int(times[order[0]]) if len(order) else 0
+        if not self.windows and not 0 < self._start <= first:
+            first = 0
+        found: Times = np.append(first, times[order])[np.searchsorted(indices[order], wanted)]
+        return found
 
     @staticmethod
     def _window(starts: Places, times: Times, spans: Spans) -> Window:

@@ -123,23 +123,25 @@ class _Writer:
 
         from msggen.recordings.convert.tables import is_time
 
-        self._path, self._shape, self._end = path, shape, ExitStack()
+        self._path, self._shape = path, shape
         types = [pa.int32() if name == "instance" else pa.string() for name in Keys._fields]
         keys = [pa.field(name, kind) for name, kind in zip(Keys._fields, types, strict=True)]
         self._schema = pa.schema([*keys, *shape], shape.metadata)
         times = {field.name: "DELTA_BINARY_PACKED" for field in shape if is_time(field)}
         texts = [field.name for field in shape if pa.types.is_string(field.type)]
-        self._file = self._end.enter_context(open(path, "xb"))  # noqa: SIM115 - the stack closes it
-        self._writer = self._end.enter_context(
-            parquet.ParquetWriter(
-                self._file,
-                self._schema,
-                compression="zstd",
-                use_dictionary=[*Keys._fields, *texts],  # as for single recordings: measured values have none
-                column_encoding=times,
-                sorting_columns=[parquet.SortingColumn(Keys._fields.index(name)) for name in order],
+        with ExitStack() as end:
+            self._file = end.enter_context(open(path, "xb"))
+            self._writer = end.enter_context(
+                parquet.ParquetWriter(
+                    self._file,
+                    self._schema,
+                    compression="zstd",
+                    use_dictionary=[*Keys._fields, *texts],  # as for single recordings: measured values have none
+                    column_encoding=times,
+                    sorting_columns=[parquet.SortingColumn(Keys._fields.index(name)) for name in order],
+                )
             )
-        )
+            self._end = end.pop_all()
         self._waiting: list[Any] = []
         self._bytes = self._count = self._rows = 0
         self._logs: dict[str, None] = {}

@@ -34,7 +34,7 @@ class StoredFolder:
         self.path = self._store.canonical(address)
         self.state = f"{self.path}/{STATE}"
         self._scratch = ""
-        """The folder for copies of files of topics, as long as the lock is held."""
+        """The folder for copies of files of topics, as long as the lock is held, "" without it."""
         self._lease = Lease(self._store, f"{self.state}/{RUN}")
         self._versions: dict[str, UpdateVersion] = {}
         """Which versions of files of the state were read. They are replaced only if nobody else has."""
@@ -50,8 +50,12 @@ class StoredFolder:
     @contextmanager
     def locked(self, waiting: Callable[[str], None]) -> Iterator[None]:
         """Hold the lock of the fleet. If another run has it, call `waiting` with its name, and wait."""
-        with _temporary_folder() as self._scratch, self._lease.held(waiting):
-            yield
+        with _temporary_folder() as folder, self._lease.held(waiting):
+            self._scratch = folder
+            try:
+                yield
+            finally:
+                self._scratch = ""
 
     # the state: small files
 
@@ -101,7 +105,15 @@ class StoredFolder:
         return self._store.has(f"{self.path}/{name}")
 
     def open(self, place: str) -> IO[bytes]:
-        """Open a copy of a file of a topic. It stays until the end of the run, or until the file is removed."""
+        """Open a copy of a file of a topic. It stays until the end of the run, or until the file is removed.
+
+        Without the lock, the copy has no name.
+        """
+        if not self._scratch:
+            with _temporary_folder() as folder:
+                copy = os.path.join(folder, "copy")
+                self._store.fetch(f"{self.path}/{place}", copy)
+                return open(copy, "rb")
         copy = self._copy(place)
         if not os.path.exists(copy):
             os.makedirs(os.path.dirname(copy), exist_ok=True)

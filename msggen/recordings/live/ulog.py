@@ -8,7 +8,8 @@ from __future__ import annotations
 import os
 import re
 import struct
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import suppress
 from importlib import import_module
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -99,6 +100,19 @@ class UlogWriter:
         self._numbers: dict[str, int] = {}
         descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
         self._file = os.fdopen(descriptor, "wb")
+        try:
+            self._begin(start, formats.values(), parameters, vehicle)
+        except BaseException:
+            with suppress(OSError):  # what waits cannot be written either
+                self._file.close()
+            with suppress(OSError):
+                os.unlink(path)
+            raise
+
+    def _begin(
+        self, start: int, formats: Collection[_Format], parameters: Mapping[str, float], vehicle: Vehicle
+    ) -> None:
+        """Write what is before the samples."""
         self._put(_FRONT + struct.pack("<Q", start))
         self._write("B", bytes(40))
         for key, text in (("sys_name", "PX4"), ("ver_hw", "MSGGEN_SIM"), ("sys_uuid", f"{vehicle.number:036}")):
@@ -106,7 +120,7 @@ class UlogWriter:
         number = _number_of(vehicle.release)
         if number is not None:
             self._information("uint32_t ver_sw_release", struct.pack("<I", number))
-        for text in dict.fromkeys(inner.text for each in formats.values() for inner in each.all()):
+        for text in dict.fromkeys(inner.text for each in formats for inner in each.all()):
             self._write("F", text.encode())
         for name, value in sorted(parameters.items()):
             label = f"float {name}".encode()

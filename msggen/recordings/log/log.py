@@ -12,13 +12,7 @@ from msggen.base.diagnostics import counted
 from msggen.recordings.columns.arrays import check_fields
 from msggen.recordings.columns.collector import Collector
 from msggen.recordings.columns.samples import Samples
-from msggen.recordings.decode.decoder import Rows
-from msggen.recordings.definitions.lent import Lender, Nearby
-from msggen.recordings.log.ahead import Ahead, passes_over
-from msggen.recordings.log.decoded_events import is_decoded
-from msggen.recordings.log.events import Events, has_events, read_events, with_events
 from msggen.recordings.log.origin import Firmware, firmware_of, gps_offset_of, utc_offset_of, vehicle_of
-from msggen.recordings.log.payloads import Sample
 from msggen.recordings.log.reader import Reader
 from msggen.recordings.source.facts import NO_FACTS, Dropout, Event, Facts, Text
 from msggen.recordings.source.source import (
@@ -46,9 +40,14 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from typing_extensions import Self
 
+    from msggen.recordings.decode.decoder import Rows
     from msggen.recordings.definitions.comparison import Compared
+    from msggen.recordings.definitions.lent import Lender, Nearby
     from msggen.recordings.definitions.release import Release
+    from msggen.recordings.log.ahead import Ahead
     from msggen.recordings.log.align import Aligned, Direction
+    from msggen.recordings.log.events import Events
+    from msggen.recordings.log.payloads import Sample
 
     MessageT = TypeVar("MessageT")
 
@@ -154,6 +153,8 @@ class Log:
 
         The first use reads the events, and so comes before the log is closed.
         """
+        from msggen.recordings.log.events import with_events
+
         return with_events(self.facts.texts, self.events)
 
     @property
@@ -168,6 +169,9 @@ class Log:
 
     @cached_property
     def _decoded_events(self) -> Events:
+        from msggen.recordings.log.decoded_events import is_decoded
+        from msggen.recordings.log.events import has_events, read_events
+
         topics = [topic for topic in self.topics if self._reader.can_decode(topic)]
         return read_events(filter(has_events, topics), filter(is_decoded, topics), self.samples, self.information)
 
@@ -204,8 +208,10 @@ class Log:
 
     @property
     def notes(self) -> list[str]:
-        """Where the definitions of topics that have none in the recording are from, a line each."""
-        return [*(note for source in self._reader.sources for note in source.notes), *self._reader.lent.notes]
+        """Where the definitions of topics that have none in the recording are from, and which topics of a ULog have
+        samples without a time, a line each.
+        """
+        return [*self._reader.notes]
 
     def topic(self, key: Key | Topic, instance: int | None = None) -> Topic:
         """Return the topic with a name, in any spelling. Raises RecordingError if there is none, or several.
@@ -563,6 +569,8 @@ class Log:
     @cached_property
     def _ahead(self) -> Ahead:
         """What a loop over the topics will ask for next."""
+        from msggen.recordings.log.ahead import Ahead
+
         topics = [topic for topic in self.topics if topic.known_count != 0]
         return Ahead(topics, self._reader.can_decode, self._size_of, self.load)
 
@@ -576,6 +584,8 @@ class Log:
         self, topics: Iterable[Key | Topic] | None, start: float | None, stop: float | None
     ) -> Iterator[tuple[Key, Samples]]:
         """Yield keys and samples of topics, read in as few passes as their sizes allow."""
+        from msggen.recordings.log.ahead import passes_over
+
         for group in passes_over(self.chosen(topics), self._size_of):
             loaded = self.load(group, start=start, stop=stop)
             for key in list(loaded):

@@ -10,9 +10,8 @@ import numpy as np
 from msggen.live.messages.packages import package_of_class
 from msggen.recordings.columns.collector import Collector
 from msggen.recordings.decode.left_out import leave_out
-from msggen.recordings.decode.schemas import SchemaError
 from msggen.recordings.definitions.comparison import difference, differences, is_of_ulog, is_same, versions_of
-from msggen.recordings.source.source import RecordingError
+from msggen.recordings.source.source import RecordingError, SchemaError
 from msggen.recordings.topics.find import named_after_message, of_instance
 
 if TYPE_CHECKING:

@@ -40,12 +40,15 @@ def open(  # noqa: A001 - users write recordings.open
         import numpy  # noqa: F401, ICN001
         import zstandard  # noqa: F401
     from msggen.base.disk.urls import shown_address
-    from msggen.recordings.definitions.lent import lender_of
     from msggen.recordings.files.opening import open_sources
     from msggen.recordings.log.log import Log
     from msggen.recordings.source.source import Verification
 
-    lender = None if definitions is None else lender_of(definitions)
+    lender = None
+    if definitions is not None:
+        from msggen.recordings.definitions.lent import lender_of
+
+        lender = lender_of(definitions)
     verification = Verification(verify, keep_damaged)
     place = _place_of(path)
     if place is not None:

@@ -9,14 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from msggen.definitions.nesting import MAX_TOTAL
 from msggen.recordings.decode.decoder import Decoder
-from msggen.recordings.decode.encoder import encoded
 from msggen.recordings.decode.left_out import LeftOut
-from msggen.recordings.decode.schemas import SchemaError, nested_values, read_schema
-from msggen.recordings.definitions.lent import Lender, Lent, Nearby, lend
 from msggen.recordings.log.origin import firmware_of
-from msggen.recordings.log.payloads import Encoder, as_cdr, in_order, merged
 from msggen.recordings.source.facts import NO_FACTS, Facts
 from msggen.recordings.source.source import (
     Attached,
@@ -26,6 +21,7 @@ from msggen.recordings.source.source import (
     Part,
     Problem,
     RecordingError,
+    SchemaError,
     Source,
 )
 from msggen.recordings.topics.find import by_name, topics_of
@@ -36,7 +32,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from msggen.recordings.decode.decoder import Decoded, Rows
-    from msggen.recordings.log.payloads import Sample
+    from msggen.recordings.definitions.lent import Lender, Lent, Nearby
+    from msggen.recordings.log.payloads import Encoder, Sample
     from msggen.recordings.topics.find import Topics
     from msggen.recordings.topics.topic import Topic
 
@@ -135,7 +132,16 @@ class Reader:
     @cached_property
     def lent(self) -> Lent:
         """The definitions of channels that have none."""
+        from msggen.recordings.definitions.lent import lend
+
         return lend(self.sources, self._lender, self.check_open)
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """Where the definitions of channels that have none are from, a line each."""
+        channels = (channel for source in self.sources for channel in source.channels.values())
+        lent = self.lent.notes if any(channel.lacks_definition for channel in channels) else ()
+        return [*(note for source in self.sources for note in source.notes), *lent]
 
     @property
     def start(self) -> int:
@@ -183,6 +189,8 @@ class Reader:
 
     def payloads(self, topics: Iterable[Topic], low: int, high: int) -> Iterator[Sample]:
         """Return the samples of topics as CDR, by log time. Raises RecordingError for topics that have none."""
+        from msggen.recordings.log.payloads import merged
+
         names: dict[int, dict[int, str]] = defaultdict(dict)
         encoders: dict[int, dict[int, Encoder]] = defaultdict(dict)
         for topic in topics:
@@ -204,6 +212,10 @@ class Reader:
 
     def _encoder(self, topic: Topic, channel: Channel) -> Encoder:
         """Return what makes CDR of the samples of a ULog, by their own definition."""
+        from msggen.recordings.decode.encoder import encoded
+        from msggen.recordings.decode.schemas import read_schema
+        from msggen.recordings.log.payloads import Encoder
+
         decoder, schema = self.decoder(topic), read_schema(topic.ros_type, channel.definition)
         layout = channel.layout
         assert layout is not None  # noqa: S101 - a ULog has layouts
@@ -292,6 +304,8 @@ class Reader:
         """Yield the samples of channels of a file as CDR, whose topics are `names`, by log time."""
         self.check_open()
         times = self.sources[number].times(names.keys())
+        from msggen.recordings.log.payloads import as_cdr, in_order
+
         parts = as_cdr(self._parts_of(number, names.keys(), low, high), encoders)
         yield from in_order(parts, times, names, low, high)
 
@@ -305,14 +319,22 @@ class Reader:
 
     def _described(self, number: int, channel: Channel) -> Channel:
         """Return a channel with a definition, if it has none and there is one elsewhere."""
+        if not channel.lacks_definition:
+            return channel
         key = number, channel.number
         definition = self.lent.definitions.get(key)
         if definition is None:
             return channel
         return channel._replace(definition=definition, is_lent=key not in self.lent.recorded)
 
-    def _within_limits(self, channels: Iterable[tuple[int, Channel]]) -> Iterator[tuple[int, Channel]]:
+    def _within_limits(self, channels: Sequence[tuple[int, Channel]]) -> Iterator[tuple[int, Channel]]:
         """Yield channels, without the definitions that have too many values together, which are reported."""
+        if all(channel.layout is not None for _, channel in channels):
+            yield from channels
+            return
+        from msggen.definitions.nesting import MAX_TOTAL
+        from msggen.recordings.decode.schemas import nested_values
+
         values = 0
         is_kept: dict[tuple[str, str], bool] = {}
         for number, channel in channels:

@@ -42,6 +42,10 @@ if TYPE_CHECKING:
 
 _MOST_MARKS = 2000
 """The texts and events in the table."""
+_MOST_ROWS = 2000
+"""The rows of the other tables. A vehicle has some 1,500 parameters."""
+_LONGEST = 500
+"""The letters of a text that are shown. A page with longer ones takes a browser seconds."""
 _MOST_PROBLEMS = 100
 """The problems in the list."""
 
@@ -194,9 +198,18 @@ class Page:
         return self._log.event_notes
 
     @cached_property
-    def parameters(self) -> list[Parameter]:
-        """The parameters that were not default at the start."""
+    def _parameters(self) -> list[Parameter]:
         return parameters_of(self._log)
+
+    @property
+    def parameters(self) -> list[Parameter]:
+        """The first parameters that were not default at the start."""
+        return self._parameters[:_MOST_ROWS]
+
+    @property
+    def parameters_count(self) -> int:
+        """How many there are."""
+        return len(self._parameters)
 
     @property
     def no_parameters(self) -> str:
@@ -208,14 +221,32 @@ class Page:
         return "All parameters were default at the start."
 
     @cached_property
-    def changes(self) -> list[Change]:
-        """The parameters that changed during the log."""
+    def _changes(self) -> list[Change]:
         return changes_of(self._log)
 
+    @property
+    def changes(self) -> list[Change]:
+        """The first parameters that changed during the log."""
+        return self._changes[:_MOST_ROWS]
+
+    @property
+    def changes_count(self) -> int:
+        """How many changes there are."""
+        return len(self._changes)
+
     @cached_property
-    def topics(self) -> list[TopicRow]:
-        """The topics of the recording."""
+    def _topics(self) -> list[TopicRow]:
         return topics_of(self._log)
+
+    @property
+    def topics(self) -> list[TopicRow]:
+        """The first topics of the recording."""
+        return self._topics[:_MOST_ROWS]
+
+    @property
+    def topics_count(self) -> int:
+        """How many topics there are."""
+        return len(self._topics)
 
     @property
     def missing(self) -> str:
@@ -286,13 +317,26 @@ def report(log: Log) -> str:
 
 
 def _template() -> jinja2.Template:
-    """Return the template of the page. All that it shows is escaped."""
+    """Return the template of the page. All that it shows is escaped, and texts are cut, except for what is drawn."""
     loader = jinja2.FileSystemLoader(resource("templates"))
     environment = jinja2.Environment(
-        loader=loader, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True, autoescape=True
+        loader=loader,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        autoescape=True,
+        finalize=_cut,
     )
     environment.filters["clock"] = clock
+    environment.filters["drawn"] = Markup
     return environment.get_template("report/report.html.j2")
+
+
+def _cut(value: object) -> object:
+    """Return what the page shows: the start of a text that is too long, and its length."""
+    if not isinstance(value, str) or isinstance(value, Markup) or len(value) <= _LONGEST:
+        return value
+    return f"{value[:_LONGEST]}… ({len(value):,} characters)"
 
 
 def clock(seconds: float) -> str:

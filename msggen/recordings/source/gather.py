@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from msggen.recordings.source.memory import Octets, Places, drop_pages
+from msggen.recordings.source.memory import drop_pages
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from numpy.typing import NDArray
+
+    from msggen.recordings.source.memory import Octets, Places
 
 WINDOW = 1 << 23
 """The bytes of a buffer that are walked at a time."""

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import mmap
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-Octets = NDArray[np.uint8]
-Places = NDArray[np.int64]
-"""Offsets in a buffer."""
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Octets = NDArray[np.uint8]
+    Places = NDArray[np.int64]
+    """Offsets in a buffer."""
 
 LARGE = 64 << 20
 """The size in bytes from which on the pages of a file are dropped."""

@@ -23,6 +23,10 @@ SEPARATOR = "=" * 80
 """The line before the head of a nested message, in a definition of the format `ros2msg`."""
 
 
+class SchemaError(ValueError):
+    """A definition that cannot be read, is too large, or nests one that is missing or itself."""
+
+
 class RecordingError(ValueError):
     """A file that cannot be read as a recording, or a topic that it does not have. The message is one line."""
 
@@ -93,6 +97,11 @@ class Channel(NamedTuple):
     def definition_format(self) -> str:
         """The format of the recorded definition if that is not `ros2msg`, and so `definition` is ""."""
         return self.schema.encoding if self.schema else ""
+
+    @property
+    def lacks_definition(self) -> bool:
+        """Whether its samples can only be decoded with a definition from elsewhere."""
+        return not self.definition and self.layout is None and self.encoding == "cdr"
 
     @property
     def content(self) -> tuple[object, ...]:
@@ -173,7 +182,7 @@ class Source(ABC):
     kind: str
     """The format: `mcap`, `ulog`, `db3`."""
     notes: Sequence[str] = ()
-    """Where definitions are from that were not recorded, a line each, if the file tells it."""
+    """Where definitions are from that were not recorded, if the file tells it, and what else a reader should know."""
 
     def __init__(self, path: str) -> None:
         self.path = path

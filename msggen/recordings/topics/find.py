@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, TypeGuard
 from msggen.base.diagnostics import suggestion
 from msggen.live.messages.names import is_named_after, stem_of
 from msggen.recordings.decode.decoder import DECODED
-from msggen.recordings.decode.schemas import SchemaError, type_hash_of
-from msggen.recordings.source.source import RecordingError
+from msggen.recordings.source.source import RecordingError, SchemaError
 from msggen.recordings.topics.choice import is_numbered, names_of, split_instance, takes_instance
 from msggen.recordings.topics.topic import Topic
 
@@ -102,6 +101,8 @@ def _fields_of(channel: Channel) -> object:
         return channel.ros_type, channel.definition
     if not channel.definition:
         return None
+    from msggen.recordings.decode.schemas import type_hash_of
+
     try:
         # copies keep the recorded definition, so one in another format stays apart
         return type_hash_of(channel.ros_type, channel.definition), channel.definition_format

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import random
 import re
@@ -229,6 +230,24 @@ def test_a_full_disk_is_told(capsys: Any, monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setattr("os.open", full)
     assert main(["sim", "--log", "flight.ulg", "--px4", "v1.18"]) == 2
     assert "flight.ulg: R101 cannot be written: No space left on device" in capsys.readouterr().err
+
+
+def test_a_log_whose_front_cannot_be_written_is_not_there(
+    px4_types: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The file is closed, too: a warning about a resource is an error in tests."""
+    path = tmp_path / "a.ulg"
+
+    def fail(*_: Any) -> None:
+        raise UlogError("No space left on device")
+
+    for method in ("_put", "_information"):
+        with monkeypatch.context() as patch:
+            patch.setattr(UlogWriter, method, fail)
+            with pytest.raises(UlogError):
+                UlogWriter(str(path), BOOT, {"sensor_combined": px4_types.SensorCombined}, {}, Vehicle())
+        gc.collect()
+        assert not path.exists()
 
 
 def test_the_log_of_a_vehicle_has_what_it_sends(px4_types: Any, tmp_path: Path) -> None:
