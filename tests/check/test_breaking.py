@@ -284,11 +284,14 @@ def test_a_setting_that_leads_nowhere_is_told_where_it_stands(capsys: Capture) -
     )
 
 
-def test_against_what_has_to_be_said(capsys: Capture) -> None:
-    with pytest.raises(SystemExit) as stopped:
-        breaking("--px4", "firmware")
-    assert stopped.value.code == FAILED
-    assert "--against" in capsys.readouterr().err
+def test_the_last_commit_is_the_default_in_a_repository(capsys: Capture) -> None:
+    add_field()
+    assert broken(capsys, "--px4", "firmware") == broken(capsys, "--px4", "firmware", "--against", "HEAD") == ADDED
+    for outside in ("v1.18", "firmware@v1"):
+        with pytest.raises(SystemExit) as stopped:
+            breaking("--px4", outside)
+        assert stopped.value.code == FAILED
+        assert "--against" in capsys.readouterr().err
 
 
 def test_a_path_may_have_an_at_in_it(capsys: Capture) -> None:
