@@ -646,7 +646,13 @@ def test_it_takes_care_of_names_and_moves_as_well(capsys: Capture) -> None:
     bump()
     edit(HOME, "float64 lat ", "float64 latitude ")
     edit(HOME, "bool valid_alt ", "uint8 valid_alt ")
-    (FIRMWARE / HEADER).write_text(header(("HomePosition", 1)))
+    text = header(("HomePosition", 1))
+    (FIRMWARE / HEADER).write_text(text)
+    assert broken(capsys) == {("FIELD_RENAMED", "HomePosition")}, "the latitude is lost"
+    for target, source in (("newer.latitude", "older.lat"), ("older.lat", "newer.latitude")):
+        assert f"{target} = {{}}" in text
+        text = text.replace(f"{target} = {{}}", f"{target} = {source}")
+    (FIRMWARE / HEADER).write_text(text)
     assert broken(capsys) == NONE
     renamed = {("FIELD_RENAMED", "HomePosition"), ("FIELD_RETYPED", "HomePosition")}
     assert handled(capsys) == HANDLED | renamed
