@@ -47,7 +47,7 @@ def add_to(commands: Commands) -> None:
         "per-message-ignores) can be set in [tool.msggen] of pyproject.toml.",
     )
     add_sources(parser, "--board")
-    add_shared(parser, "--against", required=True)
+    add_shared(parser, "--against")
     add_shared(parser, "--topics-only")
     add_selection(parser)
     parser.add_argument(
@@ -68,6 +68,7 @@ def _breaking(options: argparse.Namespace) -> int:
     settings = settings_of(options)
     named = options.px4
     options.px4 = firmware_path(options, settings)
+    options.against = options.against or _last_commit(options)
     rules, ignored = selected_rules("breaking", options, settings)
     current = sources_of(options, settings)
     if current.label == os.curdir:
@@ -85,6 +86,16 @@ def _breaking(options: argparse.Namespace) -> int:
         report = _with_advice(report)
     print_report(report, options)
     return FINDINGS if report.fails else DONE
+
+
+def _last_commit(options: argparse.Namespace) -> str:
+    """Return the last commit of the firmware's repository. A firmware outside of one ends the process."""
+    from msggen.base.disk.git import is_in_repository
+
+    if not (os.path.isdir(options.px4) and is_in_repository(options.px4)):
+        text = "the following arguments are required: --against, unless the firmware is in a repository of git"
+        options.parser.error(text)
+    return "HEAD"
 
 
 def _with_advice(report: Report) -> Report:

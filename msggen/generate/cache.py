@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import re
 import sys
 import tempfile
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
@@ -16,6 +18,7 @@ from types import ModuleType
 
 from msggen.base.diagnostics import input_error
 from msggen.base.disk.ownership import has_others, problem_of
+from msggen.base.disk.staging import locked
 from msggen.base.version import __version__
 from msggen.generate.build import Build
 from msggen.sources.embedded import ARCHIVED, unknown_release
@@ -23,6 +26,17 @@ from msggen.sources.sources import Sources, find_sources, with_archived
 
 _PATIENCE = 1.0
 """After which time in s a build is told: it takes half a second on a computer that is not busy."""
+
+_KEPT = 12
+"""How many packages the cache keeps, beside those that processes have. Each has some 3 MB, and builds in a second."""
+_OLD = 86400.0
+"""The age in s of what a build that was killed has left."""
+_NEW = "new-"
+_PACKAGE = re.compile(r".*-[0-9a-f]{16}")
+"""The name of the folder of a package in the cache."""
+_TAKING = threading.Lock()
+_TAKEN: dict[str, int] = {}
+"""The packages that this process has, with the handles of their locks."""
 
 _ANY = "vehicle_types"
 """The name of packages that are not of an embedded release."""
@@ -33,7 +47,8 @@ def package_of(release: str) -> ModuleType:
 
     The package is built on the first call, in about a second, and kept in the user's cache: `$XDG_CACHE_HOME/msggen`,
     by default `~/.cache/msggen`; on macOS `~/Library/Caches/msggen`, on Windows `%LOCALAPPDATA%\msggen`. Each
-    version of msggen has packages of its own. A package has the archived versions of its release.
+    version of msggen has packages of its own, and the last ones that were used are kept. A package has the archived
+    versions of its release.
 
     Raises InputError for another name, and OSError if the cache cannot be written.
     """
@@ -137,23 +152,80 @@ def _built_in(root: str, sources: Sources, name: str) -> str:
     The digest of all that a package depends on is in the path. So a package never changes, and several versions of
     msggen have their own. It is built beside its place and moved there: other processes see all of it or nothing.
     """
-    made = tempfile.mkdtemp(prefix="new-", dir=root)
+    made = tempfile.mkdtemp(prefix=_NEW, dir=root)
     try:
         build = Build(sources, made, name)
         place = os.path.join(root, f"{__version__}-{build.inputs[:16]}")
         folder = os.path.join(place, name)
-        if not os.path.isdir(folder):
-            with _telling(sources.label):
-                build.run(write=True)
-            os.makedirs(place, mode=0o700, exist_ok=True)
-            try:
-                os.rename(os.path.join(made, name), folder)
-            except OSError:
-                if not os.path.isdir(folder):  # another process was faster
-                    raise
+        while not _takes(place, folder):
+            with locked(root):  # another process may build the same
+                if not os.path.isdir(folder):
+                    with _telling(sources.label):
+                        build.run(write=True)
+                    _move(os.path.join(made, name), folder)
+                    _remove_unused(root)
         return folder
     finally:
         rmtree(made, ignore_errors=True)
+
+
+def _move(made: str, folder: str) -> None:
+    os.makedirs(os.path.dirname(folder), mode=0o700, exist_ok=True)
+    try:
+        os.rename(made, folder)
+    except OSError:
+        if not os.path.isdir(folder):  # without locks, another process may have been faster
+            raise
+
+
+def _takes(place: str, folder: str) -> bool:
+    """Whether a package exists. If so, this process has it until it ends, so that no other one removes it.
+
+    Modules of a package are imported when a program first uses them, which can be days later.
+    """
+    with _TAKING:
+        if not os.path.isdir(folder):
+            return False
+        if place not in _TAKEN:
+            handle = os.open(place, os.O_RDONLY)
+            if _try_lock(handle, is_shared=True) is False or not os.path.isdir(folder):  # it is being removed
+                os.close(handle)
+                return False
+            _TAKEN[place] = handle
+    with suppress(OSError):
+        os.utime(place)
+    return True
+
+
+def _remove_unused(root: str) -> None:
+    """Remove the packages that no process has, except for the last ones that were used, and the rest of old builds."""
+    with os.scandir(root) as entries:
+        by_use = sorted((each.stat().st_mtime, each.name) for each in entries if each.is_dir(follow_symlinks=False))
+    packages = [name for _, name in by_use if _PACKAGE.fullmatch(name)]
+    rests = [name for used, name in by_use if name.startswith(_NEW) and used < time.time() - _OLD]
+    for name in (*packages[:-_KEPT], *rests):
+        place = os.path.join(root, name)
+        handle = os.open(place, os.O_RDONLY)
+        try:
+            if _try_lock(handle, is_shared=False):
+                rmtree(place, ignore_errors=True)
+        finally:
+            os.close(handle)
+
+
+def _try_lock(handle: int, *, is_shared: bool) -> bool | None:
+    """Lock a folder without waiting, and return whether that was possible; None if the system has no locks."""
+    try:
+        from fcntl import LOCK_EX, LOCK_NB, LOCK_SH, flock
+    except ImportError:
+        return None
+    try:
+        flock(handle, (LOCK_SH if is_shared else LOCK_EX) | LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:
+        return None
+    return True
 
 
 @contextmanager

@@ -231,9 +231,7 @@ def check_lists(sources: Sources, lists: MessageLists) -> Iterator[Diagnostic]:
     places = {entry.condition: entry.location for entry in reversed([*lists.listed.values()])}
     if lists.complete and sources.board is None and conditional:
         number = counted(sum(map(len, conditional.values())), "message")
-        named = "; ".join(f"{few(names)} with {condition}" for condition, names in conditional.items())
-        text = f"{number} built only for some boards: {named}"
-        text += "; ORB ids and object ids of publications depend on the board, name it with --board"
+        text = f"ids depend on the board, name it with --board: only some boards build {number} of this tree"
         yield Diagnostic(places[next(iter(conditional))], "M407", text)
     for condition, names in conditional.items():
         if sources.board and sources.board.builds(condition) is None:

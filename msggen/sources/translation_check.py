@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import lru_cache
 from typing import NamedTuple
 
 from msggen.base.diagnostics import suggestion
 from msggen.definitions.model import ARCHIVE_PACKAGE, DEFAULT_PACKAGE, VERSION, Field, Message
 from msggen.definitions.parse.translation import Reference, TranslationClass, read_classes
-from msggen.definitions.translation import Assignment, Branch, Loop, Place, Statement
+from msggen.definitions.translation import Assignment, Branch, Expression, Loop, Number, Operation, Place, Statement
 from msggen.sources.history import archived_name, without_comments
 
 TODO = "TODO"
@@ -40,6 +40,8 @@ class Problem(NamedTuple):
 
     line: int
     text: str
+    names: tuple[str, ...] = ()
+    """The fields that it is about, of both versions."""
 
 
 class Assigned(NamedTuple):
@@ -96,6 +98,45 @@ def assigned(text: str, older: Version, newer: Version) -> Assigned:
                 is_copy = isinstance(assignment.value, Place) and not assignment.value.is_target
                 (copied if is_copy else computed).add(assignment.target.field)
     return Assigned(frozenset(copied), frozenset(computed - copied))
+
+
+def lost_values(text: str, older: Version, newer: Version, renamed: Mapping[str, str]) -> Iterator[Problem]:
+    """Yield the fields that a direction only sets to a constant, although the other version has their value.
+
+    It has a field of the same name, or the same field by another name: `renamed` has the newer names by the older ones.
+    """
+    before, after = ({field.name for field in version.message.fields} for version in (older, newer))
+    pairs = {name: name for name in before & after}
+    pairs |= {old: new for old, new in renamed.items() if old in before - after and new in after - before}
+    for each in _classes(text, older, newer):
+        from_older, to_older = (
+            _constant_fields(each.translation.from_older),
+            _constant_fields(each.translation.to_older),
+        )
+        for old, new in pairs.items():
+            found = [("newer", new, "older", old)] if new in from_older else []
+            found += [("older", old, "newer", new)] if old in to_older else []
+            for age, name, other_age, other in found:
+                named = (at.line for at in each.references if at.is_older == (age == "older") and at.path[0] == name)
+                problem = f"sets {age}.{name} to a constant, not from {other_age}.{other}"
+                yield Problem(next(named, 1), problem, (old, new))
+
+
+def _constant_fields(statements: Iterable[Statement] | None) -> set[str]:
+    """Return the fields that statements set to constants only. What a condition chooses is no constant."""
+    constant: set[str] = set()
+    others: set[str] = set()
+    for statement in statements or ():
+        for each in _assignments([statement]):
+            is_constant = _is_constant(each.value) and not isinstance(statement, Branch)
+            (constant if is_constant else others).add(each.target.field)
+    return constant - others
+
+
+def _is_constant(value: Expression | None) -> bool:
+    if isinstance(value, Operation):
+        return all(map(_is_constant, value.operands))
+    return isinstance(value, Number)
 
 
 def _classes(text: str, older: Version, newer: Version) -> Iterator[TranslationClass]:

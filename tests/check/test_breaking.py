@@ -284,11 +284,14 @@ def test_a_setting_that_leads_nowhere_is_told_where_it_stands(capsys: Capture) -
     )
 
 
-def test_against_what_has_to_be_said(capsys: Capture) -> None:
-    with pytest.raises(SystemExit) as stopped:
-        breaking("--px4", "firmware")
-    assert stopped.value.code == FAILED
-    assert "--against" in capsys.readouterr().err
+def test_the_last_commit_is_the_default_in_a_repository(capsys: Capture) -> None:
+    add_field()
+    assert broken(capsys, "--px4", "firmware") == broken(capsys, "--px4", "firmware", "--against", "HEAD") == ADDED
+    for outside in ("v1.18", "firmware@v1"):
+        with pytest.raises(SystemExit) as stopped:
+            breaking("--px4", outside)
+        assert stopped.value.code == FAILED
+        assert "--against" in capsys.readouterr().err
 
 
 def test_a_path_may_have_an_at_in_it(capsys: Capture) -> None:
@@ -643,7 +646,13 @@ def test_it_takes_care_of_names_and_moves_as_well(capsys: Capture) -> None:
     bump()
     edit(HOME, "float64 lat ", "float64 latitude ")
     edit(HOME, "bool valid_alt ", "uint8 valid_alt ")
-    (FIRMWARE / HEADER).write_text(header(("HomePosition", 1)))
+    text = header(("HomePosition", 1))
+    (FIRMWARE / HEADER).write_text(text)
+    assert broken(capsys) == {("FIELD_RENAMED", "HomePosition")}, "the latitude is lost"
+    for target, source in (("newer.latitude", "older.lat"), ("older.lat", "newer.latitude")):
+        assert f"{target} = {{}}" in text
+        text = text.replace(f"{target} = {{}}", f"{target} = {source}")
+    (FIRMWARE / HEADER).write_text(text)
     assert broken(capsys) == NONE
     renamed = {("FIELD_RENAMED", "HomePosition"), ("FIELD_RETYPED", "HomePosition")}
     assert handled(capsys) == HANDLED | renamed

@@ -156,7 +156,7 @@ def test_the_examples_of_wrong_arguments(capsys: pytest.CaptureFixture[str]) -> 
         "--px4 v1.16 build": "msggen: error: unknown argument '--px4': name a command first",
         "bump HomePosition VehicleStatus": "unknown argument 'VehicleStatus': expected one MSG per run",
         "check a b c": "unknown argument 'c': expected PKG and B",
-        "breaking": "the following arguments are required: --against",
+        "breaking --px4 v1.18": "required: --against, unless the firmware is in a repository of git",
         "render --message A B": "unknown argument 'B': repeat the option, --message B",
         "render --message=A B C -o -": "unknown argument 'B': repeat the option, --message B",
         "build --msg-dir a b": "unknown argument 'b': repeat the option, --msg-dir b",

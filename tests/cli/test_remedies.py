@@ -230,6 +230,38 @@ def test_bump_mends_the_findings_about_versions(
 
 
 @pytest.mark.tools("git")
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("float32 voltage  # [V] Voltage of the lamp", "float32 voltage_v  # [V] Voltage of the lamp"),
+        ("float32 power", "uint16 power"),
+    ],
+)
+def test_a_field_that_is_only_set_to_a_constant_is_not_translated(
+    old: str, new: str, tree: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The comments with TODO are gone, but the value of the other version is lost."""
+    lamp = tree / "msg/versioned/Lamp.msg"
+    lamp.write_text(f"{VERSIONED.format(0)}{old}\n")
+    committed(tree)
+    lamp.write_text(f"{VERSIONED.format(0)}{new}\n")
+    assert main(["bump", "Lamp", "--px4", str(tree)]) == DONE
+    header = tree / "msg/translation_node/translations/translation_lamp_v1.h"
+    text = re.sub("// .*", "", header.read_text())
+    names = f"older.{old.split()[1]}", f"newer.{new.split()[1]}"
+    for lost in (2, 1, 0):
+        header.write_text(text)
+        found = report(capsys, "breaking", "--px4", str(tree))
+        unfinished = [each["message"] for each in found if each["rule"] == "TRANSLATION_UNFINISHED"]
+        assert [message.count("to a constant") for message in unfinished] == [lost][:lost]
+        assert any(each["fails"] for each in found) == bool(lost)
+        if lost:
+            target, source = names[lost - 1], names[lost - 2]
+            text, count = re.subn(rf"{target} = 0[^;]*;", f"{target} = {source};", text)
+            assert count == 1
+
+
+@pytest.mark.tools("git")
 def test_nested_messages_come_first(tree: Path, capsys: pytest.CaptureFixture[str]) -> None:
     nested = {"Array": "Lamp lamp\n", "Zone": "Array array\n"}
     for name, field in nested.items():

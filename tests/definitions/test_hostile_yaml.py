@@ -81,6 +81,23 @@ def test_merges_and_aliases_are_bounded(text: str) -> None:
     assert [each.code for each in found][-1:] == ["Y101"]
 
 
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [("a: &a [{}]\nb: *a\n", "aliases that stand for too much"), ("b: {{<<: {{{}}}}}\n", "merges of too many keys")],
+)
+def test_the_bounds_are_exact(text: str, problem: str) -> None:
+    """An alias of a list of n values stands for n + 1 nodes."""
+    is_alias = "*" in text
+    for count, is_refused in ((10_000, False), (10_001, True)):
+        parts = ["1"] * (count - 1) if is_alias else [f"k{number}: 1" for number in range(count)]
+        document = text.format(", ".join(parts)).encode()
+        if is_refused:
+            with pytest.raises(InputError, match=f"{problem}: more than 10000"):
+                read_yaml(document, "a.yaml")
+        else:
+            assert read_yaml(document, "a.yaml") is not None
+
+
 @pytest.mark.parametrize("value", ["9" * 400, "1.0e-320", "!!float ''"])
 def test_a_rate_that_no_number_has_is_an_error_with_its_place(value: str, capsys: pytest.CaptureFixture[str]) -> None:
     Path("dds_topics.yaml").write_text(f"publications:\n- {{{ENTRY}, rate_limit: {value}}}\n")

@@ -269,6 +269,39 @@ def test_a_field_of_the_same_name_that_is_set_in_an_unclear_way_is_not_carried_o
     assert package.Gust(scaled=2.0).downgrade().defaulted == ()
 
 
+UNLIKE = [("float32[2]", "float32"), ("float32", "float32[2]"), ("Inner", "uint8"), ("uint8", "Inner")]
+
+
+@pytest.mark.parametrize(("older", "newer"), UNLIKE)
+def test_a_field_is_no_copy_of_one_whose_values_it_cannot_have(older: str, newer: str, tmp_path: Path) -> None:
+    """No compiler accepts such a header. It is not told as a copy, and the field keeps its default."""
+    inner = {"msg/Inner.msg": "uint64 timestamp\nuint8 x\n", f"{ARCHIVE}/InnerV0.msg": "uint64 timestamp\nuint8 x\n"}
+    versions = {"Mix": (f"{older.replace('Inner', 'InnerV0')} a\n", f"{newer} b\n")}
+    package = package_of(tree(versions, class_of("Mix", "n.timestamp = o.timestamp; n.b = o.a;"), **inner), tmp_path)
+    assert "`b` from `a`" not in package.MixV0.upgrade.__doc__
+    assert package.MixV0(timestamp=1).upgrade().defaulted == ("b",)
+
+
+@pytest.mark.parametrize(
+    ("then", "otherwise"),
+    [
+        ("n.y = unknown(o.x);", "n.y[0] = 1; n.y[1] = 2;"),
+        ("n.y[0] = 1; n.y[1] = 2;", "n.y = unknown(o.x);"),
+        ("n.y = o.x;", "n.y[0] = 1; n.y[1] = 2;"),
+        ("n.y[0] = 1; n.y[1] = 2;", "n.y = o.x;"),
+    ],
+)
+def test_a_choice_with_a_side_that_is_not_read_by_elements_is_unclear(
+    then: str, otherwise: str, tmp_path: Path
+) -> None:
+    versions = {"Pick": ("bool on\nint16[2] x\n", "int16[2] y\n")}
+    up = f"n.timestamp = o.timestamp; if (o.on) {{ {then} }} else {{ {otherwise} }}"
+    package = package_of(tree(versions, class_of("Pick", up)), tmp_path)
+    for on in (False, True):
+        converted = package.PickV0(timestamp=1, on=on, x=(3, 4)).upgrade()
+        assert (converted.message, converted.defaulted) == (package.Pick(timestamp=1), ("y",))
+
+
 DOCUMENTED = """Return the message as version 1, and the fields that could not be copied.
 
         Fields that PX4's translation does not copy by name:

@@ -9,6 +9,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -19,6 +20,8 @@ from msggen.base.diagnostics import InputError
 from msggen.base.version import __version__
 from msggen.generate import cache
 from msggen.generate.build import Build
+from msggen.sources.sources import Sources, find_sources
+from support.catalogs import write_definitions
 from support.owners import give, needs_owners
 from support.repository import ROOT
 
@@ -66,6 +69,61 @@ def test_a_build_that_takes_long_is_told_once(
     for _ in range(2):
         cache.folder_of("v1.14")
     assert caplog.messages == ["building the types of the embedded PX4 v1.14, once: the next start does not wait"]
+
+
+def sources_with(folder: Path, number: int) -> Sources:
+    """Return a firmware with one message, another one for each number."""
+    tree = write_definitions(
+        folder / f"px4-{number}", {"src/modules/x": "", "msg/Rpm.msg": f"uint64 timestamp\nuint8 x{number}\n"}
+    )
+    return find_sources(str(tree))
+
+
+def test_processes_at_once_build_a_package_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Locks of a folder hold between threads as between processes. Only the one that builds says so."""
+    run, built = Build.run, []
+
+    def slow(build: Build, *, write: bool) -> Any:
+        built.append(build)
+        time.sleep(0.2)
+        return run(build, write=write)
+
+    monkeypatch.setattr(cache, "_PATIENCE", 0.01)
+    monkeypatch.setattr(Build, "run", slow)
+    sources = sources_with(tmp_path, 1)
+    with ThreadPoolExecutor(4) as pool:
+        folders = set(pool.map(cache.folder_from, [sources] * 4))
+    assert (len(folders), len(built)) == (1, 1)
+    assert len(caplog.messages) == 1
+
+
+def test_the_last_packages_are_kept_by_use(home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cache, "_KEPT", 3)
+    folders = [Path(cache.folder_from(sources_with(tmp_path, number))) for number in range(2)]
+    for old, folder in enumerate(folders, 1):
+        release(folder.parent)
+        os.utime(folder.parent, (old, old))
+    rest, recent = home / "new-killed", home / "new-running"
+    for each in (rest, recent):
+        each.mkdir()
+    os.utime(rest, (1, 1))
+    cache.folder_from(sources_with(tmp_path, 0))  # is used again, by a process that may import more of it
+    for number in range(2, 6):
+        folders.append(Path(cache.folder_from(sources_with(tmp_path, number))))
+        release(folders[-1].parent)
+    assert [folder.is_dir() for folder in folders] == [True, False, False, True, True, True]
+    assert (rest.exists(), recent.exists()) == (False, True)
+    release(folders[0].parent)
+    folders.append(Path(cache.folder_from(sources_with(tmp_path, 6))))
+    assert [folder.is_dir() for folder in folders] == [False, False, False, False, True, True, True]
+    assert Path(cache.folder_from(sources_with(tmp_path, 0))).is_dir(), "it is built again"
+
+
+def release(place: Path) -> None:
+    """Give a package back, as the end of a process does."""
+    os.close(cache._TAKEN.pop(str(place)))
 
 
 def test_a_release_without_archived_versions_has_a_package() -> None:

@@ -263,10 +263,11 @@ RULES = (
     ),
     Rule(
         "TRANSLATION_UNFINISHED",
-        "a translation header leaves out a field or has a TODO",
+        "a translation header leaves out a field or its value, or has a TODO",
         _VERSION,
         version.find_unfinished_translations,
-        fix="In both functions of the header, assign the missing fields and complete the lines with TODO.",
+        fix="In both functions of the header, assign the missing fields, complete the lines with TODO, and set fields "
+        "from those of the other version instead of to a constant.",
         severity=Severity.WARNING,
     ),
     Rule(

@@ -25,6 +25,7 @@ from msggen.sources.translation_check import (
     Problem,
     Version,
     assigned,
+    lost_values,
     missing_fields,
     unfinished_lines,
     unfinished_names,
@@ -35,8 +36,9 @@ from msggen.sources.translation_check import (
 class Coverage(NamedTuple):
     """The extent to which the new versions of a message translate it.
 
-    `open` has the names that a header does not mention, or mentions in a line marked TODO. `copied` has the fields that
-    all steps copy, and `computed` those that a step computes.
+    `open` has the names that a header does not mention, mentions in a line marked TODO, or sets to a constant although
+    the other version has the value. `copied` has the fields that all steps copy, and `computed` those that a step
+    computes.
     """
 
     open: frozenset[str]
@@ -115,7 +117,7 @@ def find_invalid_translations(comparison: Comparison) -> Iterator[Change]:
 
 
 def find_unfinished_translations(comparison: Comparison) -> Iterator[Change]:
-    """Yield the translation headers that leave out a field or have a TODO."""
+    """Yield the translation headers that leave out a field or its value, or have a TODO."""
     history = comparison.current.history
     if not history:
         return
@@ -125,9 +127,12 @@ def find_unfinished_translations(comparison: Comparison) -> Iterator[Change]:
                 missing, todo = missing_fields(text, older.message, newer.message), unfinished_lines(text)
                 problems = [f"does not mention {few(missing)}"] if missing else []
                 problems += [f"has TODO in {_lines(todo)}"] if todo else []
+                lost = [each for each in _lost_values(pair, text, older, newer) if each.line not in todo]
+                problems += [each.text for each in lost]
                 if problems:
                     found = f"'{header}' {' and '.join(problems)}"
-                    yield in_header(history, header, todo[0] if todo else 1, pair.name, found)
+                    line = [*todo, *(each.line for each in lost), 1][0]
+                    yield in_header(history, header, line, pair.name, found)
 
 
 def handled(comparison: Comparison) -> dict[str, Coverage]:
@@ -169,7 +174,13 @@ def _coverage(comparison: Comparison, pair: MessagePair) -> Coverage:
             copied |= fields.copied
             computed |= fields.computed
             open_.update(unfinished_names(text), missing_fields(text, older.message, newer.message))
+            open_.update(name for each in _lost_values(pair, text, older, newer) for name in each.names)
     return Coverage(frozenset(open_), frozenset(copied - computed), frozenset(computed))
+
+
+def _lost_values(pair: MessagePair, text: str, older: Version, newer: Version) -> Iterator[Problem]:
+    renamed = {each.previous.name: each.current.name for each in pair.renamed}
+    return lost_values(text, older, newer, renamed)
 
 
 def _unknown_names(comparison: Comparison, pair: MessagePair) -> Iterator[tuple[str, Problem]]:

@@ -42,15 +42,15 @@ MARKS: Mapping[str, MarkText] = MappingProxyType(
             "includes translates between both. Between releases, a version can increase by more than one. Then each "
             "version in between must be archived, and headers must translate each step. A finding about a field or a "
             "constant is not handled while a line of the header about it has a TODO, or if the header does not "
-            "mention the field. A changed unit, frame, range, enum or invalid value is handled if the header does not"
-            " only copy the field. A header that names a field that its version does not have handles nothing. A "
-            "handled finding does not fail the run.",
+            "mention the field, or sets it to a constant although the other version has its value. A changed unit, "
+            "frame, range, enum or invalid value is handled if the header does not only copy the field. A header that "
+            "names a field that its version does not have handles nothing. A handled finding does not fail the run.",
             "Nothing has to change. Applications built with the old version need PX4's translation node.",
         ),
         "warning": MarkText(
             "marks a finding that fails the run only with `--strict`: another rate limit or other options of a topic,"
-            " a translation that omits a field or still has a TODO, in `check` another unit, range, frame, enum "
-            "or invalid value, and everything that `lint` finds.",
+            " a translation that omits a field or its value or still has a TODO, in `check` another unit, range, "
+            "frame, enum or invalid value, and everything that `lint` finds.",
             "Read the finding and decide. `msggen explain` describes the fix for its rule.",
         ),
     }
