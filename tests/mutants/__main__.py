@@ -76,8 +76,11 @@ def tests_of(root: Path, modules: set[str], folders: Iterable[str], seconds: flo
     found = root / "lines.json"
     found.write_text("{}")
     more = {"MUTANTS_MODULES": json.dumps([str(root / each) for each in modules]), "MUTANTS_LINES": str(found)}
-    options = ("-p", "mutants.lines", "-m", "not slow and not night", "--random-order-bucket=global")
-    pytest_of(root, *options, *sorted({*folders}), seconds=seconds, **more)
+    files = sorted({path for folder in folders for path in (root / folder).rglob("test_*.py")})
+    stems = [Path(each).stem for each in modules]
+    files.sort(key=lambda path: not any(stem in path.stem for stem in stems))  # those of the modules first
+    options = ("-p", "mutants.lines", "-m", "not slow and not night")
+    pytest_of(root, *options, *map(str, files), seconds=seconds, **more)
     rows: dict[str, dict[str, object]] = json.loads(found.read_text())
     return rows
 
