@@ -1,0 +1,1 @@
+"""Changes of single lines of msggen, which tests should notice: `python -m tests.mutants`."""
