@@ -138,7 +138,7 @@ TOGETHER = {
     "hash": (Misbehaviour(wrong_hashes=("VehicleStatus",)), rules_of("hash")),
     "version": (Misbehaviour(versions={"VehicleStatus": 9}), rules_of("version")),
     "clock": (Misbehaviour(clock_off=-7.0), rules_of("clock")),
-    "unsettled": (Misbehaviour(clock_off=-0.04), rules_of("unsettled")),
+    "unsettled": (Misbehaviour(clock_off=-0.4), rules_of("unsettled")),
 }
 LONG = {
     "silent": (Misbehaviour(silent_after=3.5), rules_of("silent")),
