@@ -89,7 +89,7 @@ FAULTS: Mapping[str, Fault] = MappingProxyType(
         "boot": _fault("the clock is not synchronized", "`msggen sim --sync off`", "TIME_NOT_SYNCED"),
         "clock": _fault("the clock is wrong", "`msggen sim --clock-off -7`", "CLOCK_WRONG"),
         "unsettled": _fault(
-            "the vehicle's estimate of the clocks is wrong", "`msggen sim --clock-off -0.4`", "CLOCK_UNSETTLED"
+            "the vehicle's estimate of the clocks is wrong", "`msggen sim --clock-off -0.04`", "CLOCK_UNSETTLED"
         ),
         "garbage": _fault("the network damages datagrams", "`msggen sim --garbage 0.3`", "DATAGRAMS_DAMAGED"),
         "noise": _fault("only another protocol arrives", "random datagrams", "DATAGRAMS_DAMAGED"),
