@@ -11,7 +11,11 @@ from contextlib import suppress
 from msggen.live import Vehicle
 from px4_types import OffboardControlMode, TrajectorySetpoint, VehicleLocalPosition, frames
 
-goal = tuple(float(number) for number in sys.argv[1:4])
+try:
+    east, north, up = map(float, sys.argv[1:4])
+except ValueError:
+    sys.exit("usage: python enu_goal.py EAST NORTH UP [udp://127.0.0.1:8888], in m")
+goal = east, north, up
 setpoint = frames.from_ros(TrajectorySetpoint, position=goal)  # NED; all other values are NaN, "not controlled"
 
 with Vehicle(*sys.argv[4:]) as vehicle:

@@ -220,9 +220,10 @@ class _Parser(argparse.ArgumentParser):
         if action.choices is not None and value not in action.choices:
             from msggen.cli.unknown_argument import error_for_choice
 
-            is_command = action.metavar == _COMMAND and action.nargs == argparse.PARSER
-            choices = list(map(str, action.choices))
-            raise argparse.ArgumentError(action, error_for_choice(str(value), choices, is_command=is_command))
+            kind = str(action.metavar).lower() if action.nargs == argparse.PARSER else ""
+            raise argparse.ArgumentError(
+                action, error_for_choice(str(value), list(map(str, action.choices)), kind=kind)
+            )
 
 
 class _PrintCMakeFolder(argparse.Action):

@@ -18,7 +18,11 @@ SYNONYMS: Mapping[str, str] = {"show": "info"}
 
 _NO_AGENT = "no agent is needed: PX4's client connects to msggen; `msggen doctor --link udp://0.0.0.0:8888` shows it"
 _PARAMETERS = "parameters are set with QGroundControl or MAVSDK; `msggen log show FILE --params` prints those of a ULog"
+_MODES = "`msggen topic echo vehicle_status --field nav_state` shows the mode, and docs/flight.md has modes in programs"
 _MISSIONS = "missions go over MAVLink, with QGroundControl or MAVSDK; `msggen command` sends single commands"
+
+_NO_QOS = "leave it out: there is no QoS between msggen and PX4, and every sample that arrives is taken"
+_QOS = tuple(f"--qos-{name}" for name in ("profile", "depth", "history", "reliability", "durability", "liveliness"))
 
 COMMANDS: Mapping[str, str] = {
     # ROS 2
@@ -34,6 +38,9 @@ COMMANDS: Mapping[str, str] = {
     "launch": "`msggen relay` carries the topics to ROS 2; programs use msggen.live (docs/vehicle.md)",
     "daemon": "`msggen link list` lists the processes that own a link, `msggen link stop` stops one",
     "wtf": "`msggen doctor` finds out why nothing arrives",
+    "replay": "`msggen play FILE` plays a recording",
+    "rosbag": "`msggen record`, `msggen play` and `msggen log info` do what ros2 bag does",
+    "sub": "`msggen topic echo TOPIC` prints the messages of a topic",
     # MAVSDK
     "connect": "a vehicle connects by itself: `msggen topic list` waits for it, and `msggen doctor` finds out why not",
     "telemetry": "`msggen top` shows all topics, and `msggen topic echo TOPIC` one",
@@ -49,6 +56,8 @@ COMMANDS: Mapping[str, str] = {
     "mode": "`msggen command mode NAME` selects a mode, such as hold",
     "goto": "`msggen command DO_REPOSITION`, or `flight.goto` in a program (docs/flight.md)",
     "offboard": "`flight.offboard()` in a program (docs/flight.md), or `msggen topic pub`",
+    "mode": _MODES,
+    "modes": _MODES,
     "mission": _MISSIONS,
     "geofence": _MISSIONS,
     "params": _PARAMETERS,
@@ -76,9 +85,19 @@ COMMANDS: Mapping[str, str] = {
     "generate": "`msggen build` generates a package",
     "diff": "`msggen breaking --against REF` compares definitions",
 }
-"""What to do about a word in place of a command, in lower case."""
+"""What to do about a word in place of a command or an action, in lower case."""
 
 ARGUMENTS: Mapping[tuple[str, str], str] = {
+    **{(f"topic {action}", option): _NO_QOS for action in ("echo", "hz", "bw", "delay", "pub") for option in _QOS},
+    **dict.fromkeys(
+        (("topic info", "-v"), ("topic info", "--verbose")), "the publishers and the QoS are shown without it"
+    ),
+    ("topic echo", "--timeout"): "use --for",
+    ("topic hz", "-w"): "use --window, in seconds",
+    ("topic plot", "-f"): "use --field",
+    ("topic echo", "-f"): "use --field for a single value; messages are printed whole",
+    ("topic echo", "--no-arr"): "use --field for a single value",
+    ("topic echo", "--full-length"): "messages are printed whole without it",
     ("record", "-a"): "all topics are recorded without it",
     ("record", "--all"): "all topics are recorded without it",
     ("play", "--speed"): "use --rate",

@@ -54,15 +54,18 @@ def _hint_for(parser: Any, wrong: str, given: Sequence[str], all_commands: Calla
     return f": expected {f'one {names[0]} per run' if len(names) == 1 else ' and '.join(names)}"
 
 
-def error_for_choice(value: str, choices: Sequence[str], *, is_command: bool) -> str:
-    """Return the message about a word that is none of the choices of an argument, such as the commands."""
-    pointer = COMMANDS.get(value.lower()) if is_command else None
-    if pointer:
-        return f"no command {value!r}: {pointer}"
+def error_for_choice(value: str, choices: Sequence[str], *, kind: str = "") -> str:
+    """Return the message about a word that is none of the choices of an argument.
+
+    `kind` is "command" or "action" if it stands in the place of one.
+    """
+    is_command, pointer = kind == "command", COMMANDS.get(value.lower())
+    if kind and pointer:
+        return f"no {kind} {value!r}: {pointer}"
     command = ACTIONS.get(value, "") if is_command else ""
     near = suggestion(SYNONYMS.get(value, value), choices)
     hint = f", did you mean '{command} {value}'?" if command in choices else near
-    return f"invalid choice: {value!r} (choose from {', '.join(choices)}){hint}"
+    return f"invalid choice: {value!r}{hint} (choose from {', '.join(choices)})"
 
 
 def _of_other_programs(parser: Any, wrong: str, given: Sequence[str]) -> str:

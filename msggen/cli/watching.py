@@ -52,7 +52,8 @@ def watching() -> Iterator[None]:
 
 
 def rounds(options: argparse.Namespace, vehicle: Vehicle, period: float) -> Iterator[None]:
-    """Yield every `period` seconds, until the time of the options is over, and once at its end.
+    """Yield every `period` seconds until the time of the options is over: the last time at its end, at least `period`
+    after the time before.
 
     Flushes the output after each round, and says on stderr when the vehicle disconnects and connects again. Raises
     LinkError if the link has failed.
@@ -63,7 +64,7 @@ def rounds(options: argparse.Namespace, vehicle: Vehicle, period: float) -> Iter
     while True:
         number += 1
         due = start + number * period
-        is_last = seconds is not None and due >= start + seconds
+        is_last = seconds is not None and (number + 1) * period > seconds
         rest = (start + seconds if is_last else due) - time.monotonic()
         if rest > 0:
             time.sleep(rest)

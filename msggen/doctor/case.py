@@ -61,7 +61,11 @@ class Case(NamedTuple):
 
     def is_silent(self, vehicle: VehicleSeen) -> bool:
         """Whether a vehicle has stopped to send."""
-        return bool(vehicle.ended) or (self.seen.now - vehicle.heard) / 1e9 > SILENT
+        return bool(vehicle.ended) or (self.seen.now - max(vehicle.heard, vehicle.since)) / 1e9 > SILENT
+
+    def is_new(self, vehicle: VehicleSeen) -> bool:
+        """Whether a vehicle has just connected, and may not have created all its topics."""
+        return not (vehicle.heard or self.is_silent(vehicle))
 
     def routes(self, vehicle: VehicleSeen) -> Sequence[Route]:
         """Return the topics of a vehicle that the user means."""

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 from msggen.base.diagnostics import counted, few
 from msggen.check.finding import Change
-from msggen.doctor.case import Case
-from msggen.doctor.observation import OWNER, SIM, Observation
+from msggen.doctor.case import SILENT, Case
+from msggen.doctor.observation import INTACT, OWNER, SIM, Observation
 from msggen.live.links.link_types import AGENT_PORT, PORT
 from msggen.live.vehicle.selection import shown
 from msggen.live.xrce.agent import Client
@@ -17,21 +17,9 @@ _REFUSALS = {
     "address that is not allowed": "address is not in --allow",
     "key that is not allowed": "key is not allowed",
 }
-_NO_DAMAGE = frozenset(
-    {
-        *_REFUSALS,
-        "message of an unknown session",
-        "sample of another firmware than the expected one",
-        "reply to a request of another program",
-        "data of an unknown entity",
-    }
-)
-"""Reasons for which intact datagrams are refused. Those that begin with `too many` are further ones."""
 _DAMAGED = 5
 """The damaged datagrams that are reported, at least."""
 _DAMAGED_SHARE = 0.01
-_OVERLAP = 0.5
-"""The time in s for which a client may be heard after its next session began."""
 _RETRIES = 3
 """The requests for the time without an answer that are enough to say so. PX4's client repeats one after 1 s."""
 
@@ -70,7 +58,7 @@ def find_busy_agent(case: Case) -> Iterator[Change]:
         if not seen.link_type.has_domain
         else f"its DDS domain is not that of {seen.link}: compare UXRCE_DDS_DOM_ID, and the networks that both use"
     )
-    for agent in seen.agents:
+    for agent in () if seen.has_client else seen.agents:
         if agent.clients or agent.namespaces:
             whose = few([*map(str, agent.clients), *(f"namespace '{name}'" for name in agent.namespaces or () if name)])
             text = f"an agent at {agent.address} has the vehicle{f', {whose}' if whose else ''}: {cure}"
@@ -79,7 +67,7 @@ def find_busy_agent(case: Case) -> Iterator[Change]:
 
 def find_idle_agent(case: Case) -> Iterator[Change]:
     """Find agents without a client."""
-    for agent in case.seen.agents:
+    for agent in () if case.seen.has_client else case.seen.agents:
         if not agent.clients and not agent.namespaces:
             where = "no process of this computer sends to it"
             if agent.namespaces is not None:
@@ -100,8 +88,8 @@ def find_no_agent(case: Case) -> Iterator[Change]:
 
 
 def find_elsewhere(case: Case) -> Iterator[Change]:
-    """Find a PX4 on this computer that sends to another address."""
-    if not case.seen.is_taken:
+    """Find a PX4 on this computer that sends to another address, unless a client talks to this one."""
+    if not (case.seen.is_taken or case.seen.has_client):
         for process, address in case.seen.senders:
             client = f"its client with `uxrce_dds_client start -t udp -h 127.0.0.1 -p {case.seen.port}`"
             start = f"`{SIM} udp://127.0.0.1:{case.seen.port}`" if process.name == SIM else client
@@ -152,31 +140,41 @@ def find_refused(case: Case) -> Iterator[Change]:
 
 
 def find_no_time(case: Case) -> Iterator[Change]:
-    """Find clients that get no answer to their requests for the time."""
-    for client in case.seen.clients:
-        if _waits_for_time(case, client):
-            yield case.change(
-                client.address,
-                f"the client at {client.address} (key {client.key}) has asked for the time {client.timestamps} times "
-                f"in {client.age:.0f} s, and does not get the answers: check that packets reach the vehicle "
-                "(firewall, agent behind the tap), or set UXRCE_DDS_SYNCT to 0",
-            )
+    """Find clients that ask for the time, and do not get it."""
+    for client, asked in _deaf(case):
+        yield case.change(
+            client.address,
+            f"the client at {client.address} (key {client.key}) has asked for the time {asked.timestamps} times "
+            f"in {asked.age - asked.silence:.0f} s, and does not get the answers: check that packets reach the vehicle "
+            "(firewall, agent behind the tap), or set UXRCE_DDS_SYNCT to 0",
+        )
 
 
-def _waits_for_time(case: Case, client: Client) -> bool:
-    """Whether a client repeats its request for the time. The time after its last message does not count."""
-    is_ready = any(each.remote.number == client.number and each.routes for each in case.seen.vehicles)
-    if is_ready or _has_restarted(case, client):
-        return False
-    return _RETRIES <= client.timestamps <= 1.5 * (client.age - client.silence) + 1
+def _deaf(case: Case) -> Iterator[tuple[Client, Client]]:
+    """Yield the clients that do not get the time, each with the session that shows it.
+
+    PX4's client gives up after eleven requests, and begins another session. The newest one that has its topics, or that
+    has asked often enough, tells.
+    """
+    by_vehicle: dict[tuple[int, str], list[Client]] = {}
+    for client in sorted(case.seen.clients, key=lambda each: each.age):
+        is_alone = client.key and client.key not in case.shared_keys
+        by_vehicle.setdefault((client.key, "" if is_alone else client.address), []).append(client)
+    for sessions in by_vehicle.values():
+        for client in sessions:
+            if _has_topics(case, client) or client.timestamps >= _RETRIES:
+                if not _has_topics(case, client) and _is_slow(client):
+                    yield sessions[0], client
+                break
 
 
-def _has_restarted(case: Case, client: Client) -> bool:
-    """Whether a client has begun another session since."""
-    return any(
-        other.key == client.key and other.age < client.age and client.silence >= other.age - _OVERLAP
-        for other in case.seen.clients
-    )
+def _has_topics(case: Case, client: Client) -> bool:
+    return any(each.remote.number == client.number and each.routes for each in case.seen.vehicles)
+
+
+def _is_slow(client: Client) -> bool:
+    """Whether a client repeats its requests for the time. After an answer, the next one follows at once."""
+    return client.timestamps <= 1.5 * (client.age - client.silence) + 1
 
 
 def find_damaged(case: Case) -> Iterator[Change]:
@@ -185,7 +183,7 @@ def find_damaged(case: Case) -> Iterator[Change]:
     reasons = {
         reason: count
         for reason, count in sorted(seen.refused.items(), key=lambda each: -each[1])
-        if reason not in _NO_DAMAGE and not reason.startswith("too many")
+        if reason not in INTACT and not reason.startswith("too many")
     }
     number, arrived = sum(reasons.values()), seen.statistics.received + seen.statistics.refused
     if number >= _DAMAGED and number > _DAMAGED_SHARE * arrived:
@@ -208,12 +206,13 @@ def find_unready(case: Case) -> Iterator[Change]:
     is_damaged = not seen.clients and any(find_damaged(case))
     if is_damaged or any(any(find(case)) for find in (find_no_time, find_refused, find_garbled, find_restarts)):
         return
-    yield case.change(
-        seen.link,
-        f"a client sends, but has not created its topics within {seen.waited:.0f} s: it may still have the "
-        "session of an earlier program, which it ends within 14 s: run this again; if that does not help, "
-        f"packets to the vehicle get lost; {_STATUS}",
-    )
+    text = f"a client sends, but has not created its topics within {seen.waited:.0f} s: "
+    if any(each.timestamps >= _RETRIES and each.silence < SILENT for each in seen.clients):
+        text += "it synchronizes its clock, which takes about 6 s: run this again, with a longer --wait"
+    else:
+        text += "it may still have the session of an earlier program, which it ends within 14 s: run this again; if "
+        text += f"that does not help, packets to the vehicle get lost; {_STATUS}"
+    yield case.change(seen.link, text)
 
 
 def find_shared_key(case: Case) -> Iterator[Change]:
@@ -228,7 +227,7 @@ def find_shared_key(case: Case) -> Iterator[Change]:
 
 def find_restarts(case: Case) -> Iterator[Change]:
     """Find vehicles that begin session after session, unless they do so because they get no time."""
-    deaf = {client.key for client in case.seen.clients if _waits_for_time(case, client)}
+    deaf = {client.key for client, _ in _deaf(case)}
     sessions: dict[tuple[int, str], list[str]] = {}
     for each in case.seen.vehicles:
         remote = each.remote

@@ -155,7 +155,7 @@ def find_not_bridged(case: Case) -> Iterator[Change]:
     yield from _of_kind(case, "bridge")
     for vehicle in case.vehicles:
         expected = case.expected_by(vehicle)
-        if expected.is_given and vehicle.routes and not case.wanted:
+        if expected.is_given and vehicle.routes and not (case.wanted or case.is_new(vehicle)):
             own = {stem_of(without_namespace(route.name, vehicle.remote.namespace)) for route in vehicle.routes}
             missing = [topic.name for topic in expected.topics if stem_of(topic.name) not in own]
             if missing:

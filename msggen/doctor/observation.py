@@ -11,6 +11,18 @@ from msggen.live.links.link_types import LINK_TYPES, LinkType
 from msggen.live.messages.names import uorb_name
 from msggen.live.xrce.agent import Client
 
+INTACT = frozenset(
+    {
+        "address that is not allowed",
+        "key that is not allowed",
+        "message of an unknown session",
+        "sample of another firmware than the expected one",
+        "reply to a request of another program",
+        "data of an unknown entity",
+    }
+)
+"""Reasons for which intact datagrams are refused. Those that begin with `too many` are further ones."""
+
 SIM = "msggen sim"
 """The name of a process that simulates vehicles."""
 
@@ -141,6 +153,8 @@ class VehicleSeen(NamedTuple):
     """The time between the first and the last sample."""
     heard: int = 0
     """The arrival of the last sample in ns since 1970, 0 if there was none."""
+    since: int = 0
+    """When it connected, or the doctor began to look, in ns since 1970. 0 if it is not known."""
     ended: str = ""
     """The reason why the session ended, "" if it goes on."""
     inputs: Mapping[str, InputSeen] = {}
@@ -191,6 +205,7 @@ class Observation(NamedTuple):
     vehicles: tuple[VehicleSeen, ...] = ()
     """All sessions, those that have ended too."""
     clients: tuple[Client, ...] = ()
+    """Those of all sessions that were seen, also of those that have ended."""
     readers: tuple[ReaderSeen, ...] = ()
     writers: tuple[WriterSeen, ...] = ()
     hears_programs: bool = False
@@ -201,6 +216,11 @@ class Observation(NamedTuple):
     warnings: tuple[str, ...] = ()
     buffer_limit: int = 0
     """The largest receive buffer that the kernel grants, 0 if it is not known."""
+
+    @property
+    def has_client(self) -> bool:
+        """Whether a client talks to the link, also one that is refused or has not created its topics."""
+        return bool(self.vehicles or self.clients or INTACT & self.refused.keys())
 
     @property
     def link_type(self) -> LinkType:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.doctor.agents import find_agents, find_senders
 from msggen.doctor.observation import Observation, Sender
-from msggen.doctor.observer import Observer, clients_of
+from msggen.doctor.observer import Observer
 from msggen.doctor.sockets import buffer_limit, owners_of
 from msggen.live.link import LinkError
 from msggen.live.links.address import Address, parse_address
@@ -26,6 +26,8 @@ _SETTLED_S = 1.0
 _FURTHER_S = 10.0
 """How much longer to watch, at most, for answers about definitions."""
 _TURN_S = 0.05
+_JUDGED_S = 3.0
+"""How long to look at a client without topics, at least, also after the wait. It repeats a request after 1 s."""
 _GONE_S = 2.0
 """The time in s without a sample after which no answers are waited for."""
 _TAKEN = {errno.EADDRINUSE, errno.EBUSY, errno.EAGAIN}
@@ -96,7 +98,9 @@ def look_around(seen: Observation, address: Address, domain: int = 0) -> Observa
         or (seen.owners and not any("agent" in owner.name.lower() for owner in seen.owners))
     ):
         return seen  # another program of msggen answers as an agent does
-    senders = find_senders(address.port) if link_type.has_port and not seen.is_taken else ()
+    if seen.has_client and not link_type.needs_agent:
+        return seen
+    senders = find_senders(address.port) if link_type.has_port and not (seen.is_taken or seen.has_client) else ()
     agents = find_agents(_places(seen, address, senders), domain)
     return seen._replace(senders=senders, agents=agents, has_asked_agents=True)
 
@@ -118,7 +122,8 @@ def _wait(observer: Observer, address: Address, plan: Plan, told: Callable[[Addr
     first = min(plan.wait, address.link_type.first_s)
     settled: float | None = None
     has_told = False
-    while (now := time.monotonic()) < start + plan.wait:
+    end = start + plan.wait
+    while (now := time.monotonic()) < end or (now < end + _JUDGED_S and _is_new(observer)):
         if _is_ready(observer):
             settled = settled or now
             if now - settled >= _SETTLED_S:
@@ -136,9 +141,15 @@ def _wait(observer: Observer, address: Address, plan: Plan, told: Callable[[Addr
 def _is_ready(observer: Observer) -> bool:
     """Whether all clients have created their topics."""
     entries = tuple(observer.entries.values())
-    heard = {each.number for each in clients_of(observer.link) if each.silence < _GONE_S}
+    heard = {each.number for each in observer.look() if each.silence < _GONE_S}
     is_complete = all(entry.is_ready for entry in entries) and heard <= {entry.remote.number for entry in entries}
     return is_complete and bool(entries)
+
+
+def _is_new(observer: Observer) -> bool:
+    """Whether a client has no topics, and has begun its session too late to tell why."""
+    ready = {number for number, entry in tuple(observer.entries.items()) if entry.routes}
+    return any(each.age < _JUDGED_S and each.silence < _GONE_S and each.number not in ready for each in observer.look())
 
 
 def _has_heard(observer: Observer) -> bool:
@@ -164,6 +175,7 @@ def _watch(observer: Observer, plan: Plan, discovery: Discovery | None) -> None:
     observer.watch()
     end = time.monotonic() + plan.seconds
     while (now := time.monotonic()) < end or (now < end + _FURTHER_S and _is_asking(observer)):
+        observer.look()
         if discovery is not None:
             discovery.watch(_TURN_S)
         else:

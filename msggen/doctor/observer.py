@@ -19,6 +19,7 @@ from msggen.live.xrce.agent import Client
 
 _MARGIN_S = 1.0
 """How long before the watch a client may have been heard last. PX4's client sends once a second at least."""
+_MOST_GONE = 100
 _STATES = {
     "failsafe_flags",
     "timesync_status",
@@ -40,11 +41,16 @@ class Observer(Hub):
         self.past: list[VehicleSeen] = []
         self.warnings: list[str] = []
         self._meters: dict[int, Meter] = {}
+        self._since: dict[int, int] = {}
         self._ages: dict[int, dict[str, int]] = {}
         self._inputs: dict[int, Inputs] = {}
         self._states: dict[int, dict[str, deque[SampleSeen]]] = {}
         self._published: dict[int, dict[tuple[str, int], int]] = {}
         """How many samples each process had published to a topic when the watch began."""
+        self._clients: tuple[tuple[Client, float], ...] = ()
+        """The clients at the last look, with its time."""
+        self._gone: deque[tuple[Client, float]] = deque(maxlen=_MOST_GONE)
+        """Those whose sessions have ended since, which the link forgets."""
         self._before: Statistics | None = None
         self._refused: Mapping[str, int] = {}
         self._begun = self._watched = 0
@@ -81,9 +87,25 @@ class Observer(Hub):
         return {reason: count for reason, count in counts.items() if count > 0}
 
     def clients(self) -> tuple[Client, ...]:
-        """Return the clients that were heard since `begin`: an owner also knows those that are gone."""
+        """Return the clients that were heard since `begin`, also those that are gone."""
         seconds = (time.time_ns() - self._begun) / 1e9 + _MARGIN_S
-        return tuple(each for each in clients_of(self.link) if each.silence <= seconds)
+        found, now = self.look(), time.monotonic()
+        gone = [
+            client._replace(age=client.age + now - at, silence=client.silence + now - at) for client, at in self._gone
+        ]
+        return tuple(each for each in (*gone, *found) if each.silence <= seconds)
+
+    def look(self) -> tuple[Client, ...]:
+        """Return the clients that the link knows, and keep those that have begun another session since."""
+        now = time.monotonic()
+        found = clients_of(self.link)
+        current = {each.address: each for each in found}
+        for client, at in self._clients:
+            later = current.get(client.address)
+            if later is None or later.age < client.age or later.timestamps < client.timestamps:
+                self._gone.append((client, at))
+        self._clients = tuple((each, now) for each in found)
+        return found
 
     def catch_up(self) -> None:
         """Count the samples that arrived at the owner of the link before it knew that this program follows them."""
@@ -111,6 +133,7 @@ class Observer(Hub):
         number = remote.number
         if number not in self._meters:
             self._meters[number], self._ages[number] = Meter(), {}
+            self._since[number] = time.time_ns()
             self._inputs[number], self._states[number] = Inputs(), {}
         super().connected(remote)
 
@@ -161,6 +184,7 @@ class Observer(Hub):
             lost=entry.lost,
             seconds=(entry.heard_ns - min(flow.first for flow in flows)) / 1e9 if flows else 0.0,
             heard=entry.heard_ns,
+            since=self._since[entry.remote.number],
             inputs=self._inputs_of(entry),
             states=self._states_of(entry),
         )

@@ -63,6 +63,13 @@ class Remote(NamedTuple):
     alone: bool | None = None
     """Without a record: whether no other vehicle is on the link. None if that is not known yet, or not needed."""
 
+    def __str__(self) -> str:
+        """Return the vehicle for people: `the vehicle at 127.0.0.1:40123 (key 1, namespace uav_1)`."""
+        if self.continued and not self.key:
+            return f"the vehicle at {self.address}"
+        namespace = f", namespace {self.namespace}" if self.namespace else ""
+        return f"the vehicle at {self.address} (key {self.key}{namespace})"
+
 
 class Connected(NamedTuple):
     """A vehicle has begun a session. Its routes follow.

@@ -202,6 +202,13 @@ def test_a_definition_that_is_told_later_decides_for_its_topic(url: str) -> None
         ("topic echo vehicle_statsu", "argument TOPIC: no topic 'vehicle_statsu', did you mean 'vehicle_status'?"),
         ("topic echo vehicle_status wnd", "argument TOPIC: no topic 'wnd', did you mean 'wind'?"),
         ("topic echo vehicle_status --field nav_stat", "argument --field: VehicleStatus has no field 'nav_stat', did"),
+        ("topic echo vehicle_status.nav_stat", "argument --field: VehicleStatus has no field 'nav_stat', did"),
+        ("topic plot vehicle_status.nav_stat", "argument FIELD: VehicleStatus has no field 'nav_stat', did"),
+        ("topic plot vehicle_status --field nav_stat", "argument FIELD: VehicleStatus has no field 'nav_stat', did"),
+        (
+            "topic plot vehicle_status.nav_state --field q",
+            "argument --field: name a topic without a field, or leave it",
+        ),
         ("topic echo vehicle_status --filter nav==1", "argument --filter: column 1: VehicleStatus has no field 'nav'"),
         ("topic pub trajectory_setpont {}", "argument TOPIC: no topic 'trajectory_setpont', did you mean"),
         ("topic pub trajectory_setpoint {positin:_[0]}", "did you mean 'position'?"),

@@ -82,12 +82,38 @@ def test_a_part_of_a_tree_has_the_same_hint_in_each_command(
         ("doctor --port 8889", "'--port': name it with --link udp://127.0.0.1:PORT"),
         ("sim --port 8889", "'--port': name it in the address: msggen sim udp://127.0.0.1:PORT"),
         ("sim --vehicles 2", "'--vehicles': use --count"),
+        ("topic info -v vehicle_status", "'-v': the publishers and the QoS are shown without it"),
+        (
+            "topic echo vehicle_status --qos-reliability best_effort",
+            "'--qos-reliability': leave it out: there is no QoS",
+        ),
+        ("topic hz vehicle_status --qos-depth 1", "'--qos-depth': leave it out: there is no QoS"),
+        ("topic echo vehicle_status --timeout 3", "'--timeout': use --for"),
     ],
 )
 def test_the_words_of_other_programs_have_hints(line: str, hint: str, capsys: Capture) -> None:
     with pytest.raises(SystemExit):
         main(line.split())
     assert f"unknown argument {hint}" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("line", "hint"),
+    [
+        ("link udp4 -p 8888", "argument ACTION: no action 'udp4': no agent is needed: "),
+        ("topic publish x", "argument ACTION: no action 'publish': `msggen topic pub TOPIC VALUES` publishes"),
+        ("mode list", "argument COMMAND: no command 'mode': `msggen topic echo vehicle_status --field nav_state`"),
+        ("interface show x", "argument COMMAND: no command 'interface': `msggen topic info TOPIC` shows the fields"),
+        ("replay x", "argument COMMAND: no command 'replay': `msggen play FILE` plays a recording"),
+        ("recrod", "argument COMMAND: invalid choice: 'recrod', did you mean 'record'? (choose from build, "),
+        ("echo", "argument COMMAND: invalid choice: 'echo', did you mean 'topic echo'? (choose from build, "),
+        ("nonsense", "argument COMMAND: invalid choice: 'nonsense' (choose from build, "),
+    ],
+)
+def test_the_hint_comes_first(line: str, hint: str, capsys: Capture) -> None:
+    with pytest.raises(SystemExit):
+        main(line.split())
+    assert f"error: {hint}" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("word", [*COMMANDS, "MicroXRCEAgent"])

@@ -12,6 +12,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext, suppress
+from types import SimpleNamespace
 from typing import Any, NoReturn
 
 import pytest
@@ -59,7 +60,7 @@ def test_every_action_takes_the_link() -> None:
 
 def test_a_wrong_action_gets_the_right_one() -> None:
     for words, text in {
-        "topic ecko": "argument ACTION: invalid choice: 'ecko' (choose from list, type, find, info, ",
+        "topic ecko": "argument ACTION: invalid choice: 'ecko', did you mean 'echo'? (choose from list, type, ",
         "topic": "the following arguments are required: ACTION",
         "topic --link x list": "unknown argument '--link': name an action first",
         "topic list --field x": "unknown argument '--field': an option of topic echo",
@@ -217,6 +218,14 @@ def test_measures_are_of_the_topics_that_are_named(link: list[str]) -> None:
         assert [row for row in rows if row not in heard] == [{"topic": "/fmu/out/vehicle_command_ack_v1", "window": 0}]
 
 
+def test_a_field_is_named_behind_its_topic_or_as_an_option(link: list[str]) -> None:
+    for one, other in ((["vehicle_status.nav_state"], ["vehicle_status", "--field", "nav_state"]),):
+        texts = [topic("echo", *words, "--once", link=link).stdout for words in (one, other)]
+        assert texts[0] == texts[1] != ""
+    drawn = topic("plot", "vehicle_attitude", "--field", "q[0]", "--for", "1", link=link).stdout
+    assert "vehicle_attitude.q[0]" in drawn
+
+
 def test_measures_of_all_topics_are_a_table(link: list[str]) -> None:
     lines = topic("hz", "-n", "1", link=link).stdout.splitlines()
     assert lines[0].split() == ["topic", "rate", "min", "max", "std", "dev", "window"]
@@ -360,6 +369,18 @@ def test_a_link_that_fails_ends_an_echo(trouble: _Trouble, monkeypatch: pytest.M
     monkeypatch.setattr("msggen.cli.topic.echo._confirmed", confirmed)
     with pytest.raises(LinkError, match="the link failed: no power"):
         run(["topic", "echo", "vehicle_status"])
+
+
+@pytest.mark.parametrize(("seconds", "count"), [(0.5, 1), (1.0, 1), (1.5, 1), (1.9, 1), (2.0, 2), (2.5, 2), (3.0, 3)])
+def test_two_rounds_are_a_period_apart(seconds: float, count: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`hz --for 1.5` reports once, on all samples."""
+    now = [100.0]
+    times = SimpleNamespace(monotonic=lambda: now[0], sleep=lambda rest: now.append(now.pop() + rest))
+    monkeypatch.setattr("msggen.cli.watching.time", times)
+    vehicle = type("Vehicle", (), {"is_connected": True})()
+    found = [now[0] for _ in rounds(argparse.Namespace(**{"for": seconds}), vehicle, 1.0)]
+    assert len(found) == count
+    assert found[-1] == pytest.approx(100.0 + seconds)
 
 
 def test_rounds_end_with_their_time() -> None:

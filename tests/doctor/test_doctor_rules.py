@@ -27,12 +27,13 @@ from msggen.doctor.observation import (
     ProgramSeen,
     ReaderSeen,
     SampleSeen,
+    Sender,
     TopicSeen,
     VehicleSeen,
     WriterSeen,
 )
 from msggen.doctor.rules import DOCTOR, LIVE
-from msggen.live.link import Route, Statistics
+from msggen.live.link import Remote, Route, Statistics
 from msggen.live.messages.names import stem_of
 from msggen.live.vehicle.selection import Selection
 from msggen.show.report import FORMATS, render
@@ -343,6 +344,18 @@ def test_a_line_is_full_by_its_bytes(samples: int, size: int, seconds: float) ->
     assert "LINE_FULL" not in ids(case)
 
 
+def test_a_full_line_is_told_with_its_bytes_and_the_four_topics_that_cost_most() -> None:
+    names = [f"/fmu/out/topic_{letter}" for letter in "abcde"]
+    topics = {name: TopicSeen(samples, 86, 0.0) for name, samples in zip(names, (100, 300, 200, 50, 400), strict=True)}
+    case = vehicle(topics=topics, seconds=10.0)
+    line = case.seen._replace(scheme="serial", link="serial:///dev/ttyUSB0?baud=57600", baud=57600)
+    assert (
+        "sends 10,500 bytes a second, and 57600 baud carries 5,760: raise the speed, or lower rate_limit in "
+        "dds_topics.yaml; most cost /fmu/out/topic_e 4,000, /fmu/out/topic_b 3,000, /fmu/out/topic_c 2,000, "
+        "/fmu/out/topic_a 1,000"
+    ) in texts(case._replace(seen=line))
+
+
 def test_single_samples_have_no_rate() -> None:
     topics = {name: TopicSeen(1, 52, 0.0) for name in VEHICLE.topics}
     assert ids(vehicle(topics=topics, seconds=0.0)) == []
@@ -590,6 +603,55 @@ def test_no_client_is_not_told_if_somebody_else_has_it() -> None:
     other_domain = seen(**empty, agents=(agent,), link="dds://7", scheme="dds", has_asked_agents=True)
     assert ids(other_domain) == ["AGENT_HAS_CLIENT"]
     assert "its DDS domain is not that of dds://7: compare UXRCE_DDS_DOM_ID" in texts(other_domain)
+
+
+@pytest.mark.parametrize(
+    ("rule", "values"),
+    [
+        ("NO_TIME_SYNC", {"clients": (SEEN.clients[0]._replace(number=0, timestamps=7),)}),
+        ("CLIENT_UNREADY", {"clients": (SEEN.clients[0]._replace(number=0, timestamps=0),)}),
+        ("CLIENT_UNREADY", {"refused": {"message of an unknown session": 9}}),
+        ("CLIENT_REFUSED", {"refused": {"address that is not allowed": 9}}),
+    ],
+)
+def test_a_client_that_talks_here_is_named_and_not_one_elsewhere(rule: str, values: Mapping[str, Any]) -> None:
+    nobody = {"vehicles": (), "clients": (), "statistics": Statistics(1, 0, 9, 0, 0, 0)}
+    agent = AgentSeen("127.0.0.1:8889", (Process(1, "px4"),))
+    others = {"senders": (Sender(Process(2, "px4"), "127.0.0.1:8890"),), "agents": (agent,)}
+    assert ids(seen(**{**nobody, **values, **others})) == [rule]
+    assert ids(seen(**{**nobody, **values, "agents": (agent._replace(clients=(), namespaces=()),)})) == [rule]
+
+
+@given(st.integers(0, 11), st.floats(0.01, 11))
+def test_a_client_that_gave_up_asking_for_the_time_lacks_it_in_its_next_session_too(asked: int, age: float) -> None:
+    """PX4's client gives up after eleven requests, and begins another session from another port."""
+    asked = min(asked, 1 + round(age))
+    gone = SEEN.clients[0]._replace(
+        address="127.0.0.1:40125", number=0, age=age + 11.5, silence=age + 0.5, timestamps=11
+    )
+    newest = SEEN.clients[0]._replace(number=0, age=age, timestamps=asked)
+    bare = VEHICLE._replace(routes=(), topics={}, hashes={}, heard=0)
+    sessions = (bare._replace(ended="the vehicle has ended the session"), bare._replace(remote=_other(2)))
+    assert ids(seen(clients=(gone, newest), vehicles=sessions)) == ["NO_TIME_SYNC"]
+
+
+def _other(number: int) -> Remote:
+    return VEHICLE.remote._replace(number=number, address="127.0.0.1:40125")
+
+
+def test_a_client_that_synchronizes_its_clock_needs_a_longer_wait() -> None:
+    client = SEEN.clients[0]._replace(number=0, age=2.0, timestamps=160)
+    case = seen(vehicles=(), clients=(client,))
+    assert ids(case) == ["CLIENT_UNREADY"]
+    assert "it synchronizes its clock, which takes about 6 s: run this again, with a longer --wait" in texts(case)
+
+
+def test_a_vehicle_that_has_just_connected_is_not_judged_by_what_it_lacks() -> None:
+    given_types = {1: HEALTHY.expected[1]._replace(is_given=True)}
+    case = vehicle(heard=0, topics={}, routes=ROUTES[1:], since=SEEN.now - 1_000_000_000)._replace(expected=given_types)
+    assert ids(case) == []
+    later = case._replace(seen=case.seen._replace(now=SEEN.now + 2_000_000_000))
+    assert ids(later) == ["VEHICLE_SILENT", "TOPIC_NOT_BRIDGED"]
 
 
 @pytest.mark.parametrize(

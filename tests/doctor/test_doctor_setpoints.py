@@ -206,7 +206,6 @@ MORE: dict[str, Program] = {
     ),
 }  # fmt: skip
 STATE: dict[str, Program] = {
-    "refused earlier": arm,
     "healthy": healthy,
     "no position": no_position,
     "checks": lambda vehicle, types: send(vehicle, types.OffboardControlMode(position=True), position(types)),
@@ -215,7 +214,7 @@ STATE: dict[str, Program] = {
     "other mode": other_mode,
     "failsafe": flying,
 }  # fmt: skip
-UNPLACED = {"no position", "checks", "refused earlier"}
+UNPLACED = {"no position", "checks"}
 
 
 def looked_at(url: str, package: Any, seconds: float = SECONDS) -> Observation:
@@ -275,7 +274,6 @@ def test_vehicles_that_do_not_follow_are_found(url: str, px4_types: Any, expecte
         told = check(seen, expected, keys)
         report = judged(seen, expected, "trajectory_setpoint", key=keys["healthy"])
     assert "'temporarily rejected'" in told["no position"]
-    assert "'temporarily rejected'" in told["refused earlier"]
     assert "xy_valid, v_xy_valid of vehicle_local_position are false" in told["checks"]
     assert "its checks fail in mode Hold because of local_position_invalid" in told["checks"]
     assert "is in a failsafe, in mode Return because of offboard_control_signal_lost" in told["failsafe"]
@@ -283,6 +281,22 @@ def test_vehicles_that_do_not_follow_are_found(url: str, px4_types: Any, expecte
     assert answer.startswith("/healthy/fmu/in/trajectory_setpoint: published by ")
     assert f"(pid {os.getpid()}) at " in answer
     assert answer.endswith("; accepted (TrajectorySetpoint version 0, 64 bytes, the vehicle's definition)")
+
+
+@shared
+def test_a_refusal_before_the_watch_is_found(url: str, px4_types: Any, expected: Expected) -> None:
+    unplaced = CALM._replace(misbehaviour=Misbehaviour(no_position=True))
+    with owned(url), Simulator(px4_types, url, [unplaced]):
+        with Vehicle(url, px4_types) as program:
+            program.wait_connected(20)
+            assert arm(program, px4_types) == 1
+        time.sleep(1.0)
+        seen = looked_at(url, px4_types, 0.5)
+    (ack,) = seen.vehicles[-1].kept("vehicle_command_ack")
+    assert seen.now - ack.time > seen.seconds * 1e9
+    report = judged(seen, expected)
+    assert [each for each in ids(report) if each != "RATE_LOW"] == rules_of("refused earlier")  # it is a short watch
+    assert "has answered the command to arm with 'temporarily rejected'" in texts(report)
 
 
 @shared

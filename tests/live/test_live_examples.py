@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 import re
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
@@ -13,6 +16,7 @@ from IPython.core import interactiveshell
 
 from msggen.cli import main
 from msggen.flight import BlockingFlight
+from msggen.live.link import Remote
 from msggen.live.sim import Options, Simulator
 from support.example_program import EXAMPLES, LONGEST, Program, interrupted
 from support.ports import free_port
@@ -67,10 +71,12 @@ def test_advertiser(tmp_path: Path, address: str, run: type[Program]) -> None:
 @pytest.mark.slow
 def test_offboard(px4_types: ModuleType, address: str, run: type[Program]) -> None:
     page = (ROOT / "docs" / "first-flight.md").read_text(encoding="utf-8")
-    (shown,) = re.findall(r"^connected: Remote\(.*\) v1.18\n((?:at .*\n)+landed\n)", page, re.MULTILINE)
+    (shown,) = re.findall(r"^connected: the vehicle at .*\) v1.18\n((?:at .*\n)+landed\n)", page, re.MULTILINE)
     program = run("offboard.py", address)
     with Simulator(px4_types, address, [SOON]):
-        program.wait_for(r"connected: Remote\(number=1, .*\) v1.18", *map(re.escape, shown.splitlines()))
+        program.wait_for(
+            r"connected: the vehicle at 127\.0\.0\.1:\d+ \(key \d+\) v1.18", *map(re.escape, shown.splitlines())
+        )
         assert program.process.wait(LONGEST) == 0
         with BlockingFlight(address, px4_types) as flight:
             assert flight.mode == "hold"
@@ -81,8 +87,24 @@ def test_two_vehicles(px4_types: ModuleType, address: str, run: type[Program]) -
     program = run("two_vehicles.py", address)
     vehicles = [Options(sync="short", key=key, namespace=f"uav_{key}") for key in (1, 2)]
     with Simulator(px4_types, address, vehicles):
-        program.wait_for("key=1", "key=2", "heights: .* m, .* m")
+        program.wait_for(r"\(key 1, namespace uav_1\)", r"\(key 2, namespace uav_2\)", "heights: .* m, .* m")
     interrupted(program)
+
+
+@pytest.mark.parametrize("words", [[], ["1", "2"], ["north", "2", "3"]])
+def test_a_goal_that_is_missing_is_told_in_one_line(words: list[str]) -> None:
+    command = [sys.executable, str(EXAMPLES / "enu_goal.py"), *words]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT / "generated")}
+    outcome = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60, check=False)
+    assert (outcome.returncode, outcome.stdout) == (1, "")
+    assert outcome.stderr == "usage: python enu_goal.py EAST NORTH UP [udp://127.0.0.1:8888], in m\n"
+
+
+def test_a_vehicle_is_printed_for_people() -> None:
+    remote = Remote(1, "127.0.0.1:40123", 7, "uav_1", continued=False)
+    assert str(remote) == "the vehicle at 127.0.0.1:40123 (key 7, namespace uav_1)"
+    assert str(remote._replace(namespace="")) == "the vehicle at 127.0.0.1:40123 (key 7)"
+    assert str(remote._replace(key=0, namespace="", continued=True)) == "the vehicle at 127.0.0.1:40123"
 
 
 def test_asyncio(px4_types: ModuleType, address: str, run: type[Program]) -> None:

@@ -52,7 +52,11 @@ def add_to(actions: Commands) -> None:
         f"Exit codes: 0 done, or ended by Ctrl-C, 1 fewer than N messages in the time of --for, {FAILED_CODES}",
     )
     parser.add_argument(
-        "topics", metavar="TOPIC", nargs="+", type=non_empty, help=f"topics to print, or TOPIC FILTER; {SPELLINGS}"
+        "topics",
+        metavar="TOPIC",
+        nargs="+",
+        type=non_empty,
+        help=f"topics to print, also as TOPIC.FIELD, or TOPIC FILTER; {SPELLINGS}",
     )
     parser.add_argument(
         "--filter",
@@ -118,6 +122,7 @@ def _read_words(options: argparse.Namespace) -> None:
     """Take a condition behind a topic for that of --filter. Refuse options that exclude each other."""
     options.filter_name = "--filter"
     conditions = [word for word in options.topics[1:] if _CONDITION.search(word)]
+    options.topics = [word if word in conditions else _topic_in(options, word) for word in options.topics]
     if conditions and (options.filter or len(options.topics) > 2):  # noqa: PLR2004 - a topic and a condition
         refuse(options, f"argument TOPIC: '{conditions[0]}' is a condition: write it once, as --filter CONDITION")
     if conditions:
@@ -132,6 +137,13 @@ def _read_words(options: argparse.Namespace) -> None:
         if options.count:
             refuse(options, "argument --once: not allowed with argument -n/--count")
         options.count = 1
+
+
+def _topic_in(options: argparse.Namespace, word: str) -> str:
+    """Return the topic in a word, and take a field behind it, as in TOPIC.FIELD, for one of --field."""
+    topic, _, field = word.partition(".")
+    options.field += [field] if field else []
+    return topic
 
 
 def _check(options: argparse.Namespace, condition: Condition | None, package: ModuleType) -> None:

@@ -60,7 +60,15 @@ def add_to(actions: Commands) -> None:
         metavar="FIELD",
         nargs="+",
         type=non_empty,
-        help="vehicle_local_position.z, vehicle_attitude.q, actuator_motors.control[0]",
+        help="vehicle_local_position.z, vehicle_attitude.q, actuator_motors.control[0]; or a topic, with --field",
+    )
+    parser.add_argument(
+        "--field",
+        metavar="PATH",
+        type=non_empty,
+        action="append",
+        default=[],
+        help="plot this value of the topics that are named without a field: z, q, control[0]; repeatable",
     )
     add_picture(parser, "none; at the end, the plot of the last --window")
     parser.add_argument(
@@ -118,8 +126,16 @@ def _paths(options: argparse.Namespace) -> list[FieldPath]:
     from msggen.live.messages.places import PlaceError
     from msggen.show.plot.fields import parse_path
 
+    topics = [word for word in options.fields if "." not in word]
+    if options.field and not topics:
+        refuse(options, "argument --field: name a topic without a field, or leave it out")
+    texts = [
+        text
+        for word in options.fields
+        for text in ([f"{word}.{field}" for field in options.field] if word in topics and options.field else [word])
+    ]
     try:
-        return [parse_path(text) for text in dict.fromkeys(options.fields)]
+        return [parse_path(text) for text in dict.fromkeys(texts)]
     except PlaceError as error:
         _refuse(options, error)
 

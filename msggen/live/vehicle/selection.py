@@ -64,10 +64,7 @@ def is_same(earlier: Remote, later: Remote) -> bool:
 
 def shown(remote: Remote) -> str:
     """Return a vehicle for messages to the user."""
-    if is_unnamed(remote):
-        return f"the vehicle at {remote.address}"
-    namespace = f", namespace {remote.namespace}" if remote.namespace else ""
-    return f"the vehicle at {remote.address} (key {remote.key}{namespace})"
+    return str(remote)
 
 
 def why_unknown(remote: Remote) -> str:
