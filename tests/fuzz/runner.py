@@ -41,6 +41,7 @@ NAMES = (
     "sessions",
     "events",
     "flights",
+    "stalls",
 )
 """The campaigns, each a module of this package."""
 
