@@ -18,7 +18,7 @@ SYNONYMS: Mapping[str, str] = {"show": "info"}
 
 _NO_AGENT = "no agent is needed: PX4's client connects to msggen; `msggen doctor --link udp://0.0.0.0:8888` shows it"
 _PARAMETERS = "parameters are set with QGroundControl or MAVSDK; `msggen log show FILE --params` prints those of a ULog"
-_MODES = "`msggen topic echo vehicle_status --field nav_state` shows the mode, and docs/flight.md has modes in programs"
+_MODES = "`msggen command mode NAME` selects a mode, such as hold, and `msggen topic echo vehicle_status` shows it"
 _MISSIONS = "missions go over MAVLink, with QGroundControl or MAVSDK; `msggen command` sends single commands"
 
 _NO_QOS = "leave it out: there is no QoS between msggen and PX4, and every sample that arrives is taken"
@@ -53,7 +53,6 @@ COMMANDS: Mapping[str, str] = {
     "rtl": "`msggen command rtl`",
     "return_to_launch": "`msggen command rtl`",
     "hold": "`msggen command mode hold`",
-    "mode": "`msggen command mode NAME` selects a mode, such as hold",
     "goto": "`msggen command DO_REPOSITION`, or `flight.goto` in a program (docs/flight.md)",
     "offboard": "`flight.offboard()` in a program (docs/flight.md), or `msggen topic pub`",
     "mode": _MODES,

@@ -270,6 +270,8 @@ class Publisher(NamedTuple):
     """How many samples it has published."""
     time: int
     """When it has published the last one, in ns, of the clock `time.time_ns`."""
+    dropped: int = 0
+    """How many others were dropped, because they had waited for too long."""
 
 
 class FollowingLink(Link, Protocol):

@@ -122,6 +122,7 @@ PLANTED: dict[str, tuple[str, Any]] = {
     "structures": ("msggen.recordings.decode.schemas.too_large", lambda *_: iter(())),
     "sessions": ("msggen.live.xrce.session.REPLIES", 4096),
     "flights": ("msggen.flight.setpoints.Stream.stop", lambda _: None),
+    "stalls": ("msggen.live.xrce.streams.ReliableOutput.expire", lambda *_: 0),
     "events": ("msggen.recordings.decode.event_metadata._object", lambda value: value),
     "records": ("msggen.live.links.session_files._address", lambda value, _: tuple(value)),
 }

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from types import ModuleType, SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
+from msggen.live.age import NEVER
 from msggen.live.link import Listener, deliver
 from msggen.live.links.agent_link import TICK, AgentLink
 from msggen.live.sim import Options
@@ -79,7 +80,7 @@ class SimulatedLink(AgentLink):
 
     # --- What a transport gives
 
-    def transmit(self, datagrams: list[tuple[bytes, Address]]) -> None:
+    def transmit(self, datagrams: list[tuple[bytes, Address]], until: int = NEVER) -> None:  # noqa: ARG002 - none waits
         """Give datagrams to the vehicles. One to an address that a vehicle has no more comes too, as some do in PX4."""
         for data, address in datagrams:
             place = (int(address[1]) - 40_000) // 1000

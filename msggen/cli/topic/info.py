@@ -103,9 +103,11 @@ def _publishers(vehicle: Vehicle, topic: Named) -> Iterator[_Fact]:
         return
     now = time.time_ns()
     found = [each for each in vehicle.publishers if each.topic == topic.name]
-    rows = [{"program": each.program, "pid": each.pid, "samples": each.samples} for each in found]
+    keys = ("program", "pid", "samples", "dropped")
+    rows = [{key: getattr(each, key) for key in keys} for each in found]
     shown = [
         f"{each.program} (pid {each.pid}), {counted(each.samples, 'sample')}, {(now - each.time) / 1e9:.1f} s ago"
+        + (f", {each.dropped} more came late and were dropped" if each.dropped else "")
         for each in found
     ]
     front = f"{len(found)} programs, and PX4 takes the samples of all: " if len(found) > 1 else ""

@@ -5,9 +5,12 @@ from __future__ import annotations
 import select
 import socket
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Final
 
 from msggen.live.age import LONGEST_NS, LONGEST_S, OtherClock, now
+from msggen.live.link import LinkError
 
 _SILENT_NS: Final = 1_000_000_000
 """The time in ns without a sign that messages were taken after which they do not get through. The owner gives one each
@@ -21,6 +24,7 @@ class Outgoing:
     def __init__(self) -> None:
         self.clock = OtherClock()
         """That of the owner."""
+        self._socket: socket.socket | None = None
         self._lock = threading.Lock()
         """Held while a record is sent, so that records are whole."""
         self._own = 0
@@ -37,33 +41,39 @@ class Outgoing:
         """The messages that were dropped, because they had waited for too long."""
         return self._own + self._earlier + self._theirs
 
-    def begin(self) -> None:
-        """Begin anew, with another owner."""
-        self.clock = OtherClock()
+    def begin(self, own: socket.socket) -> None:
+        """Begin with an owner, at the other end of a socket."""
+        self._socket, self.clock = own, OtherClock()
         self._earlier, self._theirs = self._earlier + self._theirs, 0
         self._since = None
 
-    def send(self, own: socket.socket, record: bytes) -> None:
-        """Send a record, and wait until the socket takes it. Raises OSError."""
-        with self._lock:
-            own.sendall(record)
+    def send(self, record: bytes) -> None:
+        """Send a record, and wait until the socket takes it. Raises LinkError."""
+        with _errors(), self._lock:
+            self._own_socket().sendall(record)
 
-    def offer(self, own: socket.socket, record: bytes, until: int) -> None:
-        """Send the record of a message that expires, or drop it if the socket does not take it. Raises OSError."""
-        time = now()
+    def offer(self, record: bytes, until: int) -> None:
+        """Send the record of a message that expires, or drop it if the socket does not take it. Raises LinkError."""
+        own, time = self._own_socket(), now()
         if not self._lock.acquire(timeout=LONGEST_S):
             self._drop(time)
             return
         try:
-            sent = own.send(record, _WHOLE)
-            if sent < len(record):  # not on Linux, which takes a record of this size as a whole or not at all
-                own.sendall(record[sent:])
+            with _errors():
+                sent = own.send(record, _WHOLE)
+                if sent < len(record):  # not on Linux, which takes a record of this size as a whole or not at all
+                    own.sendall(record[sent:])
         except BlockingIOError:
             self._drop(time)
         finally:
             self._lock.release()
         self._last = until
         self._since = time if self._since is None else self._since
+
+    def _own_socket(self) -> socket.socket:
+        if self._socket is None:
+            raise LinkError("the link is not started")
+        return self._socket
 
     def _drop(self, time: int) -> None:
         self._own += 1
@@ -78,15 +88,26 @@ class Outgoing:
         elif self._since is not None:  # the next one was sent after the one that was taken
             self._since = max(self._since, self.clock.own(until) - LONGEST_NS)
 
-    def problem(self, own: socket.socket | None) -> str:
+    def problem(self) -> str:
         """Return why messages do not get through, or ""."""
-        time, since = now(), self._since
+        time, since, own = now(), self._since, self._socket
         if since is not None and time - since > _SILENT_NS and own is not None and not _has_news(own):
             seconds = (time - since) / 1e9
             return f"the process that owns the link has taken none for {seconds:.1f} s: does it stand still?"
         if time - self._grown < _SILENT_NS:
             return f"they reach the process that owns the link after more than {LONGEST_S:g} s, and are dropped"
         return ""
+
+
+@contextmanager
+def _errors() -> Iterator[None]:
+    """Raise LinkError for an error of the socket, unless it is full."""
+    try:
+        yield
+    except BlockingIOError:
+        raise
+    except OSError:
+        raise LinkError("the process that owns the link has ended: wait until the vehicle is connected again") from None
 
 
 def _has_news(own: socket.socket) -> bool:

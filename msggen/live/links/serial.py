@@ -13,12 +13,13 @@ from contextlib import suppress
 from typing import NamedTuple
 
 from msggen.base.missing import installing
-from msggen.live.age import LONGEST_S, NEVER
+from msggen.live.age import LONGEST_S, NEVER, expiry
 from msggen.live.age import now as now_ns
 from msggen.live.link import LinkError, Listener, Route
 from msggen.live.links.agent_link import SelectorLink
 from msggen.live.xrce.framing import Deframer, pack_frame
 from msggen.live.xrce.outbox import Address
+from msggen.live.xrce.wire import has_data
 
 CHUNK = 65536
 LEAST_KEPT = 4096
@@ -142,6 +143,9 @@ class SerialLink(SelectorLink):
         if self._fd < 0:
             return
         for data, _ in datagrams:
+            if until == NEVER and has_data(data):  # a request that is sent again
+                self.transmit([(data, self.path)], expiry())
+                continue
             frame = pack_frame(data)
             ahead = self._queue.size + waiting_in(self._fd)
             arrival = now_ns() + (ahead + len(frame)) * _BITS * 1_000_000_000 // self.baud
@@ -196,6 +200,8 @@ class LineQueue:
         self._written = 0
         """All bytes that were written, and the frames that expire with their ends among them, in order."""
         self._ends: deque[tuple[int, int]] = deque(maxlen=_REMEMBERED)
+        self._earliest = NEVER
+        """The earliest time at which one of them expires."""
 
     def add(self, data: bytes, until: int) -> None:
         """Add a frame."""
@@ -219,6 +225,7 @@ class LineQueue:
                 if self._begun == len(frame.data):
                     if frame.until < NEVER:
                         self._ends.append((self._written, frame.until))
+                        self._earliest = min(self._earliest, frame.until)
                     self._next()
         return dropped
 
@@ -227,18 +234,20 @@ class LineQueue:
         self._begun = 0
 
     def _flush(self, fd: int) -> int:
-        """Let the system forget what it has not sent, if a frame in it has expired: the line stands still."""
+        """Let the system forget what it has not sent, if a frame in it has expired. Return how many frames that are."""
         now = now_ns()
-        if not self._ends or self._ends[0][1] >= now:
+        if now <= self._earliest:
             return 0
         sent = self._written - waiting_in(fd)
         while self._ends and self._ends[0][0] <= sent:
             self._ends.popleft()
-        if not self._ends or self._ends[0][1] >= now:
+        self._earliest = min((until for _, until in self._ends), default=NEVER)
+        if now <= self._earliest:
             return 0
         discard(fd)
         dropped = len(self._ends)
         self._ends.clear()
+        self._earliest = NEVER
         return dropped
 
 

@@ -27,16 +27,7 @@ from msggen.live.links.agent_link import SelectorLink
 from msggen.live.links.link_types import AGENT_PORT, PORT
 from msggen.live.links.udp import BATCH, LONGEST, RECEIVE_BUFFER, Bound, allowed
 from msggen.live.xrce.outbox import Address
-from msggen.live.xrce.wire import (
-    BEST_EFFORT,
-    DATA,
-    HEADER,
-    NO_SESSION,
-    STATUS_AGENT,
-    WireError,
-    parse_header,
-    submessages,
-)
+from msggen.live.xrce.wire import BEST_EFFORT, HEADER, NO_SESSION, STATUS_AGENT, has_data
 
 HALF = 0x8000
 """A sequence number is newer than half of all numbers."""
@@ -323,15 +314,6 @@ def _receive(sock: socket.socket) -> tuple[bytes, bool]:
             seconds, nanoseconds = _TIMESPEC.unpack(stamp)
             return data, not abs(time.time_ns() - seconds * 1_000_000_000 - nanoseconds) <= LONGEST_NS
     return data, False
-
-
-def has_data(data: bytes) -> bool:
-    """Whether a datagram of an agent has samples or requests, and not only what keeps the session."""
-    try:
-        header = parse_header(data)
-        return any(each.id == DATA for each in submessages(data[HEADER.size + len(header.key) :]))
-    except WireError:
-        return False
 
 
 def _is_at(host: str, listening: str) -> bool:

@@ -8,8 +8,8 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from queue import Empty, SimpleQueue
 from typing import Any
 
@@ -86,6 +86,7 @@ class UnixLink(Asking):
         if self._thread is not None or self._is_closing:
             raise LinkError("a link can be started once: make another one")
         self._socket = self.open()
+        self._outgoing.begin(self._socket)
         self._thread = threading.Thread(target=self._run, args=(guarded(listener),), name="msggen-unix", daemon=True)
         self._thread.start()
 
@@ -95,8 +96,7 @@ class UnixLink(Asking):
         outgoing = self._outgoing
         until = outgoing.clock.of(until or expiry())
         record = record_of(SAMPLE, payload, number, vehicle.indexes[route.name], until)
-        with _ended():
-            outgoing.offer(self._joined(), record, until)
+        outgoing.offer(record, until)
 
     def call(self, remote: Remote, service: Service, number: int, payload: bytes, until: int = NEVER) -> None:
         """Send a request, which waits at the owner for those of other programs. From any thread. Raises LinkError."""
@@ -106,7 +106,7 @@ class UnixLink(Asking):
 
     def problem(self) -> str:
         """Return why what is published does not get through, "" if it does."""
-        return self._outgoing.problem(self._socket)
+        return self._outgoing.problem()
 
     @property
     def dropped(self) -> int:
@@ -175,8 +175,8 @@ class UnixLink(Asking):
                 if self._is_closing:
                     break
                 self._forget(listener, reason)
-                self._outgoing.begin()
                 self._socket = self.reopened(reason)
+                self._outgoing.begin(self._socket)
         except LinkError as error:
             failure = str(error)
         except Exception as error:  # noqa: BLE001 - told to the user, who would wait forever
@@ -305,13 +305,7 @@ class UnixLink(Asking):
         return remote.number - self._offset, found
 
     def _send(self, record: bytes) -> None:
-        with _ended():
-            self._outgoing.send(self._joined(), record)
-
-    def _joined(self) -> socket.socket:
-        if self._socket is None:
-            raise LinkError("the link is not started")
-        return self._socket
+        self._outgoing.send(record)
 
 
 _EVENTS: Mapping[str, Callable[..., None]] = {
@@ -326,15 +320,6 @@ _EVENTS: Mapping[str, Callable[..., None]] = {
     "taken": UnixLink._taken,  # noqa: SLF001
     "answer": UnixLink._answered,  # noqa: SLF001
 }
-
-
-@contextmanager
-def _ended() -> Iterator[None]:
-    """Raise LinkError for an error of the socket."""
-    try:
-        yield
-    except OSError:
-        raise LinkError("the process that owns the link has ended: wait until the vehicle is connected again") from None
 
 
 def connected(path: str) -> socket.socket:

@@ -32,10 +32,11 @@ _WARNINGS = 100
 
 
 class Sent(NamedTuple):
-    """What a program has published to a route: how many samples, and when the last one, in ns."""
+    """What a program has published to a route: how many samples, and when the last one, in ns; how many came late."""
 
     samples: int = 0
     time: int = 0
+    dropped: int = 0
 
 
 class Row:
@@ -48,6 +49,11 @@ class Row:
         self.programs: tuple[Program, ...] = ()
         self.publishers: dict[Program, Sent] = {}
         self.count = 0
+
+    def miss(self, program: Program) -> None:
+        """Count a sample of a program that came too late."""
+        sent = self.publishers.get(program, _NONE)
+        self.publishers[program] = sent._replace(time=sent.time or clock.time_ns(), dropped=sent.dropped + 1)
 
 
 _NONE = Sent()
@@ -220,11 +226,13 @@ class Owner(Hub):
         row = vehicle.rows[route.name]
         if is_over(until):
             self.drop(program)
+            row.miss(program)
             return
         try:
             self.link.publish(vehicle.known.remote, route, payload, until)
-        except StaleError:
-            program.unsent += 1  # the link has counted it
+        except StaleError:  # the link has counted it
+            program.unsent += 1
+            row.miss(program)
             return
         except LinkError as error:
             self._warn(program, str(error))
@@ -234,12 +242,13 @@ class Owner(Hub):
         if entry is not None:
             entry.last[route.name] = payload, now
         row.count += 1
-        row.publishers[program] = Sent(row.publishers.get(program, _NONE).samples + 1, now)
+        sent = row.publishers.get(program, _NONE)
+        row.publishers[program] = Sent(sent.samples + 1, now, sent.dropped)
         if row.programs:
             self.give(row, vehicle.known.remote.number, payload, now)
 
     def drop(self, program: Program) -> None:
-        """Count a message of a program that is dropped."""
+        """Count a message of a program that came too late, or to a vehicle that is gone."""
         program.unsent += 1
         self.unsent += 1
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from logging import getLogger
 from typing import cast
 
-from msggen.live.link import FollowingLink, Link, Publisher, Remote, Route, Service, StaleError
+from msggen.live.link import FollowingLink, Link, Publisher, Remote, Route, Service
 from msggen.live.messages.names import stem_of
 from msggen.live.messages.packages import Decoding, NamedTopic
 from msggen.live.vehicle.delivery import Delivery
@@ -41,9 +41,7 @@ class Hub:
         self.thread: int | None = None
         self.failure = ""
         """The error that has ended the link."""
-        self._delivery = Delivery()
-        self._late = 0
-        """Messages that the link has dropped at once."""
+        self.delivery = Delivery(link, self._following)
         self.closed = threading.Event()
         """Set when the link was closed after the last member has left."""
 
@@ -283,24 +281,6 @@ class Hub:
     def is_shared(self) -> bool:
         """Whether another process owns the link, for several programs."""
         return self._following is not None
-
-    def deliver(self, entry: Entry, route: Route, payload: bytes, until: int) -> None:
-        """Send a sample to a vehicle until a time. Tell the user if samples do not get through. Raises LinkError."""
-        problem, following = "", self._following
-        try:
-            self.link.publish(entry.remote, route, payload, until)
-        except StaleError as error:
-            problem = str(error)
-            self._late += 1
-        dropped = self._late
-        if following is not None:
-            problem = problem or following.problem()
-            dropped += following.dropped
-        self._delivery.take(problem, dropped)
-
-    def problem(self) -> str:
-        """Return why messages do not get through to vehicles, "" if they do, as far as it is known."""
-        return self.failure or (self._following.problem() if self._following is not None else "")
 
     def publishers(self, member: Member) -> Sequence[Publisher]:
         """Return the programs that publish to the vehicle of a member."""

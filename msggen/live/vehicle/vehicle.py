@@ -244,7 +244,7 @@ class Vehicle:
 
         Known on a shared link: the process that owns it stands still, or messages reach it too late and are dropped.
         """
-        return self._hub.problem()
+        return self._hub.failure or self._hub.delivery.problem()
 
     @property
     def is_shared(self) -> bool:
@@ -406,7 +406,7 @@ class Vehicle:
         entry, route = self._route_to(message, topic)
         payload = message.encode()
         try:
-            self._hub.deliver(entry, route, payload, until)
+            self._hub.delivery.publish(entry.remote, route, payload, until)
         except LinkError as error:
             if self._member.entry is entry:
                 raise

@@ -114,6 +114,14 @@ def parse_header(data: bytes) -> Header:
     return Header(session_id, stream, sequence, data[4:8])
 
 
+def has_data(message: bytes) -> bool:
+    """Whether a message of an agent has samples or requests, and not only what keeps the session."""
+    try:
+        return any(each.id == DATA for each in submessages(message[HEADER.size + len(parse_header(message).key) :]))
+    except WireError:
+        return False
+
+
 def submessages(body: bytes) -> Iterator[Submessage]:
     """Yield the submessages of a message without its header.
 

@@ -18,9 +18,10 @@ from typing import Any
 
 import pytest
 
+from msggen.live.age import LONGEST_S, NEVER
 from msggen.live.link import LinkError, Route
 from msggen.live.links import serial
-from msggen.live.links.serial import SerialLink
+from msggen.live.links.serial import LineQueue, SerialLink
 from msggen.live.xrce.framing import CLIENT, Deframer, pack_frame
 from support.link_records import Records, nothing_is_left
 from support.replay import DATA, INFO, STATUS_AGENT, creation, kind, sample, sent
@@ -188,6 +189,60 @@ def test_a_line_that_nobody_reads_does_not_grow_or_block(vehicle: Vehicle) -> No
         link.publish(records.remotes[0], route, b"\0\1\0\0" + b"\5" * 40)
         assert any(data.endswith(b"\5" * 40) for data in vehicle.received())
         assert len(records.warnings) == 1
+
+
+def test_what_waited_for_a_line_is_not_written_later(vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch) -> None:
+    with linked(vehicle) as (link, records):
+        connect(vehicle, link, records)
+        route = records.route("/fmu/in/trajectory_setpoint")
+        assert isinstance(route, Route)
+        monkeypatch.setattr(os, "write", _refuse)
+        for number in range(10):
+            link.publish(records.remotes[0], route, b"\0\1\0\0" + struct.pack("<Q", number))
+        assert link.statistics().unsent == 0
+        time.sleep(LONGEST_S + 0.1)
+        monkeypatch.undo()
+        link.publish(records.remotes[0], route, b"\0\1\0\0" + struct.pack("<Q", 99))
+        found = [answer for answer in vehicle.received() if kind(answer) == DATA]
+        assert [struct.unpack_from("<Q", data, 12)[0] for data in found] == [99]
+        assert link.statistics().unsent == 10
+
+
+def _refuse(*_: object) -> int:
+    """Take nothing, as a device whose buffer is full."""
+    raise BlockingIOError
+
+
+def test_a_frame_that_expires_half_written_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The system forgets what it has not sent, too: as a line that stands still."""
+    time_now, buffer, forgotten = 0, bytearray(), list[int]()
+    room = 30
+
+    def write(_: int, data: bytes) -> int:
+        count = min(len(data), room - len(buffer))
+        buffer.extend(data[:count])
+        return count or _refuse()
+
+    monkeypatch.setattr(os, "write", write)
+    monkeypatch.setattr(serial, "now_ns", lambda: time_now)
+    monkeypatch.setattr(serial, "waiting_in", lambda _: len(buffer))
+    monkeypatch.setattr(serial, "discard", forgotten.append)
+    queue = LineQueue()
+    for data in (b"a" * 20, b"b" * 20, b"c" * 20):
+        queue.add(data, 1000)
+    queue.add(b"d" * 20, NEVER)
+    assert queue.write(7) == 0
+    assert (bytes(buffer), queue.size) == (b"a" * 20 + b"b" * 10, 50)
+    time_now = 1001
+    buffer.clear()
+    buffer.extend(b"b" * 5)
+    assert queue.write(7) == 2, "b is half written, c has not begun"
+    assert (bytes(buffer), queue.size, forgotten) == (b"b" * 5 + b"d" * 20, 0, [])
+    queue.add(b"e" * 5, 2000)
+    assert queue.write(7) == 0
+    time_now = 2001
+    assert queue.write(7) == 1
+    assert forgotten == [7]
 
 
 def test_bytes_without_frames_name_the_speed(vehicle: Vehicle) -> None:
