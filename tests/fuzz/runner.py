@@ -42,6 +42,7 @@ NAMES = (
     "events",
     "flights",
     "records",
+    "owners",
 )
 """The campaigns, each a module of this package."""
 

@@ -123,6 +123,7 @@ PLANTED: dict[str, tuple[str, Any]] = {
     "sessions": ("msggen.live.xrce.session.REPLIES", 4096),
     "flights": ("msggen.flight.setpoints.Stream.stop", lambda _: None),
     "events": ("msggen.recordings.decode.event_metadata._object", lambda value: value),
+    "owners": ("msggen.live.links.unix.checked_event", lambda _, values: values),
     "records": ("msggen.live.links.session_files._address", lambda value, _: tuple(value)),
 }
 """An error for each campaign: the function or the number that is replaced, and by what."""

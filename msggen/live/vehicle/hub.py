@@ -286,7 +286,8 @@ class Hub:
         if self._following is None or entry is None:
             return ()
         found = self._following.publishers(entry.remote)
-        return [each._replace(topic=member.named(entry.routes[each.topic]).name) for each in found]
+        routes = entry.routes
+        return [each._replace(topic=member.named(routes[each.topic]).name) for each in found if each.topic in routes]
 
     def detach(self, member: Member, feed: Feed) -> None:
         """End a subscription. Can be repeated."""
