@@ -582,3 +582,12 @@ def test_a_program_does_not_wait_for_ever_for_a_place(tmp_path: Path, monkeypatc
             waiting.enter_context(unix.connected(str(tmp_path / "s")))
         with pytest.raises(LinkError, match="takes no further program"):
             unix.connected(str(tmp_path / "s"))
+
+
+@pytest.mark.usefixtures("server")
+def test_programs_take_the_same_of_several_vehicles(link: FakeLink, path: Path) -> None:
+    for key in (5, 2, 7):
+        link.connect(key, address=f"127.0.0.1:{key}")
+    for _ in range(5):
+        with Vehicle(UnixLink(str(path))) as vehicle:
+            assert vehicle.wait_connected(WAIT).key == 2
