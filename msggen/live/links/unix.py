@@ -60,7 +60,8 @@ class UnixLink(Asking):
         """Held while a record is sent, so that records are whole."""
         self._vehicles: dict[int, KnownVehicle] = {}
         self._last_number = 0
-        self._answers: dict[tuple[object, ...], SimpleQueue[Any]] = {}
+        self._answers: tuple[tuple[tuple[object, ...], SimpleQueue[Any]], ...] = ()
+        """Those who wait for an answer, by its key. Several can wait for the same one."""
         self._questions = itertools.count(1)
         self._asked: dict[int, str] = {}
         """What was asked, by the numbers of the questions that wait for an answer."""
@@ -264,7 +265,7 @@ class UnixLink(Asking):
         for number, vehicle in tuple(self._vehicles.items()):
             del self._vehicles[number]
             listener.disconnected(vehicle.remote, reason)
-        for answers in tuple(self._answers.values()):
+        for _, answers in self._answers:
             answers.put(None)
         self._offset = self._last_number
 
@@ -274,19 +275,22 @@ class UnixLink(Asking):
         """Return what the owner answers to a record. Raises LinkError, and None if there is no answer."""
         if threading.current_thread() is self._thread:  # which would take the answer
             return None
-        answers = self._answers[key] = SimpleQueue()
+        answers = SimpleQueue[Any]()
+        with self._lock:
+            self._answers = (*self._answers, (key, answers))
         try:
             self._send(record)
             return answers.get(timeout=_ANSWER_S)
         except Empty:
             return None
         finally:
-            self._answers.pop(key, None)
+            with self._lock:
+                self._answers = tuple(each for each in self._answers if each[1] is not answers)
 
     def _hand(self, key: tuple[object, ...], value: object) -> None:
-        answers = self._answers.get(key)
-        if answers is not None:
-            answers.put(value)
+        for asked, answers in self._answers:
+            if asked == key:
+                answers.put(value)
 
     def _find(self, remote: Remote) -> tuple[int, KnownVehicle]:
         found = self._vehicles.get(remote.number)
