@@ -17,7 +17,7 @@ from msggen.flight.errors import FlightError, RegistrationError
 from msggen.flight.executor import Executor
 from msggen.flight.feeds import Feeds
 from msggen.flight.limits import NO_LIMITS, Fence, Limits
-from msggen.flight.link import LinkConnection, Need, connected
+from msggen.flight.link import LinkConnection, Need, Which, connected
 from msggen.flight.mode import Mode
 from msggen.flight.offboard import Offboard, offboard
 from msggen.flight.parts import NEEDED, Part, Parts
@@ -57,18 +57,24 @@ class Flight(Actions):
     generated package, by default that of the Vehicle. With several packages, the first one that has the definitions of
     the vehicle is used.
 
+    If several vehicles are at an address, `key` (UXRCE_DDS_KEY) or `namespace` says which one flies: without them, that
+    is an error.
+
     If a program was killed and is back within about 1 s, it continues to fly its modes. With `resume`, it also
     continues if the vehicle has left them meanwhile: the vehicle enters them again at once.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - keywords, each of which has a default
         self,
         vehicle: str | Vehicle | Connection = DEFAULT,
         types: ModuleType | Sequence[ModuleType] | None = None,
         *,
+        key: int | None = None,
+        namespace: str | None = None,
         limits: Limits = NO_LIMITS,
         resume: bool = False,
     ) -> None:
+        self._which = Which(key, namespace)
         self._vehicle, self._types, self._limits, self._resume = vehicle, types, limits, resume
         self._parts: Parts | None = None
         self._connection: Connection | None = None
@@ -88,7 +94,7 @@ class Flight(Actions):
         return self
 
     async def _open(self) -> None:
-        connection = self._connection = await connected(self._vehicle, self._types, _NEEDED, NEEDED)
+        connection = self._connection = await connected(self._vehicle, self._types, _NEEDED, NEEDED, self._which)
         feeds = Feeds(connection)
         sender = Commands(connection, feeds)
         fence = Fence(feeds, self._limits)

@@ -17,6 +17,7 @@ from msggen.live.link import FormatError, LinkError, LinkTimeoutError, Route, To
 from msggen.live.links.address import parse_address
 from msggen.live.messages.names import is_topic, stem_of, version_of
 from msggen.live.messages.packages import packages_of
+from msggen.live.vehicle.selection import order, shown
 
 if TYPE_CHECKING:
     from msggen.live import Vehicle
@@ -57,11 +58,13 @@ class LinkConnection:
     async def open(self, needs: Iterable[Need], further: Iterable[Need] = ()) -> None:
         """Wait for a vehicle and its definitions, and choose the package that fits them.
 
-        Raises UnsupportedError with the differences if none fits, NoAnswerError, and FlightError if the link fails.
+        Raises UnsupportedError with the differences if none fits, NoAnswerError, and FlightError if the link fails or
+        has several vehicles and none was selected.
         """
         await self._connected()
         needs = [*needs]
         await self._known([*needs, *further])
+        self._check_alone()
         errors = []
         for package in self._packages:
             self._choose(package)
@@ -72,6 +75,19 @@ class LinkConnection:
             else:
                 return
         raise errors[0]
+
+    def _check_alone(self) -> None:
+        """Raise FlightError if a program has not said which of several vehicles it flies."""
+        try:
+            found = [self._vehicle.remote, *self._vehicle.others]
+        except LinkError as error:
+            raise NoAnswerError(str(error)) from None
+        if len(found) > 1:
+            shown_ones = ", ".join(shown(each) for each in sorted(found, key=order))
+            raise FlightError(
+                f"{len(found)} vehicles are on {self._vehicle.url}: {shown_ones}. Say which one flies: "
+                f"Flight(url, key={found[0].key}), or namespace="
+            )
 
     def check(self, needs: Iterable[Need]) -> None:
         """Raise UnsupportedError if the vehicle lacks some topics, or has other definitions of them."""
@@ -193,13 +209,26 @@ class LinkConnection:
             await asyncio.sleep(_POLL)
 
 
+class Which(NamedTuple):
+    """Which vehicle at an address is meant."""
+
+    key: int | None = None
+    namespace: str | None = None
+
+
+_ANY: Final = Which()
+
+
 async def connected(
     vehicle: str | Vehicle | Connection,
     types: ModuleType | Sequence[ModuleType] | None,
     needs: Iterable[Need],
     further: Iterable[Need],
+    which: Which = _ANY,
 ) -> Connection:
     """Return the connection of a vehicle, or of the one at an address. Raises the errors of `LinkConnection.open`."""
+    if which != _ANY and not isinstance(vehicle, str):
+        raise TypeError("key= and namespace= select a vehicle at an address: give them to the Vehicle instead")
     from msggen.live import Vehicle
 
     if not isinstance(vehicle, (str, Vehicle)):
@@ -208,7 +237,11 @@ async def connected(
     if not packages:
         raise TypeError("a flight needs the generated package of the vehicle: Flight(url, types=px4_types)")
     try:
-        found = await asyncio.to_thread(Vehicle, vehicle, packages) if isinstance(vehicle, str) else vehicle
+        found = (
+            await asyncio.to_thread(Vehicle, vehicle, packages, key=which.key, namespace=which.namespace)
+            if isinstance(vehicle, str)
+            else vehicle
+        )
     except LinkError as error:
         raise FlightError(str(error)) from None
     connection = LinkConnection(found, packages, is_own=isinstance(vehicle, str))

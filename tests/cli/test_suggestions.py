@@ -102,7 +102,7 @@ def test_the_words_of_other_programs_have_hints(line: str, hint: str, capsys: Ca
     [
         ("link udp4 -p 8888", "argument ACTION: no action 'udp4': no agent is needed: "),
         ("topic publish x", "argument ACTION: no action 'publish': `msggen topic pub TOPIC VALUES` publishes"),
-        ("mode list", "argument COMMAND: no command 'mode': `msggen topic echo vehicle_status --field nav_state`"),
+        ("mode list", "argument COMMAND: no command 'mode': `msggen command mode NAME`"),
         ("interface show x", "argument COMMAND: no command 'interface': `msggen topic info TOPIC` shows the fields"),
         ("replay x", "argument COMMAND: no command 'replay': `msggen play FILE` plays a recording"),
         ("recrod", "argument COMMAND: invalid choice: 'recrod', did you mean 'record'? (choose from build, "),

@@ -17,6 +17,7 @@ import pytest
 
 from msggen.flight import (
     LOCAL_POSITION,
+    BlockingFlight,
     Executor,
     Flight,
     FlightError,
@@ -359,3 +360,23 @@ def without(topics: list[str], folder: Path, monkeypatch: pytest.MonkeyPatch) ->
     write_definitions(folder / "less_types", dict(render_package(catalog, "less_types")))
     monkeypatch.syspath_prepend(folder)
     return importlib.import_module("less_types")
+
+
+@pytest.mark.usefixtures("owned")
+def test_one_of_several_vehicles_flies_only_if_it_was_chosen(url: str, px4_types: Any) -> None:
+    async def key_of(flight: Flight) -> int:
+        async with flight:
+            status = await flight._feeds["vehicle_status"].wait(lambda _: True, PATIENCE)
+            return int(status.system_id)
+
+    with Simulator(px4_types, url, [QUICK, QUICK._replace(key=2)]), Vehicle(url, px4_types) as vehicle:
+        vehicle.wait_connected(PATIENCE)
+        until(lambda: vehicle.others)
+        chosen = Vehicle(url, px4_types, key=2)
+        for flight in (Flight(url, px4_types), Flight(vehicle), BlockingFlight(url, px4_types)):
+            with pytest.raises(FlightError, match=r"2 vehicles are on udp.*key 1.*key 2.*Flight\(url, key=1\)"):
+                flight.__enter__() if isinstance(flight, BlockingFlight) else asyncio.run(key_of(flight))
+        with chosen:
+            assert [asyncio.run(key_of(each)) for each in (Flight(url, px4_types, key=2), Flight(chosen))] == [2, 2]
+        with pytest.raises(TypeError, match="give them to the Vehicle"):
+            asyncio.run(key_of(Flight(vehicle, key=2)))

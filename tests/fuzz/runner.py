@@ -43,6 +43,7 @@ NAMES = (
     "flights",
     "records",
     "stalls",
+    "owners",
 )
 """The campaigns, each a module of this package."""
 

@@ -124,6 +124,7 @@ PLANTED: dict[str, tuple[str, Any]] = {
     "flights": ("msggen.flight.setpoints.Stream.stop", lambda _: None),
     "stalls": ("msggen.live.xrce.streams.ReliableOutput.expire", lambda *_: 0),
     "events": ("msggen.recordings.decode.event_metadata._object", lambda value: value),
+    "owners": ("msggen.live.links.unix.checked_event", lambda _, values: values),
     "records": ("msggen.live.links.session_files._address", lambda value, _: tuple(value)),
 }
 """An error for each campaign: the function or the number that is replaced, and by what."""

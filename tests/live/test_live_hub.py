@@ -76,6 +76,17 @@ def test_the_first_vehicle_is_taken_and_the_second_is_told_once(
     assert caplog.messages == [f"{text}: select one by key, namespace or address"]
 
 
+def test_the_lowest_key_is_taken_of_those_that_are_connected(link: FakeLink) -> None:
+    with Vehicle(link, key=7):
+        for key in (5, 2, 7):
+            link.connect(key, address=f"127.0.0.1:{key}")
+        with Vehicle(link) as vehicle:
+            assert vehicle.remote.key == 2
+            assert [each.key for each in vehicle.others] == [5, 7]
+        with Vehicle(link, key=5) as chosen:
+            assert (chosen.remote.key, chosen.others) == (5, ())
+
+
 def test_two_vehicles_for_two_objects_are_not_told(link: FakeLink, caplog: pytest.LogCaptureFixture) -> None:
     with Vehicle(link, key=1), Vehicle(link, key=2):
         link.connect(1)

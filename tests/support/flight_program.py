@@ -12,7 +12,8 @@ import importlib
 import sys
 import time
 
-from msggen.flight import LOCAL_POSITION, Executor, Flight, FlightError, Mode
+from msggen.flight import LOCAL_POSITION, Executor, Flight, FlightError, Limits, Mode
+from msggen.flight.limits import NO_LIMITS
 from msggen.live import Vehicle
 
 
@@ -72,7 +73,8 @@ def main(url: str, folder: str, package: str, way: str) -> None:
     say("begins")
     sys.stdin.readline()
     Stays.way = way
-    flight = Flight(url, types, resume=way == "resumes")
+    limits = Limits(height=100.0, distance=5000.0) if way == "limits" else NO_LIMITS
+    flight = Flight(url, types, resume=way == "resumes", limits=limits)
     try:
         asyncio.run(left(flight) if way == "leaves" else program(flight, way))
     except FlightError as error:

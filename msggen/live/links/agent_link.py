@@ -212,15 +212,18 @@ class AgentLink(ABC):
         except BaseException as error:  # noqa: BLE001 - told to the user, who would wait forever
             failure = f"the link failed: {type(error).__name__}: {error}"
         self._closing = True
-        try:
-            self._keep(listener, time.monotonic(), is_last=True)
-            with self.lock:
-                self.agent.close(failure or "the link was closed")
-            self.flush(listener)
-        finally:
-            self.resources.close()
+        with ExitStack() as ending:  # from the last to the first, also if one of them raises an exception
             if failure:
-                listener.failed(failure)
+                ending.callback(listener.failed, failure)
+            ending.callback(self.resources.close)
+            ending.callback(self._leave, failure or "the link was closed", listener)
+            ending.callback(self._keep, listener, time.monotonic(), is_last=True)
+
+    def _leave(self, reason: str, listener: Listener) -> None:
+        """Report all vehicles as disconnected."""
+        with self.lock:
+            self.agent.close(reason)
+        self.flush(listener)
 
     def _serve(self, listener: Listener) -> None:
         clock, wait = time.monotonic, self.wait

@@ -11,6 +11,7 @@ import re
 import threading
 import time
 from collections.abc import Sequence
+from contextlib import ExitStack
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from msggen.base.missing import installing
@@ -229,15 +230,18 @@ class DdsLink:
                 self._turn(participant, listener)
         except Exception as error:  # noqa: BLE001 - told to the user, who would wait forever
             failure = f"the link failed: {type(error).__name__}: {error}"
-        finally:
-            for vehicle in list(self._vehicles.values()):
-                self._disconnect(vehicle, participant, listener, failure or "the link was closed")
-            self._vehicles.clear()
-            with self._lock:
-                self._participant = None
-                participant.close()
+        with ExitStack() as ending:  # from the last to the first, also if one of them raises an exception
             if failure:
-                listener.failed(failure)
+                ending.callback(listener.failed, failure)
+            ending.callback(self._release, participant)
+            for vehicle in list(self._vehicles.values()):
+                ending.callback(self._disconnect, vehicle, participant, listener, failure or "the link was closed")
+
+    def _release(self, participant: Participant) -> None:
+        self._vehicles.clear()
+        with self._lock:
+            self._participant = None
+            participant.close()
 
     def _turn(self, participant: Participant, listener: Listener) -> None:
         """Wait for something, and deal with it."""

@@ -7,9 +7,11 @@ from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any, NamedTuple
 
+from msggen.base.checked import UnexpectedError
 from msggen.live.link import LinkError
 from msggen.live.links.places import CAN_SHARE, Place, places
 from msggen.live.links.records import LONGEST, RecordError, RecordReader, event_in, event_of
+from msggen.live.links.told import checked_answer, checked_event
 from msggen.live.links.unix import connected
 
 _PATIENCE = 5.0
@@ -62,7 +64,7 @@ def stop(place: Place) -> None:
 
 def _asked(place: Place, what: str) -> Any:
     """Return an answer of an owner. Raises OSError if nobody listens, and LinkError if it does not answer."""
-    with connected(place.socket) as own, suppress(OSError, RecordError):  # also TimeoutError
+    with connected(place.socket) as own, suppress(OSError, RecordError, UnexpectedError):  # also TimeoutError
         own.settimeout(_PATIENCE)
         own.sendall(event_of("ask", 1, what))  # without a hello: an owner of another version would end
         reader, end = RecordReader(LONGEST), time.monotonic() + _PATIENCE
@@ -70,6 +72,6 @@ def _asked(place: Place, what: str) -> Any:
             for *_, body in reader.add(chunk):
                 with suppress(RecordError):
                     name, values = event_in(body)
-                    if name == "answer" and len(values) > 1:
-                        return values[1]
+                    if name == "answer":
+                        return checked_answer(what, checked_event(name, values)[1])
     raise LinkError("it does not answer")

@@ -13,6 +13,7 @@ from contextlib import suppress
 from queue import Empty, SimpleQueue
 from typing import Any
 
+from msggen.base.checked import UnexpectedError
 from msggen.base.version import __version__
 from msggen.live.age import NEVER, expiry
 from msggen.live.link import LinkError, Listener, Remote, Route, Sample, Service
@@ -38,6 +39,7 @@ from msggen.live.links.records import (
     event_of,
     record_of,
 )
+from msggen.live.links.told import checked_answer, checked_event
 
 _CHUNK = 1 << 18
 _ANSWER_S = 1.0
@@ -62,8 +64,11 @@ class UnixLink(Asking):
         self._outgoing = Outgoing()
         self._vehicles: dict[int, KnownVehicle] = {}
         self._last_number = 0
-        self._answers: dict[tuple[object, ...], SimpleQueue[Any]] = {}
+        self._answers: tuple[tuple[tuple[object, ...], SimpleQueue[Any]], ...] = ()
+        """Those who wait for an answer, by its key. Several can wait for the same one."""
         self._questions = itertools.count(1)
+        self._asked: dict[int, str] = {}
+        """What was asked, by the numbers of the questions that wait for an answer."""
         self._is_closing = False
 
     def open(self) -> socket.socket:
@@ -147,7 +152,11 @@ class UnixLink(Asking):
         with suppress(LinkError):
             if self._is_closing:
                 return None
-            return self._answer((EVENT, question), event_of("ask", question, what))
+            self._asked[question] = what
+            try:
+                return self._answer((EVENT, question), event_of("ask", question, what))
+            finally:
+                self._asked.pop(question, None)
         return None
 
     def routes(self, remote: Remote) -> Sequence[Route | Service]:
@@ -189,7 +198,7 @@ class UnixLink(Asking):
             listener.failed(failure)
 
     def _receive(self, listener: Listener) -> str:
-        """Deliver records until the owner ends. Return why, or ""."""
+        """Deliver records until the owner ends. Return why, or "". Raises LinkError for what is no record."""
         reader, own = RecordReader(), self._socket
         assert own is not None  # noqa: S101 - `start` has set it
         deliver, vehicles, offset = self._deliver, self._vehicles, self._offset
@@ -204,21 +213,24 @@ class UnixLink(Asking):
                 try:
                     for record in reader.add(chunk):
                         kind, number, index, when, body = record
-                        if kind == SAMPLE:  # the frequent one
+                        if kind == SAMPLE and when >= 0:  # the frequent one
                             vehicle = vehicles.get(offset + number)
                             if vehicle is not None:
                                 listener.sample(vehicle.remote, vehicle.routes[index], body, when)
                         else:
                             deliver(listener, record)
                 except (RecordError, LookupError, TypeError, ValueError) as error:
-                    return f"the process that owns the link has sent what is no record: {error}"
+                    # not again: its next program would get the same
+                    raise LinkError(f"the process that owns the link has sent what is no record: {error}") from None
 
     def _deliver(self, listener: Listener, record: Record) -> None:
         kind, number, index, when, body = record
         vehicle = self._vehicles.get(self._offset + number)
         if kind == EVENT:
             name, values = event_in(body)
-            _EVENTS[name](self, listener, *values)
+            _EVENTS[name](self, listener, *checked_event(name, values))
+        elif when < 0:
+            raise RecordError("a time before 1970")
         elif kind == LAST:
             self._hand((LAST, number, index), (body, when))
         elif vehicle is not None:
@@ -267,14 +279,16 @@ class UnixLink(Asking):
         self._outgoing.taken(until, dropped)
 
     def _answered(self, _listener: Listener, question: int, value: object) -> None:
-        self._hand((EVENT, question), value)
+        what = self._asked.get(question)
+        if what is not None:
+            self._hand((EVENT, question), checked_answer(what, value))
 
     def _forget(self, listener: Listener, reason: str) -> None:
         """Tell the listener that all vehicles are gone with the owner."""
         for number, vehicle in tuple(self._vehicles.items()):
             del self._vehicles[number]
             listener.disconnected(vehicle.remote, reason)
-        for answers in tuple(self._answers.values()):
+        for _, answers in self._answers:
             answers.put(None)
         self._offset = self._last_number
 
@@ -284,19 +298,22 @@ class UnixLink(Asking):
         """Return what the owner answers to a record. Raises LinkError, and None if there is no answer."""
         if threading.current_thread() is self._thread:  # which would take the answer
             return None
-        answers = self._answers[key] = SimpleQueue()
+        answers = SimpleQueue[Any]()
+        with self._lock:
+            self._answers = (*self._answers, (key, answers))
         try:
             self._send(record)
             return answers.get(timeout=_ANSWER_S)
         except Empty:
             return None
         finally:
-            self._answers.pop(key, None)
+            with self._lock:
+                self._answers = tuple(each for each in self._answers if each[1] is not answers)
 
     def _hand(self, key: tuple[object, ...], value: object) -> None:
-        answers = self._answers.get(key)
-        if answers is not None:
-            answers.put(value)
+        for asked, answers in self._answers:
+            if asked == key:
+                answers.put(value)
 
     def _find(self, remote: Remote) -> tuple[int, KnownVehicle]:
         found = self._vehicles.get(remote.number)
@@ -372,7 +389,8 @@ def greeted(own: socket.socket, address: str, allow: Sequence[str | int] = ()) -
         own.settimeout(_HELLO_S)
         own.sendall(event_of("hello", hello))
         name, values = _first_event(own)
-    except (TimeoutError, RecordError) as error:
+        values = checked_event(name, values)
+    except (TimeoutError, RecordError, UnexpectedError) as error:
         own.close()
         raise LinkError(f"the process that owns the link does not answer: {error}") from None
     except OSError as error:  # it was killed, or ends
@@ -382,7 +400,9 @@ def greeted(own: socket.socket, address: str, allow: Sequence[str | int] = ()) -
         own.close()
         if name == "leaving":
             raise LeavingError("the process that owns the link ends, because it is of another version of msggen")
-        raise LinkError(str(values[0]))
+        if name == "refused":
+            raise LinkError(values[0])
+        raise LinkError("the process that owns the link does not answer: it has not greeted this program")
     own.settimeout(None)
     return own
 

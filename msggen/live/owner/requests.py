@@ -27,6 +27,7 @@ from msggen.live.links.records import (
 from msggen.live.owner.calls import Call
 from msggen.live.owner.owner import LOGGER, Carried, Owner
 from msggen.live.owner.program import Program
+from msggen.live.vehicle.selection import order
 
 _NAME = 100
 """The characters of the longest name of a program."""
@@ -100,7 +101,8 @@ def _hello(owner: Owner, program: Program, hello: Mapping[str, Any]) -> None:
     program.put(event_of("welcome", str(owner.address), os.getpid()))
     if program.has_joined:
         program.tell_taken(time.monotonic())
-    for number, vehicle in owner.vehicles.items() if program.has_joined else ():
+    found = sorted(owner.vehicles.items(), key=lambda each: order(each[1].known.remote))
+    for number, vehicle in found if program.has_joined else ():
         _introduce(owner, program, number, vehicle)
     program.flush()
 

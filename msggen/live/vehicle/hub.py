@@ -16,7 +16,7 @@ from msggen.live.vehicle.entry import Entry, Member, Row
 from msggen.live.vehicle.feed import Feed, Item, check_outside_callback
 from msggen.live.vehicle.firmware import RESPONSE, RETRY_NS
 from msggen.live.vehicle.memory import Kept, Remembering
-from msggen.live.vehicle.selection import is_same, is_unnamed, may_be_meant, shown, why_missing, why_unknown
+from msggen.live.vehicle.selection import is_same, is_unnamed, may_be_meant, order, shown, why_missing, why_unknown
 from msggen.live.vehicle.watch import Watch
 
 LOGGER = getLogger("msggen.live")
@@ -225,7 +225,8 @@ class Hub:
         """Add a member, and give it a vehicle that is connected already."""
         with self.changed:
             self.members = (*self.members, member)
-            for entry in sorted(self.entries.values(), key=lambda each: not member.selection.matches(each.remote)):
+            matches = member.selection.matches
+            for entry in sorted(self.entries.values(), key=lambda each: (not matches(each.remote), order(each.remote))):
                 self._offer(member, entry)
 
     def leave(self, member: Member) -> None:
@@ -282,13 +283,22 @@ class Hub:
         """Whether another process owns the link, for several programs."""
         return self._following is not None
 
+    def others(self, member: Member) -> Sequence[Remote]:
+        """Return the further vehicles on the link that a member without a selection could have, in their order."""
+        own = member.entry
+        if own is None or not member.selection.is_any:
+            return ()
+        found = [each.remote for each in tuple(self.entries.values()) if not is_same(own.remote, each.remote)]
+        return sorted(found, key=order)
+
     def publishers(self, member: Member) -> Sequence[Publisher]:
         """Return the programs that publish to the vehicle of a member."""
         entry = member.entry
         if self._following is None or entry is None:
             return ()
         found = self._following.publishers(entry.remote)
-        return [each._replace(topic=member.named(entry.routes[each.topic]).name) for each in found]
+        routes = entry.routes
+        return [each._replace(topic=member.named(routes[each.topic]).name) for each in found if each.topic in routes]
 
     def detach(self, member: Member, feed: Feed) -> None:
         """End a subscription. Can be repeated."""

@@ -33,6 +33,11 @@ class Selection(NamedTuple):
         return self.accepts(remote._replace(alone=None))
 
 
+def order(remote: Remote) -> tuple[int, str, str]:
+    """Return by what the vehicles of a link are sorted: the first one is taken if none is selected."""
+    return remote.key, remote.namespace, remote.address
+
+
 def host_of(address: str) -> str:
     """Return `127.0.0.1` of `127.0.0.1:40123`; other addresses as they are."""
     host, colon, port = address.rpartition(":")

@@ -194,6 +194,11 @@ class Vehicle:
         return self._entry().remote._replace(namespace=self._member.namespace)
 
     @property
+    def others(self) -> Sequence[Remote]:
+        """The further vehicles on the link. None if this one was selected by key, namespace or address."""
+        return self._hub.others(self._member)
+
+    @property
     def routes(self) -> tuple[Route, ...]:
         """The topics of the vehicle that is connected. Raises NotConnectedError."""
         return tuple(map(self._member.named, tuple(self._entry().routes.values())))

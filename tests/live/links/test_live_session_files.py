@@ -278,3 +278,20 @@ def test_a_link_goes_on_with_the_session_of_the_last_one(tmp_path: Path) -> None
             assert [data[2] for data in requests] == [0xD1]
         finally:
             second.close()
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+def test_an_error_in_the_end_of_a_link_keeps_nothing_from_being_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise KeyError("planted")
+
+    link, listening = UdpLink(port=0), Listening()
+    link.start(listening)
+    with Client(link.port) as client:
+        client.play(creation("session-udp"))
+        listening.wait(lambda: len(listening.opened_routes) == 66)
+        monkeypatch.setattr(link, "_keep", fail)
+        listening.wait(lambda: listening.failures)
+    assert listening.failures == ["the link failed: KeyError: 'planted'"]
+    assert [reason for _, reason in listening.gone] == listening.failures
+    link.close()

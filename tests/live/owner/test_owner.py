@@ -606,3 +606,33 @@ def test_a_program_does_not_wait_for_ever_for_a_place(tmp_path: Path, monkeypatc
             waiting.enter_context(unix.connected(str(tmp_path / "s")))
         with pytest.raises(LinkError, match="takes no further program"):
             unix.connected(str(tmp_path / "s"))
+
+
+@pytest.mark.usefixtures("server")
+def test_programs_take_the_same_of_several_vehicles(link: FakeLink, path: Path) -> None:
+    for key in (5, 2, 7):
+        link.connect(key, address=f"127.0.0.1:{key}")
+    for _ in range(5):
+        with Vehicle(UnixLink(str(path))) as vehicle:
+            assert vehicle.wait_connected(WAIT).key == 2
+
+
+@pytest.mark.usefixtures("server")
+def test_several_threads_can_ask_for_the_same(link: FakeLink, path: Path, px4_types: Any) -> None:
+    remote = link.connect()
+    link.sample(remote, px4_types.VehicleStatus(timestamp=8))
+    found: list[Any] = []
+    with Vehicle(UnixLink(str(path)), px4_types) as vehicle:
+        vehicle.wait_connected(WAIT)
+        status = vehicle.subscribe("vehicle_status")
+        until(status.latest)
+
+        def ask() -> None:
+            found.extend(status.last() for _ in range(50))
+
+        threads = [threading.Thread(target=ask) for _ in range(4)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join(WAIT)
+    assert [each[0].timestamp for each in found] == [8] * 200
