@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple, TypeVar
 
+from msggen.flight.elsewhere import Hinted
 from msggen.flight.errors import NoAnswerError, UnsupportedError
 from msggen.flight.feeds import Feeds
 from msggen.flight.space import Vector
@@ -97,7 +98,7 @@ class Land(NamedTuple):
     is_valid: bool
 
 
-class Telemetry:
+class Telemetry(Hinted):
     """Values of a vehicle. Each raises NoAnswerError if its first message does not arrive within 1 s."""
 
     def __init__(self, feeds: Feeds) -> None:
