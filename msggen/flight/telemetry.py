@@ -177,10 +177,12 @@ def is_landed(feeds: Feeds) -> bool:
 
 def is_known_landed(feeds: Feeds) -> bool:
     """Whether a disarmed vehicle says that it is on the ground. v1.15 does not: its height above the origin counts."""
-    if feeds.has("vehicle_land_detected"):
-        return is_landed(feeds)
-    place = valid_estimate(feeds)
-    return place is not None and place.z >= -_LIFTED
+    try:
+        feeds["vehicle_land_detected"]
+    except UnsupportedError:
+        place = valid_estimate(feeds)
+        return place is not None and place.z >= -_LIFTED
+    return is_landed(feeds)
 
 
 def is_known_in_air(feeds: Feeds) -> bool:
