@@ -18,16 +18,19 @@ from typing import Any, NamedTuple, cast
 
 from msggen.flight import TRAJECTORY, Executor, Flight, Mode, NoAnswerError
 from msggen.live.messages.nav_states import MODE_NAMES
+from msggen.live.sim import Options
 from msggen.live.sim.loop import SimulatedLoop, run
 from msggen.live.sim.near import NearVehicle
 
 RELEASES = ("v1.15", "v1.18")
 PHASES = (0.0, 0.08, 0.16, 0.24)
 """When a flight begins, in s: PX4 asks programs every 0.3 s, and the times depend on when it has asked last."""
-_WAIT = 8.0
+_WAIT = 12.0
 """How long a vehicle is observed after a program is gone, in s."""
 _STEP = 0.01
 _SPEED = 3.0
+_REMOVABLE = "COM_MODE_ARM_CHK"
+"""The parameter with which a mode can be removed in flight."""
 
 
 class Seen(NamedTuple):
@@ -135,12 +138,26 @@ async def killed_in_trajectory(flight: Flight, vehicle: LossyVehicle) -> Seen:
 
 async def killed_in_takeoff(flight: Flight, vehicle: LossyVehicle) -> Seen:
     """Kill the program while its executor takes off."""
+    await lift(flight, vehicle)
+    return await observe(vehicle)
+
+
+async def removed_in_takeoff(flight: Flight, vehicle: LossyVehicle) -> Seen:
+    """Measure how long the executor of a killed program is in charge."""
+    await lift(flight, vehicle)
+    begin = vehicle.time
+    while vehicle.world.commander.executor_in_charge and vehicle.time - begin < _WAIT * 1e6:  # noqa: ASYNC110 - as below
+        await asyncio.sleep(_STEP)
+    return Seen((vehicle.time - begin) / 1e6, "out of charge", 0.0)
+
+
+async def lift(flight: Flight, vehicle: LossyVehicle) -> None:
+    """Let an executor take off, and cut the link."""
     await flight.add(Lifts)
     await flight.set_mode(Goto)
     await flight.wait_armed()
     await asyncio.sleep(2.0)
     vehicle.is_cut = True
-    return await observe(vehicle)
 
 
 async def killed_in_offboard(flight: Flight, vehicle: LossyVehicle) -> Seen:
@@ -217,6 +234,8 @@ CASES: Sequence[tuple[str, Case]] = (
     ("the program is killed, trajectory", killed_in_trajectory),
     ("the program is killed, offboard", killed_in_offboard),
     ("the program is killed, takeoff", killed_in_takeoff),
+    (f"  {_REMOVABLE} = 1, its executor", removed_in_takeoff),
+    (f"  {_REMOVABLE} = 1, the vehicle", killed_in_takeoff),
     ("the program hangs", hung),
     ("the program ends without landing", ended),
     ("`fly` raises an exception", failed),
@@ -227,9 +246,9 @@ CASES: Sequence[tuple[str, Case]] = (
 )
 
 
-def measure(package: ModuleType, case: Case, phase: float) -> Seen:
+def measure(package: ModuleType, case: Case, phase: float, *, is_removable: bool) -> Seen:
     """Fly a case."""
-    vehicle = LossyVehicle(package)
+    vehicle = LossyVehicle(package, Options(parameters={_REMOVABLE: float(is_removable)}))
 
     async def main() -> Seen:
         await asyncio.sleep(1.0 + phase)
@@ -257,16 +276,18 @@ def then_of(seen: Sequence[Seen]) -> str:
 
 def table(packages: Sequence[ModuleType], names: Sequence[str]) -> list[str]:
     """Return the lines of the table."""
-    lines = [f"{'seconds':34}" + "".join(f"{name:14}" for name in names) + "then"]
+    lines = [f"{'seconds':37}" + "".join(f"{name:14}" for name in names) + "then"]
     for text, case in CASES:
-        found = [[measure(package, case, phase) for phase in PHASES] for package in packages]
-        lines.append(f"{text:34}" + "".join(f"{times_of(each):14}" for each in found) + then_of(found[-1]))
+        is_removable = _REMOVABLE in text
+        found = [[measure(each, case, phase, is_removable=is_removable) for phase in PHASES] for each in packages]
+        lines.append(f"{text:37}" + "".join(f"{times_of(each):14}" for each in found) + then_of(found[-1]))
     return lines
 
 
 _CELLS = {
     "the program, in its mode": "the program is killed, goto",
     "the program, in Offboard mode": "the program is killed, offboard",
+    "the same, with `COM_MODE_ARM_CHK` 1, as in SITL": f"  {_REMOVABLE} = 1, its executor",
     "the program hangs": "the program hangs",
     "the link or the program, which then comes back in flight": "the link is back after 3 s",
     "`fly` raises an exception": "`fly` raises an exception",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from msggen.flight.blocking import BlockingFlight
 from msggen.flight.checks import Problem, Severity
 from msggen.flight.errors import (
@@ -52,3 +54,18 @@ __all__ = [
     "UnsupportedError",
     "Vector",
 ]
+
+if not TYPE_CHECKING:  # type checkers would accept every name
+
+    def __getattr__(name: str) -> object:
+        """Raise ImportError for a name of another library, with that of msggen, and AttributeError for others."""
+        from msggen.flight.elsewhere import IMPORTED, told
+
+        text = told(f"module {__name__!r}", name, __all__, IMPORTED)
+        if name in IMPORTED:
+            raise ImportError(text, name=name)  # `from ... import` replaces the text of an AttributeError
+        raise AttributeError(text, name=name, obj=None)
+
+    def __dir__() -> list[str]:
+        """Return the public names."""
+        return [*__all__]

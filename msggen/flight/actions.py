@@ -13,6 +13,7 @@ from typing import Any
 
 from msggen.base import earth
 from msggen.flight.commands import Commands
+from msggen.flight.elsewhere import Hinted
 from msggen.flight.errors import FlightError, LimitError, NotReachedError
 from msggen.flight.feeds import Condition, Feeds
 from msggen.flight.limits import Fence
@@ -35,7 +36,7 @@ UNDER_WAY = 1.5
 """The time in s for which a command that was sent can still take effect."""
 
 
-class Actions:
+class Actions(Hinted):
     """Actions of a user, or of the executor with an id."""
 
     def __init__(

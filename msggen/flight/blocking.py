@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar, runtime_checkable
 
+from msggen.flight.elsewhere import Hinted
 from msggen.flight.errors import FlightError
 from msggen.flight.executor import Executor
 from msggen.flight.feeds import Condition
@@ -38,7 +39,7 @@ class _OnItsClock(Protocol):
         """Return a loop on its clock."""
 
 
-class BlockingFlight:
+class BlockingFlight(Hinted):
     """A `Flight` for programs without asyncio. It takes the same arguments, and is used with `with`.
 
     Modes and executors are the same as those of `Flight`, and run in a separate thread. SIGTERM ends the block.
@@ -236,7 +237,7 @@ class BlockingFlight:
             self._runner.close()
 
 
-class BlockingTelemetry:
+class BlockingTelemetry(Hinted):
     """The telemetry of a vehicle, as in `Telemetry`."""
 
     def __init__(self, telemetry: Telemetry, wait: Callable[[Coroutine[Any, Any, Any]], Any]) -> None:
@@ -273,7 +274,7 @@ class BlockingTelemetry:
         return found
 
 
-class BlockingOffboard:
+class BlockingOffboard(Hinted):
     """The setpoint of Offboard mode, as in `Offboard`."""
 
     def __init__(self, setpoint: Offboard, wait: Callable[[Coroutine[Any, Any, Any]], Any]) -> None:

@@ -6,6 +6,7 @@ from contextlib import AbstractAsyncContextManager
 from typing import ClassVar, Literal, Protocol, TypeAlias
 
 from msggen.flight.actions import Actions
+from msggen.flight.elsewhere import Hinted
 from msggen.flight.errors import FlightError
 from msggen.flight.mode import Mode
 from msggen.flight.overrides import Deferral, Keeps, Overrides
@@ -24,7 +25,7 @@ class Registered(Protocol):
         """Fly a mode, and wait for its end."""
 
 
-class Executor:
+class Executor(Hinted):
     """A sequence of modes. A subclass sets the mode that it belongs to, and defines the method `run`.
 
     Selecting its mode puts the executor in charge, and it stays in charge while it lets PX4 or other modes fly. A pilot

@@ -8,7 +8,7 @@ from contextlib import suppress
 from typing import Any, Final, TypeVar
 
 from msggen.flight.connection import Connection, Take, Topics
-from msggen.flight.errors import FlightError, NoAnswerError, NotReachedError, report
+from msggen.flight.errors import FlightError, NoAnswerError, NotReachedError, UnsupportedError, report
 from msggen.flight.states import described, is_disarmed
 
 _Result = TypeVar("_Result")
@@ -139,8 +139,10 @@ class Feeds:
                 self["vehicle_status"].following(lambda each: each.nav_state not in modes or is_disarmed(each))
             )
         ]
-        if not may_land and self.has("vehicle_land_detected"):
-            ends.append(asyncio.ensure_future(self["vehicle_land_detected"].following(lambda each: bool(each.landed))))
+        with suppress(UnsupportedError):  # v1.15 does not tell
+            if not may_land:
+                landing = self["vehicle_land_detected"].following(lambda each: bool(each.landed))
+                ends.append(asyncio.ensure_future(landing))
         first = asyncio.ensure_future(asyncio.wait([goal, *ends], return_when=asyncio.FIRST_COMPLETED))
         try:
             await self.while_heard(first)

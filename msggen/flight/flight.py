@@ -132,7 +132,7 @@ class Flight(Actions):
         def __getattr__(self, name: str) -> Any:
             if name in _OF_BEGUN:
                 raise FlightError(_NOT_BEGUN)
-            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+            return super().__getattr__(name)
 
     def _release(self) -> None:
         if self._parts is not None:

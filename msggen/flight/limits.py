@@ -91,8 +91,13 @@ class Fence:
     def __init__(self, feeds: Feeds, limits: Limits = NO_LIMITS) -> None:
         self.limits, self._feeds = limits, feeds
         self._has_home = feeds.has("home_position")
-        for topic in ("home_position", "vehicle_local_position")[not self._has_home :]:
-            feeds[topic]  # subscribe now, so that both are known when they are needed
+        try:
+            for topic in ("home_position", "vehicle_local_position")[not self._has_home :]:
+                feeds[topic]  # subscribe now, so that both are known when they are needed
+        except UnsupportedError:  # the vehicle bridges fewer topics than its release
+            if not limits.is_open:
+                raise
+            self._has_home = False
 
     def tightened(self, limits: Limits) -> Fence:
         """Return a fence that also enforces other limits."""

@@ -11,6 +11,7 @@ from typing import Any, ClassVar, Protocol
 from msggen.flight import usage
 from msggen.flight.checks import Problem
 from msggen.flight.connection import filled
+from msggen.flight.elsewhere import Hinted
 from msggen.flight.errors import FlightError, NotReachedError, UnsupportedError
 from msggen.flight.feeds import ANY_MODE, Feeds
 from msggen.flight.limits import NO_LIMITS, Limits
@@ -49,7 +50,7 @@ class Registered(Protocol):
         """Hold the place where the vehicle is."""
 
 
-class Mode:
+class Mode(Hinted):
     """A flight mode. A subclass sets the name, and defines the method `fly`.
 
     Pilots see `name`. PX4 keeps a slot for each name, so that a switch on a transmitter always selects the same mode.

@@ -10,6 +10,7 @@ from typing import Any
 
 from msggen.flight.actions import Actions
 from msggen.flight.connection import Connection, Topics, filled
+from msggen.flight.elsewhere import Hinted
 from msggen.flight.errors import NotReachedError
 from msggen.flight.feeds import Feeds
 from msggen.flight.limits import Fence
@@ -47,7 +48,7 @@ class _Heartbeat:
         self._connection.publish("offboard_control_mode", filled(self._class, **kinds))
 
 
-class Offboard:
+class Offboard(Hinted):
     """The setpoint of Offboard mode, which is sent at a steady rate until the next one.
 
     Vectors and headings are in `frame`. `heading` is in rad, `heading_deg` in degrees. Nothing is sent once the vehicle

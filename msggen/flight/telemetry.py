@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple, TypeVar
 
+from msggen.flight.elsewhere import Hinted
 from msggen.flight.errors import NoAnswerError, UnsupportedError
 from msggen.flight.feeds import Feeds
 from msggen.flight.space import Vector
@@ -97,7 +98,7 @@ class Land(NamedTuple):
     is_valid: bool
 
 
-class Telemetry:
+class Telemetry(Hinted):
     """Values of a vehicle. Each raises NoAnswerError if its first message does not arrive within 1 s."""
 
     def __init__(self, feeds: Feeds) -> None:
@@ -176,10 +177,12 @@ def is_landed(feeds: Feeds) -> bool:
 
 def is_known_landed(feeds: Feeds) -> bool:
     """Whether a disarmed vehicle says that it is on the ground. v1.15 does not: its height above the origin counts."""
-    if feeds.has("vehicle_land_detected"):
-        return is_landed(feeds)
-    place = valid_estimate(feeds)
-    return place is not None and place.z >= -_LIFTED
+    try:
+        feeds["vehicle_land_detected"]
+    except UnsupportedError:
+        place = valid_estimate(feeds)
+        return place is not None and place.z >= -_LIFTED
+    return is_landed(feeds)
 
 
 def is_known_in_air(feeds: Feeds) -> bool:

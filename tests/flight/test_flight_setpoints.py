@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import math
+import re
 from itertools import pairwise
 from typing import Any
 
@@ -13,7 +14,7 @@ from hypothesis import strategies as st
 
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
-from msggen.flight.setpoints import ATTITUDE, RATES
+from msggen.flight.setpoints import ATTITUDE, FREE, RATES
 from support.examples import examples
 from support.flown import EXTERNAL, Flown, fly
 
@@ -130,3 +131,43 @@ def test_wrong_setpoints_are_errors_before_anything_is_sent(
 
     fly(px4_types, program)
     assert text in caplog.text
+
+
+@pytest.mark.parametrize("name", ["max_speed", "max_climb", "max_turn_rate"])
+@pytest.mark.parametrize("value", [0.0, -1.0])
+def test_a_limit_of_a_goto_is_above_zero(px4_types: Any, name: str, value: float) -> None:
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        mode = Goes(name, value)
+        await flight.add(mode)
+        await vehicle.in_air(flight)
+        with pytest.raises(ValueError, match=re.escape(f"expected limits above 0, got [{value}]")):
+            await flight.fly(mode)
+
+    class Goes(Mode, name="Goes"):
+        def __init__(self, name: str, value: float) -> None:
+            self.options: dict[str, Any] = {name: value}
+
+        async def fly(self) -> None:
+            await self.goto((5.0, 0.0, -10.0), **self.options)
+
+    fly(px4_types, program)
+
+
+@pytest.mark.parametrize("position", [(1.0, math.nan, math.nan), (math.nan, 1.0, -10.0), FREE])
+def test_the_heartbeat_of_offboard_mode_tells_what_is_controlled_on_any_axis(
+    px4_types: Any, position: tuple[float, float, float]
+) -> None:
+    velocity = tuple(math.nan if math.isfinite(each) else 0.5 for each in position)
+
+    async def program(flight: Flight, vehicle: Flown) -> None:
+        await vehicle.in_air(flight)
+        async with flight.offboard() as setpoint:
+            setpoint.trajectory(position=position, velocity=velocity)
+            before = len(vehicle.sent)
+            await asyncio.sleep(0.2)
+            beats = [each.message for each in vehicle.sent[before:] if each.topic == "offboard_control_mode"]
+        assert beats
+        told = {(beat.position, beat.velocity, beat.acceleration) for beat in beats}
+        assert told == {(position != FREE, True, False)}
+
+    fly(px4_types, program)

@@ -7,6 +7,7 @@ import inspect
 import math
 import re
 from collections.abc import Callable, Coroutine
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -20,10 +21,11 @@ from msggen.flight import (
     Limits,
     Mode,
     NotReachedError,
+    UnsupportedError,
     Vector,
 )
 from msggen.flight.blocking import BlockingOffboard
-from msggen.flight.limits import NO_LIMITS
+from msggen.flight.limits import NO_LIMITS, Fence
 from msggen.flight.offboard import Offboard
 from msggen.flight.pytest.vehicle import SimVehicle
 from msggen.live.sim import Options
@@ -136,6 +138,29 @@ def test_limits_are_named() -> None:
     with pytest.raises(ValueError, match="depth: expected a positive number, got 0"):
         Limits(depth=0.0)
     assert Limits(depth=5.0, height=3.0).tightened(Limits(depth=7.0)) == Limits(depth=5.0, height=3.0)
+
+
+class WithoutHome:
+    """Feeds of a vehicle that bridges fewer topics than its release."""
+
+    def has(self, _: str) -> bool:
+        return True
+
+    def __getitem__(self, topic: str) -> Any:
+        if topic == "home_position":
+            raise UnsupportedError(topic)
+        return SimpleNamespace(latest=None, age=math.inf)
+
+
+def test_a_vehicle_without_a_home_position_counts_from_the_origin() -> None:
+    feeds: Any = WithoutHome()
+    fence = Fence(feeds)
+    fence.check_goto((5.0, 0.0, -5.0))
+    for place in ((5.0, 0.0, 3.0), (2e4, 0.0, -5.0)):
+        with pytest.raises(LimitError):
+            fence.check_goto(place)
+    with pytest.raises(UnsupportedError):
+        Fence(feeds, Limits(height=5.0))
 
 
 # Where a program does not mean to fly

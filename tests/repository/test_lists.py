@@ -1,4 +1,4 @@
-"""Tests that the suffixes of recordings and the schemes of links stand in one table each, which all else asks."""
+"""Tests that suffixes of recordings, schemes of links, modes and commands stand in one table each."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ import pytest
 
 from msggen.base.recording_formats import FORMATS, PACKED
 from msggen.live.links.link_types import LINK_TYPES
+from msggen.live.messages.commands import COMMAND_NAMES
+from msggen.live.messages.nav_states import MODE_CONSTANTS, MODE_NAMES
 from support.repository import ROOT
 
 TABLES = ("base/recording_formats.py", "live/links/link_types.py")
@@ -123,3 +125,48 @@ def test_a_second_list_is_found(source: str) -> None:
 )
 def test_one_name_in_a_sentence_and_an_address_are_no_list(source: str) -> None:
     assert not [*second_lists(source)]
+
+
+# Modes and commands of PX4
+
+OF_MODES = "live/messages/nav_states.py"
+OF_COMMANDS = "live/messages/commands.py"
+EXAMPLES = "doctor/examples.py"
+"""What was seen of vehicles: data, no list."""
+MODES = {text.lower() for names in (MODE_NAMES, MODE_CONSTANTS) for text in names.values()}
+COMMANDS = COMMAND_NAMES.keys() - {20, 21, 22, 100_000}
+"""The numbers of commands that are no everyday numbers."""
+
+
+def lists_of_modes(source: str) -> list[list[str]]:
+    """Return the lists with the names of four modes or more, which are a third of it."""
+    listed = ([each.lower() for each in texts(node)] for node in ast.walk(ast.parse(source)))
+    dicts = (
+        [text.lower() for value in node.values for text in texts(value)]
+        for node in ast.walk(ast.parse(source))
+        if isinstance(node, ast.Dict)
+    )
+    return [found for found in (*listed, *dicts) if len(MODES & {*found}) > max(3, len({*found}) / 3)]
+
+
+def numbers_of_commands(source: str) -> set[int]:
+    """Return the numbers of commands that a module names, if it has several."""
+    constants = [node.value for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Constant)]
+    found = {each for each in constants if isinstance(each, int)} & COMMANDS
+    return found if len(found) > 1 else set()
+
+
+def test_no_module_has_a_second_list_of_modes_or_commands() -> None:
+    paths = {path.relative_to(ROOT / "msggen").as_posix(): path for path in (ROOT / "msggen").rglob("*.py")}
+    sources = {name: path.read_text(encoding="utf-8") for name, path in paths.items()}
+    assert {name for name, source in sources.items() if lists_of_modes(source)} == {OF_MODES}
+    assert {name for name, source in sources.items() if numbers_of_commands(source)} == {OF_COMMANDS, EXAMPLES}
+
+
+def test_a_second_list_of_modes_or_commands_is_found() -> None:
+    assert lists_of_modes('_NAMES = {0: "Manual", 1: "Altitude", 2: "Position", 10: "Acro"}')
+    assert lists_of_modes('_NAMES = {"MANUAL": "Manual", "ALTCTL": "x", "AUTO_LOITER": "x", "AUTO_RTL": "x"}')
+    assert lists_of_modes('MODES = ("hold", "land", "return", "offboard")')
+    assert not lists_of_modes('SHORT = ("arm", "disarm", "land", "takeoff", "mode")')
+    assert numbers_of_commands("_ARM = 400\n_SET_MODE = (176, 100001)")
+    assert not numbers_of_commands("_WIDTH = 400")

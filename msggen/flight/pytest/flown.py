@@ -98,13 +98,12 @@ class Flown:
             return math.hypot(place.north, place.east) > radius or -place.down > height
 
         found = next(filter(outside, self.places), None)
-        if found is not None:
-            distance = math.hypot(found.north, found.east)
-            text = f"{distance:.1f} m from the start and {-found.down:.1f} m high at {found.time:.2f} s"
-            return Answer(is_true=False, text=text)
         farthest = max((math.hypot(each.north, each.east) for each in self.places), default=0.0)
         highest = max((-each.down for each in self.places), default=0.0)
-        return Answer(is_true=True, text=f"never more than {farthest:.1f} m from the start and {highest:.1f} m high")
+        most = f"{farthest:.1f} m from the start and {highest:.1f} m high"
+        if found is not None:
+            return Answer(is_true=False, text=f"{most} at most, beyond the limits at {found.time:.2f} s")
+        return Answer(is_true=True, text=f"never more than {most}")
 
     def passed(self, goals: Sequence[Sequence[float]], within: float) -> Answer:
         """Return whether the vehicle has passed the places, one after the other."""

@@ -86,6 +86,7 @@ _EVENTS: Final[Mapping[str, tuple[Check, ...]]] = MappingProxyType(
         "warned": (_message,),
         "failed": (_message,),
         "unsent": (_NUMBER, _COUNT, _message),
+        "taken": (_COUNT, _COUNT, _COUNT, text),
         "answer": (_COUNT, _any),
     }
 )
@@ -105,19 +106,19 @@ _VEHICLE: Final = _object(
 )
 _ANSWERS: Final[Mapping[str, Check]] = MappingProxyType(
     {
-        "statistics": _row(*[_COUNT] * 7),
+        "statistics": _row(*[_COUNT] * 8),
         "state": _object(
             address=_message,
             version=_message,
             pid=_PID,
             age=real,
             vehicles=_some(_VEHICLE),
-            programs=_some(_object(name=_message, pid=_PID, age=real, unread=_COUNT)),
+            programs=_some(_object(name=_message, pid=_PID, age=real, unread=_COUNT, unsent=_COUNT)),
             rate=real,
         ),
         "clients": _some(_row(_message, _KEY, partial(whole, least=0, most=(1 << 32) - 1), real, real, _COUNT)),
         "refusals": _table(_COUNT),
-        "publishers": _table(_some(_row(_name, _message, _PID, _COUNT, _COUNT))),
+        "publishers": _table(_some(_row(_name, _message, _PID, *[_COUNT] * 3))),
         "warnings": _some(_message),
     }
 )

@@ -66,6 +66,8 @@ class UnixLink(Asking):
         self._last_number = 0
         self._answers: tuple[tuple[tuple[object, ...], SimpleQueue[Any]], ...] = ()
         """Those who wait for an answer, by its key. Several can wait for the same one."""
+        self._lock = threading.Lock()
+        """Held while they change."""
         self._questions = itertools.count(1)
         self._asked: dict[int, str] = {}
         """What was asked, by the numbers of the questions that wait for an answer."""
