@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from importlib import import_module
 from types import ModuleType
 from typing import Any
@@ -29,6 +29,9 @@ Take = Callable[[Any], None]
 class NearVehicle:
     """A vehicle that is called, and calls. Times are in us since boot."""
 
+    problem = ""
+    """Messages to it always get through."""
+
     def __init__(self, package: ModuleType, options: Options = Options(), log: FlightLog | None = None) -> None:  # noqa: B008 - it is immutable
         self.package = package
         self.world = world_of(package, options)
@@ -40,13 +43,11 @@ class NearVehicle:
         self._fillers: dict[str, Filler] = {each.topic: each.filler for each in out}
         self._inputs = {each.uorb_topic for each in topics.ENDPOINTS if each.direction == "in"}
         self._takers: dict[str, list[Take]] = defaultdict(list)
+        self._last: dict[str, tuple[Any, int]] = {}
+        """The last message of each topic, and when it was sent."""
         self._arrived: list[tuple[str, Any]] = []
         """The messages that the vehicle takes in its next step."""
         self._start()
-        self._kept: dict[str, Any] = {}
-        """The last messages of the topics that are published rarely."""
-        self._joined: list[tuple[str, Take]] = []
-        """Those who have subscribed since the last step."""
         self._changes = Changes()
         self._schedule = Schedule(out, 0)
         self._options = options
@@ -71,19 +72,12 @@ class NearVehicle:
 
     def _publish_due(self) -> None:
         scene = Scene(self.world, self._noise, Clocks())
-        joined, self._joined = self._joined, []
-        for topic, take in joined:
-            if topic in self._kept and take in self._takers[topic]:
-                self._deliver(topic, self._kept[topic], [take])
         for publication in self._schedule.take(self.time):
-            topic, is_rare = publication.topic, publication.is_rare
-            if self._takers[topic] or self._log is not None or is_rare:
+            topic = publication.topic
+            if self._takers[topic] or self._log is not None or publication.is_rare:  # a rare one can be recalled
                 message = publication.filler.make(scene, self.time)
-                if message is None:
-                    continue
-                if is_rare:
-                    self._kept[topic] = message
-                self._send(topic, message)
+                if message is not None:
+                    self._send(topic, message)
 
     def subscribe(self, topic: str, take: Take) -> Callable[[], None]:
         """Call `take` for each message of a topic, which is named as in uORB. Return what ends that.
@@ -93,8 +87,14 @@ class NearVehicle:
         if topic not in self._fillers:
             raise LookupError(f"the vehicle does not publish '{topic}'")
         self._takers[topic].append(take)
-        self._joined.append((topic, take))
         return lambda: self._takers[topic].remove(take)
+
+    def recall(self, topic: str, take: Callable[[Any, float], None]) -> None:
+        """Call `take` with the last message of a topic and its age in s, if it was sent. It may be called soon."""
+        if topic in self._last:
+            message, sent = self._last[topic]
+            loop = asyncio.get_running_loop()
+            loop.call_soon(take, type(message).decode(message.encode()), (self.time - sent) / 1e6)
 
     def publish(self, topic: str, message: Any) -> None:
         """Send a message of a program on a topic, which is named as in uORB.
@@ -111,7 +111,7 @@ class NearVehicle:
         """Restart the vehicle at home: it knows nothing of programs but the slots of their names."""
         self.world = restarted(self.world, self.package, self._options)
         self._arrived.clear()
-        self._kept.clear()
+        self._last.clear()
         self._start()
 
     def loses(self, _topic: str) -> bool:
@@ -142,11 +142,9 @@ class NearVehicle:
     def _send(self, topic: str, message: Any) -> None:
         if self._log is not None:
             self._log.add(topic, message)
-        if self._takers[topic]:
-            self._deliver(topic, message, self._takers[topic])
-
-    def _deliver(self, topic: str, message: Any, takers: Sequence[Take]) -> None:
-        """Let programs take a message, which each of them decodes."""
-        loop = asyncio.get_running_loop()
-        for take in [] if self.loses(topic) else takers:
-            loop.call_soon(take, type(message).decode(message.encode()))
+        self._last[topic] = message, self.time
+        takers = self._takers[topic]
+        if takers:
+            loop = asyncio.get_running_loop()
+            for take in [] if self.loses(topic) else takers:
+                loop.call_soon(take, type(message).decode(message.encode()))

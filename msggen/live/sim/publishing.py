@@ -26,7 +26,7 @@ _INTERVALS = {
 }
 """The interval in us at which PX4 itself publishes topics, where it is far longer than that of the bridge, as measured
 with v1.18 and its simulated multicopter."""
-_ON_CHANGE = frozenset({"position_setpoint_triplet"})
+_ON_CHANGE = frozenset({"home_position", "position_setpoint_triplet"})
 """The topics that PX4 publishes once, and then when they change."""
 _ONCE = frozenset({"manual_control_setpoint", "transponder_report"})
 """The topics of parts that PX4 publishes once without the part."""
