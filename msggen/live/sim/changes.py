@@ -48,7 +48,7 @@ def _states(world: World) -> Sequence[object]:
         (commander.senses[:_FLAGS], commander.requirements.masks),
         (landing.ground_contact, landing.maybe_landed, landed),
         (landed, world.has_position),
-        (world.has_home, world.home, world.origin),
+        (world.has_home, world.home_changes, world.origin),
         (mode, landed),
         world.has_sticks,
     )

@@ -22,7 +22,8 @@ class LandDetector:
     def step(self, time: int, *, is_resting: bool, is_disturbed: bool, is_armed: bool) -> None:
         """Move on to a time.
 
-        `is_resting`: the vehicle stands on the ground, its motors do not push it up, and a program wants it down.
+        `is_resting`: the vehicle stands on the ground, its motors do not push it up, and no setpoint of a program lets
+        them carry it.
         `is_disturbed`: position control took a GotoSetpoint, whose speed is not that of a descent.
         """
         if not is_resting:

@@ -12,6 +12,8 @@ from msggen.live.sim.values import Filler, Values
 
 _DEFAULT_INTERVAL = 4_000
 """The interval in us of a topic without a limit."""
+_NEVER = 1 << 62
+"""A time in us that does not come."""
 
 _INTERVALS = {
     "estimator_status_flags": 1_008_000,
@@ -26,7 +28,7 @@ _INTERVALS = {
 }
 """The interval in us at which PX4 itself publishes topics, where it is far longer than that of the bridge, as measured
 with v1.18 and its simulated multicopter."""
-_ON_CHANGE = frozenset({"position_setpoint_triplet"})
+_ON_CHANGE = frozenset({"home_position", "position_setpoint_triplet"})
 """The topics that PX4 publishes once, and then when they change."""
 _ONCE = frozenset({"manual_control_setpoint", "transponder_report"})
 """The topics of parts that PX4 publishes once without the part."""
@@ -101,9 +103,6 @@ def publication_of(
     is_once = topic in _ON_CHANGE or (topic in _ONCE and is_missing)
     interval = None if is_once else max(pause, _INTERVALS.get(topic, 0))
     return Publication(topic, name, number, interval, filler, pause, is_silent=is_missing and not is_once)
-
-
-_NEVER = 1 << 62
 
 
 class Schedule:

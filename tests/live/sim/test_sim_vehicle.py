@@ -114,6 +114,7 @@ def test_every_known_message_is_of_some_release(tmp_path_factory: pytest.TempPat
 OWN_RATES = {
     "estimator_status_flags": 1.0,
     "failsafe_flags": 1.85,
+    "home_position": 0.0,
     "manual_control_setpoint": 0.0,
     "position_setpoint_triplet": 0.0,
     "sensor_combined": 250.0,
