@@ -16,6 +16,7 @@ Check = Callable[[Any], Any]
 
 _NUMBER: Final = partial(whole, least=1, most=(1 << 32) - 1)
 _COUNT: Final = partial(whole, least=0, most=TIME)
+_TIME: Final = partial(whole, least=-TIME, most=TIME)
 _KEY: Final = partial(whole, least=0, most=(1 << 32) - 1)
 _PID: Final = partial(whole, least=-1, most=(1 << 31) - 1)
 _OBJECT: Final = partial(whole, least=-1, most=(1 << 16) - 1)
@@ -86,7 +87,7 @@ _EVENTS: Final[Mapping[str, tuple[Check, ...]]] = MappingProxyType(
         "warned": (_message,),
         "failed": (_message,),
         "unsent": (_NUMBER, _COUNT, _message),
-        "taken": (_COUNT, _COUNT, _COUNT, text),
+        "taken": (_TIME, _COUNT, _TIME, text),
         "answer": (_COUNT, _any),
     }
 )

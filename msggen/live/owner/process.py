@@ -159,7 +159,8 @@ class Soon(logging.Handler):
         self._aside.do(lambda: self._handler.handle(record))
 
     def close(self) -> None:
-        """Log what is left."""
+        """Log what is left, and close the other handler."""
+        self._aside.do(self._handler.close)
         self._aside.close(_PATIENCE)
         super().close()
 

@@ -567,6 +567,7 @@ def test_names_of_programs_are_shown_with_escapes(
         next(received(own))
         assert [each.name for each in server.owner.programs] == [r"a\x1b[2J\n2026-01-01 00:00:00,000 ERROR forged"]
     LOGGER.warning("%s", forged)
+    LOGGER.handlers[0].close()
     lines = (tmp_path / "log").read_text().splitlines()
     assert not any(each.startswith("2026-01-01") for each in lines)
     assert not any("\x1b" in each for each in lines)
