@@ -6,7 +6,8 @@ vehicle may have left. So each has a time until which it may be sent:
 - a message of a topic that PX4 reads, of any topic: `LONGEST_S` after `publish` was called
 - a request to a service: as long as its caller waits for the reply
 
-Nothing of it is kept for later or sent again. Who needs an answer, as a registration does, publishes once more.
+Nothing is sent after that, and nothing is published twice. Who needs an answer, as a registration does, publishes
+again.
 
 Times are those of `now`. All processes of a computer share that clock; `OtherClock` is that of another computer.
 """
@@ -29,10 +30,11 @@ _DRIFT: Final = 2e-4
 """By how much of the elapsed time two clocks may drift apart. Quartz clocks do by less than 1e-4."""
 
 if sys.platform == "linux":
+    _clock, _BOOT = time.clock_gettime_ns, time.CLOCK_BOOTTIME
 
     def now() -> int:
         """Return the time in ns since some moment. The clock goes on while the computer sleeps."""
-        return time.clock_gettime_ns(time.CLOCK_BOOTTIME)
+        return _clock(_BOOT)
 
 else:
     now = time.monotonic_ns

@@ -15,7 +15,7 @@ from msggen.live.link import LinkError
 _SILENT_NS: Final = 1_000_000_000
 """The time in ns without a sign that messages were taken after which they do not get through. The owner gives one each
 0.3 s."""
-_WHOLE: Final = getattr(socket, "MSG_DONTWAIT", 0)
+_AT_ONCE: Final = getattr(socket, "MSG_DONTWAIT", 0)
 
 
 class Outgoing:
@@ -58,17 +58,19 @@ class Outgoing:
         if not self._lock.acquire(timeout=LONGEST_S):
             self._drop(time)
             return
+        earlier = self._last
+        self._last = until  # before it is sent, because the news of it can be fast
+        self._since = time if self._since is None else self._since
         try:
             with _errors():
-                sent = own.send(record, _WHOLE)
+                sent = own.send(record, _AT_ONCE)
                 if sent < len(record):  # not on Linux, which takes a record of this size as a whole or not at all
                     own.sendall(record[sent:])
         except BlockingIOError:
+            self._last = earlier
             self._drop(time)
         finally:
             self._lock.release()
-        self._last = until
-        self._since = time if self._since is None else self._since
 
     def _own_socket(self) -> socket.socket:
         if self._socket is None:

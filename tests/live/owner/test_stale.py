@@ -21,7 +21,8 @@ from msggen.cli import main
 from msggen.live import LinkTimeoutError, Vehicle, age
 from msggen.live.age import LONGEST_NS, LONGEST_S, OtherClock, expiry, is_over, now
 from msggen.live.link import StaleError
-from msggen.live.links import unix
+from msggen.live.links import outgoing, unix
+from msggen.live.links.outgoing import Outgoing
 from msggen.live.links.records import SAMPLE, event_of, record_of
 from msggen.live.links.unix import UnixLink
 from msggen.live.owner import owner as owner_module
@@ -341,6 +342,35 @@ def test_a_direct_link_drops_what_waited_in_its_own_process(
         with pytest.raises(StaleError):
             own.call(remote, vehicle.services[0], 1, b"\0\1\0\0", now() - 1)
     assert max(arrivals.ages) < LONGEST_S + BUSY_S
+
+
+def test_news_that_are_faster_than_the_call_that_sends_are_not_lost(monkeypatch: pytest.MonkeyPatch) -> None:
+    sending, time_now = Outgoing(), [0]
+    monkeypatch.setattr(outgoing, "now", lambda: time_now[0])
+
+    class Socket:
+        """Takes a message, whose owner tells of it at once; or takes none, as one that is full."""
+
+        is_full = False
+
+        def send(self, record: bytes, _: int) -> int:
+            if self.is_full:
+                raise BlockingIOError
+            sending.taken(7, 0)
+            return len(record)
+
+    own: Any = Socket()
+    monkeypatch.setattr(outgoing, "_has_news", lambda _: False)
+    sending.begin(own)
+    sending.offer(b"x", 7)
+    own.is_full = True
+    time_now[0] = 5 * LONGEST_NS
+    sending.offer(b"x", 8)
+    assert sending.dropped == 1
+    time_now[0] = 20 * LONGEST_NS
+    assert "has taken none" in sending.problem(), "the one that the socket did not take counts, too"
+    sending.taken(7, 0)
+    assert sending.problem() == ""
 
 
 def test_the_user_is_told_once_when_it_begins_and_ends(caplog: pytest.LogCaptureFixture) -> None:
