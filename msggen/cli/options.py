@@ -84,6 +84,13 @@ SHARED: Mapping[str, Mapping[str, Any]] = {
     },
     "--list-outputs": {"action": "store_true", "help": "write nothing; list the output files"},
     "--for": {"metavar": "SECONDS", "type": positive, "help": "end after this time"},
+    "--field": {
+        "metavar": "PATH",
+        "type": non_empty,
+        "action": "append",
+        "default": [],
+        "help": "only this value of the topics: nav_state, position[2], esc[0].esc_rpm; repeatable",
+    },
     "-q, --quiet": {"action": "store_true", "help": "print only errors and warnings"},
     "--sql-names": {
         "action": "store_true",

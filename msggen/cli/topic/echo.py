@@ -64,14 +64,7 @@ def add_to(actions: Commands) -> None:
         type=non_empty,
         help="print only messages that meet a condition, such as 'arming_state == ARMED and abs(vz) < 0.2'",
     )
-    parser.add_argument(
-        "--field",
-        metavar="PATH",
-        type=non_empty,
-        action="append",
-        default=[],
-        help="print only this value, of the topics that have it: nav_state, position[2], esc[0].esc_rpm; repeatable",
-    )
+    add_shared(parser, "--field")
     parser.add_argument(
         "--events",
         metavar="FILE",
@@ -142,7 +135,7 @@ def _read_words(options: argparse.Namespace) -> None:
 def _topic_in(options: argparse.Namespace, word: str) -> str:
     """Return the topic in a word, and take a field behind it, as in TOPIC.FIELD, for one of --field."""
     topic, _, field = word.partition(".")
-    options.field += [field] if field else []
+    options.field = [*options.field, *([field] if field else [])]
     return topic
 
 

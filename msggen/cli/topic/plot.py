@@ -62,14 +62,7 @@ def add_to(actions: Commands) -> None:
         type=non_empty,
         help="vehicle_local_position.z, vehicle_attitude.q, actuator_motors.control[0]; or a topic, with --field",
     )
-    parser.add_argument(
-        "--field",
-        metavar="PATH",
-        type=non_empty,
-        action="append",
-        default=[],
-        help="plot this value of the topics that are named without a field: z, q, control[0]; repeatable",
-    )
+    add_shared(parser, "--field")
     add_picture(parser, "none; at the end, the plot of the last --window")
     parser.add_argument(
         "--window",
