@@ -5,7 +5,7 @@ from enum import Enum
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from msggen.base.foreign import escaped
+from msggen.base.foreign import escaped, without_secrets
 from msggen.base.location import Location
 
 _SHORTEST = 4
@@ -174,8 +174,14 @@ class Diagnostic(_Diagnostic):
     __slots__ = ()
 
     def __new__(cls, location: Location, code: str, message: str) -> "Diagnostic":  # noqa: PYI034 - Self needs 3.11
-        """Make a diagnostic from a message of any length, with any characters."""
-        return super().__new__(cls, location, code, printable(message))
+        """Make a diagnostic from a message of any length, with any characters. Secrets in addresses are left out."""
+        path = without_secrets(location.path)
+        return super().__new__(
+            cls,
+            location if path == location.path else location._replace(path=path),
+            code,
+            printable(without_secrets(message)),
+        )
 
     @classmethod
     def _make(cls, iterable: Iterable[Any]) -> "Diagnostic":  # type: ignore[override]  # cls is always this class

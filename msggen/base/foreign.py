@@ -33,6 +33,18 @@ class Styled(str):
         return self  # print calls it, and the result of str has another type
 
 
+_ADDRESS = re.compile(r"\b(https?://)(?:[^\s/?#'\"<>]*@)?([^\s?'\"<>]*)(?:\?[^\s'\"<>]*)?", re.IGNORECASE)
+"""The address of a server in a text: what is before its user, what is behind that, and its query are told apart."""
+
+
+def without_secrets(text: str) -> str:
+    """Return a text without the users, passwords and queries of the addresses of servers: queries have signatures.
+
+    All errors pass this function, whatever part of a program or a library has put an address into them.
+    """
+    return _ADDRESS.sub(r"\1\2", text) if "://" in text else text
+
+
 def escaped(text: str) -> str:
     r"""Return `text` in one line, with escapes for what is not printable, as Python has them: `\x1b`, `\n`, `\u202e`.
 

@@ -15,7 +15,7 @@ from typing import Any, NoReturn
 
 from msggen.base.diagnostics import Diagnostic, printable
 from msggen.base.exit_codes import FAILED
-from msggen.base.foreign import Styled, escaped
+from msggen.base.foreign import Styled, escaped, without_secrets
 from msggen.base.location import Location
 from msggen.base.version import __version__
 from msggen.cli.options import FAILED_CODES
@@ -213,6 +213,7 @@ class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         for option, hint in (self.get_default("hints") or {}).items():
             message += f": {hint}" if message.startswith("the following arguments") and option in message else ""
+        message = without_secrets(message)
         print_document([Diagnostic(Location(self.prog, 0), "usage", message)], self._output_format)
         self.exit(FAILED, f"{self.prog}: error: {escaped(message)}\nfor all arguments: {self.prog} --help\n")
 

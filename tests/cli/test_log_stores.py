@@ -8,15 +8,19 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
+from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from time import monotonic, sleep
 from typing import Any
 
 import pytest
 
+from msggen import recordings
 from msggen.base.exit_codes import FAILED, FINDINGS
-from support.commands import Outcome, run
+from support.commands import Outcome, check_outcome, run
 from support.object_server import FAULTS, ObjectServer, hasten, object_server, set_credentials
 from support.random_mcap import WAYS, recording
 
@@ -179,6 +183,70 @@ def test_no_error_shows_a_password_or_a_signature(
     assert outcome.code == FAILED
     assert "http://127.0.0.1:9/flight.mcap" in outcome.stderr
     assert "hidden" not in outcome.stderr
+
+
+@contextmanager
+def served(handler: type[BaseHTTPRequestHandler]) -> Iterator[int]:
+    """Let a server answer on the loopback interface, and yield its port."""
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        thread = threading.Thread(target=server.serve_forever, args=(0.05,))
+        thread.start()
+        try:
+            yield server.server_port
+        finally:
+            server.shutdown()
+            thread.join()
+
+
+REDIRECTS = [
+    "{path}",
+    "http://user:hidden@127.0.0.1:{port}{path}",
+    "http://:hidden@[",
+    "//",
+    "ftp://a:hidden@b/c?hidden",
+]
+
+
+@pytest.mark.parametrize("location", REDIRECTS)
+def test_a_server_that_redirects_without_end_learns_no_secret(
+    location: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """The libraries of stores put whole addresses into their errors."""
+    hasten(monkeypatch)
+    monkeypatch.chdir(tmp_path)
+
+    class Redirecting(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            self.send_response(302)
+            self.send_header("Location", location.format(path=self.path, port=self.headers["Host"].rpartition(":")[2]))
+            self.send_header("Content-Length", "0")
+            self.end_headers()
+
+        def do_HEAD(self) -> None:
+            self.do_GET()
+
+        def log_message(self, *_: object) -> None:
+            """Print nothing."""
+
+    with served(Redirecting) as port:
+        address = f"http://user:hidden@127.0.0.1:{port}/flight.mcap?signature=hidden"
+        for words in (["info", address], ["convert", address, "-o", "made.mcap"], ["merge", address, address]):
+            outcome = run(["log", *words])
+            check_outcome(outcome)
+            assert outcome.code == FAILED
+            assert f"http://127.0.0.1:{port}/flight.mcap" in outcome.stderr
+            assert "hidden" not in outcome.stdout + outcome.stderr
+        with pytest.raises(OSError, match=r"flight\.mcap: ") as caught:
+            recordings.open(address)
+        assert "hidden" not in str(caught.value) + repr(caught.value)
+
+
+@pytest.mark.parametrize("words", [["build", "--px4"], ["check", "--px4"], ["lint"], ["build", "--msg-dir"]])
+def test_an_address_in_the_place_of_a_path_is_shown_without_secrets(words: list[str]) -> None:
+    outcome = run([*words, "https://user:hidden@example.invalid/a/PX4?token=hidden"])
+    assert outcome.code == FAILED
+    assert "https://example.invalid/a/PX4" in outcome.stdout + outcome.stderr
+    assert "hidden" not in outcome.stdout + outcome.stderr
 
 
 def test_an_error_of_the_temporary_folder_is_without_the_query(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from msggen.recordings.report import findings, plans, thinning
+from msggen.recordings.report import findings, page, plans, thinning
 from support.repository import ROOT
 
 PAGE = (ROOT / "docs" / "report.md").read_text(encoding="utf-8")
@@ -11,6 +11,8 @@ PAGE = (ROOT / "docs" / "report.md").read_text(encoding="utf-8")
 def test_the_limits_are_those_of_the_code() -> None:
     for text in (
         f"up to {thinning.MOST:,} samples",
+        f"more than {page.LONGEST} characters",
+        f"up to {page.MOST_ROWS:,} rows",
         f"reaches {findings.VIBRATION[0]} m/s² while armed (high), or {findings.VIBRATION[1]} m/s²",
         f"less than {findings.LOW_BATTERY:.0%} remain".replace("%", " %"),
         f"at {findings.SATURATED:.0%} or more".replace("%", " %"),

@@ -250,6 +250,7 @@ class McapFile(Source):
         if chunk.first <= int(times.min()) and int(times.max()) <= chunk.last:
             yield times
             return
+        self._mapped.need([(chunk.start, chunk.start + chunk.length)])
         own = [part.log_times for part in self._of_chunk(chunk, {channel})]
         if not np.array_equal(np.sort(times), np.sort(np.concatenate([times[:0], *own]))):
             text = "the message index has other times than the messages of the chunk, which are taken instead"

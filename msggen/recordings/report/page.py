@@ -42,9 +42,9 @@ if TYPE_CHECKING:
 
 _MOST_MARKS = 2000
 """The texts and events in the table."""
-_MOST_ROWS = 2000
+MOST_ROWS = 2000
 """The rows of the other tables. A vehicle has some 1,500 parameters."""
-_LONGEST = 500
+LONGEST = 500
 """The letters of a text that are shown. A page with longer ones takes a browser seconds."""
 _MOST_PROBLEMS = 100
 """The problems in the list."""
@@ -204,7 +204,7 @@ class Page:
     @property
     def parameters(self) -> list[Parameter]:
         """The first parameters that were not default at the start."""
-        return self._parameters[:_MOST_ROWS]
+        return self._parameters[:MOST_ROWS]
 
     @property
     def parameters_count(self) -> int:
@@ -227,7 +227,7 @@ class Page:
     @property
     def changes(self) -> list[Change]:
         """The first parameters that changed during the log."""
-        return self._changes[:_MOST_ROWS]
+        return self._changes[:MOST_ROWS]
 
     @property
     def changes_count(self) -> int:
@@ -241,7 +241,7 @@ class Page:
     @property
     def topics(self) -> list[TopicRow]:
         """The first topics of the recording."""
-        return self._topics[:_MOST_ROWS]
+        return self._topics[:MOST_ROWS]
 
     @property
     def topics_count(self) -> int:
@@ -334,9 +334,9 @@ def _template() -> jinja2.Template:
 
 def _cut(value: object) -> object:
     """Return what the page shows: the start of a text that is too long, and its length."""
-    if not isinstance(value, str) or isinstance(value, Markup) or len(value) <= _LONGEST:
+    if not isinstance(value, str) or isinstance(value, Markup) or len(value) <= LONGEST:
         return value
-    return f"{value[:_LONGEST]}… ({len(value):,} characters)"
+    return f"{value[:LONGEST]}… ({len(value):,} characters)"
 
 
 def clock(seconds: float) -> str:

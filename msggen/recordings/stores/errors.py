@@ -4,8 +4,13 @@ from __future__ import annotations
 
 import errno
 import re
+from typing import TYPE_CHECKING
 
 from msggen.base.disk.urls import shown_address
+from msggen.base.foreign import without_secrets
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 
 class StoreError(OSError):
@@ -13,6 +18,10 @@ class StoreError(OSError):
 
     `filename` is the address without secrets, and `strerror` the reason.
     """
+
+    def __new__(cls, number: int, reason: str, address: str) -> Self:
+        """Make an error. The libraries of stores put whole addresses into their reasons."""
+        return super().__new__(cls, number, without_secrets(reason), shown_address(address))
 
     @property
     def is_lasting(self) -> bool:
@@ -78,6 +87,13 @@ _REGION = re.compile(r"<Region>([a-z0-9-]{1,40})</Region>")
 _SYSTEM = re.compile(r'message: "([^"]{1,200})"')
 """What the system says of a connection."""
 _BROKEN = ("kind: Interrupted", "kind: Decode", "error sending request")
+_NO_RANGES = "the server does not send parts of files (HTTP Range): copy the file to this computer first"
+_SAID = {
+    "Range request not supported": _NO_RANGES,
+    "non-partial response": _NO_RANGES,
+    "error following redirect": "the server redirects without end, or to what is no address",
+}
+"""What parts of an error of obstore mean, whatever else is in it."""
 _RETRIES = re.compile(r"after (\d+) retries")
 
 
@@ -94,8 +110,9 @@ def _code(text: str) -> str:
 
 def _reason(text: str) -> str:
     """Return what is wrong in a line."""
-    if "Range request not supported" in text or "non-partial response" in text:
-        return "the server does not send parts of files (HTTP Range): copy the file to this computer first"
+    said = next((reason for part, reason in _SAID.items() if part in text), "")
+    if said:
+        return said
     status = 301 if "redirect without LOCATION" in text else _status(text)
     if status:
         return _answered(status, text)
