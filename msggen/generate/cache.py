@@ -18,7 +18,6 @@ from types import ModuleType
 
 from msggen.base.diagnostics import input_error
 from msggen.base.disk.ownership import has_others, problem_of
-from msggen.base.disk.staging import locked
 from msggen.base.version import __version__
 from msggen.generate.build import Build
 from msggen.sources.embedded import ARCHIVED, unknown_release
@@ -26,6 +25,9 @@ from msggen.sources.sources import Sources, find_sources, with_archived
 
 _PATIENCE = 1.0
 """After which time in s a build is told: it takes half a second on a computer that is not busy."""
+
+_LONGEST_BUILD = 20.0
+"""How long in s a process waits for the build of another one."""
 
 _KEPT = 12
 """How many packages the cache keeps, beside those that processes have. Each has some 3 MB, and builds in a second."""
@@ -158,7 +160,7 @@ def _built_in(root: str, sources: Sources, name: str) -> str:
         place = os.path.join(root, f"{__version__}-{build.inputs[:16]}")
         folder = os.path.join(place, name)
         while not _takes(place, folder):
-            with locked(root):  # another process may build the same
+            with _alone_in(root):  # another process may build the same
                 if not os.path.isdir(folder):
                     with _telling(sources.label):
                         build.run(write=True)
@@ -167,6 +169,19 @@ def _built_in(root: str, sources: Sources, name: str) -> str:
         return folder
     finally:
         rmtree(made, ignore_errors=True)
+
+
+@contextmanager
+def _alone_in(root: str) -> Iterator[None]:
+    """Wait until no other process builds in a cache; not for one that has stopped, because each can build alone."""
+    handle = os.open(root, os.O_RDONLY)
+    try:
+        limit = time.monotonic() + _LONGEST_BUILD
+        while _try_lock(handle, is_shared=False) is False and time.monotonic() < limit:
+            time.sleep(0.02)
+        yield
+    finally:
+        os.close(handle)
 
 
 def _move(made: str, folder: str) -> None:
@@ -187,7 +202,10 @@ def _takes(place: str, folder: str) -> bool:
         if not os.path.isdir(folder):
             return False
         if place not in _TAKEN:
-            handle = os.open(place, os.O_RDONLY)
+            try:
+                handle = os.open(place, os.O_RDONLY)
+            except FileNotFoundError:
+                return False
             if _try_lock(handle, is_shared=True) is False or not os.path.isdir(folder):  # it is being removed
                 os.close(handle)
                 return False
@@ -199,18 +217,26 @@ def _takes(place: str, folder: str) -> bool:
 
 def _remove_unused(root: str) -> None:
     """Remove the packages that no process has, except for the last ones that were used, and the rest of old builds."""
+    used: dict[str, float] = {}
     with os.scandir(root) as entries:
-        by_use = sorted((each.stat().st_mtime, each.name) for each in entries if each.is_dir(follow_symlinks=False))
-    packages = [name for _, name in by_use if _PACKAGE.fullmatch(name)]
-    rests = [name for used, name in by_use if name.startswith(_NEW) and used < time.time() - _OLD]
+        for each in entries:
+            with suppress(FileNotFoundError):
+                used[each.name] = each.stat(follow_symlinks=False).st_mtime
+    packages = sorted(filter(_PACKAGE.fullmatch, used), key=used.__getitem__)
+    rests = [name for name in used if name.startswith(_NEW) and used[name] < time.time() - _OLD]
     for name in (*packages[:-_KEPT], *rests):
-        place = os.path.join(root, name)
-        handle = os.open(place, os.O_RDONLY)
-        try:
-            if _try_lock(handle, is_shared=False):
-                rmtree(place, ignore_errors=True)
-        finally:
-            os.close(handle)
+        with suppress(OSError):
+            _remove(os.path.join(root, name))
+
+
+def _remove(place: str) -> None:
+    """Remove a folder unless a process has it."""
+    handle = os.open(place, os.O_RDONLY)
+    try:
+        if _try_lock(handle, is_shared=False):
+            rmtree(place, ignore_errors=True)
+    finally:
+        os.close(handle)
 
 
 def _try_lock(handle: int, *, is_shared: bool) -> bool | None:

@@ -109,10 +109,8 @@ def lost_values(text: str, older: Version, newer: Version, renamed: Mapping[str,
     pairs = {name: name for name in before & after}
     pairs |= {old: new for old, new in renamed.items() if old in before - after and new in after - before}
     for each in _classes(text, older, newer):
-        from_older, to_older = (
-            _constant_fields(each.translation.from_older),
-            _constant_fields(each.translation.to_older),
-        )
+        from_older = _constant_fields(each.translation.from_older)
+        to_older = _constant_fields(each.translation.to_older)
         for old, new in pairs.items():
             found = [("newer", new, "older", old)] if new in from_older else []
             found += [("older", old, "newer", new)] if old in to_older else []
@@ -124,13 +122,18 @@ def lost_values(text: str, older: Version, newer: Version, renamed: Mapping[str,
 
 def _constant_fields(statements: Iterable[Statement] | None) -> set[str]:
     """Return the fields that statements set to constants only. What a condition chooses is no constant."""
-    constant: set[str] = set()
-    others: set[str] = set()
-    for statement in statements or ():
-        for each in _assignments([statement]):
-            is_constant = _is_constant(each.value) and not isinstance(statement, Branch)
-            (constant if is_constant else others).add(each.target.field)
-    return constant - others
+    plain = [*_unconditional(statements or ())]
+    constant = {each.target.field for each in plain if _is_constant(each.value)}
+    others = {each.target.field for each in _assignments(statements or ()) if each not in plain}
+    return constant - others - {each.target.field for each in plain if not _is_constant(each.value)}
+
+
+def _unconditional(statements: Iterable[Statement]) -> Iterator[Assignment]:
+    for each in statements:
+        if isinstance(each, Assignment):
+            yield each
+        elif isinstance(each, Loop):
+            yield from _unconditional(each.body)
 
 
 def _is_constant(value: Expression | None) -> bool:

@@ -23,12 +23,14 @@ from hypothesis import strategies as st
 
 from msggen.cli import DONE, FINDINGS, main
 from msggen.definitions.model import Catalog
+from msggen.definitions.parse.definition import parse_message
 from msggen.definitions.parse.translation import read_classes, read_headers, read_translations
 from msggen.definitions.translation import Assignment, Number, Place, Step
 from msggen.generate.python.package import list_package, render_package
 from msggen.generate.python.versions import translation_table
 from msggen.sources.catalog import read_catalog
 from msggen.sources.sources import find_sources, with_archived
+from msggen.sources.translation_check import Version, lost_values
 from support.catalogs import import_package, write_definitions
 from support.checkers import mypy
 from support.examples import examples
@@ -904,3 +906,28 @@ struct T {{
 """
     [found] = read_classes(text)
     assert {each.line for each in found.references} == {6}
+
+
+@pytest.mark.parametrize(
+    ("up", "is_lost"),
+    [
+        ("n.y = 1;", True),
+        ("n.y = -1;", True),
+        ("n.y = {};", True),
+        ("for (int i = 0; i < 2; ++i) { n.z[i] = 0; } n.y = o.y;", True),
+        ("n.y = o.y;", False),
+        ("n.y = o.y > 5 ? 1 : 0;", False),
+        ("if (o.y > 5) { n.y = 1; } else { n.y = 0; }", False),
+        ("for (int i = 0; i < 2; ++i) { if (o.z[i] > 5) { n.z[i] = 1; } else { n.z[i] = 0; } } n.y = o.y;", False),
+        ("n.y = 0; n.y = o.y;", False),
+        ("n.y = unknown(o.y);", False),
+    ],
+)
+def test_what_loses_a_value(up: str, is_lost: bool) -> None:  # noqa: FBT001
+    text = "uint32 MESSAGE_VERSION = {}\nuint64 timestamp\n{} y\nuint8[2] z\n"
+    older, _ = parse_message(text.format(0, "uint16"), "LampV0.msg", "LampV0", "px4_msgs_old")
+    newer, _ = parse_message(text.format(1, "uint8"), "Lamp.msg", "Lamp", "px4_msgs")
+    versions = Version(older, lambda *_: None), Version(newer, lambda *_: None, is_current=True)
+    found = [*lost_values(class_of("Lamp", up), *versions, {})]
+    assert bool(found) == is_lost
+    assert all(each.text.startswith(("sets newer.y to", "sets newer.z to")) for each in found)
