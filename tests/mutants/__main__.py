@@ -32,9 +32,7 @@ ROOMS = {
 """The rooms that fly, and the folders of their tests."""
 _PATIENCE = 60.0
 """The longest time in s for the tests of one change: a change can make them wait."""
-_LEFT_OUT = shutil.ignore_patterns(
-    ".venv", ".git", ".*_cache", "__pycache__", "build", "*.mcap", "*.ulg", "releases.tar"
-)
+_LEFT_OUT = shutil.ignore_patterns(".venv", ".git", ".*_cache", "__pycache__")
 
 
 class Mutant(NamedTuple):

@@ -17,6 +17,7 @@ import pytest
 
 _MODULES = frozenset(json.loads(os.environ.get("MUTANTS_MODULES", "[]")))
 _found: dict[str, dict[str, Any]] = {}
+_failed: set[str] = set()
 _lines: dict[str, set[int]] = defaultdict(set)
 
 
@@ -29,7 +30,16 @@ def _in_frame(frame: FrameType, event: str, _value: object) -> Any:
 
 
 def _write() -> None:
-    Path(os.environ["MUTANTS_LINES"]).write_text(json.dumps(_found), encoding="utf-8")
+    """Write whole files only: this process is ended when its time is over."""
+    path = Path(os.environ["MUTANTS_LINES"])
+    path.with_suffix(".part").write_text(json.dumps(_found), encoding="utf-8")
+    path.with_suffix(".part").replace(path)
+
+
+def pytest_runtest_logreport(report: pytest.TestReport) -> None:
+    """Leave out a test that fails without any change."""
+    if report.failed:
+        _failed.add(report.nodeid)
 
 
 @pytest.hookimpl(hookwrapper=True)
@@ -43,5 +53,6 @@ def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, None, None]:
     sys.settrace(None)
     threading.settrace(None)
     seen = {path: sorted(lines) for path, lines in _lines.copy().items()}
-    _found[item.nodeid] = {"seconds": time.perf_counter() - started, "lines": seen}
-    _write()
+    if item.nodeid not in _failed:
+        _found[item.nodeid] = {"seconds": time.perf_counter() - started, "lines": seen}
+        _write()

@@ -32,6 +32,10 @@ def test_late():
 
 def test_all_set():
     assert all_set([True])
+
+
+def test_that_fails_anyway():
+    assert not all_set([True])
 """
 
 
