@@ -114,7 +114,7 @@ def test_a_node_flies_through_the_relay(px4_types: Any, ros: Ros, programs: list
     options = ["--link", address, "--types", types, "--standard", "--translate"]
     relay = ros.run(domain, "-m", "msggen", "relay", *options)
     programs.append(relay)
-    with Simulator(px4_types, address, [Options(sync="short", namespace="uav_1")]):
+    with Simulator(px4_types, address, [Options(sync="short", namespace="uav_1", parts=("airspeed",))]):
         relay.wait_for("2 topics to ROS, 4 from ROS", "airspeed_validated: AirspeedValidated as version 0", "  pose: ")
         parameters = ["--ros-args", "-r", "__ns:=/uav_1", "-p", "height:=2.0", "-p", "hover:=0.1"]
         flight = ros.run(domain, "-m", "msggen_ros.offboard", *parameters)

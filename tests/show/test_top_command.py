@@ -47,7 +47,7 @@ def rate_of(text: str, topic: str) -> float:
 
 
 def test_keys_and_sizes(url: str, program: TerminalProgram, px4_types: ModuleType) -> None:
-    with Simulator(px4_types, url, [SOON]):
+    with Simulator(px4_types, url, [SOON._replace(parts=("obstacle-sensor",))]):
         text = program.wait_for(lambda text: rate_of(text, "/fmu/out/collision_constraints") > 1)
         text = program.wait_for(lambda text: text.startswith("msggen top  AUTO_LOITER  DISARMED  battery "))
         assert PACKAGE[:20] in text.splitlines()[0]
