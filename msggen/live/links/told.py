@@ -10,24 +10,9 @@ from functools import partial
 from types import MappingProxyType
 from typing import Any, Final
 
-from msggen.base.checked import (
-    TIME,
-    UnexpectedError,
-    field,
-    fields,
-    real,
-    row,
-    several,
-    shortened,
-    table,
-    text,
-    truth,
-    whole,
-)
-from msggen.live.link import Statistics
+from msggen.base.checked import TIME, UnexpectedError, field, real, row, several, shortened, table, text, truth, whole
 
 Check = Callable[[Any], Any]
-_NONE: Final[Mapping[str, Check]] = MappingProxyType({})
 
 _NUMBER: Final = partial(whole, least=1, most=(1 << 32) - 1)
 _COUNT: Final = partial(whole, least=0, most=TIME)
@@ -69,14 +54,8 @@ def _row(*parts: Check) -> Check:
     return lambda value: row(value, *parts)
 
 
-def _object(further: Mapping[str, Check] = _NONE, **parts: Check) -> Check:
-    """Return the check of an object. It may lack values of `further`, which owners have not always had."""
-
-    def check(value: object) -> object:
-        found = {name: part(field(value, name)) for name, part in parts.items()}
-        return {**found, **{name: part(field(value, name)) for name, part in further.items() if name in fields(value)}}
-
-    return check
+def _object(**parts: Check) -> Check:
+    return lambda value: {name: part(field(value, name)) for name, part in parts.items()}
 
 
 def _some(part: Check) -> Check:
@@ -107,7 +86,6 @@ _EVENTS: Final[Mapping[str, tuple[Check, ...]]] = MappingProxyType(
         "warned": (_message,),
         "failed": (_message,),
         "unsent": (_NUMBER, _COUNT, _message),
-        "taken": (_COUNT, _COUNT, _COUNT, text),
         "answer": (_COUNT, _any),
     }
 )
@@ -127,14 +105,14 @@ _VEHICLE: Final = _object(
 )
 _ANSWERS: Final[Mapping[str, Check]] = MappingProxyType(
     {
-        "statistics": _row(*[_COUNT] * len(Statistics._fields)),
+        "statistics": _row(*[_COUNT] * 7),
         "state": _object(
             address=_message,
             version=_message,
             pid=_PID,
             age=real,
             vehicles=_some(_VEHICLE),
-            programs=_some(_object({"unsent": _COUNT}, name=_message, pid=_PID, age=real, unread=_COUNT)),
+            programs=_some(_object(name=_message, pid=_PID, age=real, unread=_COUNT)),
             rate=real,
         ),
         "clients": _some(_row(_message, _KEY, partial(whole, least=0, most=(1 << 32) - 1), real, real, _COUNT)),

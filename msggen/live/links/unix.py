@@ -48,8 +48,6 @@ class UnixLink(Asking):
         self._last_number = 0
         self._answers: tuple[tuple[tuple[object, ...], SimpleQueue[Any]], ...] = ()
         """Those who wait for an answer, by its key. Several can wait for the same one."""
-        self._asking = threading.Lock()
-        """Held while these change."""
         self._questions = itertools.count(1)
         self._asked: dict[int, str] = {}
         """What was asked, by the numbers of the questions that wait for an answer."""
@@ -264,7 +262,7 @@ class UnixLink(Asking):
         if threading.current_thread() is self._thread:  # which would take the answer
             return None
         answers = SimpleQueue[Any]()
-        with self._asking:
+        with self._lock:
             self._answers = (*self._answers, (key, answers))
         try:
             self._send(record)
@@ -272,7 +270,7 @@ class UnixLink(Asking):
         except Empty:
             return None
         finally:
-            with self._asking:
+            with self._lock:
                 self._answers = tuple(each for each in self._answers if each[1] is not answers)
 
     def _hand(self, key: tuple[object, ...], value: object) -> None:
