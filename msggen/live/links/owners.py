@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 
 from msggen.base.checked import UnexpectedError
 from msggen.live.link import LinkError
+from msggen.live.links.greeting import connected
 from msggen.live.links.places import CAN_SHARE, Place, places
 from msggen.live.links.records import LONGEST, RecordError, RecordReader, event_in, event_of
 from msggen.live.links.told import checked_answer, checked_event
-from msggen.live.links.unix import connected
 
 _PATIENCE = 5.0
 """The longest wait in s for an answer, and for the end of a process."""

@@ -15,8 +15,9 @@ from typing import NamedTuple
 from msggen.base.interpreter import command_of
 from msggen.live.link import LinkError, Route
 from msggen.live.links.address import Address
+from msggen.live.links.greeting import LeavingError, connected, greeted
 from msggen.live.links.places import Place, place_of
-from msggen.live.links.unix import LeavingError, UnixLink, connected, greeted
+from msggen.live.links.unix import UnixLink
 
 START_S = 60.0
 """The longest wait in s for an owner to start."""

@@ -6,14 +6,14 @@ import time
 from collections.abc import Callable
 from typing import TypeVar
 
-from msggen.live.link import FormatError, Link, Remote, Route, Service
+from msggen.live.link import FollowingLink, FormatError, Link, Remote, Route, Service
 from msggen.live.messages.names import is_topic
 from msggen.live.messages.packages import Decoding, NamedTopic, Packages, UnknownFormatError, decoding_of
 from msggen.live.vehicle.calls import Calls
 from msggen.live.vehicle.feed import Feed
 from msggen.live.vehicle.firmware import Firmware, FormatCheck, identify, releases
-from msggen.live.vehicle.memory import Kept, Memory
-from msggen.live.vehicle.selection import Selection, is_same, is_unnamed, may_have
+from msggen.live.vehicle.memory import Kept, Memory, Remembering
+from msggen.live.vehicle.selection import Selection, is_same, is_unnamed, may_be_meant, may_have, shown, why_unknown
 from msggen.live.vehicle.watch import Watch
 
 SETTLED_S = 1.0
@@ -61,6 +61,31 @@ class Entry:
         if namespace is not None and may_have(self.remote, namespace):
             namespace = self.remote.namespace
         return is_topic(route.name, topic.stem, namespace)
+
+    def recall(self, link: Remembering) -> None:
+        """Take what the link remembers of the vehicle."""
+        self.check.recall(link.hashes(self.remote))
+        samples = link.samples(self.remote)
+        self.last.update(samples)
+        self.memory.recall(samples)
+
+    def remember(self, link: Remembering, now: int) -> None:
+        """Let the link remember the samples that are not followed by others soon, without those of programs."""
+        last = {name: each for name, each in tuple(self.last.items()) if self._is_out(name)}
+        changed = self.memory.look(last, now)
+        if changed is not None:
+            link.keep(self.remote, changed)
+
+    def _is_out(self, name: str) -> bool:
+        route = self.routes.get(name)
+        return route is not None and route.direction == "out"
+
+    def last_of(self, route: Route, owner: FollowingLink | None) -> Kept | None:
+        """Return the last sample of a route. The owner of the link has also those that do not cross to this process."""
+        if owner is None:
+            return self.last.get(route.name)
+        found = owner.last(self.remote, route)
+        return (found.payload, found.time) if found is not None else None
 
     def decoding(self, feed: Feed, route: Route, packages: Packages) -> Decoding | None:
         """Return how the samples of a route become messages of a subscription. None if they do not: it fails then."""
@@ -127,6 +152,18 @@ class Member:
     def accepts(self, remote: Remote) -> bool:
         """Whether to take a vehicle that connects. After the first one, only that vehicle is taken again."""
         return self.selection.accepts(remote) and (self.last is None or is_same(self.last, remote))
+
+    def about_another(self, remote: Remote) -> str:
+        """Return what the user should know of a vehicle that is not taken, or ""."""
+        selection, own = self.selection, self.last
+        if selection.is_any and own is not None and not is_same(own, remote):
+            text = f"{shown(remote)} connected too and is ignored, as this Vehicle has {shown(own)}"
+            return f"{text}: select one by key, namespace or address"
+        if own is None and may_be_meant(selection, remote):
+            return why_unknown(remote)
+        if own is not None and is_unnamed(own) and is_same(own, remote) and not selection.matches(remote):
+            return f"{shown(remote)} has connected again, and is not the one that was asked for"
+        return ""
 
     @property
     def namespace(self) -> str:

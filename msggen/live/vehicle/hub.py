@@ -15,8 +15,8 @@ from msggen.live.vehicle.delivery import Delivery
 from msggen.live.vehicle.entry import Entry, Member, Row
 from msggen.live.vehicle.feed import Feed, Item, check_outside_callback
 from msggen.live.vehicle.firmware import RESPONSE, RETRY_NS
-from msggen.live.vehicle.memory import Kept, Remembering
-from msggen.live.vehicle.selection import is_same, is_unnamed, may_be_meant, order, shown, why_missing, why_unknown
+from msggen.live.vehicle.memory import Remembering
+from msggen.live.vehicle.selection import is_same, may_be_meant, order, shown, why_missing
 from msggen.live.vehicle.watch import Watch
 
 LOGGER = getLogger("msggen.live")
@@ -52,15 +52,11 @@ class Hub:
         if remote.number in self.entries:
             self._learn(remote)
             return
-        remembering = self._remembering
-        known = remembering.hashes(remote) if remembering is not None else {}
-        samples = remembering.samples(remote) if remembering is not None else {}
         with self.changed:
             self.thread = threading.get_ident()
             entry = self.entries[remote.number] = Entry(remote, self.link, self.evaluate)
-            entry.check.recall(known)
-            entry.last.update(samples)
-            entry.memory.recall(samples)
+            if self._remembering is not None:
+                entry.recall(self._remembering)
             for member in self.members:
                 self._offer(member, entry)
             self.changed.notify_all()
@@ -120,8 +116,8 @@ class Hub:
             push(payload, time, decoding)
         if not entry.ticked_ns <= time < entry.due_ns:  # also if the clock was set back
             self.tick(entry, time)
-        if not entry.memory.looked_ns <= time < entry.memory.due_ns:
-            self._look(entry, time)
+        if self._remembering is not None and not entry.memory.looked_ns <= time < entry.memory.due_ns:
+            entry.remember(self._remembering, time)
 
     def replied(self, remote: Remote, service: Service, number: int, payload: bytes) -> None:  # noqa: ARG002
         """Give a reply to the call that waits for it."""
@@ -198,14 +194,6 @@ class Hub:
                     if member.entry is entry:
                         self._tell_missing(member, entry)
 
-    def _look(self, entry: Entry, now: int) -> None:
-        """Let the link remember the samples that are not followed by others soon."""
-        routes = entry.routes
-        last = {name: each for name, each in tuple(entry.last.items()) if routes[name].direction == "out"}
-        changed = entry.memory.look(last, now)
-        if changed is not None and self._remembering is not None:
-            self._remembering.keep(entry.remote, changed)
-
     def _answered(self, entry: Entry, payload: bytes, now: int) -> None:
         """Take an answer about a definition, and ask for the next one."""
         if entry.is_started and entry.check.receive(payload):
@@ -266,17 +254,10 @@ class Hub:
         for route in tuple(entry.routes.values()):
             if self._is_route_of(feed.topic, route, entry):
                 rows = [decoding for push, decoding in entry.table.get(route.name, ()) if push == feed.push]
-                sample = self._last_of(entry, route) if rows else None
+                sample = entry.last_of(route, self._following) if rows else None
                 if sample is not None:
                     return *sample, rows[0]
         return None
-
-    def _last_of(self, entry: Entry, route: Route) -> Kept | None:
-        """Return the last sample of a route. Another process that owns the link has those that do not cross to here."""
-        if self._following is None:
-            return entry.last.get(route.name)
-        found = self._following.last(entry.remote, route)
-        return (found.payload, found.time) if found is not None else None
 
     @property
     def is_shared(self) -> bool:
@@ -372,20 +353,11 @@ class Hub:
             self._rebuild(entry)
 
     def _tell_of_another(self, member: Member, remote: Remote) -> None:
-        selection, own = member.selection, member.last
         is_taken = any(other.selection.accepts(remote) for other in self.members if not other.selection.is_any)
-        if member.has_told_of_another or is_taken:
-            return
-        if selection.is_any and own is not None and not is_same(own, remote):
+        text = "" if member.has_told_of_another or is_taken else member.about_another(remote)
+        if text:
             member.has_told_of_another = True
-            text = "%s connected too and is ignored, as this Vehicle has %s: select one by key, namespace or address"
-            LOGGER.warning(text, shown(remote), shown(own))
-        elif own is None and may_be_meant(selection, remote):
-            member.has_told_of_another = True
-            LOGGER.warning("%s", why_unknown(remote))
-        elif own is not None and is_unnamed(own) and is_same(own, remote) and not selection.matches(remote):
-            member.has_told_of_another = True
-            LOGGER.warning("%s has connected again, and is not the one that was asked for", shown(remote))
+            LOGGER.warning("%s", text)
 
     def _renew(self, remote: Remote) -> None:
         """Let a vehicle tell its key and its namespace, which connects anew, if nobody uses it here."""

@@ -18,7 +18,7 @@ import pytest
 
 from msggen.live import LinkError, LinkTimeoutError, NotConnectedError, Vehicle
 from msggen.live.age import expiry
-from msggen.live.links import unix
+from msggen.live.links import greeting, unix
 from msggen.live.links.records import CALL, EVENT, HEADER, LAST, SAMPLE, RecordReader, event_in, event_of, record_of
 from msggen.live.links.unix import UnixLink
 from msggen.live.owner import process
@@ -65,7 +65,7 @@ def followers(server: Server, name: str) -> int:
 
 def raw(path: Path, *records: bytes) -> socket.socket:
     """Join as a program that sends these records."""
-    own = unix.connected(str(path))
+    own = greeting.connected(str(path))
     own.settimeout(WAIT)
     own.sendall(event_of("hello", hello()) + b"".join(records))
     return own
@@ -241,7 +241,7 @@ def test_only_a_program_that_is_alone_lets_a_vehicle_connect_again(link: FakeLin
 
 
 def test_a_program_is_told_nothing_before_it_is_welcome(link: FakeLink, path: Path, server: Server) -> None:
-    with unix.connected(str(path)) as own:
+    with greeting.connected(str(path)) as own:
         own.settimeout(WAIT)
         until(lambda: server.owner.programs)
         link.connect()
@@ -339,7 +339,7 @@ def test_a_program_that_does_not_read_loses_samples_and_nothing_else(monkeypatch
 def test_settings_of_the_link_belong_to_its_owner(link: FakeLink, path: Path) -> None:
     def joined(**changes: Any) -> None:
         asked = {"address": "udp://127.0.0.1:8888", "allow": (), **changes}
-        unix.greeted(unix.connected(str(path)), **asked).close()
+        greeting.greeted(greeting.connected(str(path)), **asked).close()
 
     with served(link, path, "udp://127.0.0.1:8888", allow=("192.168.0.7", 3)):
         joined()
@@ -358,7 +358,7 @@ def test_settings_of_the_link_belong_to_its_owner(link: FakeLink, path: Path) ->
 
 def test_an_owner_of_all_addresses_hears_each(link: FakeLink, path: Path) -> None:
     with served(link, path, "udp://0.0.0.0:8888"):
-        unix.greeted(unix.connected(str(path)), "udp://127.0.0.1:8888").close()
+        greeting.greeted(greeting.connected(str(path)), "udp://127.0.0.1:8888").close()
 
 
 def test_another_version_gets_an_owner_of_its_own_if_nobody_else_is_there(
@@ -371,10 +371,10 @@ def test_another_version_gets_an_owner_of_its_own_if_nobody_else_is_there(
             with pytest.raises(
                 LinkError, match=r"this is msggen 9\.9, and test \(pid \d+\) use it: end them, or `msggen link"
             ):
-                unix.greeted(unix.connected(str(path)), "")
+                greeting.greeted(greeting.connected(str(path)), "")
         until(lambda: not server.owner.programs)
-        with pytest.raises(unix.LeavingError):
-            unix.greeted(unix.connected(str(path)), "")
+        with pytest.raises(greeting.LeavingError):
+            greeting.greeted(greeting.connected(str(path)), "")
         until(lambda: server._is_over)
 
 
@@ -406,7 +406,7 @@ def test_bytes_that_no_program_sends_end_its_connection_only(
     remote = link.connect()
     with Vehicle(UnixLink(str(path)), px4_types) as vehicle:
         vehicle.wait_connected(WAIT)
-        with unix.connected(str(path)) as hostile:
+        with greeting.connected(str(path)) as hostile:
             hostile.settimeout(WAIT)
             hostile.sendall(data)
             assert is_ended(hostile)
@@ -451,7 +451,7 @@ def test_random_frames_end_the_connection_of_their_program_only(
             while sent < frames:
                 data = [event_of("hello", hello()), *(frame() for _ in range(choose.randrange(1, 30)))]
                 sent += len(data)
-                with unix.connected(str(path)) as hostile:
+                with greeting.connected(str(path)) as hostile:
                     try:
                         hostile.sendall(b"".join(data))
                     except OSError:  # it was ended
@@ -541,12 +541,12 @@ def test_dropping_samples_takes_no_longer_if_much_else_waits(monkeypatch: pytest
 
 
 def test_who_asks_for_the_state_ends_no_owner_of_another_version(server: Server, path: Path) -> None:
-    with unix.connected(str(path)) as own:  # as `link list`, which needs no hello
+    with greeting.connected(str(path)) as own:  # as `link list`, which needs no hello
         own.settimeout(WAIT)
         own.sendall(event_of("ask", 1, "state"))
         ((kind, *_, body),) = [next(received(own))]
         assert (kind, event_in(body)[0]) == (EVENT, "answer")
-    with unix.connected(str(path)) as own:
+    with greeting.connected(str(path)) as own:
         own.settimeout(WAIT)
         own.sendall(event_of("hello", hello(version="9.9.9", is_program=False)))
         name, (text,) = event_in(next(received(own))[-1])
@@ -561,7 +561,7 @@ def test_names_of_programs_are_shown_with_escapes(
     monkeypatch.setattr(LOGGER, "propagate", True)
     process._log_to(str(tmp_path / "log"))
     forged = "a\x1b[2J\n2026-01-01 00:00:00,000 ERROR forged"
-    with unix.connected(str(path)) as own:
+    with greeting.connected(str(path)) as own:
         own.settimeout(WAIT)
         own.sendall(event_of("hello", hello(name=forged)))
         next(received(own))
@@ -589,24 +589,24 @@ def test_an_owner_without_descriptors_waits_for_some(path: Path, monkeypatch: py
     with UnixLink(str(path)).open():
         monkeypatch.setattr(server_module, "_PAUSE_S", 0.3)
         monkeypatch.setattr(socket.socket, "accept", limited)
-        own = unix.connected(str(path))
+        own = greeting.connected(str(path))
         begin = time.monotonic()
         until(lambda: accepts >= 3)
         assert accepts <= 3 + (time.monotonic() - begin) / 0.3
         is_full = False
-        with unix.greeted(own, ""):
+        with greeting.greeted(own, ""):
             pass
 
 
 def test_a_program_does_not_wait_for_ever_for_a_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(unix, "_HELLO_S", 0.2)
+    monkeypatch.setattr(greeting, "_HELLO_S", 0.2)
     with socket.socket(socket.AF_UNIX) as listening, ExitStack() as waiting:
         listening.bind(str(tmp_path / "s"))
         listening.listen(1)
         for _ in range(2):  # Linux takes one more than is asked for
-            waiting.enter_context(unix.connected(str(tmp_path / "s")))
+            waiting.enter_context(greeting.connected(str(tmp_path / "s")))
         with pytest.raises(LinkError, match="takes no further program"):
-            unix.connected(str(tmp_path / "s"))
+            greeting.connected(str(tmp_path / "s"))
 
 
 @pytest.mark.usefixtures("server")

@@ -22,11 +22,11 @@ import pytest
 from msggen.cli import main
 from msggen.live import LinkError, Vehicle
 from msggen.live.links.address import parse_address
+from msggen.live.links.greeting import connected
 from msggen.live.links.opening import can_share, open_link
 from msggen.live.links.places import place_of, runtime_folder
 from msggen.live.links.session_files import records_folder
 from msggen.live.links.shared import SharedLink
-from msggen.live.links.unix import connected
 from msggen.live.owner.process import IDLE, idle
 from msggen.live.sim import Options, Simulator
 from support.link_records import nothing_is_left

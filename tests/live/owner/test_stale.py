@@ -21,7 +21,7 @@ from msggen.cli import main
 from msggen.live import LinkTimeoutError, Vehicle, age
 from msggen.live.age import LONGEST_NS, LONGEST_S, OtherClock, expiry, is_over, now
 from msggen.live.link import StaleError
-from msggen.live.links import outgoing, unix
+from msggen.live.links import greeting, outgoing
 from msggen.live.links.outgoing import Outgoing
 from msggen.live.links.records import SAMPLE, event_of, record_of
 from msggen.live.links.unix import UnixLink
@@ -271,7 +271,7 @@ def test_a_name_that_takes_long_to_look_up_holds_up_its_own_program_only(
         link.connect()
         vehicle.wait_connected(WAIT)
         joining = threading.Thread(
-            target=lambda: unix.greeted(unix.connected(str(path)), "udp://slow.example:8888").close()
+            target=lambda: greeting.greeted(greeting.connected(str(path)), "udp://slow.example:8888").close()
         )
         joining.start()
         until(lambda: "slow.example" in asked)
@@ -288,10 +288,10 @@ def test_the_owner_looks_up_no_name(link: FakeLink, path: Path, monkeypatch: pyt
         monkeypatch.setattr(socket, "gethostbyname", asked.append)
         monkeypatch.setattr(socket, "getaddrinfo", asked.append)
         for host, place in (("slow.example", "127.0.0.1"), ("localhost", "127.0.0.1"), ("slow.example", "10.0.0.1")):
-            with unix.connected(str(path)) as own:
+            with greeting.connected(str(path)) as own:
                 own.settimeout(WAIT)
                 own.sendall(event_of("hello", hello(address=f"udp://{host}:8888", place=place)))
-                name, _ = unix._first_event(own)
+                name, _ = greeting._first_event(own)
                 assert name == ("welcome" if place == "127.0.0.1" else "refused")
         assert asked == []
 
