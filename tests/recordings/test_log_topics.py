@@ -176,7 +176,9 @@ def test_a_definition_in_another_format_is_the_reason(tmp_path: Path) -> None:
             RecordingError, match="/a cannot be decoded: its definition is in 'ros2idl', expected ros2msg"
         ):
             log["/a"]
-        assert log.notes == ["1 topic has no definition as ros2msg in the recording, and no embedded release fits"]
+        reason, hint = log.notes
+        assert reason == "1 topic has no definition as ros2msg in the recording, and no embedded release fits"
+        assert hint.startswith("for the types of our_msgs, name the folder of their package, --msg-dir our_msgs=DIR")
 
 
 # names
