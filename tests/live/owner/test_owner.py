@@ -18,7 +18,7 @@ import pytest
 
 from msggen.live import LinkError, LinkTimeoutError, NotConnectedError, Vehicle
 from msggen.live.age import expiry
-from msggen.live.links import greeting, unix
+from msggen.live.links import greeting
 from msggen.live.links.records import CALL, EVENT, HEADER, LAST, SAMPLE, RecordReader, event_in, event_of, record_of
 from msggen.live.links.unix import UnixLink
 from msggen.live.owner import process
@@ -367,7 +367,7 @@ def test_another_version_gets_an_owner_of_its_own_if_nobody_else_is_there(
     with served(link, path) as server:
         with raw(path) as other:
             assert next(received(other))
-            monkeypatch.setattr(unix, "__version__", "9.9")
+            monkeypatch.setattr(greeting, "__version__", "9.9")
             with pytest.raises(
                 LinkError, match=r"this is msggen 9\.9, and test \(pid \d+\) use it: end them, or `msggen link"
             ):
@@ -557,6 +557,7 @@ def test_who_asks_for_the_state_ends_no_owner_of_another_version(server: Server,
 def test_names_of_programs_are_shown_with_escapes(
     server: Server, path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    level = LOGGER.level
     monkeypatch.setattr(LOGGER, "handlers", [])
     monkeypatch.setattr(LOGGER, "propagate", True)
     process._log_to(str(tmp_path / "log"))
@@ -567,7 +568,9 @@ def test_names_of_programs_are_shown_with_escapes(
         next(received(own))
         assert [each.name for each in server.owner.programs] == [r"a\x1b[2J\n2026-01-01 00:00:00,000 ERROR forged"]
     LOGGER.warning("%s", forged)
-    LOGGER.handlers[0].close()
+    LOGGER.setLevel(level)
+    for handler in LOGGER.handlers:
+        handler.close()
     lines = (tmp_path / "log").read_text().splitlines()
     assert not any(each.startswith("2026-01-01") for each in lines)
     assert not any("\x1b" in each for each in lines)
