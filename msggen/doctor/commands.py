@@ -73,7 +73,7 @@ def find_misaddressed(case: Case) -> Iterator[Change]:
     for vehicle in case.alive:
         for topic, senders, number, what, target, own in misaddressed(case, vehicle):
             why = (
-                f"and this vehicle is system {own} (MAV_SYS_ID), which ignores it"
+                f"and this vehicle is system {own} (MAV_SYS_ID) and ignores it"
                 if what == "system"
                 else f"which has not acknowledged it, and PX4 is component {own}"
             )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from msggen.base.diagnostics import suggestion
 
-_ACTIONS = "the actions are methods of the flight: `await flight.arm()`"
+_ACTIONS = "a method of the flight: `await flight.arm()`"
 _OFFBOARD = "`async with flight.offboard() as setpoint`"
 _VELOCITY = "`setpoint.trajectory(velocity=...)`"
 _TELEMETRY = "`flight.telemetry`"
@@ -58,9 +58,9 @@ ATTRIBUTES: Final[Mapping[str, str]] = MappingProxyType(
         "update": "`goto`, `trajectory`, `attitude`, `rates`",
         # MAVSDK
         "action": _ACTIONS,
-        "rtl": "`return_home`",
-        "return_home": "`rtl`",
-        "return_to_launch": "`return_home`",
+        "rtl": "`return_home` of the flight",
+        "return_home": "`rtl` of the executor",
+        "return_to_launch": "`return_home` of the flight",
         "goto_location": "`goto(latitude=..., longitude=..., altitude=...)`",
         "set_takeoff_altitude": "`takeoff(altitude)`",
         "arm": _ACTIONS,

@@ -262,7 +262,7 @@ def test_programs_that_misbehave_are_found(
     assert all(own in each for each in told.values())
     if rows is MORE:
         own_system = f"this vehicle is system {[*rows].index('other system') + 1} (MAV_SYS_ID)"
-        assert f"has command 400 for system 3, and {own_system}, which ignores it: set" in told["other system"]
+        assert f"has command 400 for system 3, and {own_system} and ignores it: set" in told["other system"]
         assert "it has 60 bytes, and TrajectorySetpoint of the vehicle has 64" in told["cut"]
         assert "has z = 5 m, which is below the origin: z points down in PX4 (NED), use -5 for 5 m up" in told["upward"]
 

@@ -73,7 +73,7 @@ def test_what_people_type_is_told(px4_types: Any) -> None:
         for path, text in (
             ("return_to_launch", "in msggen, it is `return_home`"),
             ("telemetry.position", "`await global_position()` or `await local_position()`"),
-            ("action.arm", "the actions are methods of the flight: `await flight.arm()`"),
+            ("action.arm", "a method of the flight: `await flight.arm()`"),
             ("takeof", "did you mean 'takeoff'"),
             ("telemetry.batery", "did you mean 'battery'"),
         ):

@@ -478,6 +478,6 @@ def test_a_sample_without_a_time_has_that_of_the_sample_before(tmp_path: Path) -
         assert log.duration == pytest.approx(0.09)
         assert log.problems == []
         assert log.notes == [
-            "a: 2 samples without a time (timestamp 0), with that of the sample before in the file",
-            "b: 1 sample without a time (timestamp 0), with that of the sample before in the file",
+            "a: 2 samples with timestamp 0, which got the time of the sample before in the file",
+            "b: 1 sample with timestamp 0, which got the time of the sample before in the file",
         ]

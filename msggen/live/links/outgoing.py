@@ -5,6 +5,7 @@ from __future__ import annotations
 import select
 import socket
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Final
@@ -15,6 +16,8 @@ from msggen.live.link import LinkError
 _SILENT_NS: Final = 1_000_000_000
 """The time in ns without a sign that messages were taken after which they do not get through. The owner gives one each
 0.3 s."""
+_AGAIN_S: Final = 0.02
+"""The time in s between two attempts to send to a socket that is full."""
 _AT_ONCE: Final = getattr(socket, "MSG_DONTWAIT", 0)
 
 
@@ -48,38 +51,37 @@ class Outgoing:
         self._since = None
 
     def send(self, record: bytes) -> None:
-        """Send a record, and wait until the socket takes it. Raises LinkError."""
-        with _errors(), self._lock:
-            self._own_socket().sendall(record)
+        """Send a record, and wait until the socket takes it. Raises LinkError.
+
+        An owner that takes nothing for a second is left: the link joins again, so that no record is missing there.
+        """
+        own, end = self._own_socket(), now() + _SILENT_NS
+        with _errors():
+            while True:
+                with self._lock:
+                    if _is_taken(own, record):
+                        return
+                if now() > end:
+                    own.shutdown(socket.SHUT_RDWR)
+                    raise LinkError("the process that owns the link takes nothing: does it stand still?")
+                time.sleep(_AGAIN_S)
 
     def offer(self, record: bytes, until: int) -> None:
         """Send the record of a message that expires, or drop it if the socket does not take it. Raises LinkError."""
-        own, time = self._own_socket(), now()
-        if not self._lock.acquire(timeout=LONGEST_S):
-            self._drop(time)
-            return
-        earlier = self._last
-        self._last = until  # before it is sent, because the news of it can be fast
-        self._since = time if self._since is None else self._since
-        try:
-            with _errors():
-                sent = own.send(record, _AT_ONCE)
-                if sent < len(record):  # not on Linux, which takes a record of this size as a whole or not at all
-                    own.sendall(record[sent:])
-        except BlockingIOError:
-            self._last = earlier
-            self._drop(time)
-        finally:
-            self._lock.release()
+        own, begin = self._own_socket(), now()
+        with _errors(), self._lock:
+            earlier = self._last
+            self._last = until  # before it is sent, because the news of it can be fast
+            self._since = begin if self._since is None else self._since
+            if not _is_taken(own, record):
+                self._last = earlier
+                self._own += 1
+                self._grown = begin
 
     def _own_socket(self) -> socket.socket:
         if self._socket is None:
             raise LinkError("the link is not started")
         return self._socket
-
-    def _drop(self, time: int) -> None:
-        self._own += 1
-        self._grown = time
 
     def taken(self, until: int, dropped: int) -> None:
         """Take the news of the owner: the last message that it has taken, and how many it has dropped."""
@@ -92,23 +94,32 @@ class Outgoing:
 
     def problem(self) -> str:
         """Return why messages do not get through, or ""."""
-        time, since, own = now(), self._since, self._socket
-        if since is not None and time - since > _SILENT_NS and own is not None and not _has_news(own):
-            seconds = (time - since) / 1e9
+        moment, since, own = now(), self._since, self._socket
+        if since is not None and moment - since > _SILENT_NS and own is not None and not _has_news(own):
+            seconds = (moment - since) / 1e9
             return f"the process that owns the link has taken none for {seconds:.1f} s: does it stand still?"
-        if time - self._grown < _SILENT_NS:
+        if moment - self._grown < _SILENT_NS:
             return f"they reach the process that owns the link after more than {LONGEST_S:g} s, and are dropped"
         return ""
 
 
+def _is_taken(own: socket.socket, record: bytes) -> bool:
+    """Whether a socket takes a record, without waiting for space."""
+    try:
+        sent = own.send(record, _AT_ONCE)
+    except BlockingIOError:
+        return False
+    if sent < len(record):  # not on Linux, which takes a record of this size as a whole or not at all
+        own.sendall(record[sent:])
+    return True
+
+
 @contextmanager
 def _errors() -> Iterator[None]:
-    """Raise LinkError for an error of the socket, unless it is full."""
+    """Raise LinkError for an error of the socket."""
     try:
         yield
-    except BlockingIOError:
-        raise
-    except OSError:
+    except (OSError, ValueError):  # it was closed
         raise LinkError("the process that owns the link has ended: wait until the vehicle is connected again") from None
 
 

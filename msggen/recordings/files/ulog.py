@@ -353,6 +353,4 @@ class UlogFile(Source):
 
 def _note_on_unset(name: str, instance: int, count: int) -> str:
     topic = f"{name} {instance}" if instance else name
-    return (
-        f"{topic}: {counted(count, 'sample')} without a time (timestamp 0), with that of the sample before in the file"
-    )
+    return f"{topic}: {counted(count, 'sample')} with timestamp 0, which got the time of the sample before in the file"

@@ -20,7 +20,7 @@ import pytest
 from msggen.cli import main
 from msggen.live import LinkTimeoutError, Vehicle, age
 from msggen.live.age import LONGEST_NS, LONGEST_S, OtherClock, expiry, is_over, now
-from msggen.live.link import StaleError
+from msggen.live.link import LinkError, StaleError
 from msggen.live.links import greeting, outgoing
 from msggen.live.links.outgoing import Outgoing
 from msggen.live.links.records import SAMPLE, event_of, record_of
@@ -114,7 +114,7 @@ def test_nothing_late_arrives_from_an_owner_that_stood_still(
         (owner,) = owners()
         with vehicle.every(50.0, lambda: stamped(px4_types)):
             until(lambda: len(arrivals.ages) > 20)
-            assert vehicle.problem == ""
+            until(lambda: vehicle.problem == "")
             with stopped(owner.state["pid"]):
                 time.sleep(STOPPED_S)
                 assert "has taken none" in vehicle.problem
@@ -129,7 +129,7 @@ def test_nothing_late_arrives_from_an_owner_that_stood_still(
         assert main(["link", "list"]) == 0
         assert "not sent, because they came late" in capsys.readouterr().out
     assert max(arrivals.ages) < LONGEST_S + BUSY_S
-    assert caplog.text.count("do not get through") == 1
+    assert 1 <= caplog.text.count("do not get through") < 10  # at each begin, of which a busy computer has some
 
 
 def test_a_message_that_waited_in_the_socket_is_dropped_and_counted(
@@ -143,9 +143,9 @@ def test_a_message_that_waited_in_the_socket_is_dropped_and_counted(
             for number in range(2, 12):
                 vehicle.publish(px4_types.TrajectorySetpoint(timestamp=number))
             time.sleep(LONGEST_S + 0.1)
+        until(lambda: "they reach the process that owns the link after more than 0.5 s" in vehicle.problem)
         until(lambda: vehicle.statistics.unsent >= 10)
         arrives(vehicle, px4_types.TrajectorySetpoint(timestamp=99), link)
-        assert "they reach the process that owns the link after more than 0.5 s" in vehicle.problem
         (program,) = server.owner.programs
         assert program.unsent >= 10
         until(lambda: vehicle.problem == "")
@@ -342,6 +342,34 @@ def test_a_direct_link_drops_what_waited_in_its_own_process(
         with pytest.raises(StaleError):
             own.call(remote, vehicle.services[0], 1, b"\0\1\0\0", now() - 1)
     assert max(arrivals.ages) < LONGEST_S + BUSY_S
+
+
+def test_an_owner_that_takes_nothing_is_left_after_a_second() -> None:
+    """A flight joins topics in its event loop: it must not stand still with the owner."""
+    own, owner = socket.socketpair()
+    with own, owner:
+        sending = Outgoing()
+        sending.begin(own)
+        for _ in range(100_000):
+            sending.offer(bytes(1000), now() + LONGEST_NS)
+            if sending.dropped:
+                break
+        failed: list[BaseException] = []
+
+        def send() -> None:
+            try:
+                sending.send(bytes(1000))
+            except LinkError as error:
+                failed.append(error)
+
+        thread = threading.Thread(target=send, daemon=True)
+        thread.start()
+        begin = time.monotonic()
+        sending.offer(b"x", now() + LONGEST_NS)
+        assert time.monotonic() - begin < LONGEST_S, "a message does not wait for what waits"
+        thread.join(WAIT)
+        assert "does it stand still?" in str(failed[0])
+        assert own.recv(1) == b"", "the link joins again"
 
 
 def test_news_that_are_faster_than_the_call_that_sends_are_not_lost(monkeypatch: pytest.MonkeyPatch) -> None:
