@@ -199,6 +199,15 @@ class Vehicle:
         return self._hub.others(self._member)
 
     @property
+    def is_settled(self) -> bool:
+        """Whether `others` has all vehicles that send to the link, as far as it is known.
+
+        It is false in the first 2.5 s of a link, in which each vehicle asks for a connection, and while one connects.
+        It is true if this vehicle was selected by key, namespace or address.
+        """
+        return self._hub.is_settled(self._member)
+
+    @property
     def routes(self) -> tuple[Route, ...]:
         """The topics of the vehicle that is connected. Raises NotConnectedError."""
         return tuple(map(self._member.named, tuple(self._entry().routes.values())))
