@@ -10,7 +10,7 @@ import sys
 import time
 from contextlib import suppress
 
-from msggen.live import Vehicle
+from msggen.live import LinkError, Vehicle
 from px4_types import DebugVect, text
 
 numbers = itertools.count()
@@ -21,9 +21,12 @@ def message() -> DebugVect:
     return DebugVect(name=text.pack("test", 10), x=float(next(numbers)), y=2.0, z=3.0)
 
 
-with Vehicle(*sys.argv[1:]) as vehicle:
-    vehicle.wait_connected()
-    with vehicle.every(2, message) as repeater, suppress(KeyboardInterrupt):
-        while repeater.is_running:
-            time.sleep(2)
-            print(repeater.jitter, flush=True)
+try:
+    with Vehicle(*sys.argv[1:]) as vehicle, suppress(KeyboardInterrupt):
+        vehicle.wait_connected()
+        with vehicle.every(2, message) as repeater:
+            while repeater.is_running:
+                time.sleep(2)
+                print(repeater.jitter, flush=True)
+except LinkError as error:
+    sys.exit(str(error))

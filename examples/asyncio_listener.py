@@ -7,7 +7,7 @@ import asyncio
 import sys
 from contextlib import suppress
 
-from msggen.live import Vehicle
+from msggen.live import LinkError, Vehicle
 from px4_types import BatteryStatus, VehicleStatus
 
 
@@ -32,5 +32,8 @@ async def main() -> None:
         await asyncio.gather(watch_mode(vehicle), watch_battery(vehicle))
 
 
-with suppress(KeyboardInterrupt):
-    asyncio.run(main())
+try:
+    with suppress(KeyboardInterrupt):
+        asyncio.run(main())
+except LinkError as error:
+    sys.exit(str(error))

@@ -8,7 +8,7 @@ The vehicle must be in Offboard mode already, as after offboard.py has armed it.
 import sys
 from contextlib import suppress
 
-from msggen.live import Vehicle
+from msggen.live import LinkError, Vehicle
 from px4_types import OffboardControlMode, TrajectorySetpoint, VehicleLocalPosition, frames
 
 try:
@@ -18,10 +18,13 @@ except ValueError:
 goal = east, north, up
 setpoint = frames.from_ros(TrajectorySetpoint, position=goal)  # NED; all other values are NaN, "not controlled"
 
-with Vehicle(*sys.argv[4:]) as vehicle:
-    vehicle.wait_connected(30)
-    heartbeat = vehicle.every(10, OffboardControlMode(position=True))
-    with heartbeat, vehicle.every(20, setpoint), suppress(KeyboardInterrupt):
-        for count, message in enumerate(vehicle.subscribe(VehicleLocalPosition)):
-            if count % 10 == 0:
-                print("east {:.2f}, north {:.2f}, up {:.2f} m".format(*frames.to_ros(message, "xyz").value), flush=True)
+try:
+    with Vehicle(*sys.argv[4:]) as vehicle, suppress(KeyboardInterrupt):
+        vehicle.wait_connected(30)
+        with vehicle.every(10, OffboardControlMode(position=True)), vehicle.every(20, setpoint):
+            for count, message in enumerate(vehicle.subscribe(VehicleLocalPosition)):
+                if count % 10 == 0:
+                    place = frames.to_ros(message, "xyz").value
+                    print("east {:.2f}, north {:.2f}, up {:.2f} m".format(*place), flush=True)
+except LinkError as error:
+    sys.exit(str(error))

@@ -10,7 +10,7 @@ import math
 import sys
 
 import px4_types
-from msggen.flight import Executor, Flight, Limits, Mode, Problem
+from msggen.flight import Executor, Flight, FlightError, Limits, Mode, Problem
 
 MAST = (0.0, 12.0)  # east and north of the local origin in m
 RADIUS = 6.0
@@ -70,4 +70,7 @@ async def connect() -> None:
 
 
 if __name__ == "__main__":
-    asyncio.run(connect())
+    try:
+        asyncio.run(connect())
+    except FlightError as error:
+        sys.exit(str(error))

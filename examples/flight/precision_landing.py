@@ -11,7 +11,7 @@ import sys
 from typing import NamedTuple
 
 import px4_types
-from msggen.flight import TRAJECTORY, Executor, Flight, Limits, Mode, Vector
+from msggen.flight import TRAJECTORY, Executor, Flight, FlightError, Limits, Mode, Vector
 
 INTERVAL = 0.05  # s between two measurements
 GAIN = 0.8  # m/s towards the target for each m of distance
@@ -126,4 +126,7 @@ async def connect() -> None:
 
 
 if __name__ == "__main__":
-    asyncio.run(connect())
+    try:
+        asyncio.run(connect())
+    except FlightError as error:
+        sys.exit(str(error))

@@ -7,7 +7,7 @@ import asyncio
 import sys
 
 import px4_types
-from msggen.flight import LOCAL_POSITION, Flight, Limits, Mode
+from msggen.flight import LOCAL_POSITION, Flight, FlightError, Limits, Mode
 
 CORNERS = [(5.0, 0.0), (5.0, 5.0), (0.0, 5.0), (0.0, 0.0)]  # north and east in m
 
@@ -43,4 +43,7 @@ async def connect() -> None:
 
 
 if __name__ == "__main__":
-    asyncio.run(connect())
+    try:
+        asyncio.run(connect())
+    except FlightError as error:
+        sys.exit(str(error))

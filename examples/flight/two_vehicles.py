@@ -10,8 +10,8 @@ import sys
 from contextlib import suppress
 
 import px4_types
-from msggen.flight import TRAJECTORY, Flight, Mode, NotReachedError
-from msggen.live import Vehicle
+from msggen.flight import TRAJECTORY, Flight, FlightError, Mode, NotReachedError
+from msggen.live import LinkError, Vehicle
 
 CORNERS = [(6.0, 0.0), (6.0, 6.0), (0.0, 6.0), (0.0, 0.0)]  # north and east in m
 HEIGHT = 5.0
@@ -83,4 +83,7 @@ async def connect() -> None:
 
 
 if __name__ == "__main__":
-    asyncio.run(connect())
+    try:
+        asyncio.run(connect())
+    except (LinkError, FlightError) as error:
+        sys.exit(str(error))

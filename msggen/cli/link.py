@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from types import ModuleType
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 
 from msggen.base.diagnostics import InputError, few, input_error
 from msggen.base.location import Location
@@ -24,6 +24,7 @@ from msggen.sources.embedded import EMBEDDED
 
 if TYPE_CHECKING:
     from msggen.live import LinkError, Vehicle
+    from msggen.live.links.address import Address
     from msggen.live.messages.lookup import Named
 
 Check: TypeAlias = Callable[[ModuleType], object]
@@ -32,6 +33,8 @@ Check: TypeAlias = Callable[[ModuleType], object]
 PATIENCE = 30.0
 """How long to wait for a vehicle, in s: PX4's client takes up to 14 s to notice that a program has ended."""
 
+_LOOPBACK: Final = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # noqa: S104 - to send to, not to listen
+"""Where to send to a link that listens on all addresses."""
 _NOTICE = 3.0
 """How long to wait in s before saying so: PX4's client asks for an agent on this computer every 2 s."""
 _AT_ONCE = 0.5
@@ -224,15 +227,35 @@ def link_of(options: argparse.Namespace) -> str:
 
     Raises InputError if the address is wrong.
     """
+    if options.link:
+        return str(_parsed(options.link, Location("--link", 0)))
+    settings = settings_of(options)
+    return str(_parsed(settings.link, settings.place("link"))) if settings.link else DEFAULT
+
+
+def agent_of(options: argparse.Namespace, named: str | None) -> str:
+    """Return the address that clients connect to: the one that is named, or that of the link of the settings.
+
+    Where that is no port of this computer, it is the default one: the other end of a serial line has another name.
+    Raises InputError if the setting is wrong.
+    """
+    settings = settings_of(options)
+    if named or not settings.link:
+        return named or DEFAULT
+    link = _parsed(settings.link, settings.place("link"))
+    if not link.link_type.has_port or link.has_free_port:
+        return DEFAULT
+    return str(_parsed(DEFAULT, Location("", 0))._replace(host=_LOOPBACK.get(link.host, link.host), port=link.port))
+
+
+def _parsed(link: str, place: Location) -> Address:
+    """Return the parts of the address of a link. Raises InputError."""
     from msggen.live.link import LinkError
     from msggen.live.links.address import parse_address
 
-    settings = settings_of(options)
-    link = str(options.link or settings.link or DEFAULT)
     try:
-        return str(parse_address(link))
+        return parse_address(link)
     except LinkError as error:
-        place = Location("--link", 0) if options.link else settings.place("link")
         raise input_error(place.path, "L101", str(error), place.line, place.column) from None
 
 

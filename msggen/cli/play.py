@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from msggen.base.diagnostics import counted, few, input_error, printable
 from msggen.base.exit_codes import DONE, FINDINGS
+from msggen.cli.link import agent_of
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
 from msggen.cli.packages import check_reading
 from msggen.cli.reading import read_errors
@@ -48,8 +49,7 @@ def add_to(commands: Commands) -> None:
         "--to",
         metavar="ADDRESS",
         type=non_empty,
-        default=DEFAULT,
-        help=f"of the agent: {usages(CLIENTS)} (default: {DEFAULT})",
+        help=f"of the agent: {usages(CLIENTS)} (default: where the setting `link` listens, or {DEFAULT})",
     )
     parser.add_argument("--rate", metavar="FACTOR", type=positive, default="1", help="speed (default: 1)")
     parser.add_argument("--loop", action="store_true", help="begin again at the end")
@@ -67,6 +67,7 @@ def _play(options: argparse.Namespace) -> int:
     from msggen.recordings.live.player import Player, endpoints_of
     from msggen.recordings.source.source import RecordingError
 
+    options.to = agent_of(options, options.to)
     recording = _open(options)
     if options.start and options.start * 1e9 > recording.end - recording.start:
         options.parser.error(f"argument --start: the recording has {(recording.end - recording.start) / 1e9:.1f} s")

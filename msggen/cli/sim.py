@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from msggen.base.diagnostics import counted, input_error, suggestion
 from msggen.base.exit_codes import DONE
 from msggen.cli.chosen_types import Types, folder_types, given_types, release_types
+from msggen.cli.link import agent_of
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
 from msggen.cli.packages import topics_of
 from msggen.cli.sim_arguments import MOST_KEYS, add_arguments
@@ -48,7 +49,7 @@ def add_to(commands: Commands) -> None:
         metavar="ADDRESS",
         nargs="?",
         type=non_empty,
-        help=f"of the agent: {usages(CLIENTS)} (default: {DEFAULT})",
+        help=f"of the agent: {usages(CLIENTS)} (default: where the setting `link` listens, or {DEFAULT})",
     )
     parser.add_argument(
         "--log",
@@ -71,7 +72,7 @@ def _sim(options: argparse.Namespace) -> int:
     if options.log and options.address is None:
         _check_alone(options)
         return fly_alone(options, package, label, next(_options_of_vehicles(options)))
-    options.address = options.address or DEFAULT
+    options.address = agent_of(options, options.address)
     with new_log(options, endpoint_topics(package), label) if options.log else nullcontext() as log:
         return _connected(options, package, label, log)
 

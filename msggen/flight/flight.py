@@ -108,6 +108,8 @@ class Flight(Actions):
         feeds["vehicle_status"].call(parts.follow)
         if parts.is_urgent:
             return
+        if isinstance(connection, LinkConnection):
+            await connection.wait_alone()
         try:
             await feeds["vehicle_status"].wait(lambda _: True, _HEARD)
         except TimeoutError:

@@ -29,6 +29,9 @@ _REMIND = 12.0
 """The time in s without a vehicle after which a warning says what to check."""
 _KNOWN = 10.0
 """The time in s to wait for the definitions of the vehicle: PX4 takes 1 to 2 s for all of them."""
+_OTHERS = 3.0
+"""The longest time in s to wait for further vehicles: that by which PX4's clients can connect one after the other."""
+_LOOK = 0.1
 _WAITING: Final = 256
 """How many messages of a topic wait for a program that hangs. Older ones are dropped."""
 
@@ -76,14 +79,25 @@ class LinkConnection:
                 return
         raise errors[0]
 
+    async def wait_alone(self) -> None:
+        """Wait until all vehicles on the link have connected. Raises FlightError if there are several to choose from.
+
+        A vehicle that sends to a link which was just opened can connect after the first one. Only then this waits.
+        """
+        end = self._loop.time() + _OTHERS
+        while self._loop.time() < end and not await asyncio.to_thread(lambda: self._vehicle.is_settled):
+            self._check_alone()
+            await asyncio.sleep(_LOOK)
+        self._check_alone()
+
     def _check_alone(self) -> None:
         """Raise FlightError if a program has not said which of several vehicles it flies."""
         try:
-            found = [self._vehicle.remote, *self._vehicle.others]
+            found = sorted([self._vehicle.remote, *self._vehicle.others], key=order)
         except LinkError as error:
             raise NoAnswerError(str(error)) from None
         if len(found) > 1:
-            shown_ones = ", ".join(shown(each) for each in sorted(found, key=order))
+            shown_ones = ", ".join(shown(each) for each in found)
             raise FlightError(
                 f"{len(found)} vehicles are on {self._vehicle.url}: {shown_ones}. Say which one flies: "
                 f"Flight(url, key={found[0].key}), or namespace="

@@ -40,9 +40,9 @@ else:
     now = time.monotonic_ns
 
 
-def expiry() -> int:
-    """Return the time until which a message may be sent that is published now."""
-    return now() + LONGEST_NS
+def expiry(waited: float = 0.0) -> int:
+    """Return the time until which a message may be sent that is published now, and has waited for some s already."""
+    return now() + LONGEST_NS - round(max(0.0, waited) * 1e9)
 
 
 def is_over(until: int) -> bool:

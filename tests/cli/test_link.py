@@ -14,7 +14,7 @@ import pytest
 
 from msggen.cli import parser_for
 from msggen.cli.chosen_types import expected_types, given_types, known_types, routes_to_continue
-from msggen.cli.link import connection, link_of
+from msggen.cli.link import agent_of, connection, link_of
 from msggen.generate.cache import cache_folder, package_of
 from msggen.live import Vehicle
 from msggen.live.links.known import joined
@@ -242,6 +242,35 @@ def test_settings_name_link_and_types(url: str, px4_types: Any, working_folder: 
     with Simulator(px4_types, url, [SHORT]), connection(options()) as found:
         assert (found.link, found.package) == (url, px4_types)
         assert found.vehicle.is_connected
+
+
+@pytest.mark.parametrize(
+    ("link", "address"),
+    [
+        ("udp://127.0.0.1:9000", "udp://127.0.0.1:9000"),
+        ("udp://0.0.0.0:9000", "udp://127.0.0.1:9000"),
+        ("udp://[::]:9000", "udp://[::1]:9000"),
+        ("tap://10.0.0.1:9000?agent=10.0.0.2:8888", "udp://10.0.0.1:9000"),
+        ("udp://127.0.0.1:0", DEFAULT),
+        ("serial:///dev/ttyUSB0", DEFAULT),
+        ("dds://7", DEFAULT),
+    ],
+)
+def test_simulated_vehicles_connect_to_where_the_link_of_the_settings_listens(
+    link: str, address: str, working_folder: Path
+) -> None:
+    (working_folder / "pyproject.toml").write_text(f'[tool.msggen]\nlink = "{link}"\n')
+    parsed = parser_for(["sim"]).parse_args(["sim"])
+    assert agent_of(parsed, parsed.address) == address
+    assert agent_of(parsed, "udp://10.0.0.7:1") == "udp://10.0.0.7:1"
+
+
+def test_sim_follows_the_link_of_the_settings(url: str, working_folder: Path) -> None:
+    words = ["sim", "--for", "0.1", "--types", TYPES]
+    (working_folder / "pyproject.toml").write_text(f'[tool.msggen]\nlink = "{url}"\n')
+    assert f"; 1 vehicle to {url}\n" in run(words).stdout
+    (working_folder / "pyproject.toml").write_text('[tool.msggen]\nlink = "udp://127.0.0.1:x"\n')
+    assert run(words).stderr.startswith("pyproject.toml:2:1: L101 ")
 
 
 def test_a_wrong_link_of_the_settings_is_told_where_it_is(working_folder: Path) -> None:

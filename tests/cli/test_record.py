@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 
 from msggen.base.missing import installing
-from msggen.cli import main, parser_for
+from msggen.cli import main
 from msggen.live.messages.object_ids import object_ids_of
 from msggen.live.sim import Misbehaviour, Options, Simulator
 from msggen.live.xrce import client
@@ -285,7 +285,9 @@ def test_a_recording_is_played_without_an_agent_until_the_time_is_over(
     os.rename("a.mcap", "bag/a.mcap")  # that metadata.yaml is missing is no damage
     assert main(["play", "bag", "--to", to, "--for", "0.1", "--start", "0"]) == 1
     assert re.match(r"bag: 1 topic of v1\.18, \d\.\d s; to ", capsys.readouterr().out)
-    assert parser_for(["play"]).parse_args(["play", "a.mcap"]).to == "udp://127.0.0.1:8888"
+    Path("pyproject.toml").write_text(f'[tool.msggen]\nlink = "{to}"\n')
+    assert main(["play", "bag", "--for", "0.1"]) == 1
+    assert capsys.readouterr().out.splitlines()[0].endswith(f"; to {to}")
 
 
 def test_topics_for_which_a_vehicle_has_no_room_are_told(here: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -10,6 +10,7 @@ import re
 import signal
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,7 @@ from msggen.flight import (
 from msggen.flight.link import _WAITING, _Inbox
 from msggen.generate.python.package import render_package
 from msggen.live import Vehicle
+from msggen.live.links.udp import UdpLink
 from msggen.live.sim import Misbehaviour, Simulator
 from msggen.live.sim.commander.components import Registration
 from msggen.sources.catalog import read_catalog
@@ -360,6 +362,43 @@ def without(topics: list[str], folder: Path, monkeypatch: pytest.MonkeyPatch) ->
     write_definitions(folder / "less_types", dict(render_package(catalog, "less_types")))
     monkeypatch.syspath_prepend(folder)
     return importlib.import_module("less_types")
+
+
+@pytest.mark.parametrize("fixtures", [(), ("owned",)])
+@pytest.mark.parametrize("keys", [(1, 2), (2, 1)])
+def test_a_vehicle_that_connects_a_second_later_is_not_overlooked(
+    keys: tuple[int, int], fixtures: tuple[str, ...], url: str, px4_types: Any, request: pytest.FixtureRequest
+) -> None:
+    for each in fixtures:
+        request.getfixturevalue(each)
+
+    async def begins() -> None:
+        first, second = (Simulator(px4_types, url, [QUICK._replace(key=key)]) for key in keys)
+        with ExitStack() as vehicles:
+            vehicles.enter_context(first)
+            flight = asyncio.create_task(Flight(url, px4_types).__aenter__())
+            await asyncio.sleep(1.0)
+            await asyncio.to_thread(vehicles.enter_context, second)
+            with pytest.raises(FlightError, match=r"2 vehicles are on udp.*key 1.*key 2.*Flight\(url, key=1\)"):
+                await flight
+
+    asyncio.run(begins())
+
+
+@pytest.mark.parametrize("which", [{"key": 1}, {"namespace": ""}])
+def test_a_vehicle_that_was_chosen_waits_for_no_other(
+    which: dict[str, Any], url: str, px4_types: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def is_settled(_: object) -> bool:
+        raise AssertionError
+
+    async def begins() -> None:
+        async with Flight(url, px4_types, **which) as flight:
+            assert not flight.is_armed
+
+    monkeypatch.setattr(UdpLink, "is_settled", is_settled)
+    with simulated(px4_types, url):
+        asyncio.run(begins())
 
 
 @pytest.mark.usefixtures("owned")

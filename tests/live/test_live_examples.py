@@ -46,6 +46,10 @@ def run() -> Iterator[type[Program]]:
 
 
 SOON = Options(sync="short")
+CONNECTING = sorted(
+    str(path.relative_to(EXAMPLES)) for path in EXAMPLES.rglob("*.py") if "[udp://" in path.read_text(encoding="utf-8")
+)
+"""The examples that take the address of a link."""
 
 
 def test_listener(px4_types: ModuleType, address: str, run: type[Program]) -> None:
@@ -66,6 +70,15 @@ def test_advertiser(tmp_path: Path, address: str, run: type[Program]) -> None:
     interrupted(program)
     simulator.wait_for(r"/fmu/in/debug_vect +\d ")
     assert simulator.process.wait(LONGEST) == 0
+
+
+@pytest.mark.parametrize("name", CONNECTING)
+def test_an_address_that_cannot_be_opened_is_one_line(name: str, run: type[Program]) -> None:
+    goal = ["1", "2", "3"] if name == "enu_goal.py" else []
+    program = run(name, *goal, "udp://127.0.0.1:x")
+    assert [*program.lines()][1:] == [], program.printed
+    assert "udp://127.0.0.1:x" in program.printed
+    assert program.process.wait(LONGEST) == 1
 
 
 @pytest.mark.slow

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext
 from enum import Enum
@@ -12,7 +13,8 @@ from typing import Any
 
 import pytest
 
-from msggen.live import Vehicle
+from msggen.live import Vehicle, age
+from msggen.live.link import Remote, Route
 from msggen.live.ros import relay as module
 from msggen.live.ros.plan import Topics, Wish, planned
 from msggen.live.ros.refusals import Refusals
@@ -30,7 +32,7 @@ class FakeNode:
     def __init__(self) -> None:
         self.published: list[tuple[str, Any]] = []
         self.profiles: dict[str, Any] = {}
-        self.callbacks: dict[str, Callable[[bytes], None]] = {}
+        self.callbacks: dict[str, Callable[..., None]] = {}
         self.open: set[str] = set()
 
     def create_publisher(self, _: Any, name: str, profile: Any) -> Any:
@@ -62,7 +64,10 @@ def rclpy(monkeypatch: pytest.MonkeyPatch) -> None:
     for name, members in enums.items():
         setattr(qos, name, Enum(name, members))
     setattr(qos, "QoSProfile", SimpleNamespace)  # noqa: B010 - mypy does not know the attribute
+    subscription = ModuleType("rclpy.subscription")
+    setattr(subscription, "Subscription", SimpleNamespace(CallbackType=None))  # noqa: B010
     monkeypatch.setitem(sys.modules, "rclpy", ModuleType("rclpy"))
+    monkeypatch.setitem(sys.modules, "rclpy.subscription", subscription)
     monkeypatch.setitem(sys.modules, "rclpy.qos", qos)
 
 
@@ -87,7 +92,7 @@ def test_samples_pass_unchanged_in_both_directions(px4_types: Any, bench: Simple
         bench.link.sample(bench.remote, status)
         assert bench.node.published == [("/uav_1/fmu/out/vehicle_status_v4", status.encode())]
         bench.link.published.clear()
-        bench.node.callbacks["/uav_1/fmu/in/trajectory_setpoint"](setpoint.encode() + b"\0\0")
+        bench.node.callbacks["/uav_1/fmu/in/trajectory_setpoint"](setpoint.encode() + b"\0\0", {})
         ((remote, route, payload),) = bench.link.published
         assert (remote, route.name, payload) == (bench.remote, "/uav_1/fmu/in/trajectory_setpoint", setpoint.encode())
         assert relay.to_ros == {"/uav_1/fmu/out/vehicle_status_v4": 1}
@@ -113,14 +118,50 @@ def test_what_cannot_be_carried_is_counted_and_told_once(
     setpoint, command = "/uav_1/fmu/in/trajectory_setpoint", "/uav_1/fmu/in/vehicle_command"
     with Relay(bench.node, bench.vehicle, bench.plan, bench.refusals) as relay:
         for size in range(3):
-            bench.node.callbacks[setpoint](b"\0\1\0\0" + bytes(size))
+            bench.node.callbacks[setpoint](b"\0\1\0\0" + bytes(size), {})
         bench.link.disconnect(bench.remote)
-        bench.node.callbacks[command](px4_types.VehicleCommand().encode())
+        bench.node.callbacks[command](px4_types.VehicleCommand().encode(), {})
         assert not relay.to_vehicle
     assert bench.refusals.counts == {setpoint: 3, command: 1}
     assert bench.refusals.reasons[setpoint].startswith("TrajectorySetpoint")
     assert "disconnected" in bench.refusals.reasons[command]
     assert [record.name for record in caplog.records] == ["msggen.live.ros"] * 2
+
+
+def test_what_waited_in_ros_is_dropped_and_counted(
+    px4_types: Any, bench: SimpleNamespace, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A relay that stood still gets what has waited in DDS, with the times at which it was published."""
+    topic, sample = "/uav_1/fmu/in/trajectory_setpoint", px4_types.TrajectorySetpoint().encode()
+    monkeypatch.setattr(time, "time_ns", lambda: 100 * 10**9)
+    left: list[int] = []
+    publish = bench.link.publish
+
+    def note(remote: Remote, route: Route, payload: bytes, until: int) -> None:
+        left.append(until - age.now())
+        publish(remote, route, payload, until)
+
+    monkeypatch.setattr(bench.link, "publish", note)
+    with Relay(bench.node, bench.vehicle, bench.plan, bench.refusals) as relay:
+        for waited in (5.0, 0.51, 0.4, 0.0, -3.0):
+            bench.node.callbacks[topic](sample, {"source_timestamp": round((100 - waited) * 1e9)})
+        bench.node.callbacks[topic](sample, {"source_timestamp": 0})
+        assert relay.to_vehicle == {topic: 4}
+    assert bench.refusals.counts == {topic: 2}
+    assert "waited for more than 0.5 s" in bench.refusals.reasons[topic]
+    assert len(bench.link.published) == 4
+    assert left[0] <= 0.1e9, "what it has waited in ROS counts on the link"
+    assert all(each <= 0.5e9 for each in left)
+
+
+def test_an_rclpy_without_times_gives_samples_alone(
+    px4_types: Any, bench: SimpleNamespace, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys.modules["rclpy.subscription"], "Subscription", object)
+    topic = "/uav_1/fmu/in/trajectory_setpoint"
+    with Relay(bench.node, bench.vehicle, bench.plan, bench.refusals) as relay:
+        bench.node.callbacks[topic](px4_types.TrajectorySetpoint().encode())
+        assert relay.to_vehicle == {topic: 1}
 
 
 def test_standard_messages_whose_types_are_installed(

@@ -186,6 +186,11 @@ class AgentLink(ABC):
         with self.lock:
             return self.agent.clients()
 
+    def is_settled(self) -> bool:
+        """Whether all clients that send to this link have connected, as far as it is known."""
+        with self.lock:
+            return self.agent.is_settled()
+
     def refusals(self) -> dict[str, int]:
         """Return how many datagrams were refused, by reason."""
         with self.lock:

@@ -26,6 +26,10 @@ class Asking(ABC):
         found = [Client(*each) for each in self.ask("clients") or ()]
         return [each._replace(number=each.number + self._offset) if each.number else each for each in found]
 
+    def is_settled(self) -> bool:
+        """Whether all clients that send to the owner have connected, as far as it is known."""
+        return self.ask("settled") is not False
+
     def refusals(self) -> dict[str, int]:
         """Return how many datagrams the owner has refused, by reason."""
         return dict(self.ask("refusals") or {})

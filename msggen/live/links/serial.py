@@ -71,6 +71,10 @@ class SerialLink(SelectorLink):
         self.resources.callback(self._close_device)
         self._plug(open_line(self.path, self.baud))
 
+    def is_settled(self) -> bool:
+        """Return True: a line has one vehicle."""
+        return True
+
     def _plug(self, fd: int) -> None:
         with self.lock:
             self._fd = fd

@@ -118,6 +118,7 @@ _ANSWERS: Final[Mapping[str, Check]] = MappingProxyType(
             rate=real,
         ),
         "clients": _some(_row(_message, _KEY, partial(whole, least=0, most=(1 << 32) - 1), real, real, _COUNT)),
+        "settled": truth,
         "refusals": _table(_COUNT),
         "publishers": _table(_some(_row(_name, _message, _PID, *[_COUNT] * 3))),
         "warnings": _some(_message),

@@ -236,6 +236,11 @@ def _clients(owner: Owner, _program: Program) -> list[list[object]]:
     return [list(each) for each in clients()] if clients is not None else []
 
 
+def _settled(owner: Owner, _program: Program) -> bool:
+    is_settled = getattr(owner.link, "is_settled", None)
+    return is_settled is None or bool(is_settled())
+
+
 def _refusals(owner: Owner, _program: Program) -> dict[str, int]:
     refusals = getattr(owner.link, "refusals", None)
     return dict(refusals()) if refusals is not None else {}
@@ -269,6 +274,7 @@ _ANSWERS: Mapping[str, Callable[[Owner, Program], object]] = {
     "statistics": _statistics,
     "state": _state,
     "clients": _clients,
+    "settled": _settled,
     "refusals": _refusals,
     "publishers": _publishers,
     "warnings": _warnings,

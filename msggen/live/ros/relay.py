@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import signal
 import threading
+import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
+from msggen.live.age import LATE, LONGEST_S
 from msggen.live.link import LinkError, Route
 from msggen.live.messages.names import stem_of
 from msggen.live.ros.standard import SOURCES, TYPES, Converter, filled
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
 
 _DEPTH = 10
 """The depth of the topics with standard messages, as most programs of ROS have it."""
+_LATE: Final = f"{LATE}, or the clock of the computer that published it is behind"
 _SLICE = 0.2
 """The longest wait in s without a look at the end."""
 
@@ -154,10 +157,14 @@ class Relay:
             )
             return
 
-        def send(payload: bytes) -> None:
-            self._send(row, bytes(payload))
+        def send(payload: bytes, info: Mapping[str, int]) -> None:
+            self._send(row, bytes(payload), _waited(info))
 
-        made = self._node.create_subscription(row.ros, row.name, send, profile(row.qos), raw=True)
+        def send_undated(payload: bytes) -> None:
+            send(payload, {})
+
+        take = send if _is_dated() else send_undated
+        made = self._node.create_subscription(row.ros, row.name, take, profile(row.qos), raw=True)
         self._made.append(lambda: self._node.destroy_subscription(made))
 
     def _publisher(self, ros: Any, name: str, qos: Any) -> Callable[[Any], None]:
@@ -204,14 +211,33 @@ class Relay:
 
     # the thread of `spin`
 
-    def _send(self, row: Row, payload: bytes) -> None:
-        """Give a sample of ROS to the vehicle. It is decoded and encoded, because PX4 takes one encapsulation only."""
+    def _send(self, row: Row, payload: bytes, waited: float) -> None:
+        """Give a sample of ROS to the vehicle, unless it is late.
+
+        It is decoded and encoded, because PX4 takes one encapsulation only.
+        """
+        if waited > LONGEST_S:
+            self._refusals.add(row.name, _LATE)
+            return
         try:
-            self._vehicle.publish(row.to_vehicle(payload), stem_of(row.route.name))
+            self._vehicle.publish(row.to_vehicle(payload), stem_of(row.route.name), waited=waited)
         except (LinkError, ValueError) as error:
             self._refusals.add(row.name, error)
         else:
             self.to_vehicle[row.name] += 1
+
+
+def _is_dated() -> bool:
+    """Whether rclpy tells when a sample was published: since version 3.4, that is after ROS 2 Humble."""
+    from rclpy.subscription import Subscription
+
+    return hasattr(Subscription, "CallbackType")
+
+
+def _waited(info: Mapping[str, int]) -> float:
+    """Return for how many s a sample has waited since it was published, 0 if that is not known."""
+    published = info.get("source_timestamp", 0)
+    return max(0.0, (time.time_ns() - published) / 1e9) if published > 0 else 0.0
 
 
 def _standard_profile(*, is_kept: bool) -> Any:

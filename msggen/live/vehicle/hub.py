@@ -272,6 +272,11 @@ class Hub:
         found = [each.remote for each in tuple(self.entries.values()) if not is_same(own.remote, each.remote)]
         return sorted(found, key=order)
 
+    def is_settled(self, member: Member) -> bool:
+        """Whether no further vehicle that a member without a selection could have is about to connect."""
+        is_settled = getattr(self.link, "is_settled", None)
+        return not member.selection.is_any or is_settled is None or bool(is_settled())
+
     def publishers(self, member: Member) -> Sequence[Publisher]:
         """Return the programs that publish to the vehicle of a member."""
         entry = member.entry

@@ -199,6 +199,15 @@ class Vehicle:
         return self._hub.others(self._member)
 
     @property
+    def is_settled(self) -> bool:
+        """Whether `others` has all vehicles that send to the link, as far as it is known.
+
+        It is false in the first 2.5 s of a link, in which each vehicle asks for a connection, and while one connects.
+        It is true if this vehicle was selected by key, namespace or address.
+        """
+        return self._hub.is_settled(self._member)
+
+    @property
     def routes(self) -> tuple[Route, ...]:
         """The topics of the vehicle that is connected. Raises NotConnectedError."""
         return tuple(map(self._member.named, tuple(self._entry().routes.values())))
@@ -397,16 +406,17 @@ class Vehicle:
         known = entry.hash_of(route.ros_type)
         return decoding_of(topic, route.name, self._packages, known, is_converted=False).decode(payload)
 
-    def publish(self, message: Message, topic: Endpoint[Any] | str | None = None) -> None:
+    def publish(self, message: Message, topic: Endpoint[Any] | str | None = None, *, waited: float = 0.0) -> None:
         """Send a message to the vehicle, once. From any thread.
 
         It is dropped and counted, `statistics.unsent`, if it cannot be sent within 0.5 s. Warnings in the log tell when
-        messages begin not to get through, and `problem` tells why.
+        messages begin not to get through, and `problem` tells why. `waited` is the time in s that it has waited before,
+        such as in another middleware, which counts.
 
         `topic` is needed if several topics have messages of this class, and none of them is named after it. Raises
         NotConnectedError, TopicError, FormatError if the vehicle's definition differs, and the package's EncodeError.
         """
-        until = expiry()
+        until = expiry(waited)
         check_message(message)
         entry, route = self._route_to(message, topic)
         payload = message.encode()

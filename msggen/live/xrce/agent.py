@@ -52,6 +52,7 @@ _REPEATED = 0.5  # seconds in which a second CREATE_CLIENT is the first one, dou
 _REPLACED = 0.5  # seconds of silence after which a client that began later is the same one, restarted
 _WARNINGS = 20  # of a kind in a minute: a hostile sender can provoke any number of some kinds
 _MINUTE = 60.0
+_SETTLED = 2.5  # seconds in which each client has begun a session: PX4's asks every 1 s, or 2 s if it was refused
 _LISTEN = 1.2  # seconds in which each client of PX4 is heard that has a session: it pings every 1.01 s
 
 
@@ -327,6 +328,14 @@ class Agent:
             )
             for session in self._sessions.values()
         ]
+
+    def is_settled(self) -> bool:
+        """Whether every client that sends has had the time to begin a session, and none is about to connect."""
+        return self._clock >= _SETTLED and not any(map(self._is_connecting, self._sessions.values()))
+
+    def _is_connecting(self, session: Session) -> bool:
+        is_named = session.remote is not None or session.inventory.namespace is not None
+        return not is_named and (session.is_heard or self._clock - session.heard_at < _LISTEN)
 
     def close(self, reason: str = "the link was closed") -> None:
         """Forget all clients and report them as disconnected. The protocol has no message for it.

@@ -75,9 +75,10 @@ class Offboard(Node):
 
     def step(self) -> None:
         """Send the heartbeat and the setpoint, and do what the stage of the flight asks for."""
-        self.publish(self.types.OffboardControlMode(position=True))
-        setpoint = self.types.frames.from_ros(self.types.TrajectorySetpoint, position=(0.0, 0.0, self.height))
-        self.publish(setpoint)
+        if self.stage not in (self.land, self.let_go):  # PX4 takes setpoints in Land, too
+            self.publish(self.types.OffboardControlMode(position=True))
+            setpoint = self.types.frames.from_ros(self.types.TrajectorySetpoint, position=(0.0, 0.0, self.height))
+            self.publish(setpoint)
         self.stage()
 
     def enter(self, stage: object, text: str) -> None:

@@ -509,6 +509,17 @@ def test_a_question_of_a_later_release_has_no_answer(path: Path) -> None:
     joined.close()
 
 
+@pytest.mark.usefixtures("server")
+def test_the_state_names_the_release_of_each_vehicle(link: FakeLink, path: Path) -> None:
+    link.connect(1)
+    link.connect(2)
+    joined = UnixLink(str(path))
+    joined.start(Records())
+    found = joined.ask("state")["vehicles"]
+    joined.close()
+    assert [(each["key"], each["release"]) for each in found] == [(1, "v1.18"), (2, "v1.18")]
+
+
 def test_dropping_samples_takes_no_longer_if_much_else_waits(monkeypatch: pytest.MonkeyPatch) -> None:
     """A program that reads nothing asks much: each sample that is dropped costs the same, however many answers wait."""
     monkeypatch.setattr(program_module, "BACKLOG", 4_000_000)

@@ -53,6 +53,37 @@ def test_a_client_connects_and_opens_its_routes() -> None:
     assert world.agent.refused == {}
 
 
+def test_an_agent_is_settled_when_all_who_send_have_had_time_to_connect() -> None:
+    first, second = Client(), Client(50002, 2)
+    world, _ = connected(first)
+    world.clients.append(second)
+    world.run(2.0)
+    assert not world.agent.is_settled(), "another client may ask within 2 s"
+    second.begin()
+    world.settle()
+    world.run(1.0)
+    assert world.now > 2.5
+    assert not world.agent.is_settled(), "the second one is connecting"
+    second.participate()
+    world.settle()
+    assert len(world.all(Connected)) == 2
+    assert world.agent.is_settled()
+
+
+def test_a_client_that_falls_silent_while_it_connects_is_not_waited_for() -> None:
+    world, _ = connected()
+    silent = Client(50002, 2)
+    world.clients.append(silent)
+    world.run(2.5)
+    assert world.agent.is_settled()
+    silent.begin()
+    world.settle()
+    assert not world.agent.is_settled()
+    world.clients.remove(silent)
+    world.run(1.5)
+    assert world.agent.is_settled()
+
+
 def test_events_are_the_methods_of_a_listener() -> None:
     world, client = connected()
     calls: list[tuple[object, ...]] = []
