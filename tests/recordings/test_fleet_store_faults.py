@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 from msggen.recordings.fleet import update
-from msggen.recordings.stores import client
+from msggen.recordings.stores import limits
 from msggen.recordings.stores.errors import StoreError
 from support.fleet_recordings import rows_of
 from support.fleet_stores import FLEET, Bucket, both, change
@@ -54,7 +54,7 @@ def test_a_store_that_fails_at_any_request(  # noqa: PLR0913 - fixtures
 ) -> None:
     saved, count, whole = a_change(bucket, logs, tmp_path / "whole")
     if fault == "stall":
-        monkeypatch.setitem(client.CLIENT, "read_timeout", "500ms")
+        monkeypatch.setattr(limits, "LIMITS", limits.LIMITS._replace(read=0.5))
     chance = Random(f"{fault} {lasts} {share}")  # noqa: S311 - no secret
     failures = []
     numbers = sorted(chance.sample(range(count - 3), share * (3 if fault in ("500", "lost") else 1)))

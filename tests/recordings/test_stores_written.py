@@ -19,7 +19,7 @@ from msggen import recordings
 from msggen.base.missing import installing
 from msggen.recordings.convert import Converted, convert, join
 from msggen.recordings.source.source import RecordingError
-from msggen.recordings.stores import client
+from msggen.recordings.stores import limits
 from msggen.recordings.stores import store as stores
 from msggen.recordings.stores.errors import MissingError, StoreError
 from msggen.recordings.stores.store import Store
@@ -144,7 +144,9 @@ def test_an_object_of_someone_else_is_not_replaced_at_the_last_moment(
     bucket: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, size: int
 ) -> None:
     monkeypatch.setattr(stores, "_ATOMIC", 6 << 20)
-    monkeypatch.setitem(client.CLIENT, "read_timeout", "10s")  # a request that is repeated too early is one too many
+    monkeypatch.setattr(
+        limits, "LIMITS", limits.LIMITS._replace(read=10)
+    )  # a request that is repeated too early is one too many
     store = Store("s3://bucket/a")
     path = tmp_path / "a"
     path.write_bytes(Random(1).randbytes(size))  # noqa: S311 - no secret

@@ -98,10 +98,10 @@ def both(source: str, fleet: str = FLEET) -> None:
 @contextmanager
 def bucket(patch: pytest.MonkeyPatch) -> Iterator[Bucket]:
     """Run a server with an empty bucket, and let this process use it through a proxy."""
-    from msggen.recordings.stores import client
+    from msggen.recordings.stores import limits
 
     hasten(patch)
-    patch.setitem(client.CLIENT, "read_timeout", "5s")
+    patch.setattr(limits, "LIMITS", limits.LIMITS._replace(read=5))
     with moto_server() as url, store_proxy(url) as proxy:
         set_credentials(patch, proxy.url)
         own = Session().create_client("s3", region_name="us-east-1", endpoint_url=url)

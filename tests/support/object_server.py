@@ -215,10 +215,6 @@ def set_credentials(patch: pytest.MonkeyPatch, endpoint: str) -> None:
 
 def hasten(patch: pytest.MonkeyPatch) -> None:
     """Let clients wait and try again for a short time only."""
-    from datetime import timedelta
+    from msggen.recordings.stores import limits
 
-    from msggen.recordings.stores import client
-
-    patch.setitem(client.CLIENT, "read_timeout", "300ms")
-    patch.setitem(client.RETRIES, "max_retries", 1)
-    patch.setitem(client.RETRIES, "backoff", {"init_backoff": timedelta(milliseconds=10)})
+    patch.setattr(limits, "LIMITS", limits.LIMITS._replace(read=0.3, retries=1, backoff=0.01))

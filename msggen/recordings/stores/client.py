@@ -1,22 +1,21 @@
-"""Clients of obstore, with the credentials that the tools of each store use."""
+"""Clients of stores, with the credentials that the tools of each store use, and of servers."""
 
 from __future__ import annotations
 
 import os
 from datetime import datetime, timedelta, timezone
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 from urllib.parse import unquote, urlsplit
 
 from msggen.base.disk.urls import scheme_of
 from msggen.base.missing import installed_by
+from msggen.recordings.stores import limits
 from msggen.recordings.stores.errors import store_error
+from msggen.recordings.stores.server import Server
 
 if TYPE_CHECKING:
-    from obstore.store import ClientConfig, ObjectStore, RetryConfig, S3Credential
+    from obstore.store import BackoffConfig, ClientConfig, ObjectStore, RetryConfig, S3Credential
 
-CLIENT: ClientConfig = {"connect_timeout": "10s", "read_timeout": "15s", "timeout": "300s"}
-"""`read_timeout` is the time without a byte, `timeout` that of a request of a few MB."""
-RETRIES: RetryConfig = {"max_retries": 2, "retry_timeout": timedelta(seconds=45)}
 _LIFE = timedelta(minutes=10)
 """How long credentials are used before botocore is asked again, which renews them in time."""
 _NO_CREDENTIALS = (
@@ -34,7 +33,7 @@ def split(address: str) -> tuple[str, str]:
     if scheme in ("http", "https"):
         try:
             parts = urlsplit(address)
-            host = parts.hostname
+            host, _ = parts.hostname, parts.port
         except ValueError as error:
             raise store_error(address, f"this is no URL: {error}") from None
         if not host:
@@ -47,7 +46,7 @@ def split(address: str) -> tuple[str, str]:
     return f"{scheme}://{bucket}", key
 
 
-def client_for(place: str, address: str) -> ObjectStore:
+def client_for(place: str, address: str) -> ObjectStore | Server:
     """Return a client for what `split` returns of an address.
 
     Raises StoreError, and ModuleNotFoundError without the extra.
@@ -55,14 +54,14 @@ def client_for(place: str, address: str) -> ObjectStore:
     with installed_by("stores"):
         import botocore.session  # noqa: F401
         from obstore.exceptions import BaseError
-        from obstore.store import HTTPStore, from_url
+        from obstore.store import from_url
     scheme = scheme_of(place)
+    if scheme in ("http", "https"):
+        return Server(limits.LIMITS)
     try:
-        if scheme in ("http", "https"):
-            return HTTPStore(place, client_options={**CLIENT, "allow_http": scheme == "http"}, retry_config=RETRIES)
         if scheme == "s3":
             return _s3(place, address)
-        return from_url(place, client_options=CLIENT, retry_config=RETRIES)
+        return from_url(place, client_options=_options(), retry_config=_retries())
     except (BaseError, ValueError) as error:
         raise store_error(address, str(error).partition("\n")[0]) from None
 
@@ -86,8 +85,21 @@ def _s3(place: str, address: str) -> ObjectStore:
     if endpoint:
         found["endpoint"] = endpoint
     is_plain = endpoint.startswith("http://")
-    options: ClientConfig = {**CLIENT, "allow_http": is_plain}
-    return S3Store(place.partition("://")[2], client_options=options, retry_config=RETRIES, **found)
+    options: ClientConfig = {**_options(), "allow_http": is_plain}
+    return S3Store(place.partition("://")[2], client_options=options, retry_config=_retries(), **found)
+
+
+def _options() -> ClientConfig:
+    """Return the limits of a request, as obstore has them."""
+    own = limits.LIMITS
+    times = {"connect_timeout": own.connect, "read_timeout": own.read, "timeout": own.total}
+    return cast("ClientConfig", {name: f"{round(1000 * seconds)}ms" for name, seconds in times.items()})
+
+
+def _retries() -> RetryConfig:
+    own = limits.LIMITS
+    backoff: BackoffConfig = {"init_backoff": timedelta(seconds=own.backoff)}
+    return {"max_retries": own.retries, "retry_timeout": timedelta(seconds=own.retry), "backoff": backoff}
 
 
 def _endpoint(session: Any) -> str:

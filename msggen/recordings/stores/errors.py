@@ -62,18 +62,36 @@ def changed_error(address: str) -> ChangedError:
 def translated(error: Exception, address: str) -> StoreError:
     """Return the error for what obstore raised."""
     text = str(error)
-    shown = shown_address(address)
-    if _code(text) == "NoSuchBucket":
+    status = 301 if "redirect without LOCATION" in text else _status(text)
+    if isinstance(error, FileNotFoundError):
+        status = _NOT_FOUND
+    elif "precondition failure" in text:
+        status = _PRECONDITION
+    said = next((reason for part, reason in _SAID.items() if part in text), "")
+    if not status or said:
+        return store_error(address, said or _reason(text))
+    found = _RETRIES.search(text)
+    return answer_error(status, text, address, int(found[1]) + 1 if found else 1)
+
+
+def answer_error(status: int, text: str, address: str, tries: int) -> StoreError:
+    """Return the error for the status of an answer, after so many tries. `text` has what the server says of it."""
+    shown, code = shown_address(address), _code(text)
+    if code == "NoSuchBucket":
         return MissingError(errno.ENOENT, "there is no such bucket", shown)
-    is_missing = isinstance(error, FileNotFoundError) or _status(text) == _NOT_FOUND
-    if is_missing and _code(text) != "NoSuchUpload":  # that of parts which are being written
+    if status == _NOT_FOUND and code != "NoSuchUpload":  # that of parts which are being written
         return NoObjectError(errno.ENOENT, "there is no such object", shown)
-    if _status(text) == _UNSATISFIABLE:
+    if status == _UNSATISFIABLE:
         return RangeError(errno.EINVAL, "the range is behind the end of the object", shown)
-    if _status(text) == _PRECONDITION or "precondition failure" in text:
+    if status == _PRECONDITION:
         return changed_error(address)
-    number = errno.EACCES if _status(text) in _REFUSED else errno.EIO
-    return StoreError(number, _reason(text), shown)
+    number = errno.EACCES if status in _REFUSED else errno.EIO
+    return StoreError(number, _answered(status, text, tries), shown)
+
+
+def unreachable(reason: str) -> str:
+    """Return what is told of a server that takes no connection, with what the system says."""
+    return "no connection to the server" + (f": {reason.rstrip('.')}" if reason else "")
 
 
 _NOT_FOUND = 404
@@ -86,12 +104,15 @@ _CODE = re.compile(r"<Code>(\w{1,60})</Code>")
 _REGION = re.compile(r"<Region>([a-z0-9-]{1,40})</Region>")
 _SYSTEM = re.compile(r'message: "([^"]{1,200})"')
 """What the system says of a connection."""
-_BROKEN = ("kind: Interrupted", "kind: Decode", "error sending request")
-_NO_RANGES = "the server does not send parts of files (HTTP Range): copy the file to this computer first"
+_ENDED = ("kind: Interrupted", "kind: Decode", "error sending request")
+BROKEN = "the connection broke off before the end of the answer"
+SILENT = "the server does not answer in time"
+REDIRECTS = "the server redirects without end, or to what is no address"
+NO_RANGES = "the server does not send parts of files (HTTP Range): copy the file to this computer first"
 _SAID = {
-    "Range request not supported": _NO_RANGES,
-    "non-partial response": _NO_RANGES,
-    "error following redirect": "the server redirects without end, or to what is no address",
+    "Range request not supported": NO_RANGES,
+    "non-partial response": NO_RANGES,
+    "error following redirect": REDIRECTS,
 }
 """What parts of an error of obstore mean, whatever else is in it."""
 _RETRIES = re.compile(r"after (\d+) retries")
@@ -109,24 +130,18 @@ def _code(text: str) -> str:
 
 
 def _reason(text: str) -> str:
-    """Return what is wrong in a line."""
-    said = next((reason for part, reason in _SAID.items() if part in text), "")
-    if said:
-        return said
-    status = 301 if "redirect without LOCATION" in text else _status(text)
-    if status:
-        return _answered(status, text)
+    """Return what is wrong in a line, if no server answered."""
     if "kind: Timeout" in text:
-        return "the server does not answer in time"
+        return SILENT
     if "kind: Connect" in text:
         found = _SYSTEM.search(text) or re.search(r'error: "([^"]{1,200})"', text)
-        return "no connection to the server" + (f": {found[1].rstrip('.')}" if found else "")
-    if any(each in text for each in _BROKEN):
-        return "the connection broke off before the end of the answer"
+        return unreachable(found[1] if found else "")
+    if any(each in text for each in _ENDED):
+        return BROKEN
     return re.sub(r"^Generic \w+ error: ", "", text.partition("\n")[0]).rstrip(".: ") or "the store failed"
 
 
-def _answered(status: int, text: str) -> str:
+def _answered(status: int, text: str, tries: int) -> str:
     code = _code(text)
     told = f"{status} {code}" if code else str(status)
     region = _REGION.search(text)
@@ -134,6 +149,4 @@ def _answered(status: int, text: str) -> str:
         return f"the bucket is in another region ({told}): set AWS_REGION{f'={region[1]}' if region else ''}"
     if status in _REFUSED:
         return f"access is {_REFUSED[status]} ({told}): these credentials may not do this"
-    retries = _RETRIES.search(text)
-    count = int(retries[1]) if retries else 0
-    return f"the server answers with an error ({told})" + (f", {count + 1} times" if count else "")
+    return f"the server answers with an error ({told})" + (f", {tries} times" if tries > 1 else "")

@@ -21,10 +21,12 @@ from msggen.recordings.stores.errors import (
     store_error,
     translated,
 )
+from msggen.recordings.stores.server import Server
 from msggen.recordings.stores.threads import result_of, results_of
 
 if TYPE_CHECKING:
     from obstore import GetOptions, ObjectMeta, PutResult, UpdateVersion
+    from obstore.store import ObjectStore
 
 _REQUESTS = 8
 """The requests at a time."""
@@ -67,40 +69,48 @@ class Store:
 
     def __init__(self, address: str) -> None:
         self._place, _ = split(address)
-        self._client = client_for(self._place, address)
+        self._opened = client_for(self._place, address)
 
     def look(self, address: str, size: int = 1) -> tuple[Stored, bytes]:
         """Return an object, and its first bytes, as many as it has up to `size`. That is one request."""
-        import obstore
-
-        key = self._key(address)
-
-        def look() -> tuple[Stored, bytes]:
-            found = obstore.get(self._client, key, options={"range": (0, size)})
-            return _stored(address, found.meta), bytes(found.bytes())
-
         try:
-            with _translating(address):
-                return result_of(look)
+            return result_of(lambda: self._get(address, 0, size))
         except RangeError:  # an empty object has no range
-            with _translating(address):
-                return _stored(address, result_of(lambda: obstore.head(self._client, key))), b""
+            return result_of(lambda: self._head(address)), b""
 
     def read(self, stored: Stored, start: int, stop: int) -> bytes:
         """Return a range of an object. Raises StoreError if it is another object by now."""
-        import obstore
-
-        options: GetOptions = {"range": (start, stop), "if_match": stored.tag}
-        if stored.tag is None or stored.tag.startswith("W/"):  # which never match
-            options = {"range": (start, stop)}
-        with _translating(stored.address):
-            found = obstore.get(self._client, self._key(stored.address), options=options)
-            if not stored.is_same(_stored(stored.address, found.meta)):
-                raise changed_error(stored.address)
-            data = bytes(found.bytes())
+        tag = None if (stored.tag or "").startswith("W/") else stored.tag  # which never match
+        found, data = self._get(stored.address, start, stop, tag)
+        if not stored.is_same(found):
+            raise changed_error(stored.address)
         if len(data) != stop - start:
             raise store_error(stored.address, f"the server sent {len(data)} of {stop - start} bytes")
         return data
+
+    def _get(self, address: str, start: int, stop: int, tag: str | None = None) -> tuple[Stored, bytes]:
+        """Return an object and a range of it, as far as it goes. Raises ChangedError if its version is another one."""
+        key = self._key(address)
+        if isinstance(self._opened, Server):
+            meta, data = self._opened.get(address, start, stop, tag)
+            return Stored(address, *meta), data
+        import obstore
+
+        with _translating(address):
+            options: GetOptions = {"range": (start, stop)}
+            if tag:
+                options["if_match"] = tag
+            found = obstore.get(self._client, key, options=options)
+            return _stored(address, found.meta), bytes(found.bytes())
+
+    def _head(self, address: str) -> Stored:
+        key = self._key(address)
+        if isinstance(self._opened, Server):
+            return Stored(address, *self._opened.head(address))
+        import obstore
+
+        with _translating(address):
+            return _stored(address, obstore.head(self._client, key))
 
     def read_all(self, stored: Stored, ranges: Iterable[tuple[int, int]]) -> Iterator[tuple[int, bytes]]:
         """Yield the pieces of ranges, each with the offset at which it begins, in the order in which they arrive."""
@@ -262,6 +272,13 @@ class Store:
         for address, paths in [(addresses[0], keys)] if is_at_once else zip(addresses, keys, strict=True):
             with _translating(address), suppress(FileNotFoundError):
                 result_of(partial(obstore.delete, self._client, paths))
+
+    @property
+    def _client(self) -> ObjectStore:
+        """The client of a store. Raises StoreError for that of a server."""
+        if isinstance(self._opened, Server):
+            raise store_error(self._place, "a server of HTTP is only read")
+        return self._opened
 
     def canonical(self, address: str) -> str:
         """Return the address of a folder as those of its objects begin."""

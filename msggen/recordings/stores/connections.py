@@ -1,0 +1,166 @@
+"""Connections to servers of HTTP, which are used again. An answer takes limited time, also if its bytes drip."""
+
+from __future__ import annotations
+
+import socket
+import ssl
+from base64 import b64encode
+from contextlib import contextmanager, suppress
+from functools import cache
+from http.client import HTTPConnection, HTTPSConnection
+from threading import Event, Timer
+from typing import TYPE_CHECKING, NamedTuple
+from urllib.parse import unquote, urlsplit
+from urllib.request import getproxies, proxy_bypass
+from weakref import finalize
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+    from http.client import HTTPResponse
+    from urllib.parse import SplitResult
+
+    from msggen.recordings.stores.limits import Limits
+
+_PORTS = {"http": 80, "https": 443}
+
+
+class UnreachableError(Exception):
+    """A server that takes no connection, with the reason of the system."""
+
+
+class Origin(NamedTuple):
+    """A server: the scheme `http` or `https`, the host in lower case, and the port."""
+
+    scheme: str
+    host: str
+    port: int
+
+    @property
+    def place(self) -> str:
+        """The host and the port, as in an address. The usual port is left out."""
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return host if self.port == _PORTS[self.scheme] else f"{host}:{self.port}"
+
+    def leads_to(self, other: Origin) -> bool:
+        """Whether a redirect is followed: on the same host and port, or from http to https of the same host."""
+        is_safer = (self.scheme, other.scheme) == ("http", "https")
+        return self == other or (is_safer and self.host == other.host)
+
+
+def origin_of(url: SplitResult) -> Origin:
+    """Return the server of an address. Raises ValueError if it has none."""
+    if url.scheme not in _PORTS or not url.hostname:
+        raise ValueError(url.scheme)
+    return Origin(url.scheme, url.hostname, url.port or _PORTS[url.scheme])
+
+
+def authorization(url: SplitResult) -> str:
+    """Return what tells a server or a proxy the user and the password of its address, "" if there is none."""
+    if url.username is None:
+        return ""
+    text = f"{unquote(url.username)}:{unquote(url.password or '')}"
+    return f"Basic {b64encode(text.encode()).decode()}"
+
+
+class Connections:
+    """Connections that wait to be used again. An instance can be used by several threads."""
+
+    def __init__(self, limits: Limits) -> None:
+        self._limits = limits
+        self._idle: dict[Origin, list[HTTPConnection]] = {}
+        finalize(self, _close, self._idle)
+
+    @contextmanager
+    def answer(self, origin: Origin, method: str, target: str, headers: Mapping[str, str]) -> Iterator[HTTPResponse]:
+        """Yield the answer to a request, whose body the block reads.
+
+        Raises UnreachableError, TimeoutError, HTTPException, and OSError if the connection breaks off.
+        """
+        idle = self._idle.setdefault(origin, [])
+        try:
+            connection = idle.pop()
+        except IndexError:
+            connection = _connected(origin, self._limits)
+        proxy = _proxy(origin)
+        if proxy and origin.scheme == "http":
+            target, told = f"http://{origin.place}{target}", authorization(proxy)
+            headers = {**headers, **({"Proxy-Authorization": told} if told else {})}
+        try:
+            with _ending(connection.sock, self._limits.total):
+                connection.request(method, target, headers=headers)
+                response = connection.getresponse()
+                with response:
+                    yield response
+                    is_whole = response.isclosed()
+        except BaseException:
+            connection.close()
+            _close({origin: idle})  # the server may have closed the others too
+            raise
+        if is_whole and connection.sock is not None:
+            idle.append(connection)
+        else:
+            connection.close()
+
+
+def _connected(origin: Origin, limits: Limits) -> HTTPConnection:
+    """Return a new connection, through the proxy that the environment names."""
+    proxy = _proxy(origin)
+    host, port = (proxy.hostname, proxy.port or 80) if proxy else origin[1:]
+    try:
+        if origin.scheme == "http":
+            connection = HTTPConnection(host or "", port, timeout=limits.connect)
+        else:
+            connection = HTTPSConnection(host or "", port, timeout=limits.connect, context=_context())
+            if proxy:
+                told = authorization(proxy)
+                connection.set_tunnel(*origin[1:], headers={"Proxy-Authorization": told} if told else {})
+        connection.connect()
+    except TimeoutError:
+        raise
+    except (OSError, UnicodeError) as error:  # a label of a host can be too long
+        raise UnreachableError(str(getattr(error, "strerror", "") or error)) from None
+    connection.sock.settimeout(limits.read)
+    return connection
+
+
+def _proxy(origin: Origin) -> SplitResult | None:
+    """Return the address of the proxy for a server, None if it is asked itself."""
+    text = getproxies().get(origin.scheme)
+    if not text or proxy_bypass(origin.place):
+        return None
+    return urlsplit(text if "://" in text else f"http://{text}")
+
+
+@cache
+def _context() -> ssl.SSLContext:
+    return ssl.create_default_context()
+
+
+@contextmanager
+def _ending(connection: socket.socket, seconds: float) -> Iterator[None]:
+    """End a connection if the block takes longer. Its reader gets no more bytes, and TimeoutError is raised."""
+    late = Event()
+
+    def end() -> None:
+        late.set()
+        with suppress(OSError):
+            socket.socket.shutdown(connection, socket.SHUT_RDWR)  # that of TLS would let a reader see its records
+
+    timer = Timer(seconds, end)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    except Exception:
+        if late.is_set():
+            raise TimeoutError from None
+        raise
+    finally:
+        timer.cancel()
+
+
+def _close(idle: Mapping[Origin, list[HTTPConnection]]) -> None:
+    for connections in idle.values():
+        while connections:
+            with suppress(IndexError):
+                connections.pop().close()
