@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from msggen.flight.connection import Connection, Recall, Take, Topics
 from msggen.flight.errors import FlightError, NoAnswerError, UnsupportedError
-from msggen.live.link import FormatError, LinkError, LinkTimeoutError, Route, TopicError
+from msggen.live.link import FormatError, LinkError, LinkTimeoutError, Remote, Route, TopicError
 from msggen.live.links.address import parse_address
 from msggen.live.messages.names import is_topic, stem_of, version_of
 from msggen.live.messages.packages import packages_of
@@ -85,23 +85,37 @@ class LinkConnection:
         A vehicle that sends to a link which was just opened can connect after the first one. Only then this waits.
         """
         end = self._loop.time() + _OTHERS
-        while self._loop.time() < end and not await asyncio.to_thread(lambda: self._vehicle.is_settled):
+        while self._loop.time() < end:
+            is_settled = await asyncio.to_thread(lambda: self._vehicle.is_settled)
             self._check_alone()
+            if is_settled and len(self._found()) == 1:
+                return
             await asyncio.sleep(_LOOK)
-        self._check_alone()
+        self._check_alone(are_twins_two=True)
 
-    def _check_alone(self) -> None:
-        """Raise FlightError if a program has not said which of several vehicles it flies."""
+    def _check_alone(self, *, are_twins_two: bool = False) -> None:
+        """Raise FlightError if a program has not said which of several vehicles it flies.
+
+        Two with the same key and namespace are one that has restarted, until both are heard for long.
+        """
+        found = self._found()
+        count = len({(each.key, each.namespace) for each in found})
+        if count == 1 and not (are_twins_two and len(found) > 1):
+            return
+        shown_ones = ", ".join(shown(each) for each in found)
+        choice = f"Flight(url, key={found[0].key}), or namespace="
+        cure = (
+            f"Say which one flies: {choice}"
+            if count > 1
+            else "Set the parameter UXRCE_DDS_KEY of each to another number"
+        )
+        raise FlightError(f"{len(found)} vehicles are on {self._vehicle.url}: {shown_ones}. {cure}")
+
+    def _found(self) -> list[Remote]:
         try:
-            found = sorted([self._vehicle.remote, *self._vehicle.others], key=order)
+            return sorted([self._vehicle.remote, *self._vehicle.others], key=order)
         except LinkError as error:
             raise NoAnswerError(str(error)) from None
-        if len(found) > 1:
-            shown_ones = ", ".join(shown(each) for each in found)
-            raise FlightError(
-                f"{len(found)} vehicles are on {self._vehicle.url}: {shown_ones}. Say which one flies: "
-                f"Flight(url, key={found[0].key}), or namespace="
-            )
 
     def check(self, needs: Iterable[Need]) -> None:
         """Raise UnsupportedError if the vehicle lacks some topics, or has other definitions of them."""

@@ -385,6 +385,17 @@ def test_a_vehicle_that_connects_a_second_later_is_not_overlooked(
     asyncio.run(begins())
 
 
+def test_two_vehicles_with_the_same_key_are_two(url: str, px4_types: Any) -> None:
+    """It is 1 unless it was set, so this is the usual case."""
+
+    async def begins() -> None:
+        with pytest.raises(FlightError, match=r"2 vehicles are on udp.*key 1.*key 1.*UXRCE_DDS_KEY of each"):
+            await Flight(url, px4_types).__aenter__()
+
+    with Simulator(px4_types, url, [QUICK]), Simulator(px4_types, url, [QUICK]):
+        asyncio.run(begins())
+
+
 @pytest.mark.parametrize("which", [{"key": 1}, {"namespace": ""}])
 def test_a_vehicle_that_was_chosen_waits_for_no_other(
     which: dict[str, Any], url: str, px4_types: Any, monkeypatch: pytest.MonkeyPatch

@@ -16,7 +16,7 @@ from msggen.live.vehicle.entry import Entry, Member, Row
 from msggen.live.vehicle.feed import Feed, Item, check_outside_callback
 from msggen.live.vehicle.firmware import RESPONSE, RETRY_NS
 from msggen.live.vehicle.memory import Remembering
-from msggen.live.vehicle.selection import is_same, may_be_meant, order, shown, why_missing
+from msggen.live.vehicle.selection import may_be_meant, order, shown, why_missing
 from msggen.live.vehicle.watch import Watch
 
 LOGGER = getLogger("msggen.live")
@@ -269,7 +269,7 @@ class Hub:
         own = member.entry
         if own is None or not member.selection.is_any:
             return ()
-        found = [each.remote for each in tuple(self.entries.values()) if not is_same(own.remote, each.remote)]
+        found = [each.remote for each in tuple(self.entries.values()) if each.remote.number != own.remote.number]
         return sorted(found, key=order)
 
     def is_settled(self, member: Member) -> bool:
