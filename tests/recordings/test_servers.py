@@ -247,6 +247,15 @@ def test_a_proxy_of_the_environment_is_asked(data: bytes, monkeypatch: pytest.Mo
         assert "Proxy-Authorization: Basic dXNlcjp3b3Jk\r\n" in head
 
 
+@pytest.mark.parametrize(
+    "proxy", ["socks5://user:hidden@127.0.0.1:1", "https://127.0.0.1:1", "http://[", "127.0.0.1:99999"]
+)
+def test_a_proxy_of_another_kind_is_an_error(proxy: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("http_proxy", proxy)
+    with pytest.raises(StoreError, match=r"no connection to the server: expected http://HOST:PORT in http_proxy$"):
+        recordings.open("http://server.invalid/a.mcap")
+
+
 @pytest.mark.parametrize("url", ["http://a/x", "https://a:443/x", "http://[::1]:8080/x", "http://A.b:81"])
 def test_the_origin_of_an_address_is_its_server(url: str) -> None:
     origin = origin_of(urlsplit(url))

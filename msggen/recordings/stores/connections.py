@@ -124,11 +124,15 @@ def _connected(origin: Origin, limits: Limits) -> HTTPConnection:
 
 
 def _proxy(origin: Origin) -> SplitResult | None:
-    """Return the address of the proxy for a server, None if it is asked itself."""
+    """Return the address of the proxy for a server, None if it is asked itself. Raises UnreachableError."""
     text = getproxies().get(origin.scheme)
     if not text or proxy_bypass(origin.place):
         return None
-    return urlsplit(text if "://" in text else f"http://{text}")
+    with suppress(ValueError):
+        found = urlsplit(text if "://" in text else f"http://{text}")
+        if origin_of(found).scheme == "http":
+            return found
+    raise UnreachableError(f"expected http://HOST:PORT in {origin.scheme}_proxy")
 
 
 @cache
