@@ -42,9 +42,11 @@ class Origin(NamedTuple):
         return host if self.port == _PORTS[self.scheme] else f"{host}:{self.port}"
 
     def leads_to(self, other: Origin) -> bool:
-        """Whether a redirect is followed: on the same host and port, or from http to https of the same host."""
-        is_safer = (self.scheme, other.scheme) == ("http", "https")
-        return self == other or (is_safer and self.host == other.host)
+        """Whether a redirect is followed: on the same host and port, or to https on its usual port of the same host.
+
+        Other ports can be those of other services, which only this computer reaches.
+        """
+        return other in (self, Origin("https", self.host, _PORTS["https"]))
 
 
 def origin_of(url: SplitResult) -> Origin:
