@@ -35,6 +35,7 @@ NAMES = (
     "conversions",
     "fleets",
     "stores",
+    "servers",
     "structures",
     "shadows",
     "settings",

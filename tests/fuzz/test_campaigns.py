@@ -119,6 +119,7 @@ PLANTED: dict[str, tuple[str, Any]] = {
     "conversions": ("msggen.recordings.convert._whole", at_once),
     "fleets": ("msggen.recordings.fleet.folder.link_in", lambda *_: ""),
     "stores": ("msggen.recordings.fleet.stored.StoredFolder.publish", lambda *_: None),
+    "servers": ("msggen.recordings.stores.connections.Origin.leads_to", lambda *_: True),
     "structures": ("msggen.recordings.decode.schemas.too_large", lambda *_: iter(())),
     "sessions": ("msggen.live.xrce.session.REPLIES", 4096),
     "flights": ("msggen.flight.setpoints.Stream.stop", lambda _: None),

@@ -137,6 +137,9 @@ def test_a_redirect_to_https_of_the_same_host_is_followed_and_none_back(
         with pytest.raises(StoreError, match=r"no connection to the server: .*certificate"):
             recordings.open(f"https://127.0.0.1:{server.port}/a.mcap")
         monkeypatch.setattr(connections, "_context", lambda: clients)
+        with pytest.raises(StoreError, match=rf"redirects to another one, https://127.0.0.1:{server.port}: "):
+            recordings.open(f"http://127.0.0.1:{plain.port}/a.mcap")
+        monkeypatch.setitem(connections._PORTS, "https", server.port)
         assert opened(f"https://127.0.0.1:{server.port}/a.mcap") == 5
         assert opened(f"http://127.0.0.1:{plain.port}/a.mcap") == 5
         with pytest.raises(StoreError, match=r"redirects to another one, http://127"):
@@ -210,7 +213,7 @@ def test_a_wrong_answer_is_an_error(kind: str) -> None:
 
 
 def test_connections_are_used_again_and_one_that_was_closed_is_replaced(data: bytes) -> None:
-    ports = set()
+    found = set()
 
     def answer(head: str) -> Iterator[bytes]:
         yield file_answer(head, data)
@@ -221,9 +224,9 @@ def test_connections_are_used_again_and_one_that_was_closed_is_replaced(data: by
         address = f"http://127.0.0.1:{server.port}/a.mcap"
         store = Store(address)
         for _ in range(6):
-            ports.add(store.look(address)[0])
+            found.add(store.look(address)[0])
         assert server.accepted == 2
-    assert len(ports) == 1
+    assert len(found) == 1
 
 
 def test_a_server_is_only_read(tmp_path: Path) -> None:
@@ -245,6 +248,15 @@ def test_a_proxy_of_the_environment_is_asked(data: bytes, monkeypatch: pytest.Mo
     for head in proxy.heads:
         assert head.startswith("GET http://server.invalid/a.mcap?b HTTP/1.1\r\nHost: server.invalid\r\n")
         assert "Proxy-Authorization: Basic dXNlcjp3b3Jk\r\n" in head
+
+
+@pytest.mark.parametrize(
+    "proxy", ["socks5://user:hidden@127.0.0.1:1", "https://127.0.0.1:1", "http://[", "127.0.0.1:99999"]
+)
+def test_a_proxy_of_another_kind_is_an_error(proxy: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("http_proxy", proxy)
+    with pytest.raises(StoreError, match=r"no connection to the server: expected http://HOST:PORT in http_proxy$"):
+        recordings.open("http://server.invalid/a.mcap")
 
 
 @pytest.mark.parametrize("url", ["http://a/x", "https://a:443/x", "http://[::1]:8080/x", "http://A.b:81"])

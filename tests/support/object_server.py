@@ -203,7 +203,8 @@ def set_credentials(patch: pytest.MonkeyPatch, endpoint: str) -> None:
     """Set the environment of clients of S3: an endpoint, keys, and no configuration of the user or the machine."""
     for name in ("AWS_PROFILE", "AWS_SKIP_SIGNATURE", "AWS_SESSION_TOKEN", "AWS_REGION", "AWS_ENDPOINT_URL_S3"):
         patch.delenv(name, raising=False)
-    for name in ("http_proxy", "https_proxy", "all_proxy", "HTTP_PROXY", "HTTPS_PROXY", "ALL_PROXY"):
+    for name in ("http_proxy", "https_proxy", "all_proxy", "no_proxy"):
+        patch.delenv(name.upper(), raising=False)
         patch.delenv(name, raising=False)
     patch.setenv("AWS_ENDPOINT_URL", endpoint)
     patch.setenv("AWS_ACCESS_KEY_ID", "test")

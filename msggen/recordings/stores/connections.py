@@ -42,9 +42,11 @@ class Origin(NamedTuple):
         return host if self.port == _PORTS[self.scheme] else f"{host}:{self.port}"
 
     def leads_to(self, other: Origin) -> bool:
-        """Whether a redirect is followed: on the same host and port, or from http to https of the same host."""
-        is_safer = (self.scheme, other.scheme) == ("http", "https")
-        return self == other or (is_safer and self.host == other.host)
+        """Whether a redirect is followed: on the same host and port, or to https on its usual port of the same host.
+
+        Other ports can be those of other services, which only this computer reaches.
+        """
+        return other in (self, Origin("https", self.host, _PORTS["https"]))
 
 
 def origin_of(url: SplitResult) -> Origin:
@@ -124,11 +126,15 @@ def _connected(origin: Origin, limits: Limits) -> HTTPConnection:
 
 
 def _proxy(origin: Origin) -> SplitResult | None:
-    """Return the address of the proxy for a server, None if it is asked itself."""
+    """Return the address of the proxy for a server, None if it is asked itself. Raises UnreachableError."""
     text = getproxies().get(origin.scheme)
     if not text or proxy_bypass(origin.place):
         return None
-    return urlsplit(text if "://" in text else f"http://{text}")
+    with suppress(ValueError):
+        found = urlsplit(text if "://" in text else f"http://{text}")
+        if origin_of(found).scheme == "http":
+            return found
+    raise UnreachableError(f"expected http://HOST:PORT in {origin.scheme}_proxy")
 
 
 @cache
