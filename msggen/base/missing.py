@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
@@ -43,8 +42,9 @@ def installing(extra: str, *others: str) -> str:
 def _pip() -> str:
     """Return pip, with its folder if a shell would find another one, or none."""
     from shutil import which
+    from sysconfig import get_path
 
-    own, found = os.path.join(os.path.dirname(sys.executable), "pip"), which("pip")
+    own, found = os.path.join(get_path("scripts"), "pip"), which("pip")
     is_other = os.path.exists(own) and (found is None or not os.path.samefile(found, own))
     return own if is_other else "pip"
 

@@ -111,7 +111,7 @@ class Flight(Actions):
         if isinstance(connection, LinkConnection):
             await connection.wait_alone()
         try:
-            await feeds["vehicle_status"].wait(lambda _: True, _HEARD)
+            await feeds["vehicle_status"].following(lambda _: True, _HEARD)  # one from before tells nothing
         except TimeoutError:
             raise feeds.no_answer(f"no vehicle_status within {_HEARD:.0f} s") from None
 

@@ -7,6 +7,7 @@ import os
 import re
 import shlex
 import sys
+import sysconfig
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -69,12 +70,12 @@ def test_pip_is_that_of_the_environment(tmp_path: Path, monkeypatch: pytest.Monk
     for name in ("own", "other"):
         (tmp_path / name).mkdir()
         (tmp_path / name / "pip").touch(0o755)
-    monkeypatch.setattr(sys, "executable", str(tmp_path / "own" / "python"))
+    monkeypatch.setattr(sysconfig, "get_path", lambda _: str(tmp_path / "own"))
     own = str(tmp_path / "own" / "pip")
     for path, expected in ((["own", "other"], "pip"), (["other", "own"], own), ([], own)):
         monkeypatch.setenv("PATH", os.pathsep.join(str(tmp_path / name) for name in path))
         assert installing("dds").startswith(f"{expected} install ")
-    monkeypatch.setattr(sys, "executable", str(tmp_path / "python"))  # an environment without pip
+    monkeypatch.setattr(sysconfig, "get_path", lambda _: str(tmp_path))  # an environment without pip
     assert installing("dds").startswith("pip install ")
 
 

@@ -953,7 +953,7 @@ def test_archived_versions_come_on_request(capsys: Capture) -> None:
 def test_the_page_shows_what_really_happens(capsys: Capture) -> None:
     copied("firmware/main-2026-03", Path("PX4-Autopilot"))
     write_definitions(Path("PX4-Autopilot"), headers_of_vehicle_status(Path("PX4-Autopilot")))
-    command, summary, written = between(PAGE, "console").splitlines()
+    command, summary, written, _ = between(PAGE, "console").splitlines()
     assert main(command.removeprefix("$ msggen ").split()) == DONE
     printed = capsys.readouterr().out.splitlines()
     assert [printed[0], re.sub("in .* s$", "", printed[1])] == [summary, re.sub("in .* s$", "", written)]

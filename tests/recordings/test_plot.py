@@ -194,9 +194,10 @@ def older(tmp_path: Path) -> Iterator[recordings.Log]:
     for number, (name, fields) in enumerate(topics.items()):
         writer.format(name, f"uint64_t timestamp;{fields}")
         writer.subscribe(number, name)
+    writer.sample(1, struct.pack("<QBB", 0, 1, 8))
     for time in (0, BEGIN - 46_000_000, BEGIN + 1_000_000, BEGIN + 2_000_000):
         writer.sample(0, struct.pack("<Qf", time, 1.0 + (time > BEGIN)))
-    for time, is_armed in ((0, True), (BEGIN - 46_000_000, False), (BEGIN + 1_000_000, True)):
+    for time, is_armed in ((BEGIN - 46_000_000, False), (BEGIN + 1_000_000, True)):
         writer.sample(1, struct.pack("<Q?B", time, is_armed, 7 + is_armed))
     writer.sample(2, struct.pack("<Qf", BEGIN - 5_000_000, 3.0))
     for time, mode in ((BEGIN - 46_000_000, 4), (BEGIN + 1_000_000, 5)):
