@@ -45,9 +45,10 @@ def test_build_and_render_take_a_tree_or_a_package_and_name_it(
 ) -> None:
     write_definitions(working_folder, {**files, "name.txt.j2": "{{ message.name }}\n"})
     assert main(["build"]) == DONE
-    first, second = capsys.readouterr().out.splitlines()
+    first, second, third = capsys.readouterr().out.splitlines()
     assert first.startswith(f"px4_types from {label}: ")
     assert second.startswith("generated/px4_types: ")
+    assert third.startswith("to import it: ")
     assert main(["render", "--template", "name.txt.j2", "-o", "made"]) == DONE
     assert capsys.readouterr().out.startswith(f"name.txt.j2 from {label}: ")
     made = (working_folder / "generated" / "px4_types" / "msg" / "_lamp.py").exists()

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import asyncio
 import gc
+from contextlib import suppress
 from typing import Any, ClassVar
 
 import pytest
 
-from msggen.flight.errors import NoAnswerError
+from msggen.flight.errors import NoAnswerError, RefusedError
 from msggen.flight.executor import Executor, Start
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
@@ -224,12 +225,20 @@ def test_a_flight_with_a_loss_of_20_percent_both_ways(types: Any) -> None:
         starts: ClassVar[Start] = "selected"
 
         async def run(self) -> None:
-            await self.arm()
+            await self.arm_patiently()
             await self.takeoff(5.0)
             await self.fly()
             await self.land()
             await self.wait_disarmed()
             ends.append("landed")
+
+        async def arm_patiently(self) -> None:
+            """Try again while the vehicle has heard no reply of the mode: several in a row can get lost."""
+            for _ in range(5):
+                with suppress(RefusedError):
+                    return await self.arm()
+                await asyncio.sleep(1.0)
+            return await self.arm()
 
     async def program(flight: Flight, vehicle: Flown) -> float:
         vehicle.loss = 0.2

@@ -67,6 +67,7 @@ def test_a_low_battery_is_deferred_and_told_once(types: Any, *, is_left: bool) -
         await flight.add(executor)
         await flight.set_mode(Waits)
         await vehicle.until(lambda: _in_air(vehicle), 20.0)
+        await asyncio.sleep(0.1)  # until the program knows that it defers
         vehicle.world.battery.remaining = 0.06
         deferred = await vehicle.until(lambda: vehicle.world.commander.failsafe.is_active, 8.0)
         assert vehicle.world.mode == HOLD
