@@ -21,6 +21,7 @@ PUBLIC = {
         "BlockingFlight",
         "Executor",
         "Flight",
+        "FlightError",
         "GlobalPlace",
         "LOCAL_POSITION",
         "LimitError",

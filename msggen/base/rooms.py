@@ -34,7 +34,7 @@ ROOMS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "live.sim": ("base", "live.link", "live.xrce", "live.links", "live.messages"),
         "live.vehicle": ("base", "live.age", "live.link", "live.links", "live.messages"),
         "live.owner": ("base", "live.age", "live.link", "live.links", "live.vehicle"),
-        "live.ros": ("base", "live.link", "live.messages", "live.vehicle"),
+        "live.ros": ("base", "live.age", "live.link", "live.messages", "live.vehicle"),
         "live": ("base",),
         "flight": ("base", "live.link", "live"),
         "flight.pytest": ("base", "sources", "generate", "live.messages", "live.sim", "flight", "recordings.live"),

@@ -269,8 +269,7 @@ class Hub:
         own = member.entry
         if own is None or not member.selection.is_any:
             return ()
-        found = [each.remote for each in tuple(self.entries.values()) if each.remote.number != own.remote.number]
-        return sorted(found, key=order)
+        return sorted((each.remote for each in tuple(self.entries.values()) if each is not own), key=order)
 
     def is_settled(self, member: Member) -> bool:
         """Whether no further vehicle that a member without a selection could have is about to connect."""
