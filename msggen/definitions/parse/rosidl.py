@@ -11,9 +11,12 @@ import re
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-_SUSPECT = re.compile(r"\\|\*/|\[[^,\]\n]*$", re.MULTILINE)
-_UNIT = re.compile(r"\[[^,\]]+\]")
-"""What rosidl reads as a unit if a comment has exactly one, even across lines."""
+_SUSPECT = re.compile(r"\\|\*/|\[[^,\[\]\n]*$", re.MULTILINE)
+_UNIT = re.compile(r"\[([^,\]]*)(\]|,|\Z)")
+"""What rosidl reads as a unit if a comment has exactly one, even across lines: if it has a text and ends in a bracket.
+
+Other matches are passed over, so that many brackets without an end take linear time.
+"""
 
 _LINE_ENDS = re.compile(r"[\x0b\x0c\x1c-\x1e\x85\u2028\u2029]|\r(?!\n|\Z)")
 """Characters at which rosidl begins another line, although editors do not."""
@@ -111,7 +114,7 @@ def _find(lines: Sequence[str], comment: _Comment) -> Iterator[Unbuildable]:
 def _divided_unit(lines: Sequence[str], comment: _Comment) -> Iterator[Unbuildable]:
     """Yield the brackets of a text that rosidl takes for a unit, although it continues on another line."""
     texts = [lines[index].partition("#")[2] for index in comment.lines]
-    found = _UNIT.findall("\n".join(texts))
+    found = [each[0] for each in _UNIT.finditer("\n".join(texts)) if each[1] and each[2] == "]"]
     if len(found) != 1 or "\n" not in found[0]:
         return
     first, *_, last = found[0].split("\n")
