@@ -21,8 +21,7 @@ ABOVE = 0.15  # m added to NEAR for each m of height
 FASTEST = 3.0  # m/s sideways
 FAST, SLOW = 1.0, 0.4  # m/s downwards
 LOW = 2.0  # m above the ground, below which the vehicle descends slowly
-TOUCHED = 0.05  # m above the ground, below which it does not move sideways any more
-DECIDED = 0.5  # m above the ground, below which it lands, wherever the target drives
+TOUCHED, DECIDED = 0.05, 0.5  # m above the ground, below which it stops sideways motion, and always goes down
 
 
 class Target:
@@ -72,10 +71,8 @@ class PreciseLanding(Mode, name="Precise Landing"):
             place = await self.position()
             motion = motion.after(self._absolute(place))
             height = self.height(place)
-            if land.has_ground_contact or height < TOUCHED:
-                self.trajectory(velocity=(0.0, 0.0, SLOW))  # PX4 sees a landing only while the setpoint leads down
-            else:
-                self.trajectory(velocity=self._towards(motion, place, height))
+            is_down = land.has_ground_contact or height < TOUCHED  # PX4 sees a landing while the setpoint leads down
+            self.trajectory(velocity=(0.0, 0.0, SLOW) if is_down else self._towards(motion, place, height))
             await asyncio.sleep(INTERVAL)
         print(f"landed {math.hypot(*self.target.seen_from(await self.position())):.1f} m from the target", flush=True)
 

@@ -196,4 +196,4 @@ def test_the_examples_are_listed_on_the_page() -> None:
 
 def test_no_example_is_long() -> None:
     longest: dict[Path, int] = {path: len(path.read_text().splitlines()) for path in FOLDER.glob("*.py")}
-    assert max(longest.values()) < 140
+    assert max(longest.values()) < 130
