@@ -139,4 +139,4 @@ def test_other_parameters_would_not_do(name: str, parameters: dict[str, float], 
 
 def test_the_flights_are_those_of_the_whole_captures() -> None:
     whole = flight_captures.whole(shared("oracles/flight"))
-    assert {name: flight_captures.load(name) for name in flight_captures.names()} == whole
+    assert [name for name in flight_captures.names() if flight_captures.load(name) != whole[name]] == []

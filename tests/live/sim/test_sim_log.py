@@ -89,7 +89,7 @@ def test_readers_find_the_values_that_were_written(px4_types: Any, tmp_path: Pat
     path = str(tmp_path / "a.ulg")
     with UlogWriter(path, 0, topics, {"MPC_XY_P": 0.5}, Vehicle(3, "the embedded PX4 v1.18")) as writer:
         for name, own in messages.items():
-            for number, message in enumerate(own):
+            for number, message in enumerate(own, 1):  # 0 is no time
                 message.timestamp = number
                 writer.add(name, message)
     with recordings.open(path) as log:
@@ -100,7 +100,7 @@ def test_readers_find_the_values_that_were_written(px4_types: Any, tmp_path: Pat
         assert log.problems == []
     theirs = {each.name: each.data for each in ULog(path).data_list}
     for name in names:
-        assert theirs[name]["timestamp"].tolist() == list(range(20))
+        assert theirs[name]["timestamp"].tolist() == list(range(1, 21))
     expected = [message.esc[2].esc_rpm for message in messages["esc_status"]]
     assert theirs["esc_status"]["esc[2].esc_rpm"].tolist() == expected
 
