@@ -376,7 +376,8 @@ def test_a_vehicle_that_connects_later_is_not_overlooked(
 ) -> None:
     for each in fixtures:
         request.getfixturevalue(each)
-    monkeypatch.setattr("msggen.flight.link._OTHERS", 30.0)  # a busy computer connects vehicles later
+    for name in ("flight.link._OTHERS", "live.xrce.agent._SETTLED"):  # a busy computer connects vehicles later
+        monkeypatch.setattr(f"msggen.{name}", 30.0)
 
     async def begins() -> None:
         first, second = (Simulator(px4_types, url, [QUICK._replace(key=key)]) for key in keys)
