@@ -364,20 +364,21 @@ def without(topics: list[str], folder: Path, monkeypatch: pytest.MonkeyPatch) ->
     return importlib.import_module("less_types")
 
 
+@pytest.fixture
+def patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Wait longer for vehicles that connect later: a busy computer connects them so."""
+    for name in ("flight.link._OTHERS", "live.xrce.agent._SETTLED"):
+        monkeypatch.setattr(f"msggen.{name}", 30.0)
+
+
+@pytest.mark.usefixtures("patient")
 @pytest.mark.parametrize("fixtures", [(), ("owned",)])
 @pytest.mark.parametrize("keys", [(1, 2), (2, 1)])
 def test_a_vehicle_that_connects_later_is_not_overlooked(
-    keys: tuple[int, int],
-    fixtures: tuple[str, ...],
-    url: str,
-    px4_types: Any,
-    request: pytest.FixtureRequest,
-    monkeypatch: pytest.MonkeyPatch,
+    keys: tuple[int, int], fixtures: tuple[str, ...], url: str, px4_types: Any, request: pytest.FixtureRequest
 ) -> None:
     for each in fixtures:
         request.getfixturevalue(each)
-    for name in ("flight.link._OTHERS", "live.xrce.agent._SETTLED"):  # a busy computer connects vehicles later
-        monkeypatch.setattr(f"msggen.{name}", 30.0)
 
     async def begins() -> None:
         first, second = (Simulator(px4_types, url, [QUICK._replace(key=key)]) for key in keys)
