@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -37,7 +38,10 @@ def imports_of(path: Path) -> Iterator[str]:
             yield from (alias.name for alias in node.names if alias.name in MODULES)
 
 
-IMPORTS = {name: {*imports_of(path)} - {name} for name, path in MODULES.items() if not name.startswith("cmake")}
+@cache
+def imports() -> Mapping[str, set[str]]:
+    """Return what each module imports. It takes seconds, so it is not done where tests are collected only."""
+    return {name: {*imports_of(path)} - {name} for name, path in MODULES.items() if not name.startswith("cmake")}
 
 
 def is_allowed(room: str, other: str) -> bool:
@@ -55,7 +59,7 @@ def test_every_module_is_in_a_room() -> None:
 def test_a_room_imports_what_its_row_allows(room: str) -> None:
     imported = {
         (name, other)
-        for name, others in IMPORTS.items()
+        for name, others in imports().items()
         if room_of(name) == room
         for other in others
         if room_of(other) != room
@@ -65,7 +69,7 @@ def test_a_room_imports_what_its_row_allows(room: str) -> None:
 
 @pytest.mark.parametrize("room", ROOMS)
 def test_a_row_names_what_the_room_imports_and_no_more(room: str) -> None:
-    imported = {room_of(other) for name, others in IMPORTS.items() if room_of(name) == room for other in others}
+    imported = {room_of(other) for name, others in imports().items() if room_of(name) == room for other in others}
     unused = [
         each for each in ROOMS[room] if not any(other == each or other.startswith(f"{each}.") for other in imported)
     ]
@@ -86,7 +90,7 @@ def test_no_rooms_import_each_other() -> None:
 
 
 def test_no_modules_import_each_other() -> None:
-    TopologicalSorter({name: others & MODULES.keys() for name, others in IMPORTS.items()}).prepare()
+    TopologicalSorter({name: others & MODULES.keys() for name, others in imports().items()}).prepare()
 
 
 def test_a_circle_is_found() -> None:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import functools
+import inspect
 import shutil
 import stat
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -22,10 +26,30 @@ NAMES = sorted(path.stem for path in DEFINITIONS)
 SOME = ["SensorCombined", "VehicleStatus", "DebugKeyValue", "DebugArray", "PositionSetpointTriplet", "EscStatus"]
 """Some of NAMES: numbers and tuples, bools, bytes, a large array, nested messages, and an array of nested messages."""
 
-every_message = pytest.mark.parametrize(
-    "name", [name if name in SOME else pytest.param(name, marks=pytest.mark.slow) for name in NAMES]
-)
-"""Run a test for each of NAMES, marked as slow except for SOME."""
+_OTHERS = sorted({*NAMES} - {*SOME})
+_GROUPS = [
+    pytest.param(SOME, id="some"),
+    *(pytest.param(_OTHERS[place::9], id=f"others {place + 1}", marks=pytest.mark.slow) for place in range(9)),
+]
+
+
+def every_message(test: Callable[..., None]) -> Callable[..., None]:
+    """Run a test of one message, its parameter `name`, for each of NAMES: for SOME, and in nine slow groups.
+
+    A test for each message would cost each worker more to collect than most of them take.
+    """
+
+    @functools.wraps(test)
+    def of_a_group(names: list[str], **fixtures: Any) -> None:
+        for name in names:
+            test(name=name, **fixtures)
+
+    signature = inspect.signature(test)
+    parameters = [
+        each.replace(name="names" if each.name == "name" else each.name) for each in signature.parameters.values()
+    ]
+    of_a_group.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined] # for pytest
+    return pytest.mark.parametrize("names", _GROUPS)(of_a_group)
 
 
 def shared(path: str) -> Path:
