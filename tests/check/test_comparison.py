@@ -12,6 +12,7 @@ import re
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from random import Random
 from typing import NamedTuple
 
 import pytest
@@ -31,6 +32,8 @@ WITHOUT_ORACLE = ("v1.15",)
 Definitions = dict[str, slow.Definition]
 PAIRS = list(itertools.permutations(RELEASES, 2))
 SUCCESSIVE = list(itertools.pairwise(RELEASES))
+DRAWN = Random(1).sample(sorted({*PAIRS} - {*SUCCESSIVE}), 5)  # noqa: S311 - the same pairs in each run
+"""Other pairs for each run; the night takes all."""
 
 
 def report(command: Callable[..., Report], previous: Path, current: Path) -> Report:
@@ -87,7 +90,12 @@ def hashes(release: str) -> dict[str, int] | None:
 
 @pytest.fixture(
     scope="module",
-    params=[pair if pair in SUCCESSIVE else pytest.param(pair, marks=pytest.mark.slow) for pair in PAIRS],
+    params=[
+        pair
+        if pair in SUCCESSIVE
+        else pytest.param(pair, marks=pytest.mark.slow if pair in DRAWN else pytest.mark.night)
+        for pair in PAIRS
+    ],
     ids=" to ".join,
 )
 def pair(request: pytest.FixtureRequest) -> Pair:

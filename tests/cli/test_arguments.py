@@ -15,6 +15,7 @@ from msggen.cli.values import local_path, new_recording, recording
 from msggen.live import LinkError
 from support.catalogs import write_definitions
 from support.commands import COMMANDS, run
+from support.examples import examples
 from support.scratch import inside
 
 FILES = {
@@ -62,7 +63,7 @@ VALUES = (
     *("M301", "WIRE,", "dds_topics.yaml", "file/x", "\n", "a\nb", "{{", "{{ 1/0 }}", "%s", "$(x)", "json"),
     *("sarif", "junit", "github", "message", "catalog", "main", "\u202e", "out", "1e9", "dir/msg/Lamp.msg", "class"),
 )
-ROUNDS = 25
+ROUNDS = examples(25)
 
 
 def command_line(name: str, choose: random.Random) -> list[str]:
@@ -130,17 +131,21 @@ def options_of(name: str) -> list[str]:
     return [option for action in listed for option in action.option_strings if option.startswith("--")]
 
 
-@pytest.mark.parametrize("output_format", ["", "github"])
+WAYS = (("{} value", ""), ("{}=value", "github"), ("{}=value", ""), ("{} value", "github"))
+"""Ways to give an option: its spelling, and the format of the output."""
+
+
+@pytest.mark.parametrize("ways", [1, pytest.param(len(WAYS), marks=pytest.mark.night)], ids=["one way", "all ways"])
 @pytest.mark.parametrize("name", COMMANDS)
 def test_an_unknown_option_is_reported_before_what_follows_from_it(
-    name: str, output_format: str, capsys: pytest.CaptureFixture[str]
+    name: str, ways: int, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for option in options_of(name):
+    for place, option in enumerate(options_of(name)):
         wrong = f"{option[:-2]}x{option[-2:]}"
-        for words in ([wrong, "value"], [f"{wrong}=value"]):
+        for spelling, output_format in (WAYS * 2)[place % len(WAYS) :][:ways]:
             more = ["--output-format", output_format] if output_format else []
             with pytest.raises(SystemExit) as stopped:
-                main([*name.split(), *words, *more])
+                main([*name.split(), *spelling.format(wrong).split(), *more])
             assert stopped.value.code == 2
             told = capsys.readouterr()
             expected = f"unknown argument '{wrong}', did you mean '--"

@@ -15,6 +15,7 @@ import pytest
 from mcap.writer import Writer
 
 from support.catalogs import write_definitions
+from support.examples import by_day
 from support.packages import committed, git
 from support.repository import ROOT
 from support.ulog import write_ulog
@@ -157,7 +158,7 @@ def proposed(line: str, folder: Path, tmp_path: Path) -> list[str]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("line", CASES)
+@by_day("line", CASES, 2)
 def test_a_command_line_is_completed_with_the_names_that_it_can_have(line: str, folder: Path, tmp_path: Path) -> None:
     expected = CASES[line]
     line = line.replace("TYPES", str(TYPES))

@@ -18,6 +18,7 @@ import pytest
 
 from msggen.base.interpreter import command_of
 from support.commands import COMMANDS, run
+from support.examples import by_day
 from support.fleet_recordings import parquet_in, write_flight
 from support.ports import free_port
 from support.repository import ROOT
@@ -138,7 +139,7 @@ STYLES = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("style", STYLES.values(), ids=STYLES)
+@by_day("style", STYLES.values(), 2, ids=STYLES)
 def test_the_style_of_the_current_folder_is_not_used(style: bytes | None, tmp_path: Path, marks: Path) -> None:
     """It can have text typeset by LaTeX, listen on a port and import modules."""
     write_ulog(tmp_path / "flight.ulg")

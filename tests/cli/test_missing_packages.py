@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from msggen.base.missing import installing
+from support.examples import by_day
 from support.flights import write_flight
 from support.repository import ROOT
 
@@ -78,7 +79,7 @@ def without(package: str, code: str, folder: Path, *words: str) -> subprocess.Co
 
 
 @pytest.mark.slow  # a process each
-@pytest.mark.parametrize(("name", "package", "extra"), MISSING)
+@by_day(("name", "package", "extra"), MISSING, 3)
 def test_a_command_names_what_is_not_installed(name: str, package: str, extra: str, here: Path) -> None:
     before = set(here.iterdir())
     done = without(package, CLI, here, *COMMANDS[name])
@@ -116,7 +117,7 @@ CALLS = [
 
 
 @pytest.mark.slow  # a process each
-@pytest.mark.parametrize(("call", "package", "arguments"), CALLS)
+@by_day(("call", "package", "arguments"), CALLS, 3)
 def test_a_function_names_what_is_not_installed(call: str, package: str, arguments: str, here: Path) -> None:
     done = without(package, OPENED + call, here)
     expected = f"ModuleNotFoundError: the package {package} is not installed: {installing(*arguments.split())}"

@@ -18,6 +18,7 @@ import pytest
 
 from msggen.base.version import __version__
 from support.catalogs import write_definitions
+from support.examples import by_day, examples
 from support.repository import ROOT
 
 PROGRAM = """
@@ -59,7 +60,7 @@ COMMANDS = (
     "--help",
     "",
 )
-MOMENTS = 5
+MOMENTS = examples(9)
 
 
 def run(folder: Path, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
@@ -236,6 +237,9 @@ def test_a_program_in_the_background_goes_on(tmp_path: Path) -> None:
 # --- Colours
 
 NO, YES = False, True
+COLOURED = (["check", "old", "fw"], ["build", "--msg-dir", "bad"], ["explain", "FIELD_MOVED"])
+PLAIN = (["build", "--help"], ["--help"], ["build", "--nonsense"])
+"""Commands with coloured output, and those that argparse answers: the first of each in each run, all at night."""
 
 
 @pytest.mark.slow
@@ -259,14 +263,14 @@ def test_one_rule_decides_on_colours_of_all_output(
 ) -> None:
     wanted = terminal if expected is None else expected
     write_definitions(tmp_path, {**TREE, "bad/Odd.msg": "uint64 timestamp\nfloat3 x\n"})
-    for arguments in (["check", "old", "fw"], ["build", "--msg-dir", "bad"], ["explain", "FIELD_MOVED"]):
+    for arguments in COLOURED[: examples(3)]:
         shown = (
             run_in_terminal(tmp_path, arguments, environment)
             if terminal
             else "".join((done := run(tmp_path, *arguments, **environment)).stdout + done.stderr)
         )
         assert ("\x1b[" in shown) == wanted, (arguments, shown)
-    for arguments in (["--help"], ["build", "--help"], ["build", "--nonsense"]):
+    for arguments in PLAIN[: examples(3)]:
         shown = (
             run_in_terminal(tmp_path, arguments, environment)
             if terminal
@@ -318,17 +322,18 @@ def test_the_version_is_shown(option: str, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
-@pytest.mark.parametrize(
+@by_day(
     ("command", "code"),
     [
         ("rules", 0),
-        ("check old fw", 1),
         ("check old nowhere --output-format json", 2),
+        ("check old fw", 1),
         ("build --px4 nowhere", 2),
         ("build --nonsense", 2),
-        ("build --help", 0),
         ("", 2),
+        ("build --help", 0),
     ],
+    2,
 )
 def test_a_closed_or_full_stream_changes_no_exit_code_and_gives_no_trace(
     command: str, code: int, tmp_path: Path

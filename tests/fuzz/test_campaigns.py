@@ -32,6 +32,7 @@ from msggen.live.xrce.session import Session
 from msggen.recordings import writer
 from msggen.sources.tree import Snapshot
 from support import disk_tasks
+from support.examples import by_day
 from support.recordings import START
 from support.repository import ROOT
 from support.scratch import scratch_root
@@ -179,7 +180,7 @@ OLD = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("error", OLD)
+@by_day("error", OLD, 3)
 def test_the_campaign_of_sessions_finds_what_was_wrong_before(error: str, monkeypatch: pytest.MonkeyPatch) -> None:
     act, place, wrong = OLD[error]
     cases = [sessions.case(Random(f"sessions {SEED} {index}")) for index in range(300)]  # noqa: S311

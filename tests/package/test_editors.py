@@ -21,6 +21,7 @@ from msggen.sources.sources import find_sources, with_archived
 from support.catalogs import catalog_of, write_definitions
 from support.checkers import GENERATED, mypy
 from support.completion import cell_of, names, script_of
+from support.examples import by_day
 from support.nested_packages import sources
 from support.repository import ROOT
 
@@ -72,7 +73,7 @@ COMPLETED = [
 ]
 
 
-@pytest.mark.parametrize(("code", "expected"), COMPLETED, ids=[code.splitlines()[-1] for code, _ in COMPLETED])
+@by_day(("code", "expected"), COMPLETED, 2, ids=[code.splitlines()[-1] for code, _ in COMPLETED])
 def test_jedi_completes_the_package(code: str, expected: set[str]) -> None:
     assert expected <= completions(code)
 
@@ -109,6 +110,7 @@ def test_jedi_shows_documentation(code: str, expected: str) -> None:
 COMPLETE = "from support.completion import names, script_of; print(names(script_of('import px4_types\\npx4_types.cd')))"
 
 
+@pytest.mark.night  # two processes, each with an empty cache
 def test_a_cache_that_another_process_has_damaged_does_not_matter(tmp_path: Path) -> None:
     """A process of tests is killed while it writes to the cache of the user, or has written half of a file."""
     environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path), "PYTHONPATH": str(ROOT / "tests")}
@@ -229,7 +231,7 @@ def test_basedpyright_refuses_misspelt_names(programs: Path) -> None:
     assert {number for _, number in found} == EVERY_LINE
 
 
-@pytest.mark.slow
+@pytest.mark.night  # each run checks the package strictly, in tests/repository/test_quality.py
 def test_the_public_types_are_complete() -> None:
     """numpy's own types are incomplete, so types of other packages are ignored."""
     options = ["--pythonpath", sys.executable, "--verifytypes", "px4_types", "--ignoreexternal", "--outputjson"]

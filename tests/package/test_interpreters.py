@@ -6,6 +6,7 @@ import subprocess
 
 import pytest
 
+from support.examples import by_day
 from support.interpreters import VERSIONS, interpreter
 from support.repository import ROOT, VECTORS
 
@@ -32,7 +33,7 @@ print("all vectors")
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("version", VERSIONS)
+@by_day("version", VERSIONS, 3)
 def test_the_generated_package_works_on(version: str) -> None:
     command = [
         interpreter(version),
@@ -68,7 +69,7 @@ for code in sys.argv[1:]:
 """
 
 
-@pytest.mark.parametrize("version", VERSIONS)
+@by_day("version", VERSIONS, 3)
 def test_an_attribute_error_has_one_suggestion(version: str) -> None:
     """Python itself appends a suggestion to the text of an AttributeError, unless the error names no object."""
     command = [interpreter(version), "-B", "-c", SHOW_ERRORS, *MISSPELT]

@@ -21,6 +21,7 @@ from msggen.definitions.model import ArrayKind, Field, Message
 from msggen.sources.catalog import read_catalog
 from msggen.sources.sources import find_sources, with_archived
 from support.catalogs import catalog_of, import_package, write_definitions
+from support.examples import by_day
 from support.other_codecs import Rosbags, everything, generated
 from support.random_definitions import PACKAGES, TOLERATED, random_catalog
 from support.repository import ROOT, shared
@@ -85,7 +86,7 @@ def test_rosbags_reads_the_definitions(seed: int, tmp_path: Path) -> None:
         }
 
 
-@pytest.mark.parametrize("release", ["v1.14", "v1.15", "v1.16", "v1.17", "v1.18", "main-2026-03"])
+@by_day("release", ["v1.14", "v1.15", "v1.16", "v1.17", "v1.18", "main-2026-03"], 4)
 @pytest.mark.slow
 def test_definitions_have_the_hashes_of_their_message(release: str, tmp_path: Path) -> None:
     """All definitions of a release, taken from the package, are read as a release with the same hashes."""

@@ -14,6 +14,7 @@ from msggen.definitions.model import Catalog
 from msggen.sources.catalog import read_catalog
 from msggen.sources.sources import find_sources
 from support.catalogs import import_package
+from support.examples import by_day
 from support.reference import deserialize, serialize, to_object, to_values
 from support.repository import VECTORS, shared
 
@@ -26,7 +27,7 @@ def test_the_embedded_set_reads_and_writes_the_bytes_of_the_firmware(embedded: C
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("release", ["v1.14", "v1.16", "v1.17", "v1.18"])
+@by_day("release", ["v1.14", "v1.16", "v1.17", "v1.18"], 3)
 def test_a_release_reads_and_writes_the_bytes_of_its_firmware(release: str, tmp_path: Path) -> None:
     vectors = shared(f"oracles/cdr-{release}.json")
     catalog = read_catalog(find_sources(str(shared(f"firmware/{release}"))))

@@ -1213,7 +1213,7 @@ def test_the_types_of_versions_catch_mistakes(typed: Path) -> None:
     assert {int(line.split(":")[1]) for line in lines if "error:" in line} == {5, 6, 7, 8, 9}
 
 
-@pytest.mark.slow
+@pytest.mark.night  # each run checks the modules of versions, in tests/definitions/test_translations.py
 def test_pyright_is_content_with_a_package_of_versions(typed: Path, tmp_path: Path) -> None:
     include = [str(typed / "lamps"), str(typed / "application.py")]
     configuration = {

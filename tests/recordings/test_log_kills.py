@@ -13,13 +13,14 @@ from fuzz.conversions import samples_in
 from support.commands import run
 from support.disk_calls import hooked
 from support.disk_tasks import KILLED, killed_before
+from support.examples import examples
 from support.flights import write_flight
 from support.scratch import inside
 from support.ulog import write_ulog
 
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(sys.platform == "win32", reason="there is no fork")]
 
-MOMENTS = 15
+MOMENTS = examples(15)
 ACTIONS = (
     "convert flight.mcap -o made",
     "convert flight.ulg -o made.mcap",

@@ -47,6 +47,8 @@ LIVE = {"record"}
 """The pages of a running vehicle, whose numbers differ from run to run."""
 TOOLS = {"stores": ("curl",)}
 """Programs that pages need and not every system has."""
+DEAR = {"stores"}
+"""The pages for the night only: this one starts a server of S3, and reads all kinds of recordings once more."""
 NOT_RUN = {"pyspark"}
 """Packages that need more than pip installs: Spark needs Java."""
 EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
@@ -60,7 +62,9 @@ def home() -> Iterator[Path]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", PAGES)
+@pytest.mark.parametrize(
+    "page", [pytest.param(page, marks=pytest.mark.night if page in DEAR else []) for page in PAGES]
+)
 def test_a_reader_gets_what_the_page_shows(page: str, tmp_path: Path, home: Path) -> None:
     for program in TOOLS.get(page, ()):
         required(program, is_there=shutil.which(program) is not None)

@@ -53,7 +53,7 @@ def test_the_wheel_brings_templates_and_the_embedded_set(wheel: Path) -> None:
     assert {name.split("/")[0].split("-")[0] for name in names} == {"msggen"}
 
 
-@pytest.mark.slow
+@pytest.mark.night  # installs; each run looks into the wheel
 def test_it_works_in_an_empty_environment(wheel: Path, tmp_path: Path) -> None:
     programs = environment(sys.executable, tmp_path / "environment", wheel)
     python, msggen = str(programs / "python"), str(programs / "msggen")

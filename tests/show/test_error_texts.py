@@ -17,6 +17,7 @@ import pytest
 from msggen.base.diagnostics import CODES, Level
 from msggen.cli import DONE, FAILED, main
 from msggen.show.report.errors import error_texts
+from support.examples import by_day
 from support.repository import ROOT
 
 TEXTS = error_texts()
@@ -127,7 +128,7 @@ def test_a_text_is_made_of_sentences_and_its_title_of_a_phrase(code: str) -> Non
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("code", TEXTS)
+@by_day("code", TEXTS, 4)
 def test_explain_prints_the_text(code: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["explain", code.lower()]) == DONE
     printed = capsys.readouterr().out

@@ -1,7 +1,11 @@
-"""How many examples the random tests take."""
+"""How many examples the random tests take, and which cases of dear tests are for the night."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import Any
+
+import pytest
 from hypothesis import settings
 
 ALL_EXAMPLES = 100
@@ -11,3 +15,14 @@ ALL_EXAMPLES = 100
 def examples(count: int) -> int:
     """Return how many of `count` examples a test takes in the present profile."""
     return max(1, count * settings().max_examples // ALL_EXAMPLES)
+
+
+def by_day(
+    arguments: str | tuple[str, ...], cases: Iterable[Any], step: int, ids: Iterable[str] | None = None
+) -> pytest.MarkDecorator:
+    """Parametrize a dear test: each run takes every `step`th case, the first included, and the night the others."""
+    given = [case if isinstance(arguments, tuple) else (case,) for case in cases]
+    marked = [
+        pytest.param(*case, marks=[pytest.mark.night] if place % step else []) for place, case in enumerate(given)
+    ]
+    return pytest.mark.parametrize(arguments, marked, ids=ids if ids is None else [*ids])
