@@ -9,6 +9,7 @@ import shutil
 import signal
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import ModuleType
@@ -60,6 +61,24 @@ def pytest_configure(config: pytest.Config) -> None:
         home = TemporaryDirectory(prefix="home-")  # for the caches of msggen and of the libraries of tests
         os.environ["HOME"] = home.name
         config.add_cleanup(home.cleanup)
+
+
+def pytest_collection(session: pytest.Session) -> None:
+    """Let each worker import other files first, if it takes all tests: each file is compiled by one of them then.
+
+    In a fresh clone no file has been compiled, and all workers would compile all files at the same time. What cannot be
+    imported is reported where it is collected.
+    """
+    worker = getattr(session.config, "workerinput", None)
+    folder = Path(__file__).parent
+    if worker is not None and [Path(each).resolve() for each in session.config.args] == [folder]:
+        number, count = int(worker["workerid"].removeprefix("gw")), worker["workercount"]
+        for path in sorted(folder.rglob("test_*.py"))[number::count]:
+            if not (path.parent / "__init__.py").exists():
+                if str(path.parent) not in sys.path:
+                    sys.path.insert(0, str(path.parent))
+                with suppress(Exception, pytest.skip.Exception):
+                    importlib.import_module(path.stem)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

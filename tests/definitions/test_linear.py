@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 
+from support.examples import by_day
 from worst_inputs import READERS
 
 SMALL, LARGE, HUGE = 4_000, 32_000, 200_000
@@ -53,7 +54,7 @@ def test_the_number_of_steps_is_linear(name: str, kind: str) -> None:
     assert large <= MOST * max(FEW, small)
 
 
-@pytest.mark.parametrize(("name", "kind"), CASES)
+@by_day(("name", "kind"), CASES, 3)
 def test_a_reader_comes_to_an_end(name: str, kind: str) -> None:
     data = READERS[name].inputs[kind](HUGE)
 

@@ -18,6 +18,7 @@ from msggen import live, recordings
 from msggen.live import Vehicle
 from support.checkers import GENERATED
 from support.completion import cell_of, names, script_of
+from support.examples import by_day
 from support.fake_link import FakeLink
 from support.language_server import LanguageServer, language_server
 from support.page_code import PAGES, Place, code_of, cut_code, places_of
@@ -90,15 +91,11 @@ def test_the_pages_use_many_names() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", CODED)
+@by_day("page", CODED, 3)
 def test_jedi_completes_what_a_page_uses(page: str) -> None:
     whole = script_of(code_of(page), paths=(ROOT,))
-    missing = {
-        place.expression
-        for place in known(page)
-        if place.name not in names(whole, place.line, place.column)
-        and place.name not in completed(cut_code(page, place))
-    }
+    left = [place for place in known(page) if place.name not in names(whole, place.line, place.column)]
+    missing = {place.expression for place in left if place.name not in completed(cut_code(page, place))}
     assert missing == left_out(page, ONLY_BASEDPYRIGHT, NEITHER)
 
 
@@ -117,7 +114,7 @@ def offered(server: LanguageServer, code: str, line: int, column: int, folder: P
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", CODED)
+@by_day("page", [*CODED[1:], CODED[0]], 3)
 def test_basedpyright_completes_what_a_page_uses(page: str, server: LanguageServer, tmp_path: Path) -> None:
     whole = tmp_path / "page.py"
     whole.write_text(code_of(page))
