@@ -17,7 +17,6 @@ import pytest
 from msggen.base.diagnostics import CODES, Level
 from msggen.cli import DONE, FAILED, main
 from msggen.show.report.errors import error_texts
-from support.examples import by_day
 from support.repository import ROOT
 
 TEXTS = error_texts()
@@ -128,7 +127,7 @@ def test_a_text_is_made_of_sentences_and_its_title_of_a_phrase(code: str) -> Non
 
 
 @pytest.mark.slow
-@by_day("code", TEXTS, 4)
+@pytest.mark.parametrize("code", TEXTS)
 def test_explain_prints_the_text(code: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["explain", code.lower()]) == DONE
     printed = capsys.readouterr().out

@@ -5,7 +5,9 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Mapping
+from functools import cache
 from textwrap import fill, indent
+from types import MappingProxyType
 from typing import NamedTuple
 
 from msggen.base.diagnostics import CODES
@@ -26,12 +28,13 @@ class ErrorText(NamedTuple):
     fix: str
 
 
+@cache
 def error_texts() -> Mapping[str, ErrorText]:
-    """Return the texts about all codes, by code."""
+    """Return the texts about all codes, by code. They are read once, which takes about 100 ms."""
     import yaml
 
     with open(_TEXTS, encoding="utf-8") as file:
-        return {code: ErrorText(**text) for code, text in yaml.safe_load(file).items()}
+        return MappingProxyType({code: ErrorText(**text) for code, text in yaml.safe_load(file).items()})
 
 
 def explain_code(code: str, *, width: int) -> str:
