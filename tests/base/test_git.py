@@ -104,15 +104,7 @@ def set_hostile(folder: str, mark: Path) -> None:
         shutil.copy(mark, hooks / hook)
         shutil.copy(mark, Path(folder, ".git/hooks", hook))
     included = Path(folder, ".git", "more").absolute()
-    for key in PROGRAMS:
-        run(
-            Path(folder),
-            "config",
-            "--file",
-            str(included),
-            key,
-            f"!{mark}" if key.startswith(("alias", "sub")) else str(mark),
-        )
+    included.write_text("".join(setting(key, mark) for key in PROGRAMS))
     run(Path(folder), "config", "core.hooksPath", str(hooks))
     run(Path(folder), "config", "filter.mark.required", "true")
     run(Path(folder), "config", "remote.origin.url", os.path.abspath(folder))
@@ -122,6 +114,14 @@ def set_hostile(folder: str, mark: Path) -> None:
     run(Path(folder), "config", "protocol.allow", "always")
     run(Path(folder), "config", f"includeIf.gitdir:{os.path.abspath(folder)}/.path", str(included))
     Path(folder, ".git/info/attributes").write_text("* filter=mark diff=mark merge=mark\n")
+
+
+def setting(key: str, mark: Path) -> str:
+    """Return the lines of a configuration that set `key`, without a process of git for each."""
+    section, _, rest = key.partition(".")
+    subsection, _, name = rest.rpartition(".")
+    header = f'{section} "{subsection}"' if subsection else section
+    return f"[{header}]\n\t{name} = {'!' * key.startswith(('alias', 'sub'))}{mark}\n"
 
 
 def lose(folder: str, name: str) -> None:
