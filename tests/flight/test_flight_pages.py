@@ -105,7 +105,7 @@ def table_of_the_page() -> list[str]:
     (block,) = re.findall(
         r"^\$ python docs/measure_flight_safety\.py\n(.*?)^```", TEXTS["flight_safety"], re.MULTILINE | re.DOTALL
     )
-    return block.splitlines()
+    return [*block.splitlines()]
 
 
 def test_measured_times_are_put_on_the_page() -> None:
