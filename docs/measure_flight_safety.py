@@ -276,12 +276,15 @@ def then_of(seen: Sequence[Seen]) -> str:
 
 def table(packages: Sequence[ModuleType], names: Sequence[str]) -> list[str]:
     """Return the lines of the table."""
-    lines = [f"{'seconds':37}" + "".join(f"{name:14}" for name in names) + "then"]
-    for text, case in CASES:
-        is_removable = _REMOVABLE in text
-        found = [[measure(each, case, phase, is_removable=is_removable) for phase in PHASES] for each in packages]
-        lines.append(f"{text:37}" + "".join(f"{times_of(each):14}" for each in found) + then_of(found[-1]))
-    return lines
+    head = f"{'seconds':37}" + "".join(f"{name:14}" for name in names) + "then"
+    return [head, *(line(packages, text, case) for text, case in CASES)]
+
+
+def line(packages: Sequence[ModuleType], text: str, case: Case) -> str:
+    """Return the line of a case."""
+    is_removable = _REMOVABLE in text
+    found = [[measure(each, case, phase, is_removable=is_removable) for phase in PHASES] for each in packages]
+    return f"{text:37}" + "".join(f"{times_of(each):14}" for each in found) + then_of(found[-1])
 
 
 _CELLS = {

@@ -4,15 +4,25 @@ from __future__ import annotations
 
 import signal
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from msggen.live.sim import Options, Simulator
-from support.flying import EXTERNAL, QUICK, FlyingProgram, commander, simulated, until
+from support.flying import (
+    EXTERNAL,
+    LONG,
+    QUICK,
+    FlyingProgram,
+    commander,
+    pass_time,
+    simulated,
+    until,
+    wait_long_for_replies,
+)
 from support.ports import free_port
 from support.simulation import built
 
@@ -42,7 +52,7 @@ def ready(
         program.end()
 
 
-def fly(simulator: Simulator, program: FlyingProgram, height: float = 5.0) -> None:
+def fly(simulator: Simulator, program: FlyingProgram, height: float = 2.0) -> None:
     """Take off as a user, and let the program fly its mode."""
     world = simulator.vehicles[0].world
     nan = float("nan")
@@ -58,16 +68,18 @@ def fly(simulator: Simulator, program: FlyingProgram, height: float = 5.0) -> No
 )
 def test_a_signal_ends_the_program_and_unregisters(number: int, code: set[int], url: str, px4_types: Any) -> None:
     with ready(url, px4_types) as (simulator, program):
+        wait_long_for_replies(simulator)
         program.signal(number)
-        assert until(lambda: not commander(simulator).components.modes, 1.0) < 0.5
+        until(lambda: not commander(simulator).components.modes, LONG)
         assert program.process.wait(10.0) in code
 
 
 @pytest.mark.parametrize("way", ["raises", "leaves"])
 def test_an_exception_and_the_end_of_the_interpreter_unregister(way: str, url: str, px4_types: Any) -> None:
     with ready(url, px4_types, way) as (simulator, program):
+        wait_long_for_replies(simulator)
         program.tell()
-        assert until(lambda: not commander(simulator).components.modes, 3.0) < 1.5
+        until(lambda: not commander(simulator).components.modes, LONG)
         assert program.process.wait(10.0) == (1 if way == "raises" else 0)
 
 
@@ -81,21 +93,24 @@ def test_a_signal_in_flight_lets_px4_return_although_the_program_computes(
         fly(simulator, program)
         if way == "computes":
             program.wait("computes")
+        if parameters:
+            wait_long_for_replies(simulator)
         program.signal(signal.SIGTERM)
         if parameters:
-            assert until(lambda: not commander(simulator).components.modes, 1.0) < 0.5
-        assert until(lambda: commander(simulator).mode == RETURN, 5.0) < 1.6, "PX4 waits 1 s for answers"
+            until(lambda: not commander(simulator).components.modes, LONG)
+        until(lambda: commander(simulator).mode == RETURN)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("pause", "way"), [(0.4, "await"), (0.4, "executes"), (3.0, "await"), (3.0, "resumes")])
-def test_a_program_that_is_back_soon_goes_on(pause: float, way: str, url: str, px4_types: Any) -> None:
-    def attempt() -> None:
-        with ready(url, px4_types, way) as (simulator, program):
-            goes_on = (pause, way) != (3.0, "await")
-            follows(simulator, program, FlyingProgram(url, px4_types, way), pause=pause, goes_on=goes_on)
-
-    in_real_time(attempt)
+@pytest.mark.parametrize(
+    ("is_lost", "way"),
+    [(False, "await"), (False, "executes"), (True, "await"), (True, "resumes")],
+    ids=["soon-await", "soon-executes", "late-await", "late-resumes"],
+)
+def test_a_program_that_is_back_soon_goes_on(way: str, url: str, px4_types: Any, *, is_lost: bool) -> None:
+    with ready(url, px4_types, way) as (simulator, program):
+        goes_on = not is_lost or way == "resumes"
+        follows(simulator, program, FlyingProgram(url, px4_types, way), is_lost=is_lost, goes_on=goes_on)
 
 
 @pytest.mark.slow
@@ -103,53 +118,39 @@ def test_a_program_that_is_back_soon_goes_on(pause: float, way: str, url: str, p
 @pytest.mark.parametrize("way", ["await", "limits"])
 def test_a_program_on_a_shared_link_that_is_back_soon_goes_on(way: str, url: str, px4_types: Any) -> None:
     """With limits, it needs the home position at once, which PX4 does not repeat."""
-
-    def attempt() -> None:
-        with ready(url, px4_types, way) as (simulator, program):
-            follows(simulator, program, FlyingProgram(url, px4_types, way), pause=0.4, goes_on=True)
-            assert simulator.vehicles[0].world.flight.velocity[0] > 1.0
-
-    in_real_time(attempt)
+    with ready(url, px4_types, way) as (simulator, program):
+        follows(simulator, program, FlyingProgram(url, px4_types, way), is_lost=False, goes_on=True)
+        assert simulator.vehicles[0].world.flight.velocity[0] > 1.0
 
 
 @pytest.mark.slow
 def test_a_program_for_an_older_vehicle_that_is_back_soon_goes_on(url: str, tmp_path: Path) -> None:
     types = built("v1.16", tmp_path)
-
-    def attempt() -> None:
-        with ready(url, types) as (simulator, program):
-            follows(simulator, program, FlyingProgram(url, types), pause=0.4, goes_on=True)
-
-    in_real_time(attempt)
-
-
-def in_real_time(attempt: Callable[[], None], times: int = 3) -> None:
-    """Try a few times: on a busy machine, PX4's 1 s can be over before a program has begun."""
-    for _ in range(times - 1):
-        with suppress(AssertionError):
-            attempt()
-            return
-    attempt()
+    with ready(url, types) as (simulator, program):
+        follows(simulator, program, FlyingProgram(url, types), is_lost=False, goes_on=True)
 
 
 def follows(
-    simulator: Simulator, program: FlyingProgram, following: FlyingProgram, *, pause: float, goes_on: bool
+    simulator: Simulator, program: FlyingProgram, following: FlyingProgram, *, is_lost: bool, goes_on: bool
 ) -> None:
-    """Kill a program in its mode, let another one follow, and check whether that goes on."""
+    """Kill a program in its mode, and check whether another one goes on, before or after PX4 has returned."""
     fly(simulator, program)
-    time.sleep(1.5)
+    pass_time(simulator, 1.0)
     vehicle = simulator.vehicles[0]
     vehicle.changes.clear()
     in_charge = commander(simulator).executor_in_charge
-    program.signal(signal.SIGKILL)
-    time.sleep(pause)
-    is_lost = pause > 1.5  # PX4 waits 1 s for answers
-    assert (commander(simulator).mode == RETURN) == is_lost
+    if is_lost:
+        program.signal(signal.SIGKILL)
+        until(lambda: commander(simulator).mode == RETURN)
+    else:
+        wait_long_for_replies(simulator)
+        program.signal(signal.SIGKILL)
+    program.process.wait(LONG)  # its port is free then
     following.tell()
     if goes_on:
         following.wait("ready")
         assert following.wait("flies") == "flies, True"
-        time.sleep(2.0)
+        pass_time(simulator, 1.5)
         assert commander(simulator).mode == EXTERNAL
         assert commander(simulator).executor_in_charge == in_charge
         assert any("return" in each.text for each in vehicle.changes) == is_lost
@@ -164,7 +165,7 @@ def test_a_killed_program_gets_its_slot_again_on_the_ground(url: str, px4_types:
     with ready(url, px4_types) as (simulator, program):
         following = FlyingProgram(url, px4_types)
         program.signal(signal.SIGKILL)
-        program.process.wait(10.0)  # its port is free then
+        program.process.wait(LONG)  # its port is free then
         following.tell()
         following.wait("ready")
         assert {*commander(simulator).components.modes} == {EXTERNAL}

@@ -85,9 +85,12 @@ def flown(main: Coroutine[Any, Any, None], *vehicles: Tracked) -> None:
         assert not world.commander.components.modes
 
 
-@pytest.fixture(params=[(), *((each,) for each in DISTURBANCES), tuple(DISTURBANCES)], ids="+".join)
+ONE_BY_ONE = [pytest.param((each,), marks=pytest.mark.night, id=each) for each in DISTURBANCES]
+
+
+@pytest.fixture(params=[(), *ONE_BY_ONE, tuple(DISTURBANCES)], ids="+".join)
 def disturbances(request: pytest.FixtureRequest) -> tuple[str, ...]:
-    """Nothing that makes flying hard, each thing that does, and all of them."""
+    """Nothing that makes flying hard, all of that and, at night, each thing by itself."""
     found: tuple[str, ...] = request.param
     return found
 

@@ -131,7 +131,7 @@ requests = st.one_of(
 )
 
 
-@settings(max_examples=examples(60))
+@settings(max_examples=examples(60, by_day=8))
 @given(st.lists(st.tuples(requests, durations), min_size=1, max_size=6), st.sampled_from(["mode", "offboard"]))
 def test_no_place_beyond_the_limits_is_sent_or_flown(px4_types: Any, asked: list[Any], way: str) -> None:
     async def ask(target: Any) -> None:

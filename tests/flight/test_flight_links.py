@@ -35,7 +35,17 @@ from msggen.live.sim.commander.components import Registration
 from msggen.sources.catalog import read_catalog
 from msggen.sources.sources import find_sources
 from support.catalogs import write_definitions
-from support.flying import EXTERNAL, PATIENCE, QUICK, FlyingProgram, commander, simulated, until
+from support.flying import (
+    EXTERNAL,
+    LONG,
+    PATIENCE,
+    QUICK,
+    FlyingProgram,
+    commander,
+    simulated,
+    until,
+    wait_long_for_replies,
+)
 from support.link_records import nothing_is_left
 from support.ports import free_port
 from support.repository import ROOT
@@ -66,7 +76,7 @@ class Hops(Executor):
         self.end = asyncio.Event()
 
     async def run(self) -> None:
-        await self.takeoff(2.5)
+        await self.takeoff(1.5)
         self.done.append("takeoff")
         await self.fly()
         self.done.append("hop")
@@ -109,9 +119,10 @@ async def enters(flight: Flight, *parts: Any) -> None:
 @pytest.mark.parametrize("release", ["v1.18", "v1.16"])
 def test_a_flight_over_an_own_link(release: str, url: str, px4_types: Any, tmp_path: Path) -> None:
     types = px4_types if release == "v1.18" else built(release, tmp_path)
-    with nothing_is_left(), simulated(types, url) as simulator:
-        assert asyncio.run(hops(Flight(url, types))) == ["takeoff", "hop", "landed"]
-        until(lambda: not commander(simulator).components.modes, 1.0)
+    with nothing_is_left(), simulated(types, url, speed=2.0) as simulator:
+        wait_long_for_replies(simulator)
+        assert asyncio.run(hops(Flight(url, types, key=1))) == ["takeoff", "hop", "landed"]
+        until(lambda: not commander(simulator).components.modes, LONG)
 
 
 @pytest.mark.slow
@@ -119,8 +130,9 @@ def test_a_flight_over_an_own_link(release: str, url: str, px4_types: Any, tmp_p
 def test_a_flight_over_a_link_that_another_process_owns(url: str, px4_types: Any) -> None:
     with simulated(px4_types, url) as simulator, nothing_is_left(), Vehicle(url, px4_types) as vehicle:
         assert vehicle.is_shared
+        wait_long_for_replies(simulator)
         assert asyncio.run(hops(Flight(vehicle))) == ["takeoff", "hop", "landed"]
-        until(lambda: not commander(simulator).components.modes, 1.0)
+        until(lambda: not commander(simulator).components.modes, LONG)
         assert vehicle.is_connected, "a flight closes only a Vehicle of its own"
 
 
@@ -138,18 +150,19 @@ def test_two_programs_do_not_fly_one_mode(url: str, px4_types: Any) -> None:
         )
         assert other.end() == 0
         assert {*commander(simulator).components.modes} == {EXTERNAL}
+        wait_long_for_replies(simulator)
         program.process.terminate()
         assert program.end() == 143
-        assert until(lambda: not commander(simulator).components.modes, 1.0) < 0.5
+        until(lambda: not commander(simulator).components.modes, LONG)
 
 
 def test_a_slot_that_another_program_has_is_told(url: str, px4_types: Any, caplog: pytest.LogCaptureFixture) -> None:
     with simulated(px4_types, url) as simulator:
-        asyncio.run(enters(Flight(url, px4_types), Rests))
+        asyncio.run(enters(Flight(url, px4_types, key=1), Rests))
         assert not caplog.records
         until(lambda: not commander(simulator).components.modes)
         commander(simulator).register(Registration("Rests", check=True, mode=True))
-        asyncio.run(enters(Flight(url, px4_types), Rests))
+        asyncio.run(enters(Flight(url, px4_types, key=1), Rests))
         assert "mode 'Rests' is mode 24 of the vehicle and was 23 before" in caplog.text
 
 
@@ -157,7 +170,7 @@ def test_other_definitions_are_told_before_anything_is_sent(url: str, px4_types:
     options = QUICK._replace(misbehaviour=Misbehaviour(wrong_hashes=["GotoSetpoint", "ArmingCheckReply"]))
     with simulated(px4_types, url, options) as simulator:
         with pytest.raises(UnsupportedError) as caught:
-            asyncio.run(enters(Flight(url, px4_types), Rests))
+            asyncio.run(enters(Flight(url, px4_types, key=1), Rests))
         assert "other definitions of ArmingCheckReply, GotoSetpoint: give the types of its release" in str(caught.value)
         assert "px4_types" in str(caught.value)
         assert not simulator.vehicles[0].received[REGISTER + "_v2"]
@@ -167,8 +180,8 @@ def test_the_package_that_fits_the_vehicle_is_taken(url: str, px4_types: Any, tm
     old = built("v1.16", tmp_path)
     with simulated(old, url):
         with pytest.raises(UnsupportedError, match=r"the vehicle has v1\.16, and px4_types has other definitions of"):
-            asyncio.run(enters(Flight(url, px4_types), Rests))
-        asyncio.run(enters(Flight(url, [px4_types, old]), Rests))
+            asyncio.run(enters(Flight(url, px4_types, key=1), Rests))
+        asyncio.run(enters(Flight(url, [px4_types, old], key=1), Rests))
 
 
 def test_a_topic_that_the_vehicle_does_not_have_is_named(
@@ -177,7 +190,7 @@ def test_a_topic_that_the_vehicle_does_not_have_is_named(
     less = without(["/fmu/in/goto_setpoint", "/fmu/out/home_position"], tmp_path, monkeypatch)
 
     async def asks() -> None:
-        async with Flight(url, px4_types) as flight:
+        async with Flight(url, px4_types, key=1) as flight:
             with pytest.raises(UnsupportedError, match="does not bridge /fmu/in/goto_setpoint: "):
                 await flight.add(Rests)
             with pytest.raises(UnsupportedError, match="does not bridge /fmu/out/home_position: "):
@@ -212,7 +225,7 @@ def test_a_link_that_is_lost_keeps_the_modes(url: str, px4_types: Any) -> None:
     options = QUICK._replace(misbehaviour=Misbehaviour(restart_every=4.0))
 
     async def stays() -> None:
-        async with Flight(url, px4_types) as flight:
+        async with Flight(url, px4_types, key=1) as flight:
             await flight.add(Rests)
             ids = flight.find(Rests).ids
             await asyncio.sleep(9.0)
@@ -236,7 +249,7 @@ def test_a_vehicle_that_restarts_gets_all_modes_again(
     async def restarts() -> None:
         loop = asyncio.get_running_loop()
         simulator = await asyncio.to_thread(Simulator(types, url, [QUICK]).__enter__)
-        async with Flight(url, types) as flight:
+        async with Flight(url, types, key=1) as flight:
             await flight.add(Hops, Rests)
             await flight.arm()
             await flight.takeoff(2.5)
@@ -263,18 +276,18 @@ def test_a_vehicle_that_restarts_gets_all_modes_again(
 @pytest.mark.usefixtures("owned")
 def test_the_death_of_the_owner_of_the_link_does_not_end_a_mode(url: str, px4_types: Any) -> None:
     async def stays(simulator: Simulator) -> None:
-        async with Flight(url, px4_types) as flight:
+        async with Flight(url, px4_types, key=1) as flight:
             await flight.add(Rests)
             await flight.arm()
             await flight.takeoff(2.5)
             await flight.set_mode(Rests)
             (owner,) = owners()
+            wait_long_for_replies(simulator)
             os.kill(owner.state["pid"], signal.SIGKILL)
-            await asyncio.sleep(3.0)
+            await until_so(lambda: {each.state.get("pid") for each in owners()} - {None, owner.state["pid"]})
+            await until_so(lambda: flight.feeds["vehicle_status"].age < 0.5)
             assert commander(simulator).mode == EXTERNAL
             assert "return" not in " ".join(each.text for each in simulator.vehicles[0].changes)
-            assert [each.state["pid"] for each in owners()] != [owner.state["pid"]]
-            assert flight.feeds["vehicle_status"].age < 1.0
             await flight.land()
 
     with simulated(px4_types, url) as simulator, nothing_is_left():
@@ -284,7 +297,7 @@ def test_the_death_of_the_owner_of_the_link_does_not_end_a_mode(url: str, px4_ty
 @pytest.mark.usefixtures("owned")
 def test_a_flight_is_told_that_the_owner_of_the_link_stands_still(url: str, px4_types: Any) -> None:
     async def program() -> None:
-        async with Flight(url, px4_types) as flight:
+        async with Flight(url, px4_types, key=1) as flight:
             assert flight.problem == ""
             (owner,) = owners()
             os.kill(owner.state["pid"], signal.SIGSTOP)
@@ -336,7 +349,7 @@ def test_a_vehicle_that_is_gone_makes_actions_fail_in_time(
 ) -> None:
     async def goes() -> None:
         simulator = await asyncio.to_thread(Simulator(px4_types, url, [QUICK]).__enter__)
-        async with Flight(url, px4_types) as flight:
+        async with Flight(url, px4_types, key=1) as flight:
             await flight.add(Rests)
             await asyncio.to_thread(simulator.close)
             begin = time.monotonic()
@@ -366,7 +379,11 @@ def without(topics: list[str], folder: Path, monkeypatch: pytest.MonkeyPatch) ->
 
 @pytest.fixture
 def patient(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Wait longer for vehicles that connect later: a busy computer connects them so."""
+    """Wait longer for vehicles that connect later: a busy computer connects them so.
+
+    A flight that begins within 2 s after that of another test would not wait at all.
+    """
+    monkeypatch.setattr("msggen.flight.parts.FRESH", 0.0)
     for name in ("flight.link._OTHERS", "live.xrce.agent._SETTLED"):
         monkeypatch.setattr(f"msggen.{name}", 30.0)
 
@@ -393,8 +410,9 @@ def test_a_vehicle_that_connects_later_is_not_overlooked(
     asyncio.run(begins())
 
 
-def test_two_vehicles_with_the_same_key_are_two(url: str, px4_types: Any) -> None:
+def test_two_vehicles_with_the_same_key_are_two(url: str, px4_types: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """It is 1 unless it was set, so this is the usual case."""
+    monkeypatch.setattr("msggen.flight.parts.FRESH", 0.0)  # see `patient`
 
     async def begins() -> None:
         with pytest.raises(FlightError, match=r"2 vehicles are on udp.*key 1.*key 1.*UXRCE_DDS_KEY of each"):

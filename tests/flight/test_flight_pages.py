@@ -75,13 +75,37 @@ def test_the_names_of_msggen_on_the_page_exist() -> None:
     assert words - known == set()
 
 
-@pytest.mark.slow
-def test_the_measured_times_are_those_of_the_page(px4_types: Any, tmp_path_factory: pytest.TempPathFactory) -> None:
+@pytest.fixture(scope="module")
+def measured(px4_types: Any, tmp_path_factory: pytest.TempPathFactory) -> list[Any]:
+    """The packages of the releases of the table."""
     build = partial(built, folder=tmp_path_factory.mktemp("types"))
-    packages = [px4_types if release == "v1.18" else build(release) for release in MEASURE["RELEASES"]]
-    lines = MEASURE["table"](packages, MEASURE["RELEASES"])
-    assert lines[1] in TEXTS["flight_safety"].splitlines(), "stale: python docs/measure_flight_safety.py --write"
-    assert MEASURE["updated"](TEXTS["flight_safety"], lines) == TEXTS["flight_safety"]
+    return [px4_types if release == "v1.18" else build(release) for release in MEASURE["RELEASES"]]
+
+
+@pytest.mark.night  # all cases take half a minute; the next test measures one
+def test_the_measured_times_are_those_of_the_page(measured: list[Any]) -> None:
+    lines = MEASURE["table"](measured, MEASURE["RELEASES"])
+    assert lines == table_of_the_page(), "stale: python docs/measure_flight_safety.py --write"
+
+
+def test_a_measured_time_is_that_of_the_page(measured: list[Any]) -> None:
+    text, case = MEASURE["CASES"][0]
+    assert MEASURE["line"](measured, text, case) in table_of_the_page()
+
+
+def test_the_page_has_the_measured_times_in_both_tables() -> None:
+    head, *lines = table_of_the_page()
+    assert head.split() == ["seconds", *MEASURE["RELEASES"], "then"]
+    assert [line[:37].rstrip() for line in lines] == [text for text, _ in MEASURE["CASES"]]
+    assert MEASURE["updated"](TEXTS["flight_safety"], [head, *lines]) == TEXTS["flight_safety"]
+
+
+def table_of_the_page() -> list[str]:
+    """Return the lines of the table that docs/measure_flight_safety.py prints."""
+    (block,) = re.findall(
+        r"^\$ python docs/measure_flight_safety\.py\n(.*?)^```", TEXTS["flight_safety"], re.MULTILINE | re.DOTALL
+    )
+    return [*block.splitlines()]
 
 
 def test_measured_times_are_put_on_the_page() -> None:

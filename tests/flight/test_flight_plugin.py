@@ -163,7 +163,7 @@ def mine(sim_vehicle):
     return sim_vehicle
 
 class TestThem:
-    @pytest.mark.parametrize("seconds", [10, 100])
+    @pytest.mark.parametrize("seconds", [10, 30])
     async def test_through_a_fixture(self, mine, seconds):
         assert isinstance(self, TestThem)
         await asyncio.sleep(seconds)

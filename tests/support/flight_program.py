@@ -2,7 +2,7 @@
 
     python -m support.flight_program URL FOLDER PACKAGE WAY
 
-It begins when a line is written to its input.
+It begins when a line is written to its input, and flies the vehicle with the key 1: it waits for no other.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ def main(url: str, folder: str, package: str, way: str) -> None:
     sys.stdin.readline()
     Stays.way = way
     limits = Limits(height=100.0, distance=5000.0) if way == "limits" else NO_LIMITS
-    flight = Flight(url, types, resume=way == "resumes", limits=limits)
+    flight = Flight(url, types, key=1, resume=way == "resumes", limits=limits)
     try:
         asyncio.run(left(flight) if way == "leaves" else program(flight, way))
     except FlightError as error:

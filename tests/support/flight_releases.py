@@ -1,18 +1,42 @@
-"""A fixture with the types of each release that has flight modes. Tests name this module in `pytest_plugins`."""
+"""A fixture with the types of each release that has flight modes. Tests name this module in `pytest_plugins`.
+
+By day, a test flies the newest release and one of the others, which its name draws; at night, it flies all of them.
+"""
 
 from __future__ import annotations
 
+import re
 from typing import Any
+from zlib import crc32
 
 import pytest
 
 from msggen.sources.embedded import EMBEDDED
 from support.simulation import built
 
-RELEASES = [release for release in EMBEDDED[::-1] if release != "v1.14"]
+NEWEST, *OTHERS = (release for release in EMBEDDED if release != "v1.14")
+RELEASES = [*OTHERS[::-1], NEWEST]
 
 
 @pytest.fixture(scope="module", params=RELEASES)
 def types(request: pytest.FixtureRequest, px4_types: Any, tmp_path_factory: pytest.TempPathFactory) -> Any:
     """The types of a release."""
-    return px4_types if request.param == EMBEDDED[0] else built(request.param, tmp_path_factory.mktemp("types"))
+    return px4_types if request.param == NEWEST else built(request.param, tmp_path_factory.mktemp("types"))
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Leave the releases to the night that are not drawn for a test."""
+    for item in items:
+        release = (
+            item.callspec.params.get("types")
+            if isinstance(item, pytest.Function) and hasattr(item, "callspec")
+            else None
+        )
+        if release in OTHERS and release != drawn(item.nodeid):
+            item.add_marker("night")
+
+
+def drawn(test: str) -> str:
+    """Return the older release that a test flies by day, the same one for all of its releases."""
+    return OTHERS[crc32(re.sub(r"v1\.\d+", "", test).encode()) % len(OTHERS)]

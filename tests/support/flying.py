@@ -17,16 +17,33 @@ from msggen.live.sim import Options, Simulator
 from support.repository import ROOT
 
 PATIENCE = 20.0
+LONG = 10.0
+"""A time in s in which a busy computer does something that takes a moment, shorter than PX4 waits: see below."""
 EXTERNAL = 23
 QUICK = Options(sync="off")
 """A vehicle that connects at once."""
 
 
 @contextmanager
-def simulated(package: ModuleType, url: str, options: Options = QUICK) -> Iterator[Simulator]:
+def simulated(package: ModuleType, url: str, options: Options = QUICK, *, speed: float = 1.0) -> Iterator[Simulator]:
     """Simulate a vehicle in a thread."""
-    with Simulator(package, url, [options]) as simulator:
+    with Simulator(package, url, [options], speed=speed) as simulator:
         yield simulator
+
+
+def wait_long_for_replies(simulator: Simulator) -> None:
+    """Let PX4 wait more than `LONG` for the replies of programs, not 1 s: a mode that goes before was unregistered.
+
+    A busy computer does not start a process in 1 s.
+    """
+    checks = commander(simulator).checks
+    checks._rules = checks._rules._replace(misses=50)
+
+
+def pass_time(simulator: Simulator, seconds: float) -> None:
+    """Wait for some time of the vehicles."""
+    end = simulator.now + round(seconds * 1e6)
+    until(lambda: simulator.now >= end)
 
 
 def until(condition: Callable[[], object], seconds: float = PATIENCE) -> float:

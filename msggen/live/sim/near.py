@@ -71,6 +71,8 @@ class NearVehicle:
         self._publish_due()
 
     def _publish_due(self) -> None:
+        if not self._schedule.is_due(self.time):
+            return
         scene = Scene(self.world, self._noise, Clocks())
         for publication in self._schedule.take(self.time):
             topic = publication.topic

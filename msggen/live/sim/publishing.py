@@ -119,6 +119,10 @@ class Schedule:
         """The time of the next sample, None without topics."""
         return self._due[0][0] if self._due else None
 
+    def is_due(self, now: int) -> bool:
+        """Whether a topic is due."""
+        return bool(self._due) and self._due[0][0] <= now
+
     def hasten(self, topics: Iterable[str], now: int) -> None:
         """Bring the next samples of topics forward, because something of them has changed."""
         for topic in topics:

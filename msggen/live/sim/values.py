@@ -106,7 +106,9 @@ class Filler:
 
     def filled(self, values: Values, time: int) -> Any:
         """Return a message with those of some values that it has, of a time in us."""
-        made = self.message(**{name: value for name, value in values.items() if name in self._names})
+        if not values.keys() <= self._names:
+            values = {name: value for name, value in values.items() if name in self._names}
+        made = self.message(**values)
         made.timestamp = time
         if self.is_sampled:
             made.timestamp_sample = time

@@ -134,7 +134,10 @@ class World:
 
     def _follow_home(self) -> None:
         """Let home be where the vehicle is armed, and then where it takes off, as PX4 does with COM_HOME_EN."""
-        before, self._rests = self._rests, (not self.commander.is_armed, self.landing.landed)
+        rests = not self.commander.is_armed, self.landing.landed
+        if rests == self._rests:
+            return
+        before, self._rests = self._rests, rests
         self.control_changes += before[1] != self._rests[1]
         begins = any(was and not still for was, still in zip(before, self._rests, strict=True))
         if begins and self.has_position and not self._is_manual_home and not self.commander.keeps_home:

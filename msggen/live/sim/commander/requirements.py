@@ -75,6 +75,8 @@ class Requirements:
         The reply is None if a mode does not answer, and the mode -1 if a check belongs to none.
         """
         self.masks = dict(OF_PX4)
+        self._needed: dict[tuple[int, bool], tuple[str, ...]] = {}
+        """The requirements of modes that have been asked for."""
         self.blocks_arming = False
         """Whether a check that belongs to no mode does not let the vehicle arm."""
         self.masks[OTHER] &= ~sum(1 << mode for mode in registered)
@@ -105,9 +107,15 @@ class Requirements:
 
         PX4's failsafes go `with_sticks` False: they deal with lost sticks by themselves.
         """
+        key = mode, with_sticks
+        if key not in self._needed:
+            self._needed[key] = self._needs(mode, with_sticks=with_sticks)
+        return tuple([name for name in self._needed[key] if name == OTHER or not getattr(senses, name)])
+
+    def _needs(self, mode: int, *, with_sticks: bool) -> tuple[str, ...]:
+        """Return the requirements of a mode that can be missing."""
         ignored = {PREVENT_ARMING} if with_sticks else {PREVENT_ARMING, STICKS}
-        names = (name for name, mask in self.masks.items() if mask >> mode & 1 and name not in ignored)
-        return tuple(name for name in names if name == OTHER or not getattr(senses, name))
+        return tuple(name for name, mask in self.masks.items() if mask >> mode & 1 and name not in ignored)
 
     def prevents_arming(self, mode: int) -> bool:
         """Whether the vehicle must not be armed in a mode."""
