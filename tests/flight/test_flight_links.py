@@ -367,7 +367,7 @@ def without(topics: list[str], folder: Path, monkeypatch: pytest.MonkeyPatch) ->
 @pytest.fixture
 def patient(monkeypatch: pytest.MonkeyPatch) -> None:
     """Wait longer for vehicles that connect later: a busy computer connects them so."""
-    for name in ("flight.link._OTHERS", "live.xrce.agent._SETTLED"):
+    for name in ("live.vehicle.alone._OTHERS", "live.xrce.agent._SETTLED"):
         monkeypatch.setattr(f"msggen.{name}", 30.0)
 
 
