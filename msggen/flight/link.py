@@ -156,6 +156,8 @@ class LinkConnection:
         def end() -> None:
             inbox.close()
             subscription.close()
+            if self._subscriptions.get(topic) is subscription:  # unless the topic has a newer one
+                del self._subscriptions[topic]
 
         return end
 

@@ -26,7 +26,7 @@ from msggen.flight import (
     NoAnswerError,
     UnsupportedError,
 )
-from msggen.flight.link import _WAITING, _Inbox
+from msggen.flight.link import _WAITING, LinkConnection, _Inbox
 from msggen.generate.python.package import render_package
 from msggen.live import Vehicle
 from msggen.live.links.udp import UdpLink
@@ -141,6 +141,21 @@ def test_two_programs_do_not_fly_one_mode(url: str, px4_types: Any) -> None:
         program.process.terminate()
         assert program.end() == 143
         assert until(lambda: not commander(simulator).components.modes, 1.0) < 0.5
+
+
+def test_subscriptions_that_have_ended_are_forgotten(url: str, px4_types: Any) -> None:
+    async def subscribes(vehicle: Vehicle) -> int:
+        connection = LinkConnection(vehicle, (px4_types,))
+        await connection.open(())
+        for topic in ("vehicle_status", "vehicle_land_detected") * 20:
+            older, newer = (connection.subscribe(topic, lambda _: None) for _ in range(2))
+            older()
+            connection.recall(topic, lambda *_: None)
+            newer()
+        return len(connection._subscriptions)
+
+    with simulated(px4_types, url), Vehicle(url, px4_types) as vehicle:
+        assert asyncio.run(subscribes(vehicle)) == 0
 
 
 def test_a_slot_that_another_program_has_is_told(url: str, px4_types: Any, caplog: pytest.LogCaptureFixture) -> None:
