@@ -61,6 +61,8 @@ class AgentLink(ABC):
         self.sent = 0
         self.unsent = 0
         """Messages that were dropped because they had waited for too long."""
+        self.overdue = 0
+        """Those of them that the transport has dropped at once, because it is too slow for them."""
         self.resources = ExitStack()
         """Closes what the transport has opened so far."""
         self._thread: threading.Thread | None = None
@@ -128,7 +130,10 @@ class AgentLink(ABC):
                 self.unsent += 1
                 raise StaleError(f"a message of {route.name} {LATE}")
             agent.publish(remote.number, route.object_id, payload, until)
+            before = self.overdue
             self.transmit(agent.take_outgoing(), until)
+            if self.overdue > before:
+                raise StaleError(f"{self.name()} is too slow for what is sent: a message of {route.name} was dropped")
 
     def call(self, remote: Remote, service: Service, number: int, payload: bytes, until: int = NEVER) -> None:
         """Send a request. From any thread. Raises LinkError."""

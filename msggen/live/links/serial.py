@@ -155,6 +155,7 @@ class SerialLink(SelectorLink):
             arrival = now_ns() + (ahead + len(frame)) * _BITS * 1_000_000_000 // self.baud
             if until < NEVER and arrival > until:
                 self.unsent += 1
+                self.overdue += 1
             elif until == NEVER and ahead + len(frame) > max(LEAST_KEPT, int(self.baud / _BITS * LONGEST_S)):
                 self._unsent += 1
             else:

@@ -19,7 +19,7 @@ from typing import Any
 import pytest
 
 from msggen.live.age import LONGEST_S, NEVER
-from msggen.live.link import LinkError, Route
+from msggen.live.link import LinkError, Route, StaleError
 from msggen.live.links import serial
 from msggen.live.links.serial import LineQueue, SerialLink
 from msggen.live.xrce.framing import CLIENT, Deframer, pack_frame
@@ -179,8 +179,14 @@ def test_a_line_that_nobody_reads_does_not_grow_or_block(vehicle: Vehicle) -> No
         connect(vehicle, link, records)
         route = records.route("/fmu/in/trajectory_setpoint")
         assert isinstance(route, Route)
+        told: list[str] = []
         for _ in range(2000):
-            link.publish(records.remotes[0], route, b"\0\1\0\0" + bytes(100))
+            try:
+                link.publish(records.remotes[0], route, b"\0\1\0\0" + bytes(100))
+            except StaleError as error:
+                told.append(str(error))
+        assert len(told) > 1000
+        assert {*told} == {f"{link.name()} is too slow for what is sent: a message of {route.name} was dropped"}
         records.wait(lambda: records.warnings)
         assert "too slow" in records.warnings[0]
         assert link._queue.size <= serial.LEAST_KEPT
