@@ -15,6 +15,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from functools import partial
+from itertools import groupby
+from operator import itemgetter
 from queue import Empty, SimpleQueue
 
 from msggen.live.age import LATE, NEVER, expiry, is_over, now
@@ -287,9 +289,8 @@ class AgentLink(ABC):
 
     def settle(self) -> list[Event]:
         """Send what the agent has to send, and return what has happened. The caller holds the lock."""
-        outgoing = self.agent.take_outgoing()
-        if outgoing:
-            self.transmit(outgoing)
+        for until, datagrams in groupby(self.agent.take_datagrams(), itemgetter(2)):
+            self.transmit([each[:2] for each in datagrams], until)  # requests that are sent again keep their time
         return self.agent.take_events()
 
 

@@ -18,6 +18,7 @@ from typing import Any
 
 import pytest
 
+from msggen.live import age
 from msggen.live.age import LONGEST_S, NEVER
 from msggen.live.link import LinkError, Route, StaleError
 from msggen.live.links import serial
@@ -212,6 +213,23 @@ def test_what_waited_for_a_line_is_not_written_later(vehicle: Vehicle, monkeypat
         found = [answer for answer in vehicle.received() if kind(answer) == DATA]
         assert [struct.unpack_from("<Q", data, 12)[0] for data in found] == [99]
         assert link.statistics().unsent == 10
+
+
+def test_a_request_that_is_sent_again_waits_no_longer_for_the_line(
+    vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with linked(vehicle) as (link, records):
+        connect(vehicle, link, records)
+        soon = age.now() + 50_000_000
+        with link.lock:
+            monkeypatch.setattr(os, "write", _refuse)
+            link.agent._outbox.send(bytes(20), vehicle.path, soon)
+            link.settle()
+            assert [frame.until for frame in link._queue._frames] == [soon]
+            time.sleep(0.1)
+            monkeypatch.undo()
+            link._write()
+        assert link.statistics().unsent == 1
 
 
 def _refuse(*_: object) -> int:
