@@ -45,7 +45,7 @@ def _call(options: argparse.Namespace) -> int:
     def request_of(package: ModuleType) -> Any:
         return values.message(service_of(options, package).Request)
 
-    with connection(options, request_of) as found:
+    with connection(options, request_of, acts=True) as found:
         request = request_of(found.package)
         wait_told(found, type(request).__msg__.ros_type)
         print(*found.package.show(found.vehicle.call(request, options.timeout)).split("\n"), sep="\n")

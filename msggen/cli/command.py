@@ -92,7 +92,7 @@ def _command(options: argparse.Namespace) -> int:
         rows = _all(expected) if options.command is None else _one(_found(options, expected))
         print(*map(Styled, rows), sep="\n")
         return DONE
-    with connection(options, lambda package: _message(options, package, (1, 1))) as found:
+    with connection(options, lambda package: _message(options, package, (1, 1)), acts=True) as found:
         return _send(options, found)
 
 

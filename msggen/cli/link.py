@@ -44,6 +44,7 @@ _IN_NAMESPACE = re.compile("(?!rt/fmu/)(?:rt/|/)?([^/]+(?:/.+)?)/fmu/(?:in|out)/
 _CALLS = re.compile(r"[;:] [^;:]*\b(?:wait_connected|routes|encode)\(.*")
 """The end of an error that names what programs call."""
 _KEYWORDS = re.compile(r"\b(allow|key|namespace)=(?=[, ])")
+_CHOICE = "Say which one is meant: --key {key}, or --namespace"
 _TYPES_CURE = "name the vehicle's firmware, --px4 PX4-Autopilot, or its package, --types"
 
 
@@ -111,7 +112,7 @@ def add_allowed(group: Group) -> None:
 
 @contextmanager
 def connection(
-    options: argparse.Namespace, check: Check | None = None, *, needs_types: bool = True
+    options: argparse.Namespace, check: Check | None = None, *, needs_types: bool = True, acts: bool = False
 ) -> Iterator[Connection]:
     """Connect to the vehicle that the options of `add_link` name, and close the link at the end.
 
@@ -123,11 +124,15 @@ def connection(
     the vehicle alone. Says on stderr that it waits, if nothing connects for a while. Raises InputError if the link
     cannot be opened, or nothing connects.
 
+    With `acts`, the command changes what the vehicle does: it waits until all vehicles on the link have connected, and
+    several are an error unless the options say which one is meant.
+
     A session that an earlier program began is continued. If that left no record of the session, its topics must be
     those of the known types, or else of the newest release, and its namespace is not known (docs/vehicle.md). If the
     user names a topic in a namespace, that selects the vehicle then, as --namespace does.
     """
     from msggen.live import LinkError, Vehicle
+    from msggen.live.vehicle.alone import wait_alone
     from msggen.live.vehicle.selection import is_unnamed
 
     link, known = link_of(options), known_types(options)
@@ -156,6 +161,8 @@ def connection(
             if chosen.types != first:
                 before, vehicle = vehicle, opened(*chosen.types)  # on the link that is open
                 before.close()
+            if acts:
+                wait_alone(vehicle, _CHOICE)
             remote = vehicle.remote
             package, label = chosen.types[0]
             knows_namespace = bool(remote.namespace) or not is_unnamed(remote)

@@ -7,8 +7,6 @@ import sys
 from types import ModuleType
 
 from msggen.base.diagnostics import InputError
-from msggen.cli.chosen_types import folder_sources
-from msggen.cli.sources import settings_of
 
 
 def folder_firmware(options: argparse.Namespace) -> tuple[ModuleType, str] | None:
@@ -16,6 +14,8 @@ def folder_firmware(options: argparse.Namespace) -> tuple[ModuleType, str] | Non
 
     The setting `types` is not used: `log` reads files of others, and imports no package of theirs.
     """
+    from msggen.cli.chosen_types import folder_sources
+    from msggen.cli.sources import settings_of
     from msggen.generate.cache import package_from
 
     try:

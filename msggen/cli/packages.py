@@ -8,7 +8,6 @@ from types import ModuleType
 
 from msggen.base.diagnostics import InputError, input_error
 from msggen.base.missing import installing
-from msggen.generate.cache import import_folder
 from msggen.sources.settings import names_folder
 
 
@@ -35,6 +34,8 @@ def _import_folder(path: str) -> ModuleType:
             return found
         if not hasattr(found, "by_type"):
             raise ImportError(f"'{name}' is the name of another module: rename the folder")
+    from msggen.generate.cache import import_folder
+
     return import_folder(name, path)
 
 

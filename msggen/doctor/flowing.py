@@ -165,16 +165,27 @@ def find_lost(case: Case) -> Iterator[Change]:
     if _kernel_drops(case):
         return
     for vehicle in case.vehicles:
-        if _is_much(vehicle.lost, vehicle.samples) and not _line_use(case, vehicle) >= _FULL:
-            share = vehicle.lost / (vehicle.lost + vehicle.samples)
+        arrived = _messages(case, vehicle)
+        if _is_much(vehicle.lost, arrived) and not _line_use(case, vehicle) >= _FULL:
+            share = vehicle.lost / (vehicle.lost + arrived)
             cure = (
                 "check the wires, and the ground between both sides"
                 if case.seen.link_type.is_device
                 else "the network loses datagrams: use a cable, or lower rates with rate_limit in dds_topics.yaml"
             )
             yield case.of(
-                vehicle, f"has sent {counted(vehicle.lost, 'sample')} that did not arrive ({share:.0%}): {cure}"
+                vehicle, f"has sent {counted(vehicle.lost, 'message')} that did not arrive ({share:.0%}): {cure}"
             )
+
+
+def _messages(case: Case, vehicle: VehicleSeen) -> float:
+    """Return how many messages of a vehicle arrived: what is lost is counted in them, and each can have many samples.
+
+    Each is a datagram. If the link has several vehicles, all have as many samples in a message.
+    """
+    samples = sum(each.samples for each in case.vehicles)
+    datagrams = case.seen.statistics.received
+    return vehicle.samples * min(1.0, datagrams / samples) if samples and datagrams else vehicle.samples
 
 
 def find_full_line(case: Case) -> Iterator[Change]:
@@ -231,7 +242,7 @@ def _kernel_drops(case: Case) -> bool:
     return case.seen.link_type.has_port and _is_much(statistics.dropped, statistics.received)
 
 
-def _is_much(lost: int, arrived: int) -> bool:
+def _is_much(lost: int, arrived: float) -> bool:
     return lost >= _FEWEST and lost > _SHARE * (lost + arrived)
 
 

@@ -254,7 +254,7 @@ DOCTOR = (
     ),
     Rule(
         "SAMPLES_LOST",
-        "samples that the vehicle has sent did not arrive",
+        "messages with samples did not arrive, 1 % of them or more",
         Category.FLOW,
         flowing.find_lost,
         fix="On a network, use a cable, a better channel, or lower rates. On a serial line, check wires and ground. "

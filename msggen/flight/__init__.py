@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from typing import TYPE_CHECKING
 
 from msggen.flight.blocking import BlockingFlight
@@ -58,11 +59,11 @@ __all__ = [
 if not TYPE_CHECKING:  # type checkers would accept every name
 
     def __getattr__(name: str) -> object:
-        """Raise ImportError for a name of another library, with that of msggen, and AttributeError for others."""
-        from msggen.flight.elsewhere import IMPORTED, told
+        """Raise AttributeError, or ImportError to `import`. It tells the name of msggen for that of another library."""
+        from msggen.flight.elsewhere import IMPORTED, is_import, told
 
         text = told(f"module {__name__!r}", name, __all__, IMPORTED)
-        if name in IMPORTED:
+        if name in IMPORTED and is_import(sys._getframe(1)):  # noqa: SLF001 - nothing else tells it
             raise ImportError(text, name=name)  # `from ... import` replaces the text of an AttributeError
         raise AttributeError(text, name=name, obj=None)
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from types import MappingProxyType
+from dis import opmap
+from types import FrameType, MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
 from msggen.base.diagnostics import suggestion
@@ -99,6 +100,11 @@ def told(owner: str, name: str, known: Iterable[str], counterparts: Mapping[str,
     if meant is not None:
         return f"{owner} has no {name!r}: in msggen, it is {meant}"
     return f"{owner} has no {name!r}{suggestion(name, [each for each in known if not each.startswith('_')])}"
+
+
+def is_import(frame: FrameType) -> bool:
+    """Whether a frame executes `from ... import` just now, and not `hasattr` or an attribute."""
+    return frame.f_code.co_code[frame.f_lasti] == opmap["IMPORT_FROM"]
 
 
 def _camel(name: str) -> str:

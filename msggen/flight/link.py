@@ -6,18 +6,19 @@ import asyncio
 import os
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from logging import getLogger
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from msggen.flight.connection import Connection, Recall, Take, Topics
 from msggen.flight.errors import FlightError, NoAnswerError, UnsupportedError
-from msggen.live.link import FormatError, LinkError, LinkTimeoutError, Remote, Route, TopicError
+from msggen.live.link import FormatError, LinkError, LinkTimeoutError, Route, TopicError
 from msggen.live.links.address import parse_address
 from msggen.live.messages.names import is_topic, stem_of, version_of
 from msggen.live.messages.packages import packages_of
-from msggen.live.vehicle.selection import order, shown
+from msggen.live.vehicle.alone import LOOK, Alone, SeveralError
 
 if TYPE_CHECKING:
     from msggen.live import Vehicle
@@ -29,9 +30,7 @@ _REMIND = 12.0
 """The time in s without a vehicle after which a warning says what to check."""
 _KNOWN = 10.0
 """The time in s to wait for the definitions of the vehicle: PX4 takes 1 to 2 s for all of them."""
-_OTHERS = 3.0
-"""The longest time in s to wait for further vehicles: that by which PX4's clients can connect one after the other."""
-_LOOK = 0.1
+_CHOICE = "Say which one flies: Flight(url, key={key}), or namespace="
 _WAITING: Final = 256
 """How many messages of a topic wait for a program that hangs. Older ones are dropped."""
 
@@ -67,7 +66,8 @@ class LinkConnection:
         await self._connected()
         needs = [*needs]
         await self._known([*needs, *further])
-        self._check_alone()
+        with _told():
+            Alone(self._vehicle, _CHOICE).check()
         errors = []
         for package in self._packages:
             self._choose(package)
@@ -84,38 +84,10 @@ class LinkConnection:
 
         A vehicle that sends to a link which was just opened can connect after the first one. Only then this waits.
         """
-        end = self._loop.time() + _OTHERS
-        while self._loop.time() < end:
-            is_settled = await asyncio.to_thread(lambda: self._vehicle.is_settled)
-            self._check_alone()
-            if is_settled and len(self._found()) == 1:
-                return
-            await asyncio.sleep(_LOOK)
-        self._check_alone(are_twins_two=True)
-
-    def _check_alone(self, *, are_twins_two: bool = False) -> None:
-        """Raise FlightError if a program has not said which of several vehicles it flies.
-
-        Two with the same key and namespace are one that has restarted, until both are heard for long.
-        """
-        found = self._found()
-        count = len({(each.key, each.namespace) for each in found})
-        if count == 1 and not (are_twins_two and len(found) > 1):
-            return
-        shown_ones = ", ".join(shown(each) for each in found)
-        choice = f"Flight(url, key={found[0].key}), or namespace="
-        cure = (
-            f"Say which one flies: {choice}"
-            if count > 1
-            else "Set the parameter UXRCE_DDS_KEY of each to another number"
-        )
-        raise FlightError(f"{len(found)} vehicles are on {self._vehicle.url}: {shown_ones}. {cure}")
-
-    def _found(self) -> list[Remote]:
-        try:
-            return sorted([self._vehicle.remote, *self._vehicle.others], key=order)
-        except LinkError as error:
-            raise NoAnswerError(str(error)) from None
+        alone = Alone(self._vehicle, _CHOICE)
+        with _told():
+            while not await asyncio.to_thread(alone.is_sure):  # noqa: ASYNC110 - only looking tells it
+                await asyncio.sleep(LOOK)
 
     def check(self, needs: Iterable[Need]) -> None:
         """Raise UnsupportedError if the vehicle lacks some topics, or has other definitions of them."""
@@ -184,6 +156,8 @@ class LinkConnection:
         def end() -> None:
             inbox.close()
             subscription.close()
+            if self._subscriptions.get(topic) is subscription:  # unless the topic has a newer one
+                del self._subscriptions[topic]
 
         return end
 
@@ -235,6 +209,17 @@ class LinkConnection:
             if self._loop.time() > end:
                 raise NoAnswerError(f"no definitions from the vehicle within {_KNOWN:.0f} s")
             await asyncio.sleep(_POLL)
+
+
+@contextmanager
+def _told() -> Iterator[None]:
+    """Raise the errors of a flight instead of those of a link."""
+    try:
+        yield
+    except SeveralError as error:
+        raise FlightError(str(error)) from None
+    except LinkError as error:
+        raise NoAnswerError(str(error)) from None
 
 
 class Which(NamedTuple):

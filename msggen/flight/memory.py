@@ -167,10 +167,8 @@ class Memory:
         except FileNotFoundError:
             return None
         except (OSError, UnexpectedError) as error:
-            set_aside(path)
-            LOGGER.warning(
-                "the ids of mode %r from an earlier program were damaged and set aside: %s: %s", name, path, error
-            )
+            state = "were damaged and set aside" if set_aside(path, error) else "cannot be read"
+            LOGGER.warning("the ids of mode %r from an earlier program %s: %s: %s", name, state, path, error)
             return None
 
     def _replace(self, path: str, data: bytes) -> None:

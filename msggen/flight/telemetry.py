@@ -22,7 +22,7 @@ _SLOW = 3.0
 _LIFTED = 1.0
 """The height in m above the origin of the local frame from which on a vehicle is in the air, with v1.15."""
 _PATIENCE = 1.0
-"""How long to wait for the first message of a topic, in s."""
+"""How long to wait for the first message of a topic, in s: `_SLOW` for those that PX4 publishes each 1 s."""
 
 
 class LocalPosition(NamedTuple):
@@ -99,7 +99,11 @@ class Land(NamedTuple):
 
 
 class Telemetry(Hinted):
-    """Values of a vehicle. Each raises NoAnswerError if its first message does not arrive within 1 s."""
+    """Values of a vehicle. Each raises NoAnswerError if its first message does not arrive within 1 s.
+
+    For `battery`, `home` and `land`, it is 3 s, as PX4 publishes them each 1 s or when they change. Without waiting,
+    each has the last message that the link knows.
+    """
 
     def __init__(self, feeds: Feeds) -> None:
         self._feeds = feeds
@@ -118,22 +122,22 @@ class Telemetry(Hinted):
 
     async def battery(self) -> Battery:
         """Return the state of the battery."""
-        return await self._read("battery_status", _battery)
+        return await self._read("battery_status", _battery, _SLOW)
 
     async def home(self) -> Home:
         """Return the home position."""
-        return await self._read("home_position", _home)
+        return await self._read("home_position", _home, _SLOW)
 
     async def land(self) -> Land:
         """Return whether the vehicle has landed."""
-        return await self._read("vehicle_land_detected", _land)
+        return await self._read("vehicle_land_detected", _land, _SLOW)
 
-    async def _read(self, topic: str, make: Callable[[Any, float], _Value]) -> _Value:
+    async def _read(self, topic: str, make: Callable[[Any, float], _Value], patience: float = _PATIENCE) -> _Value:
         feed = self._feeds[topic]
         try:
-            message = await feed.wait(lambda _: True, _PATIENCE)
+            message = await feed.wait(lambda _: True, patience)
         except TimeoutError:
-            raise NoAnswerError(f"no {topic} within {_PATIENCE:.0f} s") from None
+            raise NoAnswerError(f"no {topic} within {patience:.0f} s") from None
         return make(message, feed.age)
 
 

@@ -107,6 +107,7 @@ class Releases:
     def __init__(self) -> None:
         self._newest = Folder(embedded_root())
         self._changes: dict[str, dict[str, tuple[str, str]]] = {}
+        self._texts: dict[str, str] = {}
 
     def names(self, oldest: str) -> frozenset[str]:
         """Return the names of the files of the releases from `oldest` on, without their folders."""
@@ -114,13 +115,16 @@ class Releases:
 
     def file(self, release: str, name: str) -> tuple[str, str]:
         """Return the path and the text of the file `name`, such as `Rpm.msg`; both "" if the release lacks it."""
-        versions = self._versions(release, name)
-        path = versions[-1][0] if versions else self._paths.get(name, "")
-        if not path or (versions and not versions[-1][1]):
+        path, text = self.stored(release, name)
+        if not text:
             return "", ""
-        newest = [self._newest.read(self._paths[name]).decode()] if name in self._paths else []
-        *newer, text = [*newest, *(text for _, text in versions)]
-        return path, with_comments(text, newer) if versions else text
+        *newer, _ = [self._newest_text(name), *(text for _, text in self._versions(release, name))]
+        return path, with_comments(text, newer) if newer else text
+
+    def stored(self, release: str, name: str) -> tuple[str, str]:
+        """Return the same as `file`, without the comments that the text takes from newer releases."""
+        versions = self._versions(release, name)
+        return versions[-1] if versions else (self._paths.get(name, ""), self._newest_text(name))
 
     def nearest(self, names: Collection[str]) -> str:
         """Return the release whose messages differ least from those in files with these names."""
@@ -139,6 +143,12 @@ class Releases:
         changed = (path for release in EMBEDDED for path, _ in self._changes_of(release).values())
         folders = [os.path.split(path) for path in (*self._paths.values(), *changed) if not path.startswith(ARCHIVED)]
         return frozenset(f"{folder.partition('/')[0]}/{name}" for folder, name in folders if folder)
+
+    def _newest_text(self, name: str) -> str:
+        """Return the text of a file of the newest release, "" if that lacks it."""
+        if name not in self._texts:
+            self._texts[name] = self._newest.read(self._paths[name]).decode() if name in self._paths else ""
+        return self._texts[name]
 
     def _versions(self, release: str, name: str) -> list[tuple[str, str]]:
         """Return the paths and texts of a file in the releases before the newest that change it, down to `release`."""

@@ -329,6 +329,22 @@ def test_losses_are_found_from_one_percent(lost: int, dropped: int) -> None:
     assert ids(case) == (["BUFFER_FULL"] if is_dropped else ["SAMPLES_LOST"] if is_lost else [])
 
 
+@pytest.mark.parametrize(("received", "share"), [(100, 10), (50, 18), (10_000, 1)])
+def test_lost_messages_are_compared_with_messages(received: int, share: int) -> None:
+    """PX4 puts several samples into a message, and numbers the messages."""
+    vehicles = (VEHICLE._replace(lost=11),)
+    case = seen(statistics=SEEN.statistics._replace(received=received), vehicles=vehicles)
+    assert f"has sent 11 messages that did not arrive ({share}%)" in texts(case)
+
+
+def test_each_of_several_vehicles_has_its_share_of_the_messages() -> None:
+    vehicles = tuple(
+        VEHICLE._replace(remote=VEHICLE.remote._replace(number=n, key=n), lost=lost) for n, lost in ((1, 0), (2, 11))
+    )
+    case = seen(statistics=SEEN.statistics._replace(received=200), vehicles=vehicles)
+    assert "has sent 11 messages that did not arrive (10%)" in texts(case)
+
+
 def test_a_large_buffer_that_was_full_is_due_to_a_busy_computer() -> None:
     case = seen(statistics=SEEN.statistics._replace(dropped=100), buffer_limit=4 << 20)
     assert "this computer is too busy" in texts(case)

@@ -12,12 +12,13 @@ from typing import Any
 
 import pytest
 
-from msggen.flight import Flight, Limits
+from msggen.flight import Flight, Limits, NoAnswerError
 from msggen.flight.feeds import Feed
 from msggen.live import Vehicle
 from msggen.live.links.session_files import records_folder
 from msggen.live.sim.publishing import Publication, Schedule
 from msggen.live.vehicle.memory import Memory
+from support.flown import Flown, fly
 from support.flying import simulated
 from support.ports import free_port
 from support.served import owners
@@ -25,6 +26,7 @@ from support.served import owners
 pytest_plugins = ["support.owned_links"]
 
 WAIT = 20.0
+SLOW = ("vehicle_land_detected", "battery_status")
 
 
 @pytest.fixture
@@ -101,6 +103,58 @@ def test_a_program_leaves_home_to_the_next_one(url: str, px4_types: Any) -> None
         with Vehicle(url, px4_types, direct=True) as vehicle:
             assert vehicle.wait_connected(WAIT).continued
             assert asyncio.run(home_of(Flight(vehicle, limits=Limits(height=50.0)))) > 2.0
+
+
+@pytest.mark.parametrize("fixtures", [(), ("owned",)])
+def test_the_last_samples_of_slow_topics_are_known_at_once(
+    fixtures: tuple[str, ...],
+    url: str,
+    px4_types: Any,
+    monkeypatch: pytest.MonkeyPatch,
+    request: pytest.FixtureRequest,
+) -> None:
+    """They are published once only here, before the flight."""
+    for each in fixtures:
+        request.getfixturevalue(each)
+    take, done = Schedule.take, set[tuple[int, str]]()
+
+    def taken(self: Schedule, now: int) -> Iterator[Publication]:
+        for each in take(self, now):
+            if each.topic not in SLOW or (id(self), each.topic) not in done:
+                yield each
+            done.add((id(self), each.topic))
+
+    async def ages() -> list[float]:
+        async with Flight(vehicle) as flight:
+            return [(await flight.telemetry.land()).age, (await flight.telemetry.battery()).age]
+
+    monkeypatch.setattr(Schedule, "take", taken)
+    with simulated(px4_types, url), Vehicle(url, px4_types) as vehicle:
+        kept = [vehicle.subscribe(topic) for topic in SLOW]
+        vehicle.wait_connected(WAIT)
+        for subscription in kept:
+            subscription.wait_for(lambda _: True, WAIT)
+            subscription.close()
+        assert min(asyncio.run(ages())) > 0.0
+
+
+def test_a_topic_of_1_hz_is_waited_for_longer_than_its_period(px4_types: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    waits: list[float | None] = []
+
+    async def wait(_self: Feed, _condition: object, timeout: float | None = None) -> Any:
+        waits.append(timeout)
+        raise TimeoutError
+
+    async def asks(flight: Flight, _: Flown) -> None:
+        monkeypatch.setattr(Feed, "wait", wait)
+        for ask in (flight.telemetry.land, flight.telemetry.battery, flight.telemetry.home):
+            with pytest.raises(NoAnswerError, match=r"within 3 s$"):
+                await ask()
+        with pytest.raises(NoAnswerError, match=r"within 1 s$"):
+            await flight.telemetry.attitude()
+
+    fly(px4_types, asks)
+    assert waits == [3.0, 3.0, 3.0, 1.0]
 
 
 # Which samples are remembered

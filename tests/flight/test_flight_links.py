@@ -26,7 +26,7 @@ from msggen.flight import (
     NoAnswerError,
     UnsupportedError,
 )
-from msggen.flight.link import _WAITING, _Inbox
+from msggen.flight.link import _WAITING, LinkConnection, _Inbox
 from msggen.generate.python.package import render_package
 from msggen.live import Vehicle
 from msggen.live.links.udp import UdpLink
@@ -154,6 +154,21 @@ def test_two_programs_do_not_fly_one_mode(url: str, px4_types: Any) -> None:
         program.process.terminate()
         assert program.end() == 143
         until(lambda: not commander(simulator).components.modes, LONG)
+
+
+def test_subscriptions_that_have_ended_are_forgotten(url: str, px4_types: Any) -> None:
+    async def subscribes(vehicle: Vehicle) -> int:
+        connection = LinkConnection(vehicle, (px4_types,))
+        await connection.open(())
+        for topic in ("vehicle_status", "vehicle_land_detected") * 20:
+            older, newer = (connection.subscribe(topic, lambda _: None) for _ in range(2))
+            older()
+            connection.recall(topic, lambda *_: None)
+            newer()
+        return len(connection._subscriptions)
+
+    with simulated(px4_types, url), Vehicle(url, px4_types) as vehicle:
+        assert asyncio.run(subscribes(vehicle)) == 0
 
 
 def test_a_slot_that_another_program_has_is_told(url: str, px4_types: Any, caplog: pytest.LogCaptureFixture) -> None:
@@ -384,7 +399,7 @@ def patient(monkeypatch: pytest.MonkeyPatch) -> None:
     A flight that begins within 2 s after that of another test would not wait at all.
     """
     monkeypatch.setattr("msggen.flight.parts.FRESH", 0.0)
-    for name in ("flight.link._OTHERS", "live.xrce.agent._SETTLED"):
+    for name in ("live.vehicle.alone._OTHERS", "live.xrce.agent._SETTLED"):
         monkeypatch.setattr(f"msggen.{name}", 30.0)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import time
@@ -68,6 +69,37 @@ def test_a_mode_that_a_program_flies_is_locked() -> None:
         Memory(VEHICLE).claim(IDS.name)
     first.release(IDS.name)
     Memory(VEHICLE).claim(IDS.name)
+
+
+@pytest.mark.parametrize("number", [errno.EACCES, errno.EIO, errno.ENOSPC, errno.EMFILE])
+def test_a_file_that_cannot_be_read_now_stays_and_its_reason_is_told(
+    number: int, folder: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    left(status(100.0))
+
+    def read(path: str, **_: Any) -> bytes:
+        raise OSError(number, os.strerror(number), path)
+
+    with monkeypatch.context() as patched:
+        patched.setattr("msggen.flight.memory.read_bytes", read)
+        memory = Memory(VEHICLE)
+        assert memory.claim(IDS.name) is None
+        memory.release(IDS.name)
+    (path,) = folder.glob("*.json")
+    assert f"of mode 'Square' from an earlier program cannot be read: {path}: " in caplog.text
+    assert os.strerror(number) in caplog.text
+    assert memory.claim(IDS.name) is not None
+
+
+@pytest.mark.parametrize("kind", ["pipe", "folder", "link"])
+def test_what_is_no_file_is_set_aside(kind: str, folder: Path, caplog: pytest.LogCaptureFixture) -> None:
+    left(status(100.0))
+    (path,) = folder.glob("*.json")
+    path.unlink()
+    {"pipe": os.mkfifo, "folder": os.mkdir, "link": lambda name: os.symlink("/dev/null", name)}[kind](path)
+    assert Memory(VEHICLE).claim(IDS.name) is None
+    assert "were damaged and set aside" in caplog.text
+    assert not os.path.lexists(path)
 
 
 @pytest.mark.parametrize("damage", [b"", b"{", b"[]", b'{"version": 2}', b"\xff" * 40, b"[" * 70_000])

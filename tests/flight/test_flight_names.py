@@ -44,6 +44,14 @@ def test_an_import_of_another_library_tells_the_name(name: str) -> None:
     assert name not in msggen.flight.__all__
 
 
+@pytest.mark.parametrize("name", [*IMPORTED, "Flihgt"])
+def test_a_name_that_is_only_looked_for_is_no_error(name: str) -> None:
+    assert not hasattr(msggen.flight, name)
+    assert getattr(msggen.flight, name, None) is None
+    with pytest.raises(AttributeError, match=f"module 'msggen.flight' has no '{name}'"):
+        attrgetter(name)(msggen.flight)
+
+
 def test_only_public_names_are_completed_and_modules_can_be_imported() -> None:
     assert dir(msggen.flight) == sorted(msggen.flight.__all__)
     sys.modules.pop("msggen.flight.elsewhere")

@@ -10,6 +10,7 @@ import shlex
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import suppress
@@ -22,6 +23,7 @@ import pytest
 from msggen.cli import main
 from msggen.live import LinkTimeoutError, Vehicle
 from msggen.live.link import Remote, Route
+from msggen.live.links.udp import UdpLink
 from msggen.live.messages.packages import known_routes
 from msggen.live.sim import Misbehaviour, Options, Simulator
 from msggen.live.vehicle.command import acknowledges, address_of, send_command
@@ -47,7 +49,7 @@ def bench(px4_types: ModuleType) -> Iterator[Bench]:
     """One vehicle for all tests: each command continues the session of the last one."""
     url = f"udp://127.0.0.1:{free_port()}"
     with Simulator(px4_types, url, [Options(sync="short", key=7)]) as simulator:
-        yield Bench(simulator, ["--link", url, "--types", PACKAGE])
+        yield Bench(simulator, ["--link", url, "--types", PACKAGE, "--key", "7"])
 
 
 def wait_until(condition: Any) -> None:
@@ -237,7 +239,7 @@ WITHOUT_STICKS = (
 
 def test_a_refusal_has_the_reasons_that_the_vehicle_shows(px4_types: Any, capsys: pytest.CaptureFixture[str]) -> None:
     url = f"udp://127.0.0.1:{free_port()}"
-    link = ["--link", url, "--types", PACKAGE]
+    link = ["--link", url, "--types", PACKAGE, "--key", "1"]
     with Simulator(px4_types, url, [Options(sync="short")]) as simulator:
         for words, text in (
             (["mode", "position"], "SET_NAV_STATE: ACCEPTED\n"),
@@ -408,6 +410,79 @@ def test_wrong_calls_are_told_without_a_vehicle(
     assert text in capsys.readouterr().err
 
 
+# --- which vehicle
+
+
+@pytest.fixture
+def patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Wait longer for vehicles that connect later: a busy computer connects them so."""
+    for name in ("live.vehicle.alone._OTHERS", "live.xrce.agent._SETTLED"):
+        monkeypatch.setattr(f"msggen.{name}", 30.0)
+
+
+ACTING = [
+    ["command", "arm"],
+    ["command", "mode", "hold"],
+    ["call", "vehicle_command", "{request: {command: COMPONENT_ARM_DISARM, param1: 1}}"],
+    ["topic", "pub", "--once", "trajectory_setpoint", "{}"],
+]
+
+
+@pytest.mark.usefixtures("patient")
+@pytest.mark.parametrize("words", ACTING)
+def test_a_command_that_acts_does_not_take_the_vehicle_that_connects_first(
+    words: list[str], px4_types: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    url = f"udp://127.0.0.1:{free_port()}"
+    first, second = (Simulator(px4_types, url, [Options(sync="short", key=key)]) for key in (2, 1))
+    later = threading.Timer(0.5, second.__enter__)
+    with first:
+        later.start()
+        try:
+            assert main([*words, "--link", url, "--types", PACKAGE]) == 2
+        finally:
+            later.join()
+            second.__exit__(None, None, None)
+    told = capsys.readouterr().err
+    assert re.search(r"L102 2 vehicles are on udp.*key 1.*key 2.*Say which one is meant: --key 1, or --namespace", told)
+    for simulator in (first, second):
+        received = simulator.vehicles[0].received
+        assert not {"/fmu/in/vehicle_command", "/fmu/in/trajectory_setpoint"} & received.keys()
+
+
+def test_a_command_acts_on_the_vehicle_that_is_named(px4_types: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    url = f"udp://127.0.0.1:{free_port()}"
+    with Simulator(px4_types, url, [Options(sync="short", key=key) for key in (1, 2)]) as simulator:
+        assert main(["command", "arm", "--key", "2", "--link", url, "--types", PACKAGE]) == 0
+        assert [each.world.is_armed for each in simulator.vehicles] == [False, True]
+    assert capsys.readouterr().out == "COMPONENT_ARM_DISARM: ACCEPTED\n"
+
+
+def test_a_command_that_reads_waits_for_no_other_vehicle(
+    px4_types: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def is_settled(_: object) -> bool:
+        raise AssertionError
+
+    monkeypatch.setattr(UdpLink, "is_settled", is_settled)
+    url = f"udp://127.0.0.1:{free_port()}"
+    with Simulator(px4_types, url, [Options(sync="short")]):
+        assert main(["topic", "echo", "--once", "vehicle_status", "--link", url, "--types", PACKAGE]) == 0
+    assert "arming_state" in capsys.readouterr().out
+
+
+def test_a_command_that_reads_tells_of_another_vehicle(
+    px4_types: Any, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    url = f"udp://127.0.0.1:{free_port()}"
+    both = [Options(sync="short", key=key) for key in (1, 2)]
+    with Simulator(px4_types, url, both):
+        words = ["topic", "echo", "--for", "4", "vehicle_status", "--link", url, "--types", PACKAGE]
+        assert main(words) == 0
+    assert "arming_state" in capsys.readouterr().out
+    assert re.search(r"connected too and is ignored, as .* select one by key, namespace or address", caplog.text)
+
+
 # --- the page
 
 PAGE = (ROOT / "docs" / "command.md").read_text(encoding="utf-8")
@@ -421,7 +496,7 @@ def test_the_sessions_of_the_page_are_real(px4_types: ModuleType, capsys: pytest
     with Simulator(px4_types, url, [Options(sync="short")]):
         for command, shown in STEPS:
             with suppress(SystemExit):
-                main([*shlex.split(command)[1:], "--link", url, "--types", PACKAGE])
+                main([*shlex.split(command)[1:], "--link", url, "--types", PACKAGE, "--key", "1"])
             told = capsys.readouterr()
             assert masked(told.out + told.err) == masked(shown), command
     assert len(STEPS) == 12

@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 
 from msggen.live import FormatError, TopicError, Vehicle
-from msggen.live.link import Route
+from msggen.live.link import Route, StaleError
 from msggen.live.messages.names import is_topic, stem_of, version_of, without_namespace
-from msggen.live.vehicle.firmware import PROTOCOL_VERSION, REQUEST, RESPONSE, identify, releases
+from msggen.live.vehicle.firmware import PROTOCOL_VERSION, REQUEST, RESPONSE, FormatCheck, identify, releases
 from msggen.sources.embedded import EMBEDDED
 from support.fake_link import FakeLink, routes_of
 from support.live_releases import TABLE, table
@@ -315,3 +315,19 @@ def test_a_release_that_does_not_answer_is_known_by_its_names(archived: dict[str
         assert odometry.undecodable == 0
         with pytest.raises(FormatError, match="VehicleControlMode"):
             control.latest()
+
+
+def test_a_line_that_is_full_just_now_does_not_end_the_questions() -> None:
+    asked: list[bytes] = []
+
+    def publish(_: Route, payload: bytes) -> None:
+        asked.append(payload)
+        if len(asked) == 1:
+            raise StaleError("the line is too slow")
+
+    check = FormatCheck(publish, lambda _: None)
+    check.add([Route(REQUEST, "a/msg/A", "in", 1), Route(RESPONSE, "a/msg/B", "out", 2)], "")
+    check.ask()
+    assert not check.is_complete
+    check.ask()
+    assert len({*asked}) == 1 < len(asked)

@@ -54,7 +54,7 @@ def _pub(options: argparse.Namespace) -> int:
     if options.once and options.count:
         refuse(options, "argument --once: not allowed with argument -n/--count")
     values = read_values(options)
-    with connection(options, lambda package: _message(options, values, _named(options, package))) as found:
+    with connection(options, lambda package: _message(options, values, _named(options, package)), acts=True) as found:
         topic = _named(options, found.package, found.vehicle.routes)
         if found.has_one_package:
             _message(options, values, topic)  # errors are told before the vehicle has told its definition

@@ -15,6 +15,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from functools import partial
+from itertools import groupby
+from operator import itemgetter
 from queue import Empty, SimpleQueue
 
 from msggen.live.age import LATE, NEVER, expiry, is_over, now
@@ -61,6 +63,8 @@ class AgentLink(ABC):
         self.sent = 0
         self.unsent = 0
         """Messages that were dropped because they had waited for too long."""
+        self.overdue = 0
+        """Those of them that the transport has dropped at once, because it is too slow for them."""
         self.resources = ExitStack()
         """Closes what the transport has opened so far."""
         self._thread: threading.Thread | None = None
@@ -128,7 +132,10 @@ class AgentLink(ABC):
                 self.unsent += 1
                 raise StaleError(f"a message of {route.name} {LATE}")
             agent.publish(remote.number, route.object_id, payload, until)
+            before = self.overdue
             self.transmit(agent.take_outgoing(), until)
+            if self.overdue > before:
+                raise StaleError(f"{self.name()} is too slow for what is sent: a message of {route.name} was dropped")
 
     def call(self, remote: Remote, service: Service, number: int, payload: bytes, until: int = NEVER) -> None:
         """Send a request. From any thread. Raises LinkError."""
@@ -282,9 +289,8 @@ class AgentLink(ABC):
 
     def settle(self) -> list[Event]:
         """Send what the agent has to send, and return what has happened. The caller holds the lock."""
-        outgoing = self.agent.take_outgoing()
-        if outgoing:
-            self.transmit(outgoing)
+        for until, datagrams in groupby(self.agent.take_datagrams(), itemgetter(2)):
+            self.transmit([each[:2] for each in datagrams], until)  # requests that are sent again keep their time
         return self.agent.take_events()
 
 

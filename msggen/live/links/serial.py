@@ -13,13 +13,12 @@ from contextlib import suppress
 from typing import NamedTuple
 
 from msggen.base.missing import installing
-from msggen.live.age import LONGEST_S, NEVER, expiry
+from msggen.live.age import LONGEST_S, NEVER
 from msggen.live.age import now as now_ns
 from msggen.live.link import LinkError, Listener, Route
 from msggen.live.links.agent_link import SelectorLink
 from msggen.live.xrce.framing import Deframer, pack_frame
 from msggen.live.xrce.outbox import Address
-from msggen.live.xrce.wire import has_data
 
 CHUNK = 65536
 LEAST_KEPT = 4096
@@ -147,14 +146,12 @@ class SerialLink(SelectorLink):
         if self._fd < 0:
             return
         for data, _ in datagrams:
-            if until == NEVER and has_data(data):  # a request that is sent again
-                self.transmit([(data, self.path)], expiry())
-                continue
             frame = pack_frame(data)
             ahead = self._queue.size + waiting_in(self._fd)
             arrival = now_ns() + (ahead + len(frame)) * _BITS * 1_000_000_000 // self.baud
             if until < NEVER and arrival > until:
                 self.unsent += 1
+                self.overdue += 1
             elif until == NEVER and ahead + len(frame) > max(LEAST_KEPT, int(self.baud / _BITS * LONGEST_S)):
                 self._unsent += 1
             else:

@@ -6,8 +6,10 @@ tells when the client was heard last, of the monotonic clock: nobody sets that b
 
 from __future__ import annotations
 
+import errno
 import json
 import os
+import stat
 import sys
 import tempfile
 import time
@@ -75,8 +77,10 @@ class Records:
             try:
                 link, record, boot = unpack(read_bytes(path, follow=False))
                 age = time.monotonic() - os.stat(path).st_mtime_ns / 1e9
+            except FileNotFoundError:  # another program has removed it
+                continue
             except (OSError, ValueError) as error:
-                self._set_aside(path, error)
+                self._leave(path, error)
                 continue
             if link == self._link and boot == self._boot and -1 < age < PATIENCE:
                 self._heard[record.address] = path
@@ -110,9 +114,9 @@ class Records:
                 if name.startswith(self._front) and name.endswith(_SUFFIX):
                     yield os.path.join(self._folder, name)
 
-    def _set_aside(self, path: str, error: Exception) -> None:
-        set_aside(path)
-        self._tell_once(f"the record of a session was set aside, and the vehicle connects again: {path}: {error}")
+    def _leave(self, path: str, error: Exception) -> None:
+        state = "was set aside" if set_aside(path, error) else "cannot be read"
+        self._tell_once(f"the record of a session {state}, and the vehicle connects again: {path}: {error}")
 
     def _replace(self, path: str, data: bytes) -> bool:
         """Replace a file as a whole. Return whether that was possible."""
@@ -209,10 +213,24 @@ def _digest(text: str) -> str:
     return blake2b(text.encode("utf-8", "backslashreplace"), digest_size=12).hexdigest()
 
 
-def set_aside(path: str) -> None:
-    """Rename a file that cannot be used, so that it is neither lost nor looked at again."""
+def set_aside(path: str, error: Exception) -> bool:
+    """Rename a file that is wrong itself, so that it is neither lost nor looked at again. Return whether it is wrong.
+
+    It is if it is no regular file or its content is wrong. A full disk or a permission says nothing of it.
+    """
+    if isinstance(error, OSError) and error.errno != errno.EFBIG and is_regular(path):
+        return False
     with suppress(OSError):
         os.replace(path, f"{path.removesuffix(_SUFFIX)}.damaged")
+    return True
+
+
+def is_regular(path: str) -> bool:
+    """Whether a path is a regular file, or what it is cannot be seen."""
+    try:
+        return stat.S_ISREG(os.lstat(path).st_mode)
+    except OSError:
+        return True
 
 
 def is_own(folder: str) -> bool:

@@ -230,9 +230,10 @@ class Owner(Hub):
             return
         try:
             self.link.publish(vehicle.known.remote, route, payload, until)
-        except StaleError:  # the link has counted it
+        except StaleError as error:  # the link has counted it
             program.unsent += 1
             row.miss(program)
+            self._warn(program, str(error))
             return
         except LinkError as error:
             self._warn(program, str(error))
@@ -248,7 +249,7 @@ class Owner(Hub):
             self.give(row, vehicle.known.remote.number, payload, now)
 
     def drop(self, program: Program) -> None:
-        """Count a message of a program that came too late, or to a vehicle that is gone."""
+        """Count a message of a program that came too late."""
         program.unsent += 1
         self.unsent += 1
 

@@ -55,7 +55,7 @@ def obey(owner: Owner, program: Program, record: Record) -> None:
             _ON_VEHICLE[kind](owner, program, vehicle, index, when, body)
         elif kind == SAMPLE:
             program.taken = when
-            owner.drop(program)
+            owner.unsent += 1  # it is told that the vehicle is gone: the message was not late
         elif kind == CALL:
             owner.send(program, event_of("unsent", number, when, "the vehicle has just disconnected"))
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import lru_cache
 from typing import NamedTuple
 
-from msggen.live.link import LinkError, Route
+from msggen.live.link import LinkError, Route, StaleError
 from msggen.live.messages.names import stem_of, without_namespace
 
 REQUEST = "/fmu/in/message_format_request"
@@ -208,6 +208,8 @@ class FormatCheck:
         name = self._asked[1].encode("ascii", "replace")
         try:
             self._publish(self._request, _REQUEST.pack(_HEADER, 0, PROTOCOL_VERSION, name))
+        except StaleError:  # a slow line is full just now: it is asked again
+            return
         except LinkError:  # the vehicle disconnects
             self._asked, self.is_complete = None, True
 

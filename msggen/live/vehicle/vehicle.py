@@ -256,9 +256,13 @@ class Vehicle:
     def problem(self) -> str:
         """Why messages to the vehicle do not get through, "" if they do, as far as it is known.
 
-        Known on a shared link: the process that owns it stands still, or messages reach it too late and are dropped.
+        The vehicle has disconnected. Also known on a shared link: the process that owns it stands still, or messages
+        reach it too late and are dropped.
         """
-        return self._hub.failure or self._hub.delivery.problem()
+        member = self._member
+        if self._hub.failure or (member.entry is None and member.last is not None):
+            return self._hub.failure or f"the vehicle has disconnected: {member.reason}"
+        return self._hub.delivery.problem()
 
     @property
     def is_shared(self) -> bool:

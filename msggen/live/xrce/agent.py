@@ -34,7 +34,7 @@ from msggen.live.xrce import wire
 from msggen.live.xrce.continuation import Continuation
 from msggen.live.xrce.entities import RefusedError
 from msggen.live.xrce.limits import Limits
-from msggen.live.xrce.outbox import Address, Outbox, host
+from msggen.live.xrce.outbox import Address, Datagram, Outbox, host
 from msggen.live.xrce.places import find_least
 from msggen.live.xrce.record import Record
 from msggen.live.xrce.session import Session
@@ -227,6 +227,10 @@ class Agent:
 
     def take_outgoing(self) -> list[tuple[bytes, Address]]:
         """Return the datagrams to send, with their destinations, since the last call."""
+        return [each[:2] for each in self.take_datagrams()]
+
+    def take_datagrams(self) -> list[Datagram]:
+        """Return the same as `take_outgoing`, with the times until which they may be sent."""
         outbox = self._outbox
         outgoing, outbox.outgoing = outbox.outgoing, []
         return outgoing

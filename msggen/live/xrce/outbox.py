@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections import Counter
 from typing import Any, TypeAlias
 
+from msggen.live.age import NEVER
 from msggen.live.link import Event
 
 Address: TypeAlias = "tuple[Any, ...] | str"
 """The address of a client: as a socket gives it, or the path of a serial device."""
+Datagram: TypeAlias = tuple[bytes, Address, int]
+"""A datagram to send, its destination, and the time until which it may be sent."""
 
 
 def host(address: Address) -> str:
@@ -24,17 +27,17 @@ class Outbox:
     def __init__(self, limit: int) -> None:
         self._limit = limit
         self.events: list[Event] = []
-        self.outgoing: list[tuple[bytes, Address]] = []
+        self.outgoing: list[Datagram] = []
         self.received = 0
         self.late = 0
         self.expired = 0
         self.lost = 0
         self.refused: Counter[str] = Counter()
 
-    def send(self, data: bytes, address: Address) -> None:
+    def send(self, data: bytes, address: Address, until: int = NEVER) -> None:
         """Add a datagram, up to the limit."""
         if len(self.outgoing) < self._limit:
-            self.outgoing.append((data, address))
+            self.outgoing.append((data, address, until))
         else:
             self.refuse("too many datagrams to send")
 

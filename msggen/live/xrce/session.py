@@ -366,15 +366,15 @@ class Session:
                 self._outbox.refuse("too many messages without acknowledgement")
                 return
             sequence = self._output.send(submessage, until)
-        self._post(stream, sequence, submessage)
+        self._post(stream, sequence, submessage, until)
 
-    def _post(self, stream: int, sequence: int, submessage: bytes) -> None:
+    def _post(self, stream: int, sequence: int, submessage: bytes, until: int) -> None:
         if not self._replies:  # the client asks again for what is lost of a reliable stream
             self._outbox.refuse("too many requests in a message")
             return
         self._replies -= 1
         message = wire.HEADER.pack(self.session_id, stream, sequence) + self.key + submessage
-        self._outbox.send(message, self.address)
+        self._outbox.send(message, self.address, until)
 
     # From the client
 
@@ -568,7 +568,7 @@ class Session:
         self._learn_number(state.first)
         self._outbox.expired += self._output.expire(self._clock(), _QUESTION)
         for sequence, body in self._output.acknack(state.first, state.missing)[:REPETITIONS]:
-            self._post(RELIABLE, sequence, body)
+            self._post(RELIABLE, sequence, body, self._output.until(sequence))
 
     def _heartbeat(self, submessage: Submessage) -> None:
         beat = wire.Heartbeat.unpack(submessage.payload)

@@ -158,6 +158,10 @@ class ReliableOutput:
         numbers = ((first + bit) & 0xFFFF for bit in range(16) if missing >> bit & 1)
         return [(number, self._kept[number]) for number in numbers if number in self._kept]
 
+    def until(self, sequence: int) -> int:
+        """Return the time until which a kept message may be sent."""
+        return self._until.get(sequence, NEVER)
+
     def expire(self, now: int, instead: bytes) -> int:
         """Replace the messages that have expired by another one, as no number may be missing. Return how many."""
         expired = [sequence for sequence, until in self._until.items() if until < now]

@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.base.diagnostics import InputError, few
 from msggen.live.messages.names import version_of
-from msggen.live.messages.packages import classes_of, packages_of
 from msggen.recordings.decode.decoder import Decoder
 from msggen.recordings.decode.schemas import definition_of, read_schema, type_hash_of
 from msggen.recordings.definitions.ros_types import is_unnamed, standard_types, types_in
@@ -94,6 +93,8 @@ def lender_of(definitions: Definitions | Nearby | list[Definitions | Nearby]) ->
     if isinstance(definitions, Nearby):
         return definitions
     if isinstance(definitions, ModuleType):
+        from msggen.live.messages.packages import packages_of
+
         return _of_package(*packages_of(definitions))
     if isinstance(definitions, list):
         found = [lender_of(each) for each in definitions]
@@ -316,6 +317,8 @@ def _of_recording(sources: Sequence[Source]) -> Lender:
 
 
 def _of_package(package: ModuleType) -> Lender:
+    from msggen.live.messages.packages import classes_of
+
     def find(name: str, ros_type: str) -> list[str]:
         infos = [cls.__msg__ for cls in classes_of(package, name, ros_type)]
         infos.sort(key=lambda info: info.message_version != version_of(name))

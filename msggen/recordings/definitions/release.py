@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.base.diagnostics import counted
 from msggen.definitions.identity import type_hash
 from msggen.definitions.model import DEFAULT_PACKAGE
-from msggen.recordings.decode.schemas import content_of, read_schema
+from msggen.recordings.decode.schemas import content_of, definitions_in, key_of, read_schema
+from msggen.recordings.definitions.plain import plain_content
 from msggen.recordings.source.source import SchemaError
 from msggen.sources.embedded import EMBEDDED, all_releases
 from msggen.sources.released import embedded
@@ -82,6 +84,11 @@ class _Recorded(NamedTuple):
     definition: str
     type_hash: str
 
+    @property
+    def content(self) -> frozenset[object] | None:
+        """The fields, None if only the parser can read the definition."""
+        return _content_of(self.ros_type, self.definition)
+
 
 class _Definitions:
     """The definitions of an embedded release."""
@@ -91,10 +98,20 @@ class _Definitions:
 
     def has_name(self, message: str) -> bool:
         """Whether the release has a message of this name."""
-        return bool(all_releases().file(self.release, f"{message}.msg")[0])
+        return bool(self._text(message))
+
+    def _text(self, key: str) -> str:
+        """Return the definition of a message, whatever its package is called, "" if the release does not have it."""
+        return all_releases().stored(self.release, f"{key.rpartition('/')[2]}.msg")[1]
 
     def has(self, recorded: _Recorded) -> bool:
         """Whether a recorded definition has the fields of this release, in any order: a ULog has another one."""
+        if not self.has_name(recorded.message):
+            return False
+        content = recorded.content
+        own = plain_content(self._text, f"{recorded.package}/{recorded.message}") if content else None
+        if own is not None:
+            return content == own
         found = embedded(self.release, recorded.message, recorded.package)
         if found is None:
             return False
@@ -105,6 +122,12 @@ class _Definitions:
         except SchemaError:
             return False
         return content_of(schema.catalog, schema.message) == content_of(*found)
+
+
+@lru_cache(1024)
+def _content_of(ros_type: str, definition: str) -> frozenset[object] | None:
+    texts = definitions_in(ros_type, definition)
+    return plain_content(lambda key: texts.get(key, ""), key_of(ros_type))
 
 
 def _recorded(topics: Iterable[Topic]) -> Iterator[_Recorded]:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from math import isfinite
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from msggen.base.diagnostics import Diagnostic, printable
 from msggen.base.foreign import Styled, safe_json
 from msggen.base.location import Location
-from msggen.check.finding import Excerpt, Finding, Report, Resized
+
+if TYPE_CHECKING:
+    from msggen.check.finding import Excerpt, Finding, Report, Resized
 
 
 def write_report(report: Report) -> str:

@@ -18,8 +18,9 @@ from typing import Any
 
 import pytest
 
+from msggen.live import age
 from msggen.live.age import LONGEST_S, NEVER
-from msggen.live.link import LinkError, Route
+from msggen.live.link import LinkError, Route, StaleError
 from msggen.live.links import serial
 from msggen.live.links.serial import LineQueue, SerialLink
 from msggen.live.xrce.framing import CLIENT, Deframer, pack_frame
@@ -190,8 +191,14 @@ def test_a_line_that_nobody_reads_does_not_grow_or_block(vehicle: Vehicle) -> No
         connect(vehicle, link, records)
         route = records.route("/fmu/in/trajectory_setpoint")
         assert isinstance(route, Route)
+        told: list[str] = []
         for _ in range(2000):
-            link.publish(records.remotes[0], route, b"\0\1\0\0" + bytes(100))
+            try:
+                link.publish(records.remotes[0], route, b"\0\1\0\0" + bytes(100))
+            except StaleError as error:
+                told.append(str(error))
+        assert len(told) > 1000
+        assert {*told} == {f"{link.name()} is too slow for what is sent: a message of {route.name} was dropped"}
         records.wait(lambda: records.warnings)
         assert "too slow" in records.warnings[0]
         assert link._queue.size <= serial.LEAST_KEPT
@@ -216,6 +223,23 @@ def test_what_waited_for_a_line_is_not_written_later(vehicle: Vehicle, monkeypat
         link.publish(records.remotes[0], route, b"\0\1\0\0" + struct.pack("<Q", 99))
         assert numbers(vehicle.received(numbers)) == [99]
         assert link.statistics().unsent == 10
+
+
+def test_a_request_that_is_sent_again_waits_no_longer_for_the_line(
+    vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with linked(vehicle) as (link, records):
+        connect(vehicle, link, records)
+        soon = age.now() + 50_000_000
+        with link.lock:
+            monkeypatch.setattr(os, "write", _refuse)
+            link.agent._outbox.send(bytes(20), vehicle.path, soon)
+            link.settle()
+            assert [frame.until for frame in link._queue._frames] == [soon]
+            time.sleep(0.1)
+            monkeypatch.undo()
+            link._write()
+        assert link.statistics().unsent == 1
 
 
 def _refuse(*_: object) -> int:

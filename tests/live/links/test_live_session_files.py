@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import stat
@@ -136,6 +137,24 @@ def test_a_damaged_file_is_set_aside_and_told_once(content: bytes, tmp_path: Pat
     told.clear()
     assert told.records(tmp_path).load() == []
     assert told == Told()
+
+
+@pytest.mark.parametrize("number", [errno.EACCES, errno.EIO, errno.EMFILE])
+def test_a_file_that_cannot_be_read_now_stays(
+    number: int, tmp_path: Path, told: Told, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told.records(tmp_path).write([(ADDRESS, RECORD)])
+
+    def read(path: str, **_: Any) -> bytes:
+        raise OSError(number, os.strerror(number), path)
+
+    with monkeypatch.context() as patched:
+        patched.setattr("msggen.live.links.session_files.read_bytes", read)
+        assert told.records(tmp_path).load() == []
+    (text,) = told
+    assert text.startswith("the record of a session cannot be read, and the vehicle connects again: ")
+    assert os.strerror(number) in text
+    assert told.records(tmp_path).load() == [RECORD]
 
 
 def test_a_newer_version_is_set_aside(tmp_path: Path, told: Told) -> None:

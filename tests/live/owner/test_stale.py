@@ -215,6 +215,11 @@ def test_a_message_to_a_vehicle_that_is_gone_is_counted(link: FakeLink, path: Pa
         hub.link._send(record_of(SAMPLE, bytes(8), 1, index, expiry()))
         until(lambda: server.owner.unsent == 1)
         assert link.published == []
+        assert [each.unsent for each in server.owner.programs] == [0], "it was not late"
+        assert vehicle.problem == "the vehicle has disconnected: no answer for 3 s"
+        link.connect()
+        until(lambda: vehicle.is_connected)
+        assert vehicle.problem == ""
 
 
 @pytest.mark.parametrize("stamp", [0, 1, -1, -(1 << 63), (1 << 63) - 1, "late", "early"])

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from msggen.live.age import NEVER
 from msggen.live.xrce import wire
 from msggen.live.xrce.agent import Agent
+from msggen.live.xrce.outbox import Address, Outbox
+
+if TYPE_CHECKING:
+    import pytest
+
 from support.xrce_client import PERFECT, SERVICE, Client, Network, World, connected
 
 
@@ -26,6 +32,30 @@ def test_what_has_expired_is_not_sent_again() -> None:
     world.agent.call(1, SERVICE, 2, b"\0\1\0\0" + bytes(8), 20)
     world.settle()
     assert len(client.samples()) == 2, "no number of the stream is missing"
+
+
+def test_what_is_sent_again_keeps_its_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    sent: list[int] = []
+    send = Outbox.send
+
+    def record(self: Outbox, data: bytes, address: Address, until: int = NEVER) -> None:
+        if wire.has_data(data):
+            sent.append(until)
+        send(self, data, address, until)
+
+    monkeypatch.setattr(Outbox, "send", record)
+    world, client = connected(Client(), Agent(0.0, clock=lambda: 0))
+    client.subscribe(3, "fmu/in/c", wire.RELIABLE)
+    world.settle()
+    world.network = Network(loss=1.0)
+    world.agent.publish(1, 3, b"\0\1\0\0" + bytes(8), 10)
+    world.agent.call(1, SERVICE, 1, b"\0\1\0\0" + bytes(8), 20)
+    world.run(0.3)
+    assert sent == [10, 20]
+    world.network = PERFECT
+    world.run(0.5)
+    assert (len(sent) > 2, {*sent[2:]}) == (True, {10, 20})
+    assert len(client.samples()) == 2
 
 
 def test_what_waits_for_the_number_of_a_continued_session_expires() -> None:
