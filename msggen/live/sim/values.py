@@ -12,7 +12,9 @@ from typing import Any, NamedTuple, TypeAlias
 
 from msggen.live.messages.nav_states import (
     ALTITUDE,
+    ARMED,
     DESCEND,
+    DISARMED,
     EXTERNAL,
     HOLD,
     LAND,
@@ -119,7 +121,7 @@ def _vehicle_status(scene: Scene) -> Values:
     return {
         "armed_time": commander.armed_time,
         "takeoff_time": commander.takeoff_time,
-        "arming_state": 2 if commander.is_armed else 1,
+        "arming_state": ARMED if commander.is_armed else DISARMED,
         "latest_arming_reason": commander.arming_reason,
         "latest_disarming_reason": commander.disarming_reason,
         "nav_state_timestamp": commander.mode_time,
