@@ -15,6 +15,7 @@ from msggen.live.messages.commands import ARM_DISARM, REFUSALS, SET_MODE, SET_NA
 from msggen.live.messages.names import uorb_name
 from msggen.live.messages.nav_states import DISARMED, EXTERNAL, MODE_TITLES, OFFBOARD
 from msggen.live.messages.refusals import ALWAYS, REQUIREMENTS
+from msggen.live.messages.setpoints import KINDS
 
 _SET_MODE = (SET_MODE, SET_NAV_STATE)
 _REQUIRED: Mapping[str, str] = MappingProxyType({flag: f"mode_req_{name}" for name, (flag, _) in REQUIREMENTS.items()})
@@ -22,8 +23,8 @@ _REQUIRED: Mapping[str, str] = MappingProxyType({flag: f"mode_req_{name}" for na
 _CRITICAL = 2
 """The `battery_warning` from which on PX4 does not arm."""
 _VALID = ("xy_valid", "z_valid", "v_xy_valid", "v_z_valid")
-_PLACED = ("position", "velocity", "acceleration")
-"""The controls that need an estimate of the position."""
+_PLACED = frozenset(field for kind in KINDS if kind.is_placed for field in kind.selectors)
+"""The fields of OffboardControlMode that need an estimate of the position."""
 
 
 def find_no_position(case: Case) -> Iterator[Change]:

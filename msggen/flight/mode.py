@@ -18,10 +18,11 @@ from msggen.flight.limits import NO_LIMITS, Limits
 from msggen.flight.overrides import Deferral, Keeps, Overrides
 from msggen.flight.places import GlobalPlace, check_within, local_place
 from msggen.flight.requirements import Requirement
-from msggen.flight.setpoints import ATTITUDE, FREE, GOTO, RATES, TRAJECTORY, Kind, finite, trajectory_values
+from msggen.flight.setpoints import FREE, finite, trajectory_values
 from msggen.flight.space import Frame, Vector, heading_of, turned, turned_heading, wrapped
 from msggen.flight.telemetry import is_estimate, is_landed, no_estimate, valid_estimate
 from msggen.flight.usage import BY_NAME, LOCAL, explained
+from msggen.live.messages.setpoints import ATTITUDE, GOTO, RATES, TRAJECTORY, Kind
 
 _SLOW = 0.5
 """The speed in m/s below which a place is reached."""
@@ -251,7 +252,7 @@ def needs_of(mode: Mode) -> Requirement:
     """Return the requirements of a mode, with those of its setpoints."""
     found = mode.requires
     for kind in mode.setpoints:
-        found |= kind.requires
+        found |= Requirement.named(kind.requirements)
     return found
 
 

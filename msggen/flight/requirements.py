@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from enum import Flag, auto
+from functools import reduce
+from operator import or_
 
 
 class Requirement(Flag):
@@ -22,6 +25,11 @@ class Requirement(Flag):
     """Stick input of a pilot."""
     PREVENT_ARMING = auto()
     """The vehicle is not armed in this mode."""
+
+    @classmethod
+    def named(cls, names: Iterable[str]) -> Requirement:
+        """Return the requirements with names such as `local_position`."""
+        return reduce(or_, (cls[name.upper()] for name in names), cls.NONE)
 
     @property
     def fields(self) -> frozenset[str]:

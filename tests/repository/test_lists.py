@@ -1,4 +1,4 @@
-"""Tests that suffixes of recordings, schemes of links, modes and commands stand in one table each."""
+"""Tests that suffixes of recordings, schemes of links, modes, commands and setpoints stand in one table each."""
 
 from __future__ import annotations
 
@@ -9,9 +9,15 @@ from collections.abc import Iterator
 import pytest
 
 from msggen.base.recording_formats import FORMATS, PACKED
+from msggen.doctor.setpoint_rules import SETPOINT
+from msggen.doctor.steering import SETPOINTS as STEERED
 from msggen.live.links.link_types import LINK_TYPES
 from msggen.live.messages import commands
 from msggen.live.messages.nav_states import MODE_CONSTANTS, MODE_NAMES
+from msggen.live.messages.setpoints import BY_NUMBER, GOTO, KINDS, OF_OTHERS, SELECTORS, SENT
+from msggen.live.sim.setpoints import Setpoints
+from msggen.sources.embedded import EMBEDDED
+from msggen.sources.read import read
 from support.repository import ROOT
 
 TABLES = ("base/recording_formats.py", "live/links/link_types.py")
@@ -168,3 +174,56 @@ def test_a_second_list_of_modes_or_commands_is_found() -> None:
     assert not lists_of_modes('SHORT = ("arm", "disarm", "land", "takeoff", "mode")')
     assert numbers_of_commands("_ARM = 400\n_SET_MODE = (176, 100001)")
     assert not numbers_of_commands("_WIDTH = 400")
+
+
+# Setpoints of PX4
+
+OF_SETPOINTS = "live/messages/setpoints.py"
+SETPOINT_TOPICS = {topic for kind in KINDS for topic in kind.topics}
+
+
+def topics_of_setpoints(source: str) -> set[str]:
+    """Return the topics of setpoints that a module names, if it has several."""
+    found = {text for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Constant) for text in texts(node)}
+    named = found & SETPOINT_TOPICS
+    return named if len(named) > 1 else set()
+
+
+def test_no_module_has_a_second_list_of_setpoints() -> None:
+    found = {
+        path.relative_to(ROOT / "msggen").as_posix()
+        for room in ("live", "flight", "doctor")  # reports name what recordings have
+        for path in (ROOT / "msggen" / room).rglob("*.py")
+        if topics_of_setpoints(path.read_text(encoding="utf-8"))
+    }
+    assert found == {OF_SETPOINTS}
+
+
+def test_a_second_list_of_setpoints_is_found() -> None:
+    assert topics_of_setpoints('_TOPICS = ("goto_setpoint", "trajectory_setpoint")')
+    assert topics_of_setpoints('if name == "goto_setpoint" or name == "vehicle_rates_setpoint":\n    pass')
+    assert not topics_of_setpoints('help = "a topic, such as goto_setpoint or trajectory_setpoint"')
+
+
+def test_setpoints_have_the_types_and_fields_of_the_newest_release() -> None:
+    messages = {each.name: each for each in read(release=EMBEDDED[0]).messages.values()}
+    numbers = {each.name: each.value for each in messages["SetpointConfig"].constants}
+    types = {value for name, value in numbers.items() if name.startswith("TYPE_")} - {numbers["TYPE_INVALID"]}
+    assert types == {*BY_NUMBER, *OF_OTHERS}
+    fields = [each.name for each in messages["OffboardControlMode"].fields]
+    assert fields == ["timestamp", *SELECTORS]
+    flags = {each.name for each in messages["VehicleControlMode"].fields}
+    controls = {name for kind in KINDS for name in kind.controls} - {
+        "acceleration",
+        "auto",
+    }  # acceleration: up to v1.17
+    assert {f"flag_control_{name}_enabled" for name in controls} <= flags
+    topics = {topic for each in messages.values() for topic in each.topic_names}
+    assert topics >= SETPOINT_TOPICS
+
+
+def test_the_doctor_and_the_simulator_know_every_setpoint() -> None:
+    assert {*STEERED} == SETPOINT_TOPICS
+    fix = next(rule.fix for rule in SETPOINT if rule.id == "SETPOINT_UNSELECTED")
+    assert not [name for name in (*SELECTORS, *(SETPOINT_TOPICS - set(GOTO.topics))) if name not in fix]
+    assert Setpoints().handlers.keys() >= {topic for kind in SENT for topic in kind.topics}

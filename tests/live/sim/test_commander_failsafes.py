@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from msggen.live.messages import nav_states
+from msggen.live.messages import nav_states, setpoints
 from msggen.live.messages.commands import ACCEPTED, EXECUTOR, TEMPORARILY_REJECTED
 from msggen.live.sim.commander import setpoint_types, states
 from msggen.live.sim.commander.commander import Overrides
@@ -336,14 +336,14 @@ def test_types_of_setpoints_and_what_they_require() -> None:
     driver.register("Own")
     results = {kind: driver.commander.configure(23, kind, is_applied=False) for kind in (*range(18), 99)}
     unsupported, unknown = {3, *range(7, 15)}, {0, 17, 99}
-    assert {kind for kind, (result, _) in results.items() if result == setpoint_types.UNSUPPORTED_TYPE} == unsupported
-    assert {kind for kind, (result, _) in results.items() if result == setpoint_types.UNKNOWN_TYPE} == unknown
+    assert {kind for kind, (result, _) in results.items() if result == setpoints.UNSUPPORTED_TYPE} == unsupported
+    assert {kind for kind, (result, _) in results.items() if result == setpoints.UNKNOWN_TYPE} == unknown
     assert results[1][1] == results[15][1] == set()
     assert results[2][1] == results[4][1] == results[16][1] == NEEDS
     assert results[5][1] == {"angular_velocity"}
     assert results[6][1] == {"angular_velocity", "attitude"}
     for mode in (nav_states.HOLD, 24):
-        assert driver.commander.configure(mode, 2, is_applied=True) == (setpoint_types.OTHER_FAILURE, frozenset())
+        assert driver.commander.configure(mode, 2, is_applied=True) == (setpoints.OTHER_FAILURE, frozenset())
     driver.commander.select(23)
     driver.run(0.1)
     assert driver.commander.controls == setpoint_types.ALL, "without a configuration"

@@ -11,7 +11,8 @@ from typing import NamedTuple
 
 from msggen.live.messages import nav_states
 from msggen.live.messages.commands import ACCEPTED, EXECUTOR, TEMPORARILY_REJECTED
-from msggen.live.sim.commander import failsafe, setpoint_types, states
+from msggen.live.messages.setpoints import OTHER_FAILURE, SUCCESS, requirements_of
+from msggen.live.sim.commander import failsafe, states
 from msggen.live.sim.commander.checks import Checks, Reply, Request
 from msggen.live.sim.commander.components import (
     AUTOPILOT,
@@ -25,7 +26,7 @@ from msggen.live.sim.commander.components import (
 from msggen.live.sim.commander.failsafe import Action, Failsafe, Situation, Trigger
 from msggen.live.sim.commander.requirements import Requirements, Senses, texts_of
 from msggen.live.sim.commander.rules import Rules
-from msggen.live.sim.commander.setpoint_types import Controls
+from msggen.live.sim.commander.setpoint_types import ALL, Controls, controls_of
 
 LOOP = 10_000
 """The time between two steps of PX4's commander."""
@@ -35,7 +36,7 @@ _COMPLETED = 50_000
 """The time between two ModeCompleted of a mode of PX4 that has reached its end."""
 _REPORTED = frozenset({nav_states.TAKEOFF, nav_states.LAND, nav_states.RETURN})
 """The modes whose end PX4 reports."""
-_DEFAULT: Controls = setpoint_types.ALL
+_DEFAULT: Controls = ALL
 
 
 class Overrides(NamedTuple):
@@ -271,11 +272,11 @@ class Commander:
     def configure(self, mode: int, kind: int, *, is_applied: bool) -> tuple[int, frozenset[str]]:
         """Take a SetpointConfig. Return the result, and the requirements of the type."""
         if mode not in self.components.modes:
-            return setpoint_types.OTHER_FAILURE, frozenset()
-        result, controls = setpoint_types.controls_of(kind)
-        if result == setpoint_types.SUCCESS and is_applied:
+            return OTHER_FAILURE, frozenset()
+        result, controls = controls_of(kind)
+        if result == SUCCESS and is_applied:
             self._controls[mode] = controls
-        return result, setpoint_types.requirements_of(controls)
+        return result, requirements_of(controls)
 
     def control(self, mode: int, controls: Controls) -> None:
         """Take what the setpoints of a mode control, from a VehicleControlMode of v1.15 to v1.17."""
