@@ -7,8 +7,10 @@ import re
 from collections.abc import Iterator
 
 import pytest
+import yaml
 
 from msggen.base.recording_formats import FORMATS, PACKED
+from msggen.definitions.identity import PX4_WRITER
 from msggen.doctor.setpoint_rules import SETPOINT
 from msggen.doctor.steering import SETPOINTS as STEERED
 from msggen.live.links.link_types import LINK_TYPES
@@ -16,6 +18,7 @@ from msggen.live.messages import commands
 from msggen.live.messages.nav_states import MODE_CONSTANTS, MODE_NAMES
 from msggen.live.messages.setpoints import BY_NUMBER, GOTO, KINDS, OF_OTHERS, SELECTORS, SENT
 from msggen.live.sim.setpoints import Setpoints
+from msggen.recordings.files.qos import QOS
 from msggen.sources.embedded import EMBEDDED
 from msggen.sources.read import read
 from support.repository import ROOT
@@ -26,6 +29,8 @@ SUFFIXES = [each.removeprefix(".") for each in (*PACKED, *(row.suffix for row in
 NAMED = re.compile(rf"(?<!\.tar)[.|]({'|'.join(SUFFIXES)})\b", re.IGNORECASE)
 """A suffix, also one of several in a regular expression: `.(?:mcap|db3)`. Archives `.tar.gz` have no recordings."""
 
+READ = {name for name, row in FORMATS.items() if not row.storage}
+"""The formats that are only read: a module asks their row, or a channel, what they can do."""
 STARTS = {"startswith", "endswith", "removeprefix"}
 
 
@@ -67,7 +72,7 @@ def second_lists(source: str) -> Iterator[str]:
             continue
         if isinstance(node, ast.Constant):
             yield from filter(is_of_recording, texts(node))
-        yield from (text for text in compared(node) if text.partition(":")[0] in LINK_TYPES)
+        yield from (text for text in compared(node) if text.partition(":")[0] in LINK_TYPES or text in READ)
         for names in (LINK_TYPES, FORMATS):
             listed = [text for text in ([] if isinstance(node, ast.Constant) else texts(node)) if text in names]
             if len(listed) > 1:
@@ -103,6 +108,8 @@ def test_every_suffix_and_every_scheme_is_found() -> None:
         r'FILE = re.compile(r"(.*)_\d+\.(?:mcap|db3)")',
         'raise ValueError("expected a .ulg or .mcap file")',
         'KINDS = {"mcap": 1, "ulog": 2}',
+        'is_whole = log.kind == "ulog"',
+        'is_decoded = channel.encoding in ("cdr", "ulog")',
         'is_line = "serial" == scheme',
         'if seen.scheme in ("tap", "dds"):\n    pass',
         'if seen.scheme not in {"other", "udp"}:\n    pass',
@@ -124,7 +131,7 @@ def test_a_second_list_is_found(source: str) -> None:
         'SIZE = 1\n"""Of `flight.mcap`, `.db3`."""',
         'help = "file to write (default: merged.mcap)"',
         "from msggen.recordings.files.mcap import McapFile",
-        'is_listed = scheme in LINK_TYPES or kind == "ulog"',
+        'is_listed = scheme in LINK_TYPES or kind == "mcap"',
         'scheme = "udp"',
         'link = f"udp://{place}"',
     ],
@@ -227,3 +234,42 @@ def test_the_doctor_and_the_simulator_know_every_setpoint() -> None:
     fix = next(rule.fix for rule in SETPOINT if rule.id == "SETPOINT_UNSELECTED")
     assert not [name for name in (*SELECTORS, *(SETPOINT_TOPICS - set(GOTO.topics))) if name not in fix]
     assert Setpoints().handlers.keys() >= {topic for kind in SENT for topic in kind.topics}
+
+
+# Depths of queues
+
+OF_DEPTHS = {"base/qos.py", "live/links/cyclone.py"}
+"""That of programs, and how many samples a reader in DDS keeps until msggen takes them."""
+
+
+def depths(source: str) -> list[int]:
+    """Return the depths of queues that a module sets by itself. 1 is the least that ROS takes."""
+    named: list[tuple[str | None, ast.AST | None]] = []
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.keyword):
+            named.append((node.arg, node.value))
+        elif isinstance(node, (ast.Assign, ast.AnnAssign)):
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            named += [(each.id, node.value) for each in targets if isinstance(each, ast.Name)]
+    found = [value for name, value in named if (name or "").lower().strip("_") == "depth"]
+    numbers = [each.value for each in found if isinstance(each, ast.Constant)]
+    return [each for each in numbers if isinstance(each, int) and each > 1]
+
+
+def test_no_module_has_a_second_depth_of_queues() -> None:
+    paths = {path.relative_to(ROOT / "msggen").as_posix(): path for path in (ROOT / "msggen").rglob("*.py")}
+    assert {name for name, path in paths.items() if depths(path.read_text(encoding="utf-8"))} == OF_DEPTHS
+
+
+def test_a_second_depth_is_found() -> None:
+    for source in ("_DEPTH = 10", "DEPTH: Final = 5", "profile = QoSProfile(depth=20)"):
+        assert depths(source)
+    assert not depths("DEPTH = 1.0\nprofile = QoSProfile(depth=max(qos.depth, 1))\ndepth = found.depth")
+
+
+def test_recordings_have_the_quality_of_service_of_the_writers_of_px4() -> None:
+    found = yaml.safe_load(QOS)[0]
+    expected = (PX4_WRITER.reliability, PX4_WRITER.durability, PX4_WRITER.history)
+    assert (found["reliability"], found["durability"], found["history"]) == (2, 1, 1)
+    assert expected == ("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST")
+    assert found["depth"] == max(PX4_WRITER.depth, 1)
