@@ -25,7 +25,7 @@ from msggen.doctor.observation import (
 from msggen.live.link import Remote, Route, Statistics
 from msggen.live.messages.commands import ARM_DISARM, SET_MODE, TEMPORARILY_REJECTED
 from msggen.live.messages.names import uorb_name
-from msggen.live.messages.nav_states import ARMED, DISARMED, HOLD, LAND, OFFBOARD
+from msggen.live.messages.nav_states import ARMED, DISARMED, HOLD, LAND, OFFBOARD, ROTARY_WING
 from msggen.live.vehicle.selection import Selection
 from msggen.live.xrce.agent import Client
 
@@ -142,7 +142,7 @@ _STEERED_VALUES: Mapping[str, Mapping[str, Any]] = {
         "nav_state_user_intention": OFFBOARD,
         "failsafe": False,
         "pre_flight_checks_pass": True,
-        "vehicle_type": 1,
+        "vehicle_type": ROTARY_WING,
         "system_id": 1,
         "component_id": 1,
     },

@@ -13,6 +13,7 @@ from msggen.doctor.case import Case, matches
 from msggen.doctor.observation import InputSeen, VehicleSeen
 from msggen.live.link import Route
 from msggen.live.messages.names import uorb_name
+from msggen.live.messages.nav_states import ROTARY_WING
 from msggen.live.messages.setpoints import KINDS, SELECTORS, TRAJECTORY
 from msggen.live.messages.setpoints import OFFBOARD_CONTROL_MODE as MODE
 
@@ -319,12 +320,8 @@ def _downward(found: Mapping[str, Sent], vehicle: VehicleSeen) -> Iterator[tuple
             )
         elif is_landed and math.isnan(z) and speed > 0:
             yield name, f"has the velocity z = {speed:g} m/s, which points down (NED): use {-speed:g} to climb"
-        if thrust > 0 and vehicle.state("vehicle_status").get("vehicle_type") == _ROTARY_WING:
+        if thrust > 0 and vehicle.state("vehicle_status").get("vehicle_type") == ROTARY_WING:
             yield (
                 name,
                 f"has `thrust_body[2]` = {thrust:g}, which points down (FRD): use {-thrust:g} for a multicopter",
             )
-
-
-_ROTARY_WING = 1
-"""VEHICLE_TYPE_ROTARY_WING of VehicleStatus."""

@@ -14,12 +14,14 @@ from msggen.flight.errors import FlightError, NotReachedError, report, watched
 from msggen.flight.feeds import Feeds
 from msggen.flight.limits import Fence
 from msggen.flight.mode import NO_LIFT, Mode, message_of, needs_of
-from msggen.flight.overrides import OF_MODE, Overrides
+from msggen.flight.overrides import Overrides
 from msggen.flight.registration import Ids
-from msggen.flight.setpoints import FREE, Configuration, Stream
+from msggen.flight.setpoints import Configuration, Stream
 from msggen.flight.space import Vector
 from msggen.flight.states import described, is_armed
 from msggen.flight.telemetry import is_landed, valid_estimate
+from msggen.flight.trajectory import FREE
+from msggen.live.messages.commands import OF_MODE
 from msggen.live.messages.setpoints import GOTO, TRAJECTORY, Kind
 
 LOGGER = getLogger("msggen.flight")

@@ -10,16 +10,16 @@ from typing import Any
 
 from msggen.flight.actions import Actions
 from msggen.flight.connection import Connection, Topics, filled
-from msggen.flight.elsewhere import Hinted
 from msggen.flight.errors import NotReachedError
 from msggen.flight.feeds import Feeds
 from msggen.flight.limits import Fence
 from msggen.flight.places import GlobalPlace, check_within, local_place
-from msggen.flight.setpoints import FREE, Stream, trajectory_values
+from msggen.flight.setpoints import Stream
 from msggen.flight.space import Frame, Vector, check_frame, turned
 from msggen.flight.states import described
 from msggen.flight.telemetry import checked_estimate, is_estimate
-from msggen.flight.usage import BY_NAME, LOCAL, explained
+from msggen.flight.trajectory import Steered, Trajectory
+from msggen.flight.usage import LOCAL, explained
 from msggen.live.messages.nav_states import HOLD, OFFBOARD
 from msggen.live.messages.setpoints import OFFBOARD_CONTROL_MODE, TRAJECTORY, Kind
 
@@ -46,7 +46,7 @@ class _Heartbeat:
         self._connection.publish(OFFBOARD_CONTROL_MODE, filled(self._class, **kinds))
 
 
-class Offboard(Hinted):
+class Offboard(Steered):
     """The setpoint of Offboard mode, which is sent at a steady rate until the next one.
 
     Vectors and headings are in `frame`. `heading` is in rad, `heading_deg` in degrees. Nothing is sent once the vehicle
@@ -61,19 +61,8 @@ class Offboard(Hinted):
         self._is_left = False
         self._timer: asyncio.TimerHandle | None = None
 
-    @explained(BY_NAME)
-    def trajectory(  # noqa: PLR0913 - keywords, each of which has a default
-        self,
-        *,
-        position: Sequence[float] = FREE,
-        velocity: Sequence[float] = FREE,
-        acceleration: Sequence[float] = FREE,
-        heading: float | None = None,
-        heading_deg: float | None = None,
-        turn_rate: float = math.nan,
-    ) -> None:
-        """See `Mode.trajectory`. Raises NotReachedError once the vehicle has left Offboard mode."""
-        values = trajectory_values(self._frame, (position, velocity, acceleration), heading, heading_deg, turn_rate)
+    def _steer(self, found: Trajectory) -> None:
+        values = found.values(self._frame)
         self._fence.check(TRAJECTORY, values)
         if self._is_left:
             raise NotReachedError(f"Offboard mode has ended: {described(self._feeds['vehicle_status'].latest)}")

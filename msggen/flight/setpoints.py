@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import asyncio
-import math
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, Final, Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from msggen.flight.connection import Connection, Topics, filled
 from msggen.flight.errors import UnsupportedError
 from msggen.flight.feeds import Feeds
-from msggen.flight.space import Frame, heading_of, three, turned
 from msggen.live.messages.setpoints import OTHER_FAILURE, UNKNOWN_TYPE, UNSUPPORTED_TYPE, Kind
 
-FREE: Final = (math.nan, math.nan, math.nan)
-"""A vector that is not controlled."""
 _TIMEOUT_MS = 500
 _TRIES, _PATIENCE = 5, 0.3
 _LARGEST = 3.4e38
@@ -26,33 +22,6 @@ _IDLE = 0.1
 """The period in s of checks of the clock if there is no setpoint."""
 _REPEATS = 3
 """How often a VehicleControlMode is sent, because PX4 does not confirm it before v1.18."""
-
-
-def trajectory_values(
-    frame: Frame,
-    axes: Sequence[Sequence[float]],
-    heading: float | None,
-    heading_deg: float | None,
-    turn_rate: float,
-) -> dict[str, Any]:
-    """Return the fields of a TrajectorySetpoint: position, velocity and acceleration in a frame, and a heading.
-
-    Raises ValueError if an axis has none of them.
-    """
-    position, velocity, acceleration = (turned(three(each), frame) for each in axes)
-    finite([each for each in (*position, *velocity, *acceleration, turn_rate) if not math.isnan(each)], "a trajectory")
-    if any(all(map(math.isnan, axis)) for axis in zip(position, velocity, acceleration, strict=True)):
-        raise ValueError("each axis needs a position, a velocity or an acceleration")
-    yaw = heading_of(heading, heading_deg, frame)
-    finite([] if yaw is None else [yaw], "a heading")
-    return {
-        "position": position,
-        "velocity": velocity,
-        "acceleration": acceleration,
-        "jerk": FREE,
-        "yaw": math.nan if yaw is None else yaw,
-        "yawspeed": turn_rate if frame == "ned" else -turn_rate,
-    }
 
 
 _Values = TypeVar("_Values", bound=Sequence[float])

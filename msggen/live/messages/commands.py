@@ -33,6 +33,9 @@ SELECTED_BY: Final[Mapping[int, int]] = MappingProxyType(
 """The modes that commands select."""
 EXECUTOR: Final = 1000
 """COMPONENT_MODE_EXECUTOR_START: executor 1 sends commands as component 1001."""
+OF_MODE: Final = 0
+OF_EXECUTOR: Final = 1
+"""SOURCE_TYPE_MODE and SOURCE_TYPE_MODE_EXECUTOR of ConfigOverrides."""
 
 ACCEPTED: Final = 0
 TEMPORARILY_REJECTED: Final = 1

@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any, Final, Protocol
 
+from msggen.live.messages.commands import OF_EXECUTOR
 from msggen.live.messages.nav_states import EXTERNAL
 from msggen.live.sim.commander.checks import Reply
 from msggen.live.sim.commander.commander import LOOP, Overrides
@@ -17,8 +18,6 @@ from msggen.live.sim.world import World
 
 _INTERNAL: Final = range(EXTERNAL.start)
 """The modes that a program can replace: all before NAVIGATION_STATE_EXTERNAL1."""
-_OF_EXECUTOR = 1
-"""SOURCE_TYPE_MODE_EXECUTOR of ConfigOverrides."""
 _REQUIREMENT = "mode_req_"
 _CONTROLS = {f"flag_control_{name}_enabled": name for name in ALL}
 
@@ -152,7 +151,7 @@ class Programs:
         keeps_home = getattr(message, "disable_auto_set_home", False)
         seconds = message.defer_failsafes_timeout_s
         overrides = Overrides(message.disable_auto_disarm, message.defer_failsafes, seconds, keeps_home)
-        self._commander.override(message.source_id, overrides, of_executor=message.source_type == _OF_EXECUTOR)
+        self._commander.override(message.source_id, overrides, of_executor=message.source_type == OF_EXECUTOR)
         names = (field.name for field in message.__msg__.fields if field.name != "timestamp")
         self._publish("config_overrides_confirm", **{name: getattr(message, name) for name in names})
 

@@ -54,6 +54,7 @@ def test_every_mode_of_a_release_has_a_name(messages: Any) -> None:
 def test_vehicles_are_disarmed_and_armed_as_in_a_release(messages: Any) -> None:
     found = constants(messages["VehicleStatus"], "ARMING_STATE_")
     assert (found[nav_states.DISARMED], found[nav_states.ARMED]) == ("DISARMED", "ARMED")
+    assert constants(messages["VehicleStatus"], "VEHICLE_TYPE_")[nav_states.ROTARY_WING] == "ROTARY_WING"
 
 
 def test_the_newest_release_has_every_mode_and_command() -> None:
