@@ -16,7 +16,7 @@ from msggen.flight.feeds import ANY_MODE, Feeds
 from msggen.flight.limits import NO_LIMITS, Limits
 from msggen.flight.overrides import Deferral, Keeps, Overrides
 from msggen.flight.places import GlobalPlace, check_within, local_place
-from msggen.flight.requirements import Requirement
+from msggen.flight.requirements import Requirement, named
 from msggen.flight.setpoints import finite
 from msggen.flight.space import Frame, Vector, heading_of, turned, turned_heading, wrapped
 from msggen.flight.telemetry import is_estimate, is_landed, no_estimate, valid_estimate
@@ -234,7 +234,7 @@ def needs_of(mode: Mode) -> Requirement:
     """Return the requirements of a mode, with those of its setpoints."""
     found = mode.requires
     for kind in mode.setpoints:
-        found |= Requirement.named(kind.requirements)
+        found |= named(kind.requirements)
     return found
 
 

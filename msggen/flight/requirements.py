@@ -26,11 +26,6 @@ class Requirement(Flag):
     PREVENT_ARMING = auto()
     """The vehicle is not armed in this mode."""
 
-    @classmethod
-    def named(cls, names: Iterable[str]) -> Requirement:
-        """Return the requirements with names such as `local_position`."""
-        return reduce(or_, (cls[name.upper()] for name in names), cls.NONE)
-
     @property
     def fields(self) -> frozenset[str]:
         """The names of the fields of ArmingCheckReply that are set."""
@@ -43,3 +38,8 @@ LOCAL_POSITION = ATTITUDE | Requirement.LOCAL_ALT | Requirement.LOCAL_POSITION
 """What goto and trajectory setpoints need."""
 GLOBAL_POSITION = LOCAL_POSITION | Requirement.GLOBAL_POSITION
 """What goto setpoints by latitude and longitude need."""
+
+
+def named(names: Iterable[str]) -> Requirement:
+    """Return the requirements with names such as `local_position`."""
+    return reduce(or_, (Requirement[name.upper()] for name in names), Requirement.NONE)
