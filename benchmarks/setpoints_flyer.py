@@ -28,7 +28,7 @@ from msggen.flight.commands import Commands
 from msggen.flight.feeds import Feeds
 from msggen.flight.link import LinkConnection
 from msggen.flight.registration import Registrar, Wanted
-from msggen.flight.setpoints import FREE, trajectory_values
+from msggen.flight.trajectory import FREE, Trajectory
 from msggen.live import Vehicle
 from msggen.live.messages.commands import ARM_DISARM
 from setpoints import place_of
@@ -46,7 +46,7 @@ async def repeat(vehicle: Vehicle, steps: list[tuple[float, float]]) -> None:
 
             async def fly(self) -> None:
                 for kind, (rate, seconds) in zip(self.setpoints, steps, strict=True):
-                    values = trajectory_values("ned", (place_of(rate), FREE, FREE), None, None, math.nan)
+                    values = Trajectory(place_of(rate), FREE, FREE, None, None, math.nan).values("ned")
                     flight.find(self).send(kind, **values)
                     await asyncio.sleep(seconds)
 

@@ -103,8 +103,12 @@ def _kind(module: str, name: str) -> str:
 
 
 def _options(module: str, name: str) -> list[str]:
-    is_plain = _kind(module, name) in {"autofunction", "autodata"}
-    return [] if is_plain else ["   :members:"]
+    """Return the options of a directive. A class also has the methods of its bases in msggen."""
+    if _kind(module, name) in {"autofunction", "autodata"}:
+        return []
+    bases = getattr(_thing(module, name), "__mro__", ())[1:-1]
+    is_own = bool(bases) and all(each.__module__.startswith("msggen.") for each in bases)
+    return ["   :members:", *(["   :inherited-members:"] if is_own else [])]
 
 
 def as_rst(lines: list[str]) -> list[str]:

@@ -23,12 +23,14 @@ class Format(NamedTuple):
     """The class in the module, a `Source` that is made of the path of a file."""
     storage: str = ""
     """What a folder of rosbag2 calls it, "" if no such folder has files of it."""
+    is_of_vehicle: bool = False
+    """Whether the vehicle itself writes it: in the layout of uORB, with times since its start."""
 
 
 FORMATS: Mapping[str, Format] = MappingProxyType(
     {
         "mcap": Format("MCAP", "an MCAP file", ".mcap", b"\x89MCAP0\r\n", "McapFile", "mcap"),
-        "ulog": Format("ULog", "a ULog", ".ulg", b"ULog\x01\x12\x35", "UlogFile"),
+        "ulog": Format("ULog", "a ULog", ".ulg", b"ULog\x01\x12\x35", "UlogFile", is_of_vehicle=True),
         "db3": Format("rosbag2 database", "a database of rosbag2", ".db3", b"SQLite format 3\0", "Db3File", "sqlite3"),
     }
 )

@@ -120,7 +120,7 @@ ROOMS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "show.report": ("base", "sources", "check", "live", "doctor"),
         "show.top": ("base", "live"),
         "show.plot": ("base", "definitions", "live", "recordings"),
-        "show.view": ("live", "recordings"),
+        "show.view": ("base", "live", "recordings"),
         "cli": ("base", "definitions", "sources", "check", "live", "recordings", "doctor", "generate", "show"),
     }
 )

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from msggen.base.diagnostics import counted, few, input_error, printable
 from msggen.base.exit_codes import DONE, FINDINGS
+from msggen.base.recording_formats import FORMATS
 from msggen.cli.link import agent_of
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
 from msggen.cli.packages import check_reading
@@ -110,7 +111,7 @@ def _choice(options: argparse.Namespace, recording: Log) -> Choice:
 
     played = [(topic.recorded_name, topic.ros_type) for topic in recording.topics if is_played(topic)]
     choice = Choice(options.topics, options.exclude)
-    if recording.kind == "ulog":
+    if FORMATS[recording.kind].is_of_vehicle:
         raise input_error(options.file, "R102", "is a ULog, which cannot be played: convert it to MCAP first", 0)
     if not played:
         raise input_error(options.file, "R102", "has no samples of topics that PX4 publishes, /fmu/out/...", 0)

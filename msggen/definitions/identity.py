@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from hashlib import sha256
 from typing import NamedTuple
 
+from msggen.base.qos import DEPTH
 from msggen.definitions.model import (
     ArrayKind,
     BridgeEntry,
@@ -104,7 +105,7 @@ class Qos(NamedTuple):
 PX4_WRITER = Qos("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST", 0)
 """The QoS of all of PX4's writers (docs/wire.md, 13)."""
 
-APPLICATION = Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", 10)
+APPLICATION = Qos("BEST_EFFORT", "VOLATILE", "KEEP_LAST", DEPTH)
 """The QoS of an application that matches PX4's. A reader must not request RELIABLE; a writer may offer either."""
 
 

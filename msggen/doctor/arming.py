@@ -13,33 +13,18 @@ from msggen.doctor.observation import SampleSeen, VehicleSeen
 from msggen.doctor.steering import CONTROLS, Values, control, is_steered, means_inputs, setpoints
 from msggen.live.messages.commands import ARM_DISARM, REFUSALS, SET_MODE, SET_NAV_STATE
 from msggen.live.messages.names import uorb_name
-from msggen.live.messages.nav_states import EXTERNAL, MODE_TITLES, OFFBOARD
-from msggen.live.messages.refusals import REQUIREMENTS
+from msggen.live.messages.nav_states import DISARMED, EXTERNAL, MODE_TITLES, OFFBOARD
+from msggen.live.messages.refusals import ALWAYS, REQUIREMENTS
+from msggen.live.messages.setpoints import KINDS
 
-_DISARMED = 1
 _SET_MODE = (SET_MODE, SET_NAV_STATE)
 _REQUIRED: Mapping[str, str] = MappingProxyType({flag: f"mode_req_{name}" for name, (flag, _) in REQUIREMENTS.items()})
 """The flags of FailsafeFlags that count in some modes, and the field that tells in which ones."""
-_ALWAYS = (
-    "battery_unhealthy",
-    "fd_critical_failure",
-    "fd_esc_arming_failure",
-    "fd_imbalanced_prop",
-    "fd_motor_failure",
-    "geofence_breached",
-    "mission_failure",
-    "wind_limit_exceeded",
-    "flight_time_limit_exceeded",
-    "navigator_failure",
-    "parachute_unhealthy",
-)
-"""Those that count in every mode. `remote_id_unhealthy` does not: it is set on every vehicle without a remote id, also
-where COM_ARM_ODID does not ask for one."""
 _CRITICAL = 2
 """The `battery_warning` from which on PX4 does not arm."""
 _VALID = ("xy_valid", "z_valid", "v_xy_valid", "v_z_valid")
-_PLACED = ("position", "velocity", "acceleration")
-"""The controls that need an estimate of the position."""
+_PLACED = frozenset(field for kind in KINDS if kind.is_placed for field in kind.selectors)
+"""The fields of OffboardControlMode that need an estimate of the position."""
 
 
 def find_no_position(case: Case) -> Iterator[Change]:
@@ -97,7 +82,7 @@ def _failing(vehicle: VehicleSeen) -> list[str]:
     flags, status = vehicle.state("failsafe_flags"), vehicle.state("vehicle_status")
     bit = 1 << status.get("nav_state_user_intention", status.get("nav_state", OFFBOARD))
     found = [name for name, field in _REQUIRED.items() if flags.get(name) and flags.get(field, 0) & bit]
-    found += [name for name in _ALWAYS if flags.get(name)]
+    found += [name for name in ALWAYS if flags.get(name)]
     warning = flags.get("battery_warning", 0)
     return [*found, *([f"battery_warning {warning}"] if warning >= _CRITICAL else ())]
 
@@ -119,7 +104,7 @@ def find_refused_arming(case: Case) -> Iterator[Change]:
     """Find vehicles that refuse to arm."""
     for vehicle in case.alive:
         status, refused = vehicle.state("vehicle_status"), _refused(vehicle, (ARM_DISARM,))
-        if status.get("arming_state") == _DISARMED and refused and means_inputs(case, vehicle):
+        if status.get("arming_state") == DISARMED and refused and means_inputs(case, vehicle):
             checks = "its checks pass now" if status.get("pre_flight_checks_pass", True) else "its checks fail"
             yield case.of(
                 vehicle,
@@ -136,8 +121,8 @@ def find_not_armed(case: Case) -> Iterator[Change]:
         if passes and not _refused(vehicle, (ARM_DISARM,)) and not _is_misaddressed(case, vehicle, (ARM_DISARM,)):
             yield case.of(
                 vehicle,
-                "gets setpoints, but is not armed: send VehicleCommand COMPONENT_ARM_DISARM (400) with param1 = 1, "
-                "`msggen command arm`",
+                f"gets setpoints, but is not armed: send VehicleCommand COMPONENT_ARM_DISARM ({ARM_DISARM}) with "
+                "param1 = 1, `msggen command arm`",
             )
 
 
@@ -164,7 +149,7 @@ def find_other_mode(case: Case) -> Iterator[Change]:
             yield case.of(
                 vehicle,
                 f"gets setpoints, but is in mode {_mode(status)}, which does not use them: send VehicleCommand "
-                "DO_SET_MODE (176) with param1 = 1 and param2 = 6, `msggen command mode offboard`",
+                f"DO_SET_MODE ({SET_MODE}) with param1 = 1 and param2 = 6, `msggen command mode offboard`",
             )
 
 
@@ -176,7 +161,7 @@ def _follows(status: Values) -> bool:
 def _disarmed(case: Case) -> Iterator[VehicleSeen]:
     """Yield the vehicles that get setpoints and are not armed."""
     for vehicle in case.alive:
-        if is_steered(case, vehicle) and vehicle.state("vehicle_status").get("arming_state") == _DISARMED:
+        if is_steered(case, vehicle) and vehicle.state("vehicle_status").get("arming_state") == DISARMED:
             yield vehicle
 
 

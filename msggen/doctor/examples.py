@@ -23,7 +23,9 @@ from msggen.doctor.observation import (
     VehicleSeen,
 )
 from msggen.live.link import Remote, Route, Statistics
+from msggen.live.messages.commands import ARM_DISARM, SET_MODE, TEMPORARILY_REJECTED
 from msggen.live.messages.names import uorb_name
+from msggen.live.messages.nav_states import ARMED, DISARMED, HOLD, LAND, OFFBOARD, ROTARY_WING
 from msggen.live.vehicle.selection import Selection
 from msggen.live.xrce.agent import Client
 
@@ -135,16 +137,16 @@ _STEERED_ROUTES = (
 )
 _STEERED_VALUES: Mapping[str, Mapping[str, Any]] = {
     _ROUTES[0].name: {
-        "arming_state": 2,
-        "nav_state": 14,
-        "nav_state_user_intention": 14,
+        "arming_state": ARMED,
+        "nav_state": OFFBOARD,
+        "nav_state_user_intention": OFFBOARD,
         "failsafe": False,
         "pre_flight_checks_pass": True,
-        "vehicle_type": 1,
+        "vehicle_type": ROTARY_WING,
         "system_id": 1,
         "component_id": 1,
     },
-    _FLAGS: {"mode_req_offboard_signal": 1 << 14, "mode_req_local_position": 1 << 14, "battery_warning": 0},
+    _FLAGS: {"mode_req_offboard_signal": 1 << OFFBOARD, "mode_req_local_position": 1 << OFFBOARD, "battery_warning": 0},
     _PLACE: {"xy_valid": True, "z_valid": True, "v_xy_valid": True, "v_z_valid": True, "z": -5.0},
 }
 
@@ -191,7 +193,7 @@ def _steered(inputs: Mapping[str, InputSeen] | None = None, **values: Mapping[st
 
 STEERED = _steered()
 """A vehicle in Offboard mode that follows the setpoints of a program. Nothing is found in it."""
-_DISARMED = {"arming_state": 1}
+_DISARMED = {"arming_state": DISARMED}
 
 _SETPOINT_EXAMPLES: Mapping[str, Callable[[], Case]] = {
     "INPUT_UNPUBLISHED": lambda: _steered({})._replace(wanted=("trajectory_setpoint",)),
@@ -204,7 +206,7 @@ _SETPOINT_EXAMPLES: Mapping[str, Callable[[], Case]] = {
         }
     ),
     "COMMAND_MISADDRESSED": lambda: _steered(
-        {**_INPUTS, _ROUTES[3].name: _input({"command": 400, "target_system": 3, "target_component": 1})},
+        {**_INPUTS, _ROUTES[3].name: _input({"command": ARM_DISARM, "target_system": 3, "target_component": 1})},
         vehicle_status=_DISARMED,
     ),
     "SETPOINT_CONTESTED": lambda: _steered({**_INPUTS, _SETPOINT: _input(_POSITION, programs=(_PROGRAM, _OTHER))}),
@@ -218,22 +220,22 @@ _SETPOINT_EXAMPLES: Mapping[str, Callable[[], Case]] = {
     "SETPOINT_DOWNWARD": lambda: _steered({**_INPUTS, _SETPOINT: _input(_UPSIDE_DOWN)}),
     "POSITION_MISSING": lambda: _steered(vehicle_local_position={"xy_valid": False, "v_xy_valid": False}),
     "FAILSAFE_ACTIVE": lambda: _steered(
-        vehicle_status={"failsafe": True, "nav_state": 18}, failsafe_flags={"offboard_control_signal_lost": True}
+        vehicle_status={"failsafe": True, "nav_state": LAND}, failsafe_flags={"offboard_control_signal_lost": True}
     ),
     "ARMING_REFUSED": lambda: _steered(
         vehicle_status={**_DISARMED, "pre_flight_checks_pass": False},
         failsafe_flags={"battery_warning": 2},
-        vehicle_command_ack={"command": 400, "result": 1},
+        vehicle_command_ack={"command": ARM_DISARM, "result": TEMPORARILY_REJECTED},
     ),
     "CHECKS_FAIL": lambda: _steered(
         vehicle_status={**_DISARMED, "pre_flight_checks_pass": False}, failsafe_flags={"battery_unhealthy": True}
     ),
     "NOT_ARMED": lambda: _steered(vehicle_status=_DISARMED),
     "MODE_REFUSED": lambda: _steered(
-        vehicle_status={"nav_state": 4, "nav_state_user_intention": 4},
-        vehicle_command_ack={"command": 176, "result": 1},
+        vehicle_status={"nav_state": HOLD, "nav_state_user_intention": HOLD},
+        vehicle_command_ack={"command": SET_MODE, "result": TEMPORARILY_REJECTED},
     ),
-    "MODE_OTHER": lambda: _steered(vehicle_status={"nav_state": 4, "nav_state_user_intention": 4}),
+    "MODE_OTHER": lambda: _steered(vehicle_status={"nav_state": HOLD, "nav_state_user_intention": HOLD}),
 }
 
 _EXAMPLES: Mapping[str, Callable[[], Case]] = {

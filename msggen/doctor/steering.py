@@ -13,20 +13,14 @@ from msggen.doctor.case import Case, matches
 from msggen.doctor.observation import InputSeen, VehicleSeen
 from msggen.live.link import Route
 from msggen.live.messages.names import uorb_name
+from msggen.live.messages.nav_states import ROTARY_WING
+from msggen.live.messages.setpoints import KINDS, SELECTORS, TRAJECTORY
+from msggen.live.messages.setpoints import OFFBOARD_CONTROL_MODE as MODE
 
 Values: TypeAlias = Mapping[str, Any]
 
-MODE = "offboard_control_mode"
 CONTROLS: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {
-        "position": ("trajectory_setpoint", "goto_setpoint"),
-        "velocity": ("trajectory_setpoint",),
-        "acceleration": ("trajectory_setpoint",),
-        "attitude": ("vehicle_attitude_setpoint",),
-        "body_rate": ("vehicle_rates_setpoint",),
-        "thrust_and_torque": ("vehicle_thrust_setpoint", "vehicle_torque_setpoint"),
-        "direct_actuator": ("actuator_motors", "actuator_servos"),
-    }
+    {field: tuple(topic for kind in KINDS if field in kind.selectors for topic in kind.topics) for field in SELECTORS}
 )
 """The fields of OffboardControlMode, and the topics of their setpoints. PX4 takes the first field that is set."""
 SETPOINTS = tuple(dict.fromkeys(topic for topics in CONTROLS.values() for topic in topics))
@@ -215,18 +209,20 @@ def _has_setpoint(vehicle: VehicleSeen, selected: str) -> bool:
 def find_empty(case: Case) -> Iterator[Change]:
     """Find setpoints that control nothing, because they are not numbers."""
     for vehicle in case.alive:
-        for name, each in setpoints(case, vehicle).items():
-            problem = _uncontrolled(name, each.values) if each.values else ""
+        for each in setpoints(case, vehicle).values():
+            problem = _uncontrolled(each.values)
             if problem:
                 yield case.change(each.route.name, f"'{each.route.name}' from {each.senders} {problem}")
 
 
-def _uncontrolled(name: str, values: Values) -> str:
+def _uncontrolled(values: Values) -> str:
     """Return what a setpoint leaves open, and what to do, or ""."""
-    return next((problem for find in _OPEN.get(name, ()) if (problem := find(values))), "")
+    return next((problem for field, find in _OPEN.items() if field in values and (problem := find(values))), "")
 
 
 def _open_position(values: Values) -> str:
+    if "velocity" in values:
+        return _open_axes(values)
     return "" if _is_finite(values.get("position", ())) else "has NaN in `position`: set all three axes"
 
 
@@ -259,7 +255,7 @@ def _open_vector(values: Values) -> str:
 
 def _open_axes(values: Values) -> str:
     """Return the axes that neither position nor velocity nor acceleration controls, and what to do, or ""."""
-    kinds = [values[name] for name in ("position", "velocity", "acceleration") if name in values]
+    kinds = [values[name] for name in TRAJECTORY.selectors if name in values]
     axes = [axis for index, axis in enumerate(_AXES) if not any(math.isfinite(kind[index]) for kind in kinds)]
     if not axes:
         return ""
@@ -274,19 +270,17 @@ def _is_finite(values: Sequence[float]) -> bool:
     return all(map(math.isfinite, values))
 
 
-_OPEN: Mapping[str, tuple[Callable[[Values], str], ...]] = MappingProxyType(
+_OPEN: Mapping[str, Callable[[Values], str]] = MappingProxyType(
     {
-        "trajectory_setpoint": (_open_axes,),
-        "goto_setpoint": (_open_position,),
-        "vehicle_attitude_setpoint": (_open_attitude, _open_thrust),
-        "vehicle_rates_setpoint": (_open_rates, _open_thrust),
-        "vehicle_thrust_setpoint": (_open_vector,),
-        "vehicle_torque_setpoint": (_open_vector,),
-        "actuator_motors": (_open_actuators,),
-        "actuator_servos": (_open_actuators,),
+        "position": _open_position,
+        "q_d": _open_attitude,
+        "roll": _open_rates,
+        "thrust_body": _open_thrust,
+        "xyz": _open_vector,
+        "control": _open_actuators,
     }
 )
-"""The functions that find what a setpoint leaves open."""
+"""The functions that find what a setpoint leaves open, by a field that it has."""
 
 
 def find_contested(case: Case) -> Iterator[Change]:
@@ -316,9 +310,9 @@ def _downward(found: Mapping[str, Sent], vehicle: VehicleSeen) -> Iterator[tuple
     """Yield the names of setpoints that point down, and what to do."""
     height = vehicle.state("vehicle_local_position").get("z", 0.0)
     is_landed = vehicle.state("vehicle_land_detected").get("landed", False)
-    for name in found.keys() & {"trajectory_setpoint", "goto_setpoint"}:
-        z = found[name].values.get("position", (math.nan,) * 3)[2]
-        speed = found[name].values.get("velocity", (math.nan,) * 3)[2]
+    for name, each in found.items():
+        z, speed = (each.values.get(field, (math.nan,) * 3)[2] for field in ("position", "velocity"))
+        thrust = each.values.get("thrust_body", (0.0,) * 3)[2]
         if z > max(0.0, height) + _BELOW:
             yield (
                 name,
@@ -326,14 +320,8 @@ def _downward(found: Mapping[str, Sent], vehicle: VehicleSeen) -> Iterator[tuple
             )
         elif is_landed and math.isnan(z) and speed > 0:
             yield name, f"has the velocity z = {speed:g} m/s, which points down (NED): use {-speed:g} to climb"
-    for name in found.keys() & {"vehicle_attitude_setpoint", "vehicle_rates_setpoint"}:
-        thrust = found[name].values.get("thrust_body", (0.0,) * 3)[2]
-        if thrust > 0 and vehicle.state("vehicle_status").get("vehicle_type") == _ROTARY_WING:
+        if thrust > 0 and vehicle.state("vehicle_status").get("vehicle_type") == ROTARY_WING:
             yield (
                 name,
                 f"has `thrust_body[2]` = {thrust:g}, which points down (FRD): use {-thrust:g} for a multicopter",
             )
-
-
-_ROTARY_WING = 1
-"""VEHICLE_TYPE_ROTARY_WING of VehicleStatus."""

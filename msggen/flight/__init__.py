@@ -24,8 +24,8 @@ from msggen.flight.mode import Mode
 from msggen.flight.overrides import Deferral, Keeps
 from msggen.flight.places import GlobalPlace
 from msggen.flight.requirements import GLOBAL_POSITION, LOCAL_POSITION, Requirement
-from msggen.flight.setpoints import ATTITUDE, GOTO, RATES, TRAJECTORY
 from msggen.flight.space import Vector
+from msggen.live.messages.setpoints import ATTITUDE, GOTO, RATES, TRAJECTORY
 
 __all__ = [
     "ATTITUDE",

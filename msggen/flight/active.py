@@ -14,12 +14,15 @@ from msggen.flight.errors import FlightError, NotReachedError, report, watched
 from msggen.flight.feeds import Feeds
 from msggen.flight.limits import Fence
 from msggen.flight.mode import NO_LIFT, Mode, message_of, needs_of
-from msggen.flight.overrides import OF_MODE, Overrides
+from msggen.flight.overrides import Overrides
 from msggen.flight.registration import Ids
-from msggen.flight.setpoints import FREE, GOTO, TRAJECTORY, Configuration, Kind, Stream
+from msggen.flight.setpoints import Configuration, Stream
 from msggen.flight.space import Vector
 from msggen.flight.states import described, is_armed
 from msggen.flight.telemetry import is_landed, valid_estimate
+from msggen.flight.trajectory import FREE
+from msggen.live.messages.commands import OF_MODE
+from msggen.live.messages.setpoints import GOTO, TRAJECTORY, Kind
 
 LOGGER = getLogger("msggen.flight")
 _SUCCESS, _FAILURE = 0, 100
@@ -88,7 +91,7 @@ class ActiveMode:
     def send(self, kind: Kind, **values: Any) -> None:
         """Send a setpoint from now on. Raises NotReachedError unless `fly` runs, LimitError, and UnsupportedError."""
         self._check_flying()
-        if self._begins_on_ground and kind in (GOTO, TRAJECTORY):
+        if self._begins_on_ground and kind.is_placed:
             self._begins_on_ground = False
             if is_landed(self.feeds):
                 LOGGER.warning("mode %r is on the ground, and %s %s", self.mode.name, kind.name, NO_LIFT)

@@ -3,27 +3,21 @@
 from __future__ import annotations
 
 import asyncio
-import math
 import signal
 import threading
-from collections.abc import Callable, Coroutine, Iterator, Sequence
+from collections.abc import Callable, Coroutine, Iterator
 from contextlib import contextmanager
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar, runtime_checkable
 
-from msggen.flight.elsewhere import Hinted
+from msggen.flight.blocking_calls import FlightCalls, OffboardCalls, TelemetryCalls, Waits
 from msggen.flight.errors import FlightError
-from msggen.flight.executor import Executor
-from msggen.flight.feeds import Condition
 from msggen.flight.flight import Flight
-from msggen.flight.mode import Mode
 from msggen.flight.offboard import Offboard
-from msggen.flight.places import GlobalPlace
 from msggen.flight.runners import CallerRunner, Runner, ThreadRunner
-from msggen.flight.setpoints import FREE
-from msggen.flight.space import Frame, Vector
-from msggen.flight.telemetry import Attitude, Battery, GlobalPosition, Home, Land, LocalPosition, Telemetry
-from msggen.flight.usage import BY_NAME, LOCAL, ON_EARTH, explained
+from msggen.flight.space import Frame
+from msggen.flight.telemetry import Telemetry
+from msggen.flight.trajectory import Steered, Trajectory
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -39,7 +33,7 @@ class _OnItsClock(Protocol):
         """Return a loop on its clock."""
 
 
-class BlockingFlight(Hinted):
+class BlockingFlight(FlightCalls):
     """A `Flight` for programs without asyncio. It takes the same arguments, and is used with `with`.
 
     Modes and executors are the same as those of `Flight`, and run in a separate thread. SIGTERM ends the block.
@@ -95,97 +89,6 @@ class BlockingFlight(Hinted):
         """Why messages do not get through to the vehicle, "" if they do: see `Vehicle.problem`."""
         return self._own.problem
 
-    # Actions
-
-    def arm(self) -> None:
-        """See `Flight.arm`."""
-        self._wait(self._own.arm())
-
-    def disarm(self) -> None:
-        """See `Flight.disarm`."""
-        self._wait(self._own.disarm())
-
-    def takeoff(self, altitude: float | None = None) -> None:
-        """See `Flight.takeoff`."""
-        self._wait(self._own.takeoff(altitude))
-
-    def land(self) -> None:
-        """See `Flight.land`."""
-        self._wait(self._own.land())
-
-    def return_home(self) -> None:
-        """See `Flight.return_home`."""
-        self._wait(self._own.return_home())
-
-    def hold(self) -> None:
-        """See `Flight.hold`."""
-        self._wait(self._own.hold())
-
-    def set_mode(self, mode: str | int | type[Mode | Executor] | Mode | Executor) -> None:
-        """See `Flight.set_mode`."""
-        self._wait(self._own.set_mode(mode))
-
-    @explained(ON_EARTH)
-    def goto(
-        self,
-        place: GlobalPlace | None = None,
-        *,
-        latitude: float | None = None,
-        longitude: float | None = None,
-        altitude: float | None = None,
-        heading_deg: float = math.nan,
-    ) -> None:
-        """See `Flight.goto`."""
-        self._wait(
-            self._own.goto(place, latitude=latitude, longitude=longitude, altitude=altitude, heading_deg=heading_deg)
-        )
-
-    @explained(ON_EARTH)
-    def set_home(
-        self,
-        place: GlobalPlace | None = None,
-        *,
-        latitude: float | None = None,
-        longitude: float | None = None,
-        altitude: float | None = None,
-    ) -> None:
-        """See `Flight.set_home`."""
-        self._wait(self._own.set_home(place, latitude=latitude, longitude=longitude, altitude=altitude))
-
-    @explained(ON_EARTH)
-    def set_origin(
-        self,
-        place: GlobalPlace | None = None,
-        *,
-        latitude: float | None = None,
-        longitude: float | None = None,
-        altitude: float | None = None,
-    ) -> None:
-        """See `Flight.set_origin`."""
-        self._wait(self._own.set_origin(place, latitude=latitude, longitude=longitude, altitude=altitude))
-
-    def wait_armed(self) -> None:
-        """See `Flight.wait_armed`."""
-        self._wait(self._own.wait_armed())
-
-    def wait_disarmed(self) -> None:
-        """See `Flight.wait_disarmed`."""
-        self._wait(self._own.wait_disarmed())
-
-    def wait_for_status(self, condition: Condition, seconds: float) -> None:
-        """See `Flight.wait_for_status`."""
-        self._wait(self._own.wait_for_status(condition, seconds))
-
-    # Modes
-
-    def add(self, *parts: type[Mode | Executor] | Mode | Executor) -> None:
-        """See `Flight.add`."""
-        self._wait(self._own.add(*parts))
-
-    def fly(self, part: type[Mode | Executor] | Mode | Executor) -> None:
-        """See `Flight.fly`."""
-        self._wait(self._own.fly(part))
-
     def run(self) -> None:
         """Wait until Ctrl-C or SIGTERM."""
         self._wait(self._own.run())
@@ -237,85 +140,45 @@ class BlockingFlight(Hinted):
             self._runner.close()
 
 
-class BlockingTelemetry(Hinted):
+class _Inside(Waits):
+    """Waits as the flight does that it belongs to."""
+
+    def __init__(self, wait: Callable[[Coroutine[Any, Any, Any]], Any]) -> None:
+        self._wait_in_flight = wait
+
+    def _wait(self, coroutine: Coroutine[Any, Any, _Result]) -> _Result:
+        found: _Result = self._wait_in_flight(coroutine)
+        return found
+
+
+class BlockingTelemetry(_Inside, TelemetryCalls):
     """The telemetry of a vehicle, as in `Telemetry`."""
 
     def __init__(self, telemetry: Telemetry, wait: Callable[[Coroutine[Any, Any, Any]], Any]) -> None:
-        self._telemetry, self._wait = telemetry, wait
+        super().__init__(wait)
+        self._telemetry = telemetry
 
-    def local_position(self) -> LocalPosition:
-        """See `Telemetry.local_position`."""
-        found: LocalPosition = self._wait(self._telemetry.local_position())
-        return found
-
-    def global_position(self) -> GlobalPosition:
-        """See `Telemetry.global_position`."""
-        found: GlobalPosition = self._wait(self._telemetry.global_position())
-        return found
-
-    def attitude(self) -> Attitude:
-        """See `Telemetry.attitude`."""
-        found: Attitude = self._wait(self._telemetry.attitude())
-        return found
-
-    def battery(self) -> Battery:
-        """See `Telemetry.battery`."""
-        found: Battery = self._wait(self._telemetry.battery())
-        return found
-
-    def home(self) -> Home:
-        """See `Telemetry.home`."""
-        found: Home = self._wait(self._telemetry.home())
-        return found
-
-    def land(self) -> Land:
-        """See `Telemetry.land`."""
-        found: Land = self._wait(self._telemetry.land())
-        return found
+    @property
+    def _own(self) -> Telemetry:
+        return self._telemetry
 
 
-class BlockingOffboard(Hinted):
+class BlockingOffboard(_Inside, OffboardCalls, Steered):
     """The setpoint of Offboard mode, as in `Offboard`."""
 
     def __init__(self, setpoint: Offboard, wait: Callable[[Coroutine[Any, Any, Any]], Any]) -> None:
-        self._setpoint, self._wait = setpoint, wait
+        super().__init__(wait)
+        self._setpoint = setpoint
 
-    @explained(BY_NAME)
-    def trajectory(  # noqa: PLR0913 - keywords, each of which has a default
-        self,
-        *,
-        position: Sequence[float] = FREE,
-        velocity: Sequence[float] = FREE,
-        acceleration: Sequence[float] = FREE,
-        heading: float | None = None,
-        heading_deg: float | None = None,
-        turn_rate: float = math.nan,
-    ) -> None:
-        """See `Offboard.trajectory`."""
+    @property
+    def _own(self) -> Offboard:
+        return self._setpoint
 
+    def _steer(self, found: Trajectory) -> None:
         async def change() -> None:
-            self._setpoint.trajectory(
-                position=position,
-                velocity=velocity,
-                acceleration=acceleration,
-                heading=heading,
-                heading_deg=heading_deg,
-                turn_rate=turn_rate,
-            )
+            self._setpoint.trajectory(**found._asdict())
 
         self._wait(change())
-
-    def position(self) -> Vector:
-        """See `Offboard.position`."""
-        found: Vector = self._wait(self._setpoint.position())
-        return found
-
-    @explained(LOCAL)
-    def goto(
-        self, place: Sequence[float] | GlobalPlace, *, heading_deg: float | None = None, within: float = 0.5
-    ) -> None:
-        """See `Offboard.goto`."""
-        self._wait(self._setpoint.goto(place, heading_deg=heading_deg, within=within))
 
 
 async def _left(context: Any, error: BaseException) -> None:

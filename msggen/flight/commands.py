@@ -11,13 +11,11 @@ from typing import Any, Final
 from msggen.flight.connection import Connection, Topics, filled
 from msggen.flight.errors import FlightError, RefusedError
 from msggen.flight.feeds import Condition, Feeds
+from msggen.live.messages.commands import ACCEPTED, EXECUTOR, IN_PROGRESS
 from msggen.live.messages.refusals import reasons_for_command
 
 COMPANION: Final = 191
 """The component id of a companion computer in MAVLink: PX4 takes commands of components below 1000 as a user's."""
-EXECUTOR: Final = 1000
-"""COMPONENT_MODE_EXECUTOR_START: executor 1 sends commands as component 1001."""
-_ACCEPTED, _IN_PROGRESS = 0, 5
 _TRIES = 6
 """With 20 % loss in both directions, one command in 460 gets no answer."""
 _PATIENCE = 0.3
@@ -69,11 +67,11 @@ class Commands:
 
         def is_answer(answer: Any) -> bool:
             is_mine = answer.command == number and answer.target_component == source
-            return bool(is_mine and answer.result != _IN_PROGRESS)
+            return bool(is_mine and answer.result != IN_PROGRESS)
 
         async with self._lock:
             answer = await self._answered(topic, message, is_answer, what, shown)
-        if answer is not None and answer.result != _ACCEPTED:
+        if answer is not None and answer.result != ACCEPTED:
             flags, status = (self._feeds[each].latest for each in ("failsafe_flags", "vehicle_status"))
             reasons = reasons_for_command(number, values, flags, status, "`hold()`")
             raise RefusedError(what, answer.result, [*reasons])

@@ -14,9 +14,9 @@ from typing import Any, Final, NamedTuple
 
 from msggen.flight.errors import LimitError, NoAnswerError, UnsupportedError
 from msggen.flight.feeds import Feeds
-from msggen.flight.setpoints import ATTITUDE, RATES, TRAJECTORY, Kind
 from msggen.flight.space import Vector
 from msggen.flight.usage import LIMITS, explained_class
+from msggen.live.messages.setpoints import TRAJECTORY, Kind
 
 _GAIN = 0.5
 """The speed in m/s towards a limit that is 1 m away, low enough that a multicopter does not overshoot."""
@@ -35,8 +35,6 @@ _HOME = 3.0
 _ALONG = 0.01
 """The controlled share of a direction below which the speed along it counts as not controlled."""
 _UP: Final = Vector(0.0, 0.0, -1.0)
-_UNLIMITED: Final = (ATTITUDE, RATES)
-"""The kinds of setpoints for which limits cannot be enforced."""
 
 
 @explained_class(LIMITS)
@@ -105,7 +103,7 @@ class Fence:
 
     def check_kinds(self, kinds: Sequence[Kind]) -> None:
         """Raise UnsupportedError if limits cannot be enforced for a kind of setpoint."""
-        found = [each.name for each in kinds if each in _UNLIMITED]
+        found = [each.name for each in kinds if not each.is_placed]
         if found and not self.limits.is_open:
             raise UnsupportedError(
                 f"limits cannot be enforced for {' and '.join(found)} setpoints: remove them from `setpoints`, "

@@ -11,17 +11,18 @@ from typing import Any, ClassVar, Protocol
 from msggen.flight import usage
 from msggen.flight.checks import Problem
 from msggen.flight.connection import filled
-from msggen.flight.elsewhere import Hinted
 from msggen.flight.errors import FlightError, NotReachedError, UnsupportedError
 from msggen.flight.feeds import ANY_MODE, Feeds
 from msggen.flight.limits import NO_LIMITS, Limits
 from msggen.flight.overrides import Deferral, Keeps, Overrides
 from msggen.flight.places import GlobalPlace, check_within, local_place
-from msggen.flight.requirements import Requirement
-from msggen.flight.setpoints import ATTITUDE, FREE, GOTO, RATES, TRAJECTORY, Kind, finite, trajectory_values
+from msggen.flight.requirements import Requirement, named
+from msggen.flight.setpoints import finite
 from msggen.flight.space import Frame, Vector, heading_of, turned, turned_heading, wrapped
 from msggen.flight.telemetry import is_estimate, is_landed, no_estimate, valid_estimate
-from msggen.flight.usage import BY_NAME, LOCAL, explained
+from msggen.flight.trajectory import Steered, Trajectory
+from msggen.flight.usage import LOCAL, explained
+from msggen.live.messages.setpoints import ATTITUDE, GOTO, RATES, TRAJECTORY, Kind
 
 _SLOW = 0.5
 """The speed in m/s below which a place is reached."""
@@ -50,7 +51,7 @@ class Registered(Protocol):
         """Hold the place where the vehicle is."""
 
 
-class Mode(Hinted):
+class Mode(Steered):
     """A flight mode. A subclass sets the name, and defines the method `fly`.
 
     Pilots see `name`. PX4 keeps a slot for each name, so that a switch on a transmitter always selects the same mode.
@@ -182,29 +183,11 @@ class Mode(Hinted):
         reached = feeds["vehicle_local_position"].following(is_reached)
         await feeds.within(ANY_MODE, reached, "the flight to a place", may_land=False)
 
-    @explained(BY_NAME)
-    def trajectory(  # noqa: PLR0913 - keywords, each of which has a default
-        self,
-        *,
-        position: Sequence[float] = FREE,
-        velocity: Sequence[float] = FREE,
-        acceleration: Sequence[float] = FREE,
-        heading: float | None = None,
-        heading_deg: float | None = None,
-        turn_rate: float = math.nan,
-    ) -> None:
-        """Send a place, a velocity or an acceleration, until the next setpoint. NaN means not controlled.
-
-        Each axis needs one of them; with a position, the velocity is a feed-forward. `turn_rate` is in rad/s.
-
-        Raises ValueError, NoAnswerError without a valid position, LimitError, and NotReachedError if the mode does not
-        fly.
-        """
+    def _steer(self, found: Trajectory) -> None:
         latest = self._own.feeds["vehicle_local_position"].latest
         if latest is None or not is_estimate(latest):
             raise no_estimate(self._own.feeds)
-        axes = position, velocity, acceleration
-        self._own.send(TRAJECTORY, **trajectory_values(self.frame, axes, heading, heading_deg, turn_rate))
+        self._own.send(TRAJECTORY, **found.values(self.frame))
 
     @explained(usage.ATTITUDE)
     def attitude(self, quaternion: Sequence[float], *, thrust: float, turn_rate: float = 0.0) -> None:
@@ -251,7 +234,7 @@ def needs_of(mode: Mode) -> Requirement:
     """Return the requirements of a mode, with those of its setpoints."""
     found = mode.requires
     for kind in mode.setpoints:
-        found |= kind.requires
+        found |= named(kind.requirements)
     return found
 
 

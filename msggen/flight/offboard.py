@@ -10,17 +10,18 @@ from typing import Any
 
 from msggen.flight.actions import Actions
 from msggen.flight.connection import Connection, Topics, filled
-from msggen.flight.elsewhere import Hinted
 from msggen.flight.errors import NotReachedError
 from msggen.flight.feeds import Feeds
 from msggen.flight.limits import Fence
 from msggen.flight.places import GlobalPlace, check_within, local_place
-from msggen.flight.setpoints import FREE, TRAJECTORY, Kind, Stream, trajectory_values
+from msggen.flight.setpoints import Stream
 from msggen.flight.space import Frame, Vector, check_frame, turned
 from msggen.flight.states import described
 from msggen.flight.telemetry import checked_estimate, is_estimate
-from msggen.flight.usage import BY_NAME, LOCAL, explained
+from msggen.flight.trajectory import Steered, Trajectory
+from msggen.flight.usage import LOCAL, explained
 from msggen.live.messages.nav_states import HOLD, OFFBOARD
+from msggen.live.messages.setpoints import OFFBOARD_CONTROL_MODE, TRAJECTORY, Kind
 
 _INTERVAL = 0.1
 """The time in s between two heartbeats before the mode is entered. PX4 wants 2 Hz."""
@@ -33,7 +34,7 @@ class _Heartbeat:
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
-        self._class = Topics(connection.package).incoming("offboard_control_mode")
+        self._class = Topics(connection.package).incoming(OFFBOARD_CONTROL_MODE)
         self.values: dict[str, Any] = {}
 
     def apply(self, kind: Kind | None) -> None:
@@ -41,14 +42,11 @@ class _Heartbeat:
 
     def send(self) -> None:
         """See Configured."""
-        kinds = {
-            name: any(math.isfinite(each) for each in self.values[name])
-            for name in ("position", "velocity", "acceleration")
-        }
-        self._connection.publish("offboard_control_mode", filled(self._class, **kinds))
+        kinds = {name: any(math.isfinite(each) for each in self.values[name]) for name in TRAJECTORY.selectors}
+        self._connection.publish(OFFBOARD_CONTROL_MODE, filled(self._class, **kinds))
 
 
-class Offboard(Hinted):
+class Offboard(Steered):
     """The setpoint of Offboard mode, which is sent at a steady rate until the next one.
 
     Vectors and headings are in `frame`. `heading` is in rad, `heading_deg` in degrees. Nothing is sent once the vehicle
@@ -57,25 +55,14 @@ class Offboard(Hinted):
 
     def __init__(self, connection: Connection, feeds: Feeds, fence: Fence, frame: Frame) -> None:
         self._feeds, self._fence, self._frame = feeds, fence, check_frame(frame)
-        self._setpoint = Topics(connection.package).incoming("trajectory_setpoint")
+        self._setpoint = Topics(connection.package).incoming(TRAJECTORY.topic)
         self._heartbeat = _Heartbeat(connection)
         self.stream = Stream(connection, feeds, self._heartbeat, fence.shaped)
         self._is_left = False
         self._timer: asyncio.TimerHandle | None = None
 
-    @explained(BY_NAME)
-    def trajectory(  # noqa: PLR0913 - keywords, each of which has a default
-        self,
-        *,
-        position: Sequence[float] = FREE,
-        velocity: Sequence[float] = FREE,
-        acceleration: Sequence[float] = FREE,
-        heading: float | None = None,
-        heading_deg: float | None = None,
-        turn_rate: float = math.nan,
-    ) -> None:
-        """See `Mode.trajectory`. Raises NotReachedError once the vehicle has left Offboard mode."""
-        values = trajectory_values(self._frame, (position, velocity, acceleration), heading, heading_deg, turn_rate)
+    def _steer(self, found: Trajectory) -> None:
+        values = found.values(self._frame)
         self._fence.check(TRAJECTORY, values)
         if self._is_left:
             raise NotReachedError(f"Offboard mode has ended: {described(self._feeds['vehicle_status'].latest)}")

@@ -6,15 +6,12 @@ import asyncio
 import math
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from typing import Any, Final, NamedTuple
+from typing import Any, NamedTuple
 
 from msggen.flight.connection import Connection, Topics, filled
 from msggen.flight.errors import FlightError, UnsupportedError
 from msggen.flight.feeds import Feeds
 
-OF_MODE: Final = 0
-OF_EXECUTOR: Final = 1
-"""SOURCE_TYPE_MODE and SOURCE_TYPE_MODE_EXECUTOR of ConfigOverrides."""
 _REQUEST, _CONFIRM = "config_overrides_request", "config_overrides_confirm"
 _LONGEST = 32767
 """The longest time in s for which failsafes can be deferred."""

@@ -24,12 +24,13 @@ from msggen.flight.limits import Fence
 from msggen.flight.link import LinkConnection, Need
 from msggen.flight.memory import Memory
 from msggen.flight.mode import Mode
-from msggen.flight.overrides import OF_EXECUTOR, Overrides, check_overrides
+from msggen.flight.overrides import Overrides, check_overrides
 from msggen.flight.registration import ARMED, Ids, Registrar, Wanted
 from msggen.flight.restarts import Restarts
 from msggen.flight.resuming import FRESH, Resuming
-from msggen.flight.setpoints import ATTITUDE, GOTO, RATES, TRAJECTORY
 from msggen.flight.states import is_armed, is_disarmed, name_of
+from msggen.live.messages.commands import OF_EXECUTOR
+from msggen.live.messages.setpoints import SENT
 
 LOGGER = getLogger("msggen.flight")
 _READY = 1.0
@@ -56,7 +57,7 @@ NEEDED: Final = (
     *_ALWAYS,
     *_CONFIGURATION,
     _OF_EXECUTORS,
-    *(Need("in", kind.topic) for kind in (GOTO, TRAJECTORY, ATTITUDE, RATES)),
+    *(Need("in", kind.topic) for kind in SENT),
 )
 """All topics that modes and executors can need."""
 

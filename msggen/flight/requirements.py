@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from enum import Flag, auto
+from functools import reduce
+from operator import or_
 
 
 class Requirement(Flag):
@@ -35,3 +38,8 @@ LOCAL_POSITION = ATTITUDE | Requirement.LOCAL_ALT | Requirement.LOCAL_POSITION
 """What goto and trajectory setpoints need."""
 GLOBAL_POSITION = LOCAL_POSITION | Requirement.GLOBAL_POSITION
 """What goto setpoints by latitude and longitude need."""
+
+
+def named(names: Iterable[str]) -> Requirement:
+    """Return the requirements with names such as `local_position`."""
+    return reduce(or_, (Requirement[name.upper()] for name in names), Requirement.NONE)

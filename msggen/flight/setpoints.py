@@ -1,25 +1,16 @@
-"""Setpoints: their kinds, their configuration in PX4, and sending them at a steady rate.
-
-The kinds are types of SetpointConfig in PX4 v1.18, and flags of VehicleControlMode before.
-"""
+"""Setpoints: their values, their configuration in PX4, and sending them at a steady rate."""
 
 from __future__ import annotations
 
 import asyncio
-import math
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, Final, NamedTuple, Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from msggen.flight.connection import Connection, Topics, filled
 from msggen.flight.errors import UnsupportedError
 from msggen.flight.feeds import Feeds
-from msggen.flight.requirements import ATTITUDE as NEEDS_ATTITUDE
-from msggen.flight.requirements import LOCAL_POSITION, Requirement
-from msggen.flight.space import Frame, heading_of, three, turned
+from msggen.live.messages.setpoints import OTHER_FAILURE, UNKNOWN_TYPE, UNSUPPORTED_TYPE, Kind
 
-_POSITION_FLAGS = ("allocation", "rates", "attitude", "altitude", "climb_rate", "acceleration", "velocity", "position")
-FREE: Final = (math.nan, math.nan, math.nan)
-"""A vector that is not controlled."""
 _TIMEOUT_MS = 500
 _TRIES, _PATIENCE = 5, 0.3
 _LARGEST = 3.4e38
@@ -31,53 +22,6 @@ _IDLE = 0.1
 """The period in s of checks of the clock if there is no setpoint."""
 _REPEATS = 3
 """How often a VehicleControlMode is sent, because PX4 does not confirm it before v1.18."""
-
-
-class Kind(NamedTuple):
-    """A kind of setpoint."""
-
-    name: str
-    number: int
-    """Its type in SetpointConfig."""
-    topic: str
-    rate: float
-    """How often it is sent, in Hz."""
-    flags: tuple[str, ...]
-    """What it controls: `flag_control_..._enabled` of VehicleControlMode."""
-    requires: Requirement
-
-
-GOTO: Final = Kind("goto", 2, "goto_setpoint", 30.0, _POSITION_FLAGS, LOCAL_POSITION)
-TRAJECTORY: Final = Kind("trajectory", 4, "trajectory_setpoint", 50.0, _POSITION_FLAGS, LOCAL_POSITION)
-RATES: Final = Kind("rates", 5, "vehicle_rates_setpoint", 200.0, _POSITION_FLAGS[:2], Requirement.ANGULAR_VELOCITY)
-ATTITUDE: Final = Kind("attitude", 6, "vehicle_attitude_setpoint", 100.0, _POSITION_FLAGS[:3], NEEDS_ATTITUDE)
-
-
-def trajectory_values(
-    frame: Frame,
-    axes: Sequence[Sequence[float]],
-    heading: float | None,
-    heading_deg: float | None,
-    turn_rate: float,
-) -> dict[str, Any]:
-    """Return the fields of a TrajectorySetpoint: position, velocity and acceleration in a frame, and a heading.
-
-    Raises ValueError if an axis has none of them.
-    """
-    position, velocity, acceleration = (turned(three(each), frame) for each in axes)
-    finite([each for each in (*position, *velocity, *acceleration, turn_rate) if not math.isnan(each)], "a trajectory")
-    if any(all(map(math.isnan, axis)) for axis in zip(position, velocity, acceleration, strict=True)):
-        raise ValueError("each axis needs a position, a velocity or an acceleration")
-    yaw = heading_of(heading, heading_deg, frame)
-    finite([] if yaw is None else [yaw], "a heading")
-    return {
-        "position": position,
-        "velocity": velocity,
-        "acceleration": acceleration,
-        "jerk": FREE,
-        "yaw": math.nan if yaw is None else yaw,
-        "yawspeed": turn_rate if frame == "ned" else -turn_rate,
-    }
 
 
 _Values = TypeVar("_Values", bound=Sequence[float])
@@ -127,7 +71,7 @@ class Configuration:
             self._connection.publish("setpoint_config", self._request(self._kind, is_applied=True))
             return
         self._left -= 1
-        flags = {f"flag_control_{name}_enabled": True for name in self._kind.flags}
+        flags = {f"flag_control_{name}_enabled": True for name in self._kind.controls}
         cls = self._topics.incoming("config_control_setpoints")
         self._connection.publish("config_control_setpoints", filled(cls, source_id=self._mode, **flags))
 
@@ -157,8 +101,11 @@ class Configuration:
         raise self._feeds.no_answer(f"the vehicle has not answered whether it supports {kind.name} setpoints")
 
 
-_WHY = {1: "the mode is not registered", 2: "not for this kind of vehicle", 3: "unknown to this firmware"}
-"""The results of SetpointConfigReply."""
+_WHY = {
+    OTHER_FAILURE: "the mode is not registered",
+    UNSUPPORTED_TYPE: "not for this kind of vehicle",
+    UNKNOWN_TYPE: "unknown to this firmware",
+}
 
 
 class Configured(Protocol):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import inspect
 import os
+import runpy
 import signal
 import subprocess
 import sys
@@ -90,6 +91,11 @@ def test_each_coroutine_has_a_method_with_its_name_and_parameters(own: type, oth
     for name in names:
         found, expected = inspect.signature(getattr(own, name)), inspect.signature(getattr(other, name))
         assert str(found) == str(expected), name  # a NaN is not equal to itself
+
+
+def test_the_calls_are_those_that_the_script_writes() -> None:
+    written = runpy.run_path(str(ROOT / "docs/write_blocking.py"))
+    assert written["FILE"].read_text(encoding="utf-8") == written["blocking_calls"]()
 
 
 def test_a_flight_with_all_actions(vehicle: SimVehicle) -> None:

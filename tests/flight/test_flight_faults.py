@@ -17,7 +17,7 @@ from msggen.flight.executor import Executor, Start
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
 from msggen.flight.requirements import LOCAL_POSITION
-from msggen.flight.setpoints import ATTITUDE, TRAJECTORY
+from msggen.live.messages.setpoints import ATTITUDE, TRAJECTORY
 from msggen.live.sim import Options
 from support.flown import EXTERNAL, Flown, fly
 

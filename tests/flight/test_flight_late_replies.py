@@ -8,12 +8,11 @@ from typing import Any
 import pytest
 
 from msggen.flight import Flight, Mode, UnsupportedError
-from msggen.flight.requirements import Requirement
-from msggen.flight.setpoints import Kind
+from msggen.live.messages.setpoints import TRAJECTORY, Kind
 from msggen.live.sim.loop import run
 from support.flown import EXTERNAL, Flown, fly
 
-WINGS = Kind("fixed wing", 3, "trajectory_setpoint", 30.0, (), Requirement.NONE)
+WINGS = Kind("fixed wing", 3, TRAJECTORY.topics, rate=30.0)
 
 
 class Waits(Mode, name="Waits"):

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from msggen.flight.errors import NoAnswerError, UnsupportedError
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
-from msggen.flight.setpoints import ATTITUDE, RATES
+from msggen.live.messages.setpoints import ATTITUDE, RATES
 from support.examples import examples
 from support.flown import Flown, fly
 
@@ -84,7 +84,7 @@ def test_a_trajectory_is_finite_or_free_in_each_value(
     px4_types: Any, values: tuple[float, ...], heading: float | None
 ) -> None:
     """NaN says that something is not controlled. Infinity and what a float32 cannot hold is an error."""
-    from msggen.flight.setpoints import trajectory_values
+    from msggen.flight.trajectory import Trajectory
 
     axes = values[:3], values[3:6], values[6:]
     is_large = any(not math.isnan(each) and abs(each) > 3.4e38 for each in values)
@@ -92,9 +92,9 @@ def test_a_trajectory_is_finite_or_free_in_each_value(
     is_bad = heading is not None and not abs(heading) < 1e38
     if is_large or is_open or is_bad:
         with pytest.raises(ValueError, match=r"expected finite|each axis needs"):
-            trajectory_values("ned", axes, heading, None, math.nan)
+            Trajectory(*axes, heading, None, math.nan).values("ned")
     else:
-        found = px4_types.TrajectorySetpoint(**trajectory_values("ned", axes, heading, None, math.nan))
+        found = px4_types.TrajectorySetpoint(**Trajectory(*axes, heading, None, math.nan).values("ned"))
         assert px4_types.TrajectorySetpoint.decode(found.encode()).position == pytest.approx(axes[0], nan_ok=True)
 
 

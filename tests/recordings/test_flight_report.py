@@ -23,6 +23,7 @@ from hypothesis.extra import numpy as arrays
 from msggen import recordings
 from msggen.recordings import RecordingError
 from msggen.recordings.convert import convert
+from msggen.recordings.log.thinning import MOST, spread, thinned_lines
 from msggen.recordings.report.attitude import angle_of
 from msggen.recordings.report.charts import Chart, charts_of
 from msggen.recordings.report.findings import findings_of
@@ -30,7 +31,6 @@ from msggen.recordings.report.flight import figures_of, track_of
 from msggen.recordings.report.page import report
 from msggen.recordings.report.plans import GROUPS, LANES, is_needed
 from msggen.recordings.report.recorded import Column, Recorded, spans
-from msggen.recordings.report.thinning import MOST, spread, thinned
 from msggen.recordings.report.timeline import timeline_of
 from msggen.sources.embedded import all_releases, nearest_first
 from support.databases import Stored, write_database
@@ -442,7 +442,7 @@ def test_a_lost_fix_is_a_finding(tmp_path: Path, px4_types: Any) -> None:
 )
 def test_thinned_lines_are_bounded_and_keep_every_peak(drawn: tuple[Any, Sequence[Any]], most: int) -> None:
     times, lines = np.sort(drawn[0]), drawn[1]
-    kept = thinned(times, lines, most)
+    kept = thinned_lines(times, lines, most)
     assert len(kept) <= max(most, 2)
     assert (np.diff(kept) > 0).all()
     if len(times) <= most:
@@ -452,7 +452,7 @@ def test_thinned_lines_are_bounded_and_keep_every_peak(drawn: tuple[Any, Sequenc
 
 
 def _slowly_thinned(times: Any, lines: Sequence[Any], most: int) -> list[int]:
-    """Return what `thinned` returns, found in each bin by itself."""
+    """Return what `thinned_lines` returns, found in each bin by itself."""
     a_bin = sum(3 if np.isnan(line).any() else 2 for line in lines)
     bins = max((most - 2) // a_bin, 1)
     found = {0, len(times) - 1}

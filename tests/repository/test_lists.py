@@ -1,4 +1,4 @@
-"""Tests that suffixes of recordings, schemes of links, modes and commands stand in one table each."""
+"""Tests that suffixes of recordings, schemes of links, modes, commands and setpoints stand in one table each."""
 
 from __future__ import annotations
 
@@ -7,11 +7,20 @@ import re
 from collections.abc import Iterator
 
 import pytest
+import yaml
 
 from msggen.base.recording_formats import FORMATS, PACKED
+from msggen.definitions.identity import PX4_WRITER
+from msggen.doctor.setpoint_rules import SETPOINT
+from msggen.doctor.steering import SETPOINTS as STEERED
 from msggen.live.links.link_types import LINK_TYPES
-from msggen.live.messages.commands import COMMAND_NAMES
+from msggen.live.messages import commands
 from msggen.live.messages.nav_states import MODE_CONSTANTS, MODE_NAMES
+from msggen.live.messages.setpoints import BY_NUMBER, GOTO, KINDS, OF_OTHERS, SELECTORS, SENT
+from msggen.live.sim.setpoints import Setpoints
+from msggen.recordings.files.qos import QOS
+from msggen.sources.embedded import EMBEDDED
+from msggen.sources.read import read
 from support.repository import ROOT
 
 TABLES = ("base/recording_formats.py", "live/links/link_types.py")
@@ -20,6 +29,8 @@ SUFFIXES = [each.removeprefix(".") for each in (*PACKED, *(row.suffix for row in
 NAMED = re.compile(rf"(?<!\.tar)[.|]({'|'.join(SUFFIXES)})\b", re.IGNORECASE)
 """A suffix, also one of several in a regular expression: `.(?:mcap|db3)`. Archives `.tar.gz` have no recordings."""
 
+READ = {name for name, row in FORMATS.items() if not row.storage}
+"""The formats that are only read: a module asks their row, or a channel, what they can do."""
 STARTS = {"startswith", "endswith", "removeprefix"}
 
 
@@ -61,7 +72,7 @@ def second_lists(source: str) -> Iterator[str]:
             continue
         if isinstance(node, ast.Constant):
             yield from filter(is_of_recording, texts(node))
-        yield from (text for text in compared(node) if text.partition(":")[0] in LINK_TYPES)
+        yield from (text for text in compared(node) if text.partition(":")[0] in LINK_TYPES or text in READ)
         for names in (LINK_TYPES, FORMATS):
             listed = [text for text in ([] if isinstance(node, ast.Constant) else texts(node)) if text in names]
             if len(listed) > 1:
@@ -97,6 +108,8 @@ def test_every_suffix_and_every_scheme_is_found() -> None:
         r'FILE = re.compile(r"(.*)_\d+\.(?:mcap|db3)")',
         'raise ValueError("expected a .ulg or .mcap file")',
         'KINDS = {"mcap": 1, "ulog": 2}',
+        'is_whole = log.kind == "ulog"',
+        'is_decoded = channel.encoding in ("cdr", "ulog")',
         'is_line = "serial" == scheme',
         'if seen.scheme in ("tap", "dds"):\n    pass',
         'if seen.scheme not in {"other", "udp"}:\n    pass',
@@ -118,7 +131,7 @@ def test_a_second_list_is_found(source: str) -> None:
         'SIZE = 1\n"""Of `flight.mcap`, `.db3`."""',
         'help = "file to write (default: merged.mcap)"',
         "from msggen.recordings.files.mcap import McapFile",
-        'is_listed = scheme in LINK_TYPES or kind == "ulog"',
+        'is_listed = scheme in LINK_TYPES or kind == "mcap"',
         'scheme = "udp"',
         'link = f"udp://{place}"',
     ],
@@ -131,10 +144,8 @@ def test_one_name_in_a_sentence_and_an_address_are_no_list(source: str) -> None:
 
 OF_MODES = "live/messages/nav_states.py"
 OF_COMMANDS = "live/messages/commands.py"
-EXAMPLES = "doctor/examples.py"
-"""What was seen of vehicles: data, no list."""
 MODES = {text.lower() for names in (MODE_NAMES, MODE_CONSTANTS) for text in names.values()}
-COMMANDS = COMMAND_NAMES.keys() - {20, 21, 22, 100_000}
+COMMANDS = {commands.SET_MODE, commands.SET_HOME, commands.REPOSITION, commands.ARM_DISARM, commands.SET_NAV_STATE}
 """The numbers of commands that are no everyday numbers."""
 
 
@@ -160,7 +171,7 @@ def test_no_module_has_a_second_list_of_modes_or_commands() -> None:
     paths = {path.relative_to(ROOT / "msggen").as_posix(): path for path in (ROOT / "msggen").rglob("*.py")}
     sources = {name: path.read_text(encoding="utf-8") for name, path in paths.items()}
     assert {name for name, source in sources.items() if lists_of_modes(source)} == {OF_MODES}
-    assert {name for name, source in sources.items() if numbers_of_commands(source)} == {OF_COMMANDS, EXAMPLES}
+    assert {name for name, source in sources.items() if numbers_of_commands(source)} == {OF_COMMANDS}
 
 
 def test_a_second_list_of_modes_or_commands_is_found() -> None:
@@ -170,3 +181,95 @@ def test_a_second_list_of_modes_or_commands_is_found() -> None:
     assert not lists_of_modes('SHORT = ("arm", "disarm", "land", "takeoff", "mode")')
     assert numbers_of_commands("_ARM = 400\n_SET_MODE = (176, 100001)")
     assert not numbers_of_commands("_WIDTH = 400")
+
+
+# Setpoints of PX4
+
+OF_SETPOINTS = "live/messages/setpoints.py"
+SETPOINT_TOPICS = {topic for kind in KINDS for topic in kind.topics}
+
+
+def topics_of_setpoints(source: str) -> set[str]:
+    """Return the topics of setpoints that a module names, if it has several."""
+    found = {text for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Constant) for text in texts(node)}
+    named = found & SETPOINT_TOPICS
+    return named if len(named) > 1 else set()
+
+
+def test_no_module_has_a_second_list_of_setpoints() -> None:
+    found = {
+        path.relative_to(ROOT / "msggen").as_posix()
+        for room in ("live", "flight", "doctor")  # reports name what recordings have
+        for path in (ROOT / "msggen" / room).rglob("*.py")
+        if topics_of_setpoints(path.read_text(encoding="utf-8"))
+    }
+    assert found == {OF_SETPOINTS}
+
+
+def test_a_second_list_of_setpoints_is_found() -> None:
+    assert topics_of_setpoints('_TOPICS = ("goto_setpoint", "trajectory_setpoint")')
+    assert topics_of_setpoints('if name == "goto_setpoint" or name == "vehicle_rates_setpoint":\n    pass')
+    assert not topics_of_setpoints('help = "a topic, such as goto_setpoint or trajectory_setpoint"')
+
+
+def test_setpoints_have_the_types_and_fields_of_the_newest_release() -> None:
+    messages = {each.name: each for each in read(release=EMBEDDED[0]).messages.values()}
+    numbers = {each.name: each.value for each in messages["SetpointConfig"].constants}
+    types = {value for name, value in numbers.items() if name.startswith("TYPE_")} - {numbers["TYPE_INVALID"]}
+    assert types == {*BY_NUMBER, *OF_OTHERS}
+    fields = [each.name for each in messages["OffboardControlMode"].fields]
+    assert fields == ["timestamp", *SELECTORS]
+    flags = {each.name for each in messages["VehicleControlMode"].fields}
+    controls = {name for kind in KINDS for name in kind.controls} - {
+        "acceleration",
+        "auto",
+    }  # acceleration: up to v1.17
+    assert {f"flag_control_{name}_enabled" for name in controls} <= flags
+    topics = {topic for each in messages.values() for topic in each.topic_names}
+    assert topics >= SETPOINT_TOPICS
+
+
+def test_the_doctor_and_the_simulator_know_every_setpoint() -> None:
+    assert {*STEERED} == SETPOINT_TOPICS
+    fix = next(rule.fix for rule in SETPOINT if rule.id == "SETPOINT_UNSELECTED")
+    assert not [name for name in (*SELECTORS, *(SETPOINT_TOPICS - set(GOTO.topics))) if name not in fix]
+    assert Setpoints().handlers.keys() >= {topic for kind in SENT for topic in kind.topics}
+
+
+# Depths of queues
+
+OF_DEPTHS = {"base/qos.py", "live/links/cyclone.py"}
+"""That of programs, and how many samples a reader in DDS keeps until msggen takes them."""
+
+
+def depths(source: str) -> list[int]:
+    """Return the depths of queues that a module sets by itself. 1 is the least that ROS takes."""
+    named: list[tuple[str | None, ast.AST | None]] = []
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.keyword):
+            named.append((node.arg, node.value))
+        elif isinstance(node, (ast.Assign, ast.AnnAssign)):
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            named += [(each.id, node.value) for each in targets if isinstance(each, ast.Name)]
+    found = [value for name, value in named if (name or "").lower().strip("_") == "depth"]
+    numbers = [each.value for each in found if isinstance(each, ast.Constant)]
+    return [each for each in numbers if isinstance(each, int) and each > 1]
+
+
+def test_no_module_has_a_second_depth_of_queues() -> None:
+    paths = {path.relative_to(ROOT / "msggen").as_posix(): path for path in (ROOT / "msggen").rglob("*.py")}
+    assert {name for name, path in paths.items() if depths(path.read_text(encoding="utf-8"))} == OF_DEPTHS
+
+
+def test_a_second_depth_is_found() -> None:
+    for source in ("_DEPTH = 10", "DEPTH: Final = 5", "profile = QoSProfile(depth=20)"):
+        assert depths(source)
+    assert not depths("DEPTH = 1.0\nprofile = QoSProfile(depth=max(qos.depth, 1))\ndepth = found.depth")
+
+
+def test_recordings_have_the_quality_of_service_of_the_writers_of_px4() -> None:
+    found = yaml.safe_load(QOS)[0]
+    expected = (PX4_WRITER.reliability, PX4_WRITER.durability, PX4_WRITER.history)
+    assert (found["reliability"], found["durability"], found["history"]) == (2, 1, 1)
+    assert expected == ("BEST_EFFORT", "TRANSIENT_LOCAL", "KEEP_LAST")
+    assert found["depth"] == max(PX4_WRITER.depth, 1)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from msggen.live.sim.commander import states
+from msggen.live.messages.commands import ACCEPTED
 from msggen.live.sim.commander.checks import Reply
 from msggen.live.sim.commander.commander import LOOP, Commander
 from msggen.live.sim.commander.components import Registered, Registration
@@ -75,9 +75,9 @@ class Driver:
     def fly(self, mode: int) -> None:
         """Select a mode, arm, and leave the ground."""
         self.run(0.5)
-        assert self.commander.select(mode) == states.ACCEPTED
+        assert self.commander.select(mode) == ACCEPTED
         self.run(0.2)
-        assert self.commander.arm() == states.ACCEPTED
+        assert self.commander.arm() == ACCEPTED
         self.run(0.1)
         self.sense(is_landed=False)
         self.run(0.1)

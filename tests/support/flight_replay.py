@@ -10,9 +10,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, TypeAlias
 
 from msggen.live.messages import nav_states
-from msggen.live.sim.commander import states
+from msggen.live.messages.commands import EXECUTOR, TEMPORARILY_REJECTED
 from msggen.live.sim.commander.checks import Reply
-from msggen.live.sim.commander.commander import EXECUTOR_SOURCE, Commander, Overrides
+from msggen.live.sim.commander.commander import Commander, Overrides
 from msggen.live.sim.commander.components import Registration
 from msggen.live.sim.commander.requirements import OF_PX4, Senses
 from msggen.live.sim.commander.rules import V1_18, Rules
@@ -209,7 +209,7 @@ class Replay:
     def _command_executor(self, one: Any) -> None:
         """Do a command of an executor, or refuse it."""
         if self.commander.is_refused(one.source_component):
-            self._answer("vehicle_command_ack", one.command, states.TEMPORARILY_REJECTED, one.source_component)
+            self._answer("vehicle_command_ack", one.command, TEMPORARILY_REJECTED, one.source_component)
         else:
             self._command(one)
 
@@ -219,7 +219,7 @@ class Replay:
         if one.command == one.VEHICLE_CMD_COMPONENT_ARM_DISARM:
             result = self.commander.arm() if one.param1 == 1 else self.commander.disarm()
         else:
-            result = self.commander.select(_mode_of(one), by_executor=one.source_component >= EXECUTOR_SOURCE)
+            result = self.commander.select(_mode_of(one), by_executor=one.source_component >= EXECUTOR)
         self._answer("vehicle_command_ack", one.command, result, one.source_component)
         self._see("status", *self._status())
 

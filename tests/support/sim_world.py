@@ -8,12 +8,11 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from msggen.live.messages.commands import ARM_DISARM, SET_NAV_STATE, TAKEOFF
+from msggen.live.messages.commands import ACCEPTED, ARM_DISARM, SET_NAV_STATE, TAKEOFF
 from msggen.live.messages.nav_states import HOLD, LAND
 from msggen.live.sim.attitude import Quaternion, Vector
 from msggen.live.sim.commander.checks import Reply
 from msggen.live.sim.commander.components import Registration
-from msggen.live.sim.commander.states import ACCEPTED
 from msggen.live.sim.flight import FREE, GRAVITY, NAN, ZERO
 from msggen.live.sim.world import STEP, World
 

@@ -100,7 +100,7 @@ def _verify(log: Log) -> Checksums:
 
 def _rows_on_contents(log: Log, checksums: Checksums | None) -> Iterator[tuple[str, str]]:
     """Yield the rows on checksums, if they were compared or there are none, and on problems."""
-    if checksums is not None and log.kind == "ulog":
+    if checksums is not None and FORMATS[log.kind].is_of_vehicle:
         yield "checksums", "none in a ULog, which was read to its end"
     elif checksums is not None and log.missing_checksums is not None:
         without = f", {checksums.missing} without a checksum" if checksums.missing else ""
@@ -279,7 +279,7 @@ def _sample_size(topic: Topic) -> int | None:
     from msggen.recordings.source.source import SchemaError
 
     channel = topic.channels[0][1]
-    if channel.encoding not in ("cdr", "ulog") or not (channel.layout or topic.definition):
+    if not channel.is_decoded or not (channel.layout or topic.definition):
         return None
     try:
         layout = channel.layout or layout_of(topic.ros_type, topic.definition)

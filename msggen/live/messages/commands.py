@@ -20,20 +20,8 @@ REPOSITION: Final = 192
 ARM_DISARM: Final = 400
 SET_ORIGIN: Final = 100_000
 SET_NAV_STATE: Final = 100_001
-COMMAND_NAMES: Final[Mapping[int, str]] = MappingProxyType(
-    {
-        RETURN: "NAV_RETURN_TO_LAUNCH",
-        LAND: "NAV_LAND",
-        TAKEOFF: "NAV_TAKEOFF",
-        SET_MODE: "DO_SET_MODE",
-        SET_HOME: "DO_SET_HOME",
-        REPOSITION: "DO_REPOSITION",
-        ARM_DISARM: "COMPONENT_ARM_DISARM",
-        SET_ORIGIN: "SET_GPS_GLOBAL_ORIGIN",
-        SET_NAV_STATE: "SET_NAV_STATE",
-    }
-)
-"""The constants of VehicleCommand, without VEHICLE_CMD_, by number."""
+"""VEHICLE_CMD_NAV_RETURN_TO_LAUNCH, NAV_LAND, NAV_TAKEOFF, DO_SET_MODE, DO_SET_HOME, DO_REPOSITION,
+COMPONENT_ARM_DISARM, SET_GPS_GLOBAL_ORIGIN and SET_NAV_STATE."""
 SELECTED_BY: Final[Mapping[int, int]] = MappingProxyType(
     {
         RETURN: nav_states.RETURN,
@@ -43,7 +31,30 @@ SELECTED_BY: Final[Mapping[int, int]] = MappingProxyType(
     }
 )
 """The modes that commands select."""
-REFUSALS: Final[Mapping[int, str]] = MappingProxyType(
-    {1: "temporarily rejected", 2: "denied", 3: "unsupported", 4: "failed", 6: "cancelled"}
+EXECUTOR: Final = 1000
+"""COMPONENT_MODE_EXECUTOR_START: executor 1 sends commands as component 1001."""
+OF_MODE: Final = 0
+OF_EXECUTOR: Final = 1
+"""SOURCE_TYPE_MODE and SOURCE_TYPE_MODE_EXECUTOR of ConfigOverrides."""
+
+ACCEPTED: Final = 0
+TEMPORARILY_REJECTED: Final = 1
+DENIED: Final = 2
+UNSUPPORTED: Final = 3
+IN_PROGRESS: Final = 5
+RESULTS: Final[Mapping[int, str]] = MappingProxyType(
+    {
+        ACCEPTED: "accepted",
+        TEMPORARILY_REJECTED: "temporarily rejected",
+        DENIED: "denied",
+        UNSUPPORTED: "unsupported",
+        4: "failed",
+        IN_PROGRESS: "in progress",
+        6: "cancelled",
+    }
 )
-"""The results of VehicleCommandAck that are refusals."""
+"""The results of VehicleCommandAck, for people."""
+REFUSALS: Final[Mapping[int, str]] = MappingProxyType(
+    {result: text for result, text in RESULTS.items() if result not in {ACCEPTED, IN_PROGRESS}}
+)
+"""Those that are refusals."""

@@ -1,4 +1,4 @@
-"""The modes of PX4: NAVIGATION_STATE_* of VehicleStatus, and their names for people and programs."""
+"""The states of PX4 in VehicleStatus: the modes, NAVIGATION_STATE_*, with their names for people and programs."""
 
 from __future__ import annotations
 
@@ -20,6 +20,11 @@ TAKEOFF: Final = 17
 LAND: Final = 18
 EXTERNAL: Final = range(23, 31)
 """EXTERNAL1 to EXTERNAL8, which programs register."""
+DISARMED: Final = 1
+ARMED: Final = 2
+"""ARMING_STATE_* of VehicleStatus."""
+ROTARY_WING: Final = 1
+"""VEHICLE_TYPE_ROTARY_WING of VehicleStatus."""
 
 _MODES: Final[Mapping[int, tuple[str, str]]] = MappingProxyType(
     {

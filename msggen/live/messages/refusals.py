@@ -25,6 +25,21 @@ REQUIREMENTS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
     }
 )
 """The flag of FailsafeFlags that says that a requirement `mode_req_...` is not met, and what it means."""
+ALWAYS: Final = (
+    "battery_unhealthy",
+    "fd_critical_failure",
+    "fd_esc_arming_failure",
+    "fd_imbalanced_prop",
+    "fd_motor_failure",
+    "geofence_breached",
+    "mission_failure",
+    "wind_limit_exceeded",
+    "flight_time_limit_exceeded",
+    "navigator_failure",
+    "parachute_unhealthy",
+)
+"""The flags of FailsafeFlags that count in every mode. `remote_id_unhealthy` does not: it is set on every vehicle
+without a remote id, also where COM_ARM_ODID does not ask for one."""
 _OTHER = "the mode is not registered, does not answer, or says that it cannot run"
 _PREVENTED = "the mode does not allow arming"
 _LOW = 1

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any, Final
 
+from msggen.base.qos import DEPTH
 from msggen.live.age import LATE, LONGEST_S
 from msggen.live.link import LinkError, Route
 from msggen.live.messages.names import stem_of
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
     from msggen.live.ros.refusals import Refusals
     from msggen.live.vehicle.vehicle import Vehicle
 
-_DEPTH = 10
-"""The depth of the topics with standard messages, as most programs of ROS have it."""
 _LATE: Final = f"{LATE}, or the clock of the computer that published it is behind"
 _SLICE = 0.2
 """The longest wait in s without a look at the end."""
@@ -245,4 +244,4 @@ def _standard_profile(*, is_kept: bool) -> Any:
     from rclpy.qos import DurabilityPolicy, QoSProfile
 
     durability = DurabilityPolicy.TRANSIENT_LOCAL if is_kept else DurabilityPolicy.VOLATILE
-    return QoSProfile(depth=_DEPTH, durability=durability)
+    return QoSProfile(depth=DEPTH, durability=durability)

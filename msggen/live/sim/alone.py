@@ -10,6 +10,7 @@ from typing import Any
 
 from msggen.live.messages.commands import ARM_DISARM, LAND, SET_MODE, TAKEOFF
 from msggen.live.messages.nav_states import HOLD, OFFBOARD
+from msggen.live.messages.setpoints import OFFBOARD_CONTROL_MODE, TRAJECTORY
 from msggen.live.sim.changes import Changes
 from msggen.live.sim.disturbances import noise_with
 from msggen.live.sim.faults import TimedFaults
@@ -33,7 +34,7 @@ _HEARTBEAT, _SETPOINT = 100_000, 50_000
 """The intervals in us of OffboardControlMode and TrajectorySetpoint."""
 INSIDE = {"vehicle_local_position_setpoint": 100_000, "actuator_motors": 20_000}
 """Topics that PX4 logs and does not bridge to DDS, with their intervals in us."""
-_INPUTS = ("offboard_control_mode", "trajectory_setpoint", "vehicle_command")
+_INPUTS = (OFFBOARD_CONTROL_MODE, TRAJECTORY.topic, "vehicle_command")
 
 
 class LoneFlight:
@@ -139,15 +140,14 @@ class LoneFlight:
             "yaw": 0.0,
             "yawspeed": NAN,
         }
-        setpoints = self.world.setpoints
-        for topic, interval, take, values in (
-            ("offboard_control_mode", _HEARTBEAT, setpoints.take_offboard, {"position": True}),
-            ("trajectory_setpoint", _SETPOINT, setpoints.take_trajectory, setpoint),
+        for topic, interval, values in (
+            (OFFBOARD_CONTROL_MODE, _HEARTBEAT, {"position": True}),
+            (TRAJECTORY.topic, _SETPOINT, setpoint),
         ):
             if self.time - self._sent.get(topic, -interval) >= interval and topic in self._inputs:
                 self._sent[topic] = self.time
                 message = self._inputs[topic].message(timestamp=self.time, **values)
-                take(message, self.time)
+                self.world.setpoints.handlers[topic](message, self.time)
                 log.add(topic, message)
 
     def _command(self, log: FlightLog, number: int, **parameters: float) -> None:

@@ -8,7 +8,10 @@ from typing import Protocol
 
 from msggen.live.messages import nav_states
 from msggen.live.messages.commands import (
+    ACCEPTED,
     ARM_DISARM,
+    DENIED,
+    EXECUTOR,
     LAND,
     REPOSITION,
     RETURN,
@@ -17,10 +20,11 @@ from msggen.live.messages.commands import (
     SET_NAV_STATE,
     SET_ORIGIN,
     TAKEOFF,
+    TEMPORARILY_REJECTED,
+    UNSUPPORTED,
 )
 from msggen.live.sim.autopilot import Autopilot
-from msggen.live.sim.commander import states
-from msggen.live.sim.commander.commander import EXECUTOR_SOURCE, Commander
+from msggen.live.sim.commander.commander import Commander
 from msggen.live.sim.places import Home
 
 _MAIN_MODES: Mapping[int, int] = {
@@ -76,10 +80,10 @@ def carry_out(world: Vehicle, number: int, parameters: Sequence[float], source_c
     commander = world.commander
     if commander.is_refused(source_component):
         world.reason = commander.reason
-        return states.TEMPORARILY_REJECTED
-    order = Order(world, parameters, by_executor=source_component >= EXECUTOR_SOURCE)
+        return TEMPORARILY_REJECTED
+    order = Order(world, parameters, by_executor=source_component >= EXECUTOR)
     action = _ACTIONS.get(number)
-    return order.refuse(states.UNSUPPORTED, "it is not simulated") if action is None else action(order)
+    return order.refuse(UNSUPPORTED, "it is not simulated") if action is None else action(order)
 
 
 class Order:
@@ -97,7 +101,7 @@ class Order:
         """COMPONENT_ARM_DISARM."""
         value, force = self._parameters[:2]
         if value not in {0.0, 1.0}:
-            return self.refuse(states.DENIED, f"param1 is {value:g}, expected 1 to arm or 0 to disarm")
+            return self.refuse(DENIED, f"param1 is {value:g}, expected 1 to arm or 0 to disarm")
         commander, is_forced = self._world.commander, _whole(force) == _FORCE
         return self._told(commander.arm(is_forced=is_forced) if value else commander.disarm(is_forced=is_forced))
 
@@ -105,22 +109,22 @@ class Order:
         """DO_SET_MODE."""
         base, main, sub = (_whole(value) for value in self._parameters[:3])
         if not base & _CUSTOM_MODE:
-            return self.refuse(states.DENIED, f"param1 is {self._parameters[0]:g}, expected 1: param2 is a mode of PX4")
+            return self.refuse(DENIED, f"param1 is {self._parameters[0]:g}, expected 1: param2 is a mode of PX4")
         mode = _AUTO_MODES.get(sub) if main == _AUTO else _MAIN_MODES.get(main)
-        return self.refuse(states.DENIED, f"mode {main}, {sub} is not simulated") if mode is None else self.select(mode)
+        return self.refuse(DENIED, f"mode {main}, {sub} is not simulated") if mode is None else self.select(mode)
 
     def set_nav_state(self) -> int:
         """SET_NAV_STATE."""
         mode = _whole(self._parameters[0])
         if mode not in SIMULATED:
-            return self.refuse(states.TEMPORARILY_REJECTED, f"mode {self._parameters[0]:g} is not simulated")
+            return self.refuse(TEMPORARILY_REJECTED, f"mode {self._parameters[0]:g} is not simulated")
         return self.select(mode)
 
     def take_off(self) -> int:
         """NAV_TAKEOFF: climb to an altitude above mean sea level, or by 2.5 m. The vehicle waits until it is armed."""
         world, altitude = self._world, self._parameters[6]
         result = self.select(nav_states.TAKEOFF)
-        if result == states.ACCEPTED:
+        if result == ACCEPTED:
             world.autopilot.climb_to(world.origin.altitude - altitude if math.isfinite(altitude) else math.nan)
         return result
 
@@ -128,9 +132,9 @@ class Order:
         """DO_REPOSITION: hold at a place. What is not finite stays as it is."""
         speed, flags, _, yaw, latitude, longitude, altitude = self._parameters
         if _whole(flags) != _CHANGE_MODE:
-            return self.refuse(states.UNSUPPORTED, f"param2 is {flags:g}, expected 1: change to Hold")
+            return self.refuse(UNSUPPORTED, f"param2 is {flags:g}, expected 1: change to Hold")
         result = self.select(nav_states.HOLD)
-        if result == states.ACCEPTED:
+        if result == ACCEPTED:
             place = self._world.origin.local(Home(latitude, longitude, altitude))
             self._world.autopilot.hold_at(place, yaw, speed)
         return result
@@ -143,19 +147,19 @@ class Order:
         if is_here:
             place = world.place
         elif not place.is_possible:
-            return self.refuse(states.DENIED, "param5 to param7 are not a latitude, longitude and altitude")
+            return self.refuse(DENIED, "param5 to param7 are not a latitude, longitude and altitude")
         if not world.has_position:
-            return self.refuse(states.TEMPORARILY_REJECTED, "there is no position")
+            return self.refuse(TEMPORARILY_REJECTED, "there is no position")
         world.set_home(place, is_manual=not is_here)
-        return states.ACCEPTED
+        return ACCEPTED
 
     def set_origin(self) -> int:
         """SET_GPS_GLOBAL_ORIGIN: count the local position from a place."""
         place = Home(*self._parameters[4:])
         if not place.is_possible:
-            return self.refuse(states.DENIED, "param5 to param7 are not a latitude, longitude and altitude")
+            return self.refuse(DENIED, "param5 to param7 are not a latitude, longitude and altitude")
         self._world.set_origin(place)
-        return states.ACCEPTED
+        return ACCEPTED
 
     def select(self, mode: int) -> int:
         """Select a mode."""

@@ -8,9 +8,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Final, NamedTuple
 
 from msggen.base.diagnostics import suggestion
-from msggen.live.messages.commands import SET_NAV_STATE
+from msggen.live.messages.commands import ACCEPTED, SET_NAV_STATE
 from msggen.live.messages.nav_states import MODE_NAMES
-from msggen.live.sim.commander.states import ACCEPTED
 from msggen.live.sim.commands import SIMULATED
 from msggen.live.sim.world import World
 

@@ -6,22 +6,20 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any, Final, Protocol
 
+from msggen.live.messages.commands import OF_EXECUTOR
+from msggen.live.messages.nav_states import EXTERNAL
 from msggen.live.sim.commander.checks import Reply
 from msggen.live.sim.commander.commander import LOOP, Overrides
 from msggen.live.sim.commander.components import Registration
 from msggen.live.sim.commander.rules import V1_15, V1_15_SITL, V1_16, V1_17, V1_18, Rules
+from msggen.live.sim.commander.setpoint_types import ALL
 from msggen.live.sim.publishing import queue_length
 from msggen.live.sim.world import World
 
-_INTERNAL: Final = range(23)
+_INTERNAL: Final = range(EXTERNAL.start)
 """The modes that a program can replace: all before NAVIGATION_STATE_EXTERNAL1."""
-_OF_EXECUTOR = 1
-"""SOURCE_TYPE_MODE_EXECUTOR of ConfigOverrides."""
 _REQUIREMENT = "mode_req_"
-_CONTROLS = {
-    f"flag_control_{name}_enabled": name
-    for name in ("allocation", "rates", "attitude", "altitude", "climb_rate", "velocity", "position")
-}
+_CONTROLS = {f"flag_control_{name}_enabled": name for name in ALL}
 
 
 class Publish(Protocol):
@@ -66,12 +64,8 @@ class Programs:
         self._is_waiting = False
         self.handlers: Mapping[str, Callable[[Any, int], None]] = {
             **{topic: self._queue(topic) for topic in self._read},
-            "goto_setpoint": world.setpoints.take_goto,
+            **world.setpoints.handlers,
             "mode_completed": self._take_completed,
-            "offboard_control_mode": world.setpoints.take_offboard,
-            "trajectory_setpoint": world.setpoints.take_trajectory,
-            "vehicle_attitude_setpoint": world.setpoints.take_attitude,
-            "vehicle_rates_setpoint": world.setpoints.take_rates,
         }
         """Each takes a message and its time in us since boot."""
 
@@ -157,7 +151,7 @@ class Programs:
         keeps_home = getattr(message, "disable_auto_set_home", False)
         seconds = message.defer_failsafes_timeout_s
         overrides = Overrides(message.disable_auto_disarm, message.defer_failsafes, seconds, keeps_home)
-        self._commander.override(message.source_id, overrides, of_executor=message.source_type == _OF_EXECUTOR)
+        self._commander.override(message.source_id, overrides, of_executor=message.source_type == OF_EXECUTOR)
         names = (field.name for field in message.__msg__.fields if field.name != "timestamp")
         self._publish("config_overrides_confirm", **{name: getattr(message, name) for name in names})
 

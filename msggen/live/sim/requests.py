@@ -5,17 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from msggen.live.sim.commander.commander import EXECUTOR_SOURCE
-from msggen.live.sim.commander.states import ACCEPTED, DENIED, TEMPORARILY_REJECTED, UNSUPPORTED
+from msggen.live.messages.commands import EXECUTOR, RESULTS, TEMPORARILY_REJECTED
 from msggen.live.sim.programs import Publish
 from msggen.live.sim.world import World
-
-RESULTS = {
-    ACCEPTED: "accepted",
-    TEMPORARILY_REJECTED: "temporarily rejected",
-    DENIED: "denied",
-    UNSUPPORTED: "unsupported",
-}
 
 
 class Requests:
@@ -57,7 +49,7 @@ class Requests:
 
     def _take_executor_command(self, command: Any, _: int) -> None:
         """Take a command on the topic of executors, where only the one in charge is heard."""
-        is_in_charge = command.source_component == EXECUTOR_SOURCE + self._world.commander.executor_in_charge
+        is_in_charge = command.source_component == EXECUTOR + self._world.commander.executor_in_charge
         self.carry_out(command, is_refused=not is_in_charge)
 
     def _answer_format_request(self, request: Any, _time: int) -> None:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+from msggen.live.messages.setpoints import ATTITUDE, GOTO, OFFBOARD_CONTROL_MODE, RATES, TRAJECTORY
 from msggen.live.sim.attitude import Vector
 from msggen.live.sim.flight import FREE, NAN, ZERO, Push, Target
 from msggen.live.sim.parameters import PARAMETERS, microseconds
@@ -45,6 +46,14 @@ class Setpoints:
         self._goto: _Timed | None = None
         self._attitude: tuple[int, Push] | None = None
         self._rates: tuple[int, Push] | None = None
+        self.handlers: Mapping[str, Callable[[Any, int], None]] = {
+            OFFBOARD_CONTROL_MODE: self.take_offboard,
+            TRAJECTORY.topic: self.take_trajectory,
+            GOTO.topic: self.take_goto,
+            ATTITUDE.topic: self.take_attitude,
+            RATES.topic: self.take_rates,
+        }
+        """By the names of topics in uORB. Each takes a message and its time in us since boot."""
 
     # Offboard mode
 

@@ -108,7 +108,7 @@ class Samples:
         Log times are the index of pandas, and a column in polars: in UTC, or in a ULog since the start of the vehicle.
         `sql_names` is as in `columns`.
         """
-        is_ulog = self.topic.channels[0][1].encoding == "ulog"
+        is_ulog = self.topic.channels[0][1].is_of_uorb
         if library == "pandas":
             pd = _pandas()
             times = self.log_times

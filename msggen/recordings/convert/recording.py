@@ -10,6 +10,7 @@ from itertools import chain
 from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.base.diagnostics import counted, few
+from msggen.base.recording_formats import FORMATS
 from msggen.recordings.convert.db3 import Db3Writer
 from msggen.recordings.convert.facts import between, joined, shifted
 from msggen.recordings.convert.mcap import McapWriter
@@ -103,12 +104,12 @@ def write_contents(
         Problem(f"{topic.label} is left out: ROS 2 does not allow its names", samples=topic.count, topic=topic.name)
         for each in inputs
         for topic in each.topics
-        if each.log.kind == "ulog" and topic.count and not topic.definition
+        if FORMATS[each.log.kind].is_of_vehicle and topic.count and not topic.definition
     ]
     notes += [note for each in inputs if each.lent for note in each.log.notes]
     notes += channels.notes
     if selection.topics is None:
-        notes += [note for each in inputs if each.log.kind == "ulog" for note in each.log.event_notes]
+        notes += [note for each in inputs if FORMATS[each.log.kind].is_of_vehicle for note in each.log.event_notes]
     return Contents(writer, [*(each for log in logs for each in log.problems), *channels.problems, *problems], notes)
 
 
@@ -139,7 +140,7 @@ class _Input(NamedTuple):
     def facts(self) -> Facts:
         """The facts with times as they are written."""
         facts = self.log.facts
-        if self.log.kind == "ulog":
+        if FORMATS[self.log.kind].is_of_vehicle:
             return shifted(facts, self.offset or 0)._replace(boot=self.offset)
         return facts
 
@@ -270,7 +271,7 @@ def _write_lent(writer: Writer, each: _Input) -> None:
 def _chosen(log: Log, wanted: Sequence[Key | Topic] | None) -> list[Topic]:
     """Return the topics of a recording that are wanted, as far as it has them."""
     if wanted is None:
-        return log.chosen(None) if log.kind == "ulog" else list(log.topics)
+        return log.chosen(None) if FORMATS[log.kind].is_of_vehicle else list(log.topics)
     found: list[Topic] = []
     for key in wanted:
         with suppress(RecordingError):
@@ -300,7 +301,7 @@ def _check_times(inputs: Sequence[_Input]) -> None:
 
 def _blocks(each: _Input, selection: Selection, channels: _Channels) -> Iterator[Block]:
     limits = {"start": selection.start, "stop": selection.stop}
-    if each.log.kind != "ulog":
+    if not FORMATS[each.log.kind].is_of_vehicle:
         yield from blocks_of_parts(each.log.undecoded(each.topics, **limits), channels.of_topic)
         return
     offset = each.offset or 0

@@ -54,7 +54,7 @@ class TypeNames:
     def _names_for(self, topic: Topic, hash_: str) -> Iterator[str]:
         """Yield names for the type of a topic, its own one first. In a ULog, the topic's name makes the second one."""
         own = topic.ros_type
-        if topic.channels[0][1].encoding == "ulog":
+        if topic.channels[0][1].is_of_uorb:
             yield own
             own = f"px4_msgs/msg/{''.join(part[:1].upper() + part[1:] for part in topic.uorb.split('_'))}"
         yield own

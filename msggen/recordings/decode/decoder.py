@@ -21,9 +21,6 @@ if TYPE_CHECKING:
 
     Rows = NDArray[Any]
 
-DECODED = ("cdr", "ulog")
-"""The encodings that are decoded."""
-
 
 class Decoded(NamedTuple):
     """Rows of a part."""
@@ -38,7 +35,7 @@ class Decoder:
     """Decodes the samples of one channel. Raises SchemaError if its definition cannot be read."""
 
     def __init__(self, channel: Channel) -> None:
-        if channel.encoding not in DECODED:
+        if not channel.is_decoded:
             raise SchemaError(f"samples in '{channel.encoding}', expected cdr")
         if channel.layout is None and not channel.definition:
             other = channel.definition_format

@@ -122,7 +122,7 @@ def is_same(topic: Topic, cls: Any) -> bool:
 
 def is_of_ulog(topic: Topic) -> bool:
     """Whether the samples are in the order of uORB's struct."""
-    return topic.channels[0][1].encoding == "ulog"
+    return topic.channels[0][1].is_of_uorb
 
 
 def differences(topic: Topic, cls: Any, path: str) -> tuple[Finding, ...]:

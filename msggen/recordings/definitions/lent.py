@@ -307,7 +307,7 @@ def _of_recording(sources: Sequence[Source]) -> Lender:
     found: dict[tuple[str, str], dict[str, None]] = defaultdict(dict)
     for source in sources:
         for channel in source.channels.values():
-            if channel.definition and channel.encoding == "cdr":
+            if channel.definition and channel.is_cdr:
                 found[channel.topic, channel.ros_type][channel.definition] = None
 
     def find(name: str, ros_type: str) -> list[str]:

@@ -13,7 +13,7 @@ from msggen.recordings.files.compression import Room
 from msggen.recordings.files.frames import Frames
 from msggen.recordings.files.mapped import MappedFile
 from msggen.recordings.files.mcap_channels import definition_in, ros_type_of, type_hash_in
-from msggen.recordings.files.sqlite import ERRORS, Column, Statements, columns_of, has_log, settle
+from msggen.recordings.files.sqlite import ERRORS, Column, Messages, Statements, columns_of, has_log, settle
 from msggen.recordings.files.sqlite_pages import Pages, Rows, is_integer, sizes_of
 from msggen.recordings.source.gather import groups
 from msggen.recordings.source.source import (
@@ -36,6 +36,7 @@ _TIMES = ("timestamp", "recv_timestamp")
 """The names of the column of log times."""
 _SENT = "send_timestamp"
 _LARGEST = (1 << 63) - 1
+_UNKNOWN = "messages of topics that the table 'topics' does not have"
 
 
 class _Table(NamedTuple):
@@ -147,10 +148,10 @@ class Db3File(Source):
     def _stored(self, channels: Collection[int], start: int, stop: int) -> Iterator[Part]:
         """Yield the samples of channels as they are in the file."""
         low = start if start > 0 else -FOREVER
-        is_wanted = np.isin(self._known, list(channels))
         if self._by_statements:
-            yield from self._parts_of_statements(is_wanted, low, stop)
+            yield from self._parts_of_statements(channels, low, stop)
             return
+        is_wanted = np.isin(self._known, list(channels))
         for found in self._found(low, stop):
             is_chosen = is_wanted[found.which]
             if low > -FOREVER or stop < FOREVER:
@@ -183,7 +184,7 @@ class Db3File(Source):
         """Return the times of all channels: no index has them by topic."""
         found: dict[int, list[NDArray[np.int64]]] = defaultdict(list)
         if self._by_statements:
-            for part in self._parts_of_statements(np.ones(len(self._known), bool), -FOREVER, FOREVER):
+            for part in self._parts_of_statements(self._channels, -FOREVER, FOREVER):
                 found[part.channel].append(part.log_times)
         else:
             for each in self._found(-FOREVER, FOREVER):
@@ -226,30 +227,35 @@ class Db3File(Source):
                 return self._statements.ids_between(self._time, start, stop)
         return -_LARGEST - 1, _LARGEST
 
-    def _parts_of_statements(self, is_wanted: NDArray[np.bool_], start: int, stop: int) -> Iterator[Part]:
+    def _parts_of_statements(self, wanted: Collection[int], start: int, stop: int) -> Iterator[Part]:
         """Yield the messages of channels, read through sqlite3."""
         low, high = self._ids_between(start, stop)
-        sent = _SENT if self._has_sent else ""
         count = 0
         try:
-            for batch in self._statements.batches(self._time, sent, low, high):
+            for batch in self._statements.batches(self._time, _SENT if self._has_sent else "", low, high):
                 if isinstance(batch, int):
                     self._report("rows are damaged", samples=batch)
                     continue
-                count += len(batch.topics)
-                which, is_known = self._channels_of(batch.topics)
-                is_chosen = (batch.times >= start) & (batch.times < stop) & is_known
-                is_chosen[is_known] &= is_wanted[which[is_known]]
-                chosen = np.flatnonzero(is_chosen)
-                for number, indices in groups(which[chosen]):
-                    each = chosen[indices]
-                    published = None if batch.published is None else batch.published[each]
-                    starts, sizes, times = batch.starts[each], batch.sizes[each], batch.times[each]
-                    yield Part(int(self._known[number]), batch.buffer, starts, sizes, times, published)
+                count += sum(len(messages.times) for messages in batch.values())
+                unknown = sum(len(batch[topic].times) for topic in batch.keys() - self._channels.keys())
+                if unknown:
+                    self._report(_UNKNOWN, samples=unknown)
+                for number in sorted(batch.keys() & self._channels.keys() & {*wanted}):
+                    part = self._part(number, batch[number], start, stop)
+                    if len(part.sizes):
+                        yield part
         except ERRORS as error:
             self._report(f"sqlite3 cannot read further: {error}")
         if (start, stop) == (-FOREVER, FOREVER):
             self._check_count(count)
+
+    def _part(self, number: int, messages: Messages, start: int, stop: int) -> Part:
+        """Return the messages of a channel and of a time as a part."""
+        times, sizes = np.array(messages.times, np.int64), messages.sizes
+        chosen = np.flatnonzero((times >= start) & (times < stop))
+        starts, buffer = np.cumsum(sizes) - sizes, np.frombuffer(b"".join(messages.payloads), np.uint8)
+        published = np.array(messages.published, np.int64)[chosen] if self._has_sent else None
+        return Part(number, buffer, starts[chosen], sizes[chosen], times[chosen], published)
 
     def _check_count(self, count: int) -> None:
         """Report if the index has another number of messages than the table, unless a reason was reported."""
@@ -272,7 +278,7 @@ class Db3File(Source):
             which = np.minimum(np.searchsorted(self._known, topics), len(self._known) - 1)
             is_known = self._known[which] == topics
         if not is_known.all():
-            self._report("messages of topics that the table 'topics' does not have", samples=int((~is_known).sum()))
+            self._report(_UNKNOWN, samples=int((~is_known).sum()))
         return which.astype(np.uint16) if is_few else which, is_known
 
     # what there is

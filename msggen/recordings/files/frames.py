@@ -40,7 +40,7 @@ class Frames:
         used: Counter[int] = Counter()
         for part in parts:
             channel = channels[part.channel]
-            is_cdr = channel.encoding == "cdr"  # others may be frames of their own
+            is_cdr = channel.is_cdr  # others may be frames of their own
             self._is_by_sample = self._is_by_sample or (is_cdr and _begins_with_frame(part))
             if self._is_by_sample and is_cdr:
                 yield from self._unpacked(part, channel.topic, used)

@@ -7,6 +7,7 @@ import re
 import shutil
 import sqlite3
 import tempfile
+from collections import defaultdict
 from contextlib import closing, contextmanager
 from typing import TYPE_CHECKING, Any, NamedTuple
 from urllib.parse import quote
@@ -16,11 +17,9 @@ import numpy as np
 from msggen.recordings.files.paths import LOGS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
-
-    from msggen.recordings.source.memory import Octets, Places
 
 _BATCH = 8 << 20
 """The bytes of rows that are read at a time."""
@@ -40,15 +39,17 @@ ERRORS = (sqlite3.Error, UnicodeDecodeError, OverflowError)
 """The errors of sqlite3 for a damaged database. Their messages can have names that are not UTF-8."""
 
 
-class Batch(NamedTuple):
-    """Rows of the table `messages`. All arrays but the buffer have an element for each."""
+class Messages(NamedTuple):
+    """Rows of the table `messages` of one topic."""
 
-    topics: NDArray[np.int64]
-    times: NDArray[np.int64]
-    published: NDArray[np.int64] | None
-    buffer: Octets
-    starts: Places
-    sizes: Places
+    times: list[int]
+    published: list[int]
+    payloads: list[bytes]
+
+    @property
+    def sizes(self) -> NDArray[np.int64]:
+        """The sizes of the payloads in bytes."""
+        return np.fromiter(map(len, self.payloads), np.int64, len(self.payloads))
 
 
 class _Base(sqlite3.Connection):
@@ -114,8 +115,8 @@ class Statements:
         """Return the number of messages. Raises ERRORS."""
         return int(self._rows_of("SELECT count(*) FROM messages")[0][0])
 
-    def batches(self, time: str, sent: str, low: int, high: int) -> Iterator[Batch | int]:
-        """Yield the messages with rowids in a range, and the number of those that have other values than they should.
+    def batches(self, time: str, sent: str, low: int, high: int) -> Iterator[Mapping[int, Messages] | int]:
+        """Yield the messages with rowids in a range by topic, and how many have other values than they should.
 
         `sent` is the column of publish times, "" without. Raises ERRORS.
         """
@@ -123,49 +124,26 @@ class Statements:
             f"SELECT topic_id, {time}, data, {sent or 0} FROM messages "  # noqa: S608 - known columns
             "WHERE rowid BETWEEN ? AND ? ORDER BY rowid"
         )
-        made = _Columns([], [], [], [])
-        size = bad = 0
-        rest = self._size
+        found: defaultdict[int, Messages] = defaultdict(lambda: Messages([], [], []))
+        size, rest, bad = 0, self._size, 0
         with self._opened() as base:
-            for topic, stamp, data, published in base.execute(query, (low, high)):
-                if type(topic) is type(stamp) is type(published) is int and type(data) is bytes:
-                    made.topics.append(topic)
-                    made.times.append(stamp)
-                    made.payloads.append(data)
-                    made.published.append(published)
-                    size += len(data)
-                    if size > rest:
-                        raise sqlite3.DatabaseError("the messages have more bytes than the file")
-                    if size >= _BATCH or len(made.topics) >= _ROWS:
-                        yield made.batch(has_published=bool(sent))
-                        made, rest, size = _Columns([], [], [], []), rest - size, 0
-                else:
+            for row, (topic, stamp, data, published) in enumerate(base.execute(query, (low, high)), 1):
+                if not (type(topic) is type(stamp) is type(published) is int and type(data) is bytes):
                     bad += 1
-        if made.topics:
-            yield made.batch(has_published=bool(sent))
+                    continue
+                messages = found[topic]
+                messages.times.append(stamp)
+                messages.published.append(published)
+                messages.payloads.append(data)
+                size += len(data)
+                if size > rest:
+                    raise sqlite3.DatabaseError("the messages have more bytes than the file")
+                if size >= _BATCH or not row % _ROWS:
+                    yield found
+                    found, rest, size = defaultdict(found.default_factory), rest - size, 0
+        yield found
         if bad:
             yield bad
-
-
-class _Columns(NamedTuple):
-    """Rows of the table `messages`, column by column: tuples of so many rows would cost more than reading them."""
-
-    topics: list[int]
-    times: list[int]
-    payloads: list[bytes]
-    published: list[int]
-
-    def batch(self, *, has_published: bool) -> Batch:
-        """Return the same rows as arrays."""
-        sizes = np.fromiter(map(len, self.payloads), np.int64, len(self.payloads))
-        return Batch(
-            np.array(self.topics, np.int64),
-            np.array(self.times, np.int64),
-            np.array(self.published, np.int64) if has_published else None,
-            np.frombuffer(b"".join(self.payloads), np.uint8),
-            np.cumsum(sizes) - sizes,
-            sizes,
-        )
 
 
 class Column(NamedTuple):

@@ -9,7 +9,7 @@ import numpy as np
 
 from msggen.recordings.files.ulog_formats import FRONT, NUMBERS, PAYLOAD, Described, FormatError, Formats
 from msggen.recordings.source.rows import Layout
-from msggen.recordings.source.source import FOREVER, Channel
+from msggen.recordings.source.source import FOREVER, UORB, Channel
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -71,7 +71,7 @@ class Topics:
                 name,
                 described.ros_type,
                 described.definition,
-                encoding="ulog",
+                encoding=UORB,
                 instance=instance,
                 sample_count=counts.get(number, 0),
                 layout=layout,

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import count
 from typing import NamedTuple
 
+from msggen.base.qos import DEPTH
 from msggen.live.messages.names import stem_of, without_namespace
 from msggen.live.vehicle.firmware import REQUEST, RESPONSE, Known, answer_of, releases
 from msggen.live.xrce import client as xrce
@@ -33,7 +34,6 @@ _FIRST_NUMBER = 3000
 """The first number of the topics that no release has: the releases have numbers below 2100."""
 _MOST = (Limits().entities - 1) // 3
 """The most topics of a vehicle that msggen's agent takes: each has 3 entities, beside the participant."""
-_DEPTH = 10
 _NEVER = 1 << 62
 _HEADER = len(ENCAPSULATION)
 
@@ -89,7 +89,7 @@ def endpoints_of(log: Log, choice: Choice, key: int = 1, sync: Sync = "short") -
         number = next(free) if row is None else row.object_id
         writers[topic.name] = Writer(number, f"rt{topic.recorded_name}", _dds_type(topic.ros_type))
     settings = Settings(
-        [Reader(number, f"rt{front}{name}", _px4_type(rows[name]), _DEPTH) for number, name in readers.items()],
+        [Reader(number, f"rt{front}{name}", _px4_type(rows[name]), DEPTH) for number, name in readers.items()],
         [*writers.values(), *others],
         key=key,
         namespace=namespace,

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from msggen.base.recording_formats import FORMATS
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
@@ -69,7 +71,7 @@ def utc_offset_of(
     """
     if start > _YEAR_2001_NS:
         return 0
-    if kind != "ulog":
+    if not FORMATS[kind].is_of_vehicle:
         return None
     boot = information.get("boot_time_utc_us")
     if isinstance(boot, int) and _YEAR_2001 < boot < _LARGEST:

@@ -26,6 +26,7 @@ from msggen.recordings.log.series import (
     read_series,
     shown,
 )
+from msggen.recordings.log.thinning import thinned
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -177,31 +178,6 @@ def render(figure: Figure, ending: str) -> bytes:
     with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "msggen"}):
         figure.savefig(out, format=ending, dpi=_DPI, metadata=about)
     return out.getvalue()
-
-
-def thinned(times: NDArray[np.float64], values: NDArray[Any], pixels: int = PIXELS) -> NDArray[np.intp]:
-    """Return the indices of the samples that a line of so many pixels needs, in order: all of them if they are few.
-
-    Of the samples in each pixel they are the first, the last, the smallest, the largest and the first that is no
-    number. So the line has every peak, and it is broken wherever the line of all samples is.
-    """
-    count = len(times)
-    if count <= 4 * pixels or times[-1] <= times[0]:
-        return np.arange(count)
-    places = ((times - times[0]) * ((pixels - 1) / (times[-1] - times[0]))).astype(np.intp)
-    starts = np.append(np.flatnonzero(np.append(True, places[1:] != places[:-1])), count)
-    kept = [starts[:-1], starts[1:] - 1]
-    missing = np.isnan(values)
-    for begin, end in zip(starts[:-1].tolist(), starts[1:].tolist(), strict=True):
-        part, gaps = values[begin:end], missing[begin:end]
-        if gaps.any():
-            kept.append(np.array([begin + int(gaps.argmax())]))
-            if gaps.all():
-                continue
-            kept.append(begin + np.array([np.nanargmin(part), np.nanargmax(part)]))
-        else:
-            kept.append(begin + np.array([part.argmin(), part.argmax()]))
-    return np.unique(np.concatenate(kept))
 
 
 def _begin_of(series: Iterable[Series]) -> float:

@@ -195,9 +195,9 @@ class Reader:
         encoders: dict[int, dict[int, Encoder]] = defaultdict(dict)
         for topic in topics:
             if not topic.has_cdr:
-                encoding = topic.channels[0][1].encoding
-                why = "and names that ROS 2 does not allow" if encoding == "ulog" else "expected cdr"
-                raise RecordingError(f"{topic.name} has samples in '{encoding}', {why}")
+                channel = topic.channels[0][1]
+                why = "and names that ROS 2 does not allow" if channel.is_of_uorb else "expected cdr"
+                raise RecordingError(f"{topic.name} has samples in '{channel.encoding}', {why}")
             name = f"{topic.name}[{topic.instance}]" if topic.instance else topic.name
             for number, channel in topic.channels:
                 names[number][channel.number] = name

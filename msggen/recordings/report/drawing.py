@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from msggen.recordings.report.thinning import spread
+from msggen.recordings.log.thinning import spread
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

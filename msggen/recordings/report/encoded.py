@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from msggen.recordings.log.thinning import MOST, spread, thinned_lines
 from msggen.recordings.report.charts import Chart, Line, Section, ends_of
 from msggen.recordings.report.drawing import MOST as MOST_OF_TRACK
-from msggen.recordings.report.thinning import MOST, spread, thinned
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -75,7 +75,7 @@ def _colours(lines: Sequence[Line]) -> dict[str, int]:
 def _table(lines: Sequence[Line], duration: float, most: int) -> list[Any]:
     """Return the times of lines that share them, and the values of each. NaN ends a line."""
     times, values = lines[0].column.times, [line.column.values for line in lines]
-    kept = thinned(times, values, most)
+    kept = thinned_lines(times, values, most)
     ends = ends_of(lines, kept)
     middles = (times[kept[ends]] + times[kept[ends + 1]]) / 2
     own = np.insert(times[kept], ends + 1, middles)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msggen.base.diagnostics import counted, few
+from msggen.base.recording_formats import FORMATS
 from msggen.recordings.report.flight import HAS_FIX, batteries_of
 from msggen.recordings.report.recorded import Column, Recorded, spans
 from msggen.recordings.report.timeline import Timeline
@@ -81,7 +82,9 @@ def _of_end(recorded: Recorded, _: Timeline) -> Iterator[Finding]:
     landed = recorded.column("vehicle_land_detected", "landed")
     is_armed = bool(recorded.armed) and recorded.armed[-1][1] >= recorded.duration
     if landed and is_armed and not landed.values[-1]:
-        level = "warning" if recorded.log.kind == "ulog" else "info"  # other recorders are ended at any time
+        level = (
+            "warning" if FORMATS[recorded.log.kind].is_of_vehicle else "info"
+        )  # other recorders are ended at any time
         yield Finding(level, "the recording ends in the air", recorded.duration)
 
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from msggen.definitions.unit import normalized_unit
+from msggen.live.messages.nav_states import ARMED
 from msggen.recordings.columns.annotations import annotation_of
 from msggen.recordings.log.series import Series
 from msggen.recordings.source.source import RecordingError
@@ -156,7 +157,7 @@ class Recorded:
     @cached_property
     def armed(self) -> tuple[tuple[float, float], ...]:
         """The times from arming to disarming, all of the recording if it does not tell them."""
-        for name, field, value in (("vehicle_status", "arming_state", 2), ("actuator_armed", "armed", 1)):
+        for name, field, value in (("vehicle_status", "arming_state", ARMED), ("actuator_armed", "armed", 1)):
             found = self.column(name, field)
             if found is not None:
                 return spans(found, found.values == value, self.duration)

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from msggen.recordings.source.memory import Octets, Places
     from msggen.recordings.source.rows import Layout
 
+CDR, UORB = "cdr", "ulog"
+"""The encodings of samples that are decoded: as in ROS 2, and as in uORB's struct."""
 FOREVER = (1 << 63) - 1
 """The largest log time."""
 SEPARATOR = "=" * 80
@@ -74,8 +76,8 @@ class Channel(NamedTuple):
     """The type in ROS 2: `px4_msgs/msg/VehicleStatus`."""
     definition: str
     """The definition in the format `ros2msg`, with all that it nests. "" if the recording has none."""
-    encoding: str = "cdr"
-    """The encoding of the samples: `cdr`, or `ulog`. Samples of other encodings are not decoded."""
+    encoding: str = CDR
+    """The encoding of the samples: CDR or UORB. Samples of other encodings are not decoded."""
     instance: int = 0
     """The number of the instance of a uORB topic."""
     sample_count: int | None = None
@@ -99,9 +101,24 @@ class Channel(NamedTuple):
         return self.schema.encoding if self.schema else ""
 
     @property
+    def is_cdr(self) -> bool:
+        """Whether the samples are CDR, as in ROS 2."""
+        return self.encoding == CDR
+
+    @property
+    def is_of_uorb(self) -> bool:
+        """Whether the samples are in the order of uORB's struct, as in a ULog."""
+        return self.encoding == UORB
+
+    @property
+    def is_decoded(self) -> bool:
+        """Whether msggen decodes the encoding of the samples."""
+        return self.is_cdr or self.is_of_uorb
+
+    @property
     def lacks_definition(self) -> bool:
         """Whether its samples can only be decoded with a definition from elsewhere."""
-        return not self.definition and self.layout is None and self.encoding == "cdr"
+        return not self.definition and self.layout is None and self.is_cdr
 
     @property
     def content(self) -> tuple[object, ...]:

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, TypeGuard
 
 from msggen.base.diagnostics import suggestion
 from msggen.live.messages.names import is_named_after, stem_of
-from msggen.recordings.decode.decoder import DECODED
 from msggen.recordings.source.source import RecordingError, SchemaError
 from msggen.recordings.topics.choice import is_numbered, names_of, split_instance, takes_instance
 from msggen.recordings.topics.topic import Topic
@@ -95,7 +94,7 @@ def _labelled(name: str, channels: Channels) -> Iterator[tuple[str, Channels]]:
 
 def _fields_of(channel: Channel) -> object:
     """Return what tells the fields of a channel from others, None if it cannot be decoded."""
-    if channel.encoding not in DECODED:
+    if not channel.is_decoded:
         return None
     if channel.layout is not None:
         return channel.ros_type, channel.definition

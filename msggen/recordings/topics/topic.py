@@ -99,7 +99,7 @@ class Topic:
     @property
     def is_cdr(self) -> bool:
         """Whether the samples are CDR, as in ROS 2."""
-        return all(channel.encoding == "cdr" for _, channel in self.channels)
+        return all(channel.is_cdr for _, channel in self.channels)
 
     @cached_property
     def _ends(self) -> tuple[int, int]:
@@ -111,7 +111,7 @@ class Topic:
     @property
     def has_cdr(self) -> bool:
         """Whether the samples can be read as CDR: they are, or those of a ULog whose names ROS 2 allows."""
-        return self.is_cdr or (bool(self.definition) and all(each.encoding == "ulog" for _, each in self.channels))
+        return self.is_cdr or (bool(self.definition) and all(each.is_of_uorb for _, each in self.channels))
 
     @property
     def first(self) -> int:

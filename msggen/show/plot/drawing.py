@@ -13,8 +13,9 @@ from rich.cells import cell_len, set_cell_size
 from rich.text import Text
 
 from msggen.base.foreign import escaped
-from msggen.recordings.log.plot import panels_of, thinned
+from msggen.recordings.log.plot import panels_of
 from msggen.recordings.log.series import Band, Series
+from msggen.recordings.log.thinning import thinned
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from foxglove.websocket import PlaybackCommand, PlaybackState, PlaybackStatus, ServerListener
 
+from msggen.base.recording_formats import FORMATS
 from msggen.recordings.log.log import Log
 from msggen.recordings.log.payloads import Sample
 from msggen.recordings.source.source import RecordingError
@@ -36,7 +37,7 @@ def channels_of(recording: Log) -> list[Channel]:
     """Return the topics with definitions. Raises UnviewableRecordingError if there is none."""
     found = [Channel(topic.name, topic.ros_type, topic.definition) for topic in _shown(recording)]
     if not found or not recording.end:
-        if recording.kind == "ulog":
+        if FORMATS[recording.kind].is_of_vehicle:
             raise UnviewableRecordingError("is a ULog, which cannot be viewed: convert it to MCAP first")
         raise UnviewableRecordingError("has no samples with definitions of ROS 2 (ros2msg)")
     return found

@@ -1,4 +1,4 @@
-"""Tests of the lists of modes and commands: each release has them as they are here, and no other module has its own."""
+"""Tests of the lists of modes and commands: each release has them as they are here."""
 
 from __future__ import annotations
 
@@ -8,12 +8,26 @@ from typing import Any
 import pytest
 
 from msggen.definitions.model import Message
-from msggen.live.messages.commands import COMMAND_NAMES, REFUSALS
+from msggen.flight.states import name_of
+from msggen.live.messages import commands, nav_states
+from msggen.live.messages.commands import RESULTS
 from msggen.live.messages.nav_states import MODE_CONSTANTS, MODE_NAMES, SELECTABLE, mode_number
 from msggen.sources.embedded import EMBEDDED
 from msggen.sources.read import read
 
 FREE = re.compile(r"(FREE|UNUSED)\d*|MAX")
+COMMAND_NAMES = {
+    commands.RETURN: "NAV_RETURN_TO_LAUNCH",
+    commands.LAND: "NAV_LAND",
+    commands.TAKEOFF: "NAV_TAKEOFF",
+    commands.SET_MODE: "DO_SET_MODE",
+    commands.SET_HOME: "DO_SET_HOME",
+    commands.REPOSITION: "DO_REPOSITION",
+    commands.ARM_DISARM: "COMPONENT_ARM_DISARM",
+    commands.SET_ORIGIN: "SET_GPS_GLOBAL_ORIGIN",
+    commands.SET_NAV_STATE: "SET_NAV_STATE",
+}
+"""The constants of VehicleCommand, without VEHICLE_CMD_, by number."""
 
 
 def messages_of(release: str) -> dict[str, Message]:
@@ -34,6 +48,13 @@ def test_every_mode_of_a_release_has_a_name(messages: Any) -> None:
     found = constants(messages["VehicleStatus"], "NAVIGATION_STATE_")
     named = {mode: name for mode, name in found.items() if not FREE.fullmatch(name)}
     assert named == {mode: MODE_CONSTANTS[mode] for mode in named}
+    assert not [mode for mode in named if name_of(mode).isdecimal()]
+
+
+def test_vehicles_are_disarmed_and_armed_as_in_a_release(messages: Any) -> None:
+    found = constants(messages["VehicleStatus"], "ARMING_STATE_")
+    assert (found[nav_states.DISARMED], found[nav_states.ARMED]) == ("DISARMED", "ARMED")
+    assert constants(messages["VehicleStatus"], "VEHICLE_TYPE_")[nav_states.ROTARY_WING] == "ROTARY_WING"
 
 
 def test_the_newest_release_has_every_mode_and_command() -> None:
@@ -49,7 +70,9 @@ def test_commands_and_results_have_their_numbers_in_a_release(messages: Any) -> 
     }.items()
     if "VehicleCommandAck" in messages:
         results = constants(messages["VehicleCommandAck"], "VEHICLE_CMD_RESULT_")
-        assert all(results[number] == text.upper().replace(" ", "_") for number, text in REFUSALS.items())
+        assert {number: text.upper().replace(" ", "_") for number, text in RESULTS.items()}.items() <= results.items()
+    executors = constants(messages["VehicleCommand"], "COMPONENT_MODE_EXECUTOR_START")
+    assert executors.keys() <= {commands.EXECUTOR}
 
 
 def test_a_mode_is_found_by_each_of_its_names() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from msggen.live.messages import nav_states
-from msggen.live.sim.commander import states
+from msggen.live.messages.commands import ACCEPTED, TEMPORARILY_REJECTED
 from msggen.live.sim.commander.checks import Reply
 from msggen.live.sim.commander.commander import Overrides
 from msggen.live.sim.commander.components import REFUSED, REFUSED_ARMED, Registration
@@ -252,17 +252,17 @@ def test_a_check_without_a_mode_blocks_arming_in_all_modes_until_it_is_gone() ->
     driver = Driver()
     found = driver.commander.register(Registration("only a check", check=True))
     driver.run(0.5)
-    assert driver.commander.arm() == states.TEMPORARILY_REJECTED
+    assert driver.commander.arm() == TEMPORARILY_REJECTED
     driver.answers[found.check] = Reply(check=found.check, can_run=True)
     driver.run(0.5)
     assert driver.commander.is_ready
     driver.answers[found.check] = Reply(check=found.check, can_run=False)
     driver.run(0.5)
-    assert driver.commander.arm() == states.TEMPORARILY_REJECTED
+    assert driver.commander.arm() == TEMPORARILY_REJECTED
     driver.kill(found)
     driver.run(1.5)
     assert not driver.commander.checks.registered
-    assert driver.commander.arm() == states.ACCEPTED
+    assert driver.commander.arm() == ACCEPTED
 
 
 def test_a_mode_that_cannot_run_is_neither_entered_nor_kept() -> None:
@@ -272,11 +272,11 @@ def test_a_mode_that_cannot_run_is_neither_entered_nor_kept() -> None:
     reply = driver.answers[found.check]
     driver.answers[found.check] = reply._replace(can_run=False)
     driver.run(0.5)
-    assert driver.commander.select(23) == states.TEMPORARILY_REJECTED
+    assert driver.commander.select(23) == TEMPORARILY_REJECTED
     assert "cannot run" in driver.commander.reason
     driver.answers[found.check] = reply
     driver.run(0.5)
-    assert driver.commander.select(23) == states.ACCEPTED
+    assert driver.commander.select(23) == ACCEPTED
     driver.answers[found.check] = reply._replace(can_run=False)
     driver.run(0.5)
     assert (driver.commander.mode, driver.commander.failsafe.is_active) == (nav_states.RETURN, True)
@@ -293,7 +293,7 @@ def test_a_mode_flies_in_place_of_the_one_that_it_replaces() -> None:
     assert not driver.commander.selectable >> nav_states.RETURN & 1
     assert not driver.commander.requirements.masks["home_position"] >> nav_states.RETURN & 1
     for mode in (nav_states.RETURN, found.mode):
-        assert driver.commander.select(mode) == states.ACCEPTED
+        assert driver.commander.select(mode) == ACCEPTED
         driver.run(0.1)
         assert (driver.commander.mode, driver.commander.intention) == (23, 23)
         assert driver.commander.executor_in_charge == 0, "it is never in charge"

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from msggen.live.messages import nav_states
+from msggen.live.messages import nav_states, setpoints
+from msggen.live.messages.commands import ACCEPTED, EXECUTOR, TEMPORARILY_REJECTED
 from msggen.live.sim.commander import setpoint_types, states
-from msggen.live.sim.commander.commander import EXECUTOR_SOURCE, Overrides
+from msggen.live.sim.commander.commander import Overrides
 from support.commander_driver import NEEDS, Driver
 
 POSITIONS = ["local_position", "local_position_relaxed", "global_position"]
@@ -31,7 +32,7 @@ def test_who_selects_a_mode_decides_which_executor_is_in_charge() -> None:
         (25, True, 2, 24),
         (25, False, 0, 25),
     ):
-        assert commander.select(mode, by_executor=by_executor) == states.ACCEPTED
+        assert commander.select(mode, by_executor=by_executor) == ACCEPTED
         driver.step()
         assert (commander.mode, commander.executor_in_charge, commander.displayed) == (mode, in_charge, displayed)
 
@@ -41,13 +42,13 @@ def test_only_the_executor_in_charge_commands() -> None:
     found = driver.register("One", executor=True)
     driver.register("Two", executor=True)
     driver.fly(23)
-    refused = [driver.commander.is_refused(EXECUTOR_SOURCE + number) for number in range(4)]
+    refused = [driver.commander.is_refused(EXECUTOR + number) for number in range(4)]
     assert refused == [True, False, True, True]
     assert driver.commander.reason == "executor 3 is not in charge"
     assert not driver.commander.is_refused(1), "a user"
     driver.kill(found)
     driver.run(2)
-    assert driver.commander.is_refused(EXECUTOR_SOURCE + 1), "in a failsafe"
+    assert driver.commander.is_refused(EXECUTOR + 1), "in a failsafe"
 
 
 def test_takeoff_ends_in_hold_unless_an_executor_is_in_charge() -> None:
@@ -157,7 +158,7 @@ def test_without_a_position_the_vehicle_descends_until_it_has_one() -> None:
         driver.run(0.3)
         assert (driver.commander.mode, driver.commander.executor_in_charge) == (mode, executor)
         if not is_there:
-            assert driver.commander.select(nav_states.HOLD) == states.TEMPORARILY_REJECTED
+            assert driver.commander.select(nav_states.HOLD) == TEMPORARILY_REJECTED
             assert driver.commander.reason == "there is no position, there is no global position"
 
 
@@ -192,7 +193,7 @@ def test_nothing_ends_a_termination() -> None:
     assert driver.commander.mode == nav_states.TERMINATION
     driver.sense(attitude=True, angular_velocity=True)
     driver.run(1)
-    assert driver.commander.select(nav_states.HOLD) == states.TEMPORARILY_REJECTED
+    assert driver.commander.select(nav_states.HOLD) == TEMPORARILY_REJECTED
     assert driver.commander.mode == nav_states.TERMINATION
 
 
@@ -299,10 +300,10 @@ def test_overrides_keep_a_vehicle_armed_after_landing_but_not_before_takeoff() -
 def test_in_the_air_only_force_disarms() -> None:
     driver = Driver()
     driver.fly(nav_states.HOLD)
-    assert driver.commander.disarm() == states.TEMPORARILY_REJECTED
+    assert driver.commander.disarm() == TEMPORARILY_REJECTED
     assert driver.commander.reason == "the vehicle is in the air"
-    assert driver.commander.disarm(is_forced=True) == states.ACCEPTED
-    assert driver.commander.arm(is_forced=True) == states.ACCEPTED
+    assert driver.commander.disarm(is_forced=True) == ACCEPTED
+    assert driver.commander.arm(is_forced=True) == ACCEPTED
 
 
 @pytest.mark.parametrize(
@@ -322,9 +323,9 @@ def test_what_is_missing_for_arming_is_told(changes: dict[str, bool], mode: int,
     driver.commander.select(mode)
     driver.run(0.2)
     assert not driver.commander.is_ready
-    assert driver.commander.arm() == states.TEMPORARILY_REJECTED
+    assert driver.commander.arm() == TEMPORARILY_REJECTED
     assert reason in driver.commander.reason
-    assert driver.commander.arm(is_forced=True) == states.ACCEPTED
+    assert driver.commander.arm(is_forced=True) == ACCEPTED
 
 
 # Types of setpoints
@@ -335,14 +336,14 @@ def test_types_of_setpoints_and_what_they_require() -> None:
     driver.register("Own")
     results = {kind: driver.commander.configure(23, kind, is_applied=False) for kind in (*range(18), 99)}
     unsupported, unknown = {3, *range(7, 15)}, {0, 17, 99}
-    assert {kind for kind, (result, _) in results.items() if result == setpoint_types.UNSUPPORTED_TYPE} == unsupported
-    assert {kind for kind, (result, _) in results.items() if result == setpoint_types.UNKNOWN_TYPE} == unknown
+    assert {kind for kind, (result, _) in results.items() if result == setpoints.UNSUPPORTED_TYPE} == unsupported
+    assert {kind for kind, (result, _) in results.items() if result == setpoints.UNKNOWN_TYPE} == unknown
     assert results[1][1] == results[15][1] == set()
     assert results[2][1] == results[4][1] == results[16][1] == NEEDS
     assert results[5][1] == {"angular_velocity"}
     assert results[6][1] == {"angular_velocity", "attitude"}
     for mode in (nav_states.HOLD, 24):
-        assert driver.commander.configure(mode, 2, is_applied=True) == (setpoint_types.OTHER_FAILURE, frozenset())
+        assert driver.commander.configure(mode, 2, is_applied=True) == (setpoints.OTHER_FAILURE, frozenset())
     driver.commander.select(23)
     driver.run(0.1)
     assert driver.commander.controls == setpoint_types.ALL, "without a configuration"

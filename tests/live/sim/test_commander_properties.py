@@ -9,7 +9,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from msggen.live.messages import nav_states
-from msggen.live.sim.commander import states
+from msggen.live.messages.commands import ACCEPTED
 from msggen.live.sim.commander.commander import Overrides
 from msggen.live.sim.commander.components import Components, Registered, Registration
 from support.commander_driver import Driver
@@ -125,7 +125,7 @@ class Play:
         self.driver.commander.select(mode, by_executor=by_executor)
 
     def do_arm(self, is_forced: bool) -> None:  # noqa: FBT001 - drawn
-        if self.driver.commander.arm(is_forced=is_forced) == states.ACCEPTED:
+        if self.driver.commander.arm(is_forced=is_forced) == ACCEPTED:
             self.was_told_to_arm = True
 
     def do_disarm(self, is_forced: bool) -> None:  # noqa: FBT001 - drawn

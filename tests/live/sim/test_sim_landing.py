@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msggen.live.messages.commands import ARM_DISARM
+from msggen.live.messages.commands import ACCEPTED, ARM_DISARM, TEMPORARILY_REJECTED
 from msggen.live.messages.commands import TAKEOFF as TAKE_OFF
 from msggen.live.messages.nav_states import (
     ALTITUDE,
@@ -22,7 +22,7 @@ from msggen.live.messages.nav_states import (
     TAKEOFF,
     TERMINATION,
 )
-from msggen.live.sim.commander.states import ACCEPTED, BY_LANDING, TEMPORARILY_REJECTED
+from msggen.live.sim.commander.states import BY_LANDING
 from msggen.live.sim.flight import NAN
 from msggen.live.sim.parameters import PARAMETERS
 from msggen.live.sim.world import STEP, World

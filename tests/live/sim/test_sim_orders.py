@@ -8,7 +8,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msggen.live.messages.commands import REPOSITION, SET_HOME, SET_MODE, SET_NAV_STATE, SET_ORIGIN
+from msggen.live.messages.commands import (
+    ACCEPTED,
+    DENIED,
+    REPOSITION,
+    SET_HOME,
+    SET_MODE,
+    SET_NAV_STATE,
+    SET_ORIGIN,
+    TEMPORARILY_REJECTED,
+    UNSUPPORTED,
+)
 from msggen.live.messages.nav_states import (
     ALTITUDE,
     DESCEND,
@@ -24,7 +34,6 @@ from msggen.live.messages.nav_states import (
     TAKEOFF,
     TERMINATION,
 )
-from msggen.live.sim.commander.states import ACCEPTED, DENIED, TEMPORARILY_REJECTED, UNSUPPORTED
 from msggen.live.sim.flight import NAN
 from msggen.live.sim.world import Home, World
 from support.examples import examples

@@ -11,9 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msggen.live.messages.commands import ARM_DISARM
+from msggen.live.messages.commands import ACCEPTED, ARM_DISARM
 from msggen.live.messages.nav_states import EXTERNAL, HOLD, LAND
-from msggen.live.sim.commander.states import ACCEPTED
 from msggen.live.sim.flight import NAN, ZERO, Push
 from msggen.live.sim.parameters import PARAMETERS
 from msggen.live.sim.world import STEP, World

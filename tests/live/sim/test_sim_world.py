@@ -8,11 +8,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msggen.live.messages.commands import ARM_DISARM, LAND, SET_MODE, TAKEOFF
+from msggen.live.messages.commands import (
+    ACCEPTED,
+    ARM_DISARM,
+    DENIED,
+    LAND,
+    SET_MODE,
+    TAKEOFF,
+    TEMPORARILY_REJECTED,
+    UNSUPPORTED,
+)
 from msggen.live.messages.nav_states import HOLD, OFFBOARD, POSITION, RETURN
 from msggen.live.messages.nav_states import LAND as LANDING
 from msggen.live.messages.nav_states import TAKEOFF as TAKING_OFF
-from msggen.live.sim.commander.states import ACCEPTED, DENIED, TEMPORARILY_REJECTED, UNSUPPORTED
 from msggen.live.sim.flight import NAN, Flight, Target, wrapped
 from msggen.live.sim.world import STEP, Home, World
 from support.examples import examples

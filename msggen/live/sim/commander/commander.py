@@ -10,7 +10,9 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from msggen.live.messages import nav_states
-from msggen.live.sim.commander import failsafe, setpoint_types, states
+from msggen.live.messages.commands import ACCEPTED, EXECUTOR, TEMPORARILY_REJECTED
+from msggen.live.messages.setpoints import OTHER_FAILURE, SUCCESS, requirements_of
+from msggen.live.sim.commander import failsafe, states
 from msggen.live.sim.commander.checks import Checks, Reply, Request
 from msggen.live.sim.commander.components import (
     AUTOPILOT,
@@ -24,10 +26,8 @@ from msggen.live.sim.commander.components import (
 from msggen.live.sim.commander.failsafe import Action, Failsafe, Situation, Trigger
 from msggen.live.sim.commander.requirements import Requirements, Senses, texts_of
 from msggen.live.sim.commander.rules import Rules
-from msggen.live.sim.commander.setpoint_types import Controls
+from msggen.live.sim.commander.setpoint_types import ALL, Controls, controls_of
 
-EXECUTOR_SOURCE = 1000
-"""COMPONENT_MODE_EXECUTOR_START: the source component of commands of the executor 0."""
 LOOP = 10_000
 """The time between two steps of PX4's commander."""
 _CHECKS = 100_000
@@ -36,7 +36,7 @@ _COMPLETED = 50_000
 """The time between two ModeCompleted of a mode of PX4 that has reached its end."""
 _REPORTED = frozenset({nav_states.TAKEOFF, nav_states.LAND, nav_states.RETURN})
 """The modes whose end PX4 reports."""
-_DEFAULT: Controls = setpoint_types.ALL
+_DEFAULT: Controls = ALL
 
 
 class Overrides(NamedTuple):
@@ -275,11 +275,11 @@ class Commander:
     def configure(self, mode: int, kind: int, *, is_applied: bool) -> tuple[int, frozenset[str]]:
         """Take a SetpointConfig. Return the result, and the requirements of the type."""
         if mode not in self.components.modes:
-            return setpoint_types.OTHER_FAILURE, frozenset()
-        result, controls = setpoint_types.controls_of(kind)
-        if result == setpoint_types.SUCCESS and is_applied:
+            return OTHER_FAILURE, frozenset()
+        result, controls = controls_of(kind)
+        if result == SUCCESS and is_applied:
             self._controls[mode] = controls
-        return result, setpoint_types.requirements_of(controls)
+        return result, requirements_of(controls)
 
     def control(self, mode: int, controls: Controls) -> None:
         """Take what the setpoints of a mode control, from a VehicleControlMode of v1.15 to v1.17."""
@@ -329,7 +329,7 @@ class Commander:
 
     def is_refused(self, source_component: int) -> bool:
         """Whether a command comes from an executor that is not in charge. `reason` tells it."""
-        executor = source_component - EXECUTOR_SOURCE
+        executor = source_component - EXECUTOR
         if executor >= AUTOPILOT and executor != self._in_charge:
             self.reason = f"executor {executor} is not in charge"
             return True
@@ -340,14 +340,14 @@ class Commander:
         self.reason = ""
         if self.mode == nav_states.TERMINATION:
             self.reason = "the flight is terminated"
-            return states.TEMPORARILY_REJECTED
+            return TEMPORARILY_REJECTED
         if self.is_armed and mode != nav_states.LAND:
             missing = self.requirements.missing(self.components.replaced_by(mode), self.senses)
             if missing:
                 self.reason = texts_of(missing)
-                return states.TEMPORARILY_REJECTED
+                return TEMPORARILY_REJECTED
         self._select(mode, by_executor=by_executor)
-        return states.ACCEPTED
+        return ACCEPTED
 
     def _select(self, mode: int, *, by_executor: bool = False) -> None:
         selected = self.components.replaced_by(mode)
@@ -368,25 +368,25 @@ class Commander:
         """Arm, and return the result."""
         self.reason = ""
         if self.is_armed:
-            return states.ACCEPTED
+            return ACCEPTED
         self._look()
         if self.missing and not is_forced:
             self.reason = texts_of(self.missing)
-            return states.TEMPORARILY_REJECTED
+            return TEMPORARILY_REJECTED
         self.is_armed, self.armed_time, self.arming_reason = True, self._now, states.BY_COMMAND
         self.takeoff_time = 0
         self._had_sticks, self._battery_when_armed = self.senses.manual_control, self.senses.battery
-        return states.ACCEPTED
+        return ACCEPTED
 
     def disarm(self, *, is_forced: bool = False) -> int:
         """Disarm, and return the result."""
         self.reason = ""
         if self.is_armed and not self._sensed.is_landed and not is_forced:
             self.reason = "the vehicle is in the air"
-            return states.TEMPORARILY_REJECTED
+            return TEMPORARILY_REJECTED
         if self.is_armed:
             self._disarm(states.BY_COMMAND)
-        return states.ACCEPTED
+        return ACCEPTED
 
     def _disarm(self, reason: int) -> None:
         self.is_armed, self.disarming_reason = False, reason

@@ -1,4 +1,4 @@
-"""The numbers of results and reasons: those of VehicleCommandAck, VehicleCommand and VehicleStatus."""
+"""The modes that a pilot flies, and the reasons in VehicleStatus."""
 
 from __future__ import annotations
 
@@ -8,12 +8,6 @@ from msggen.live.messages.nav_states import ALTITUDE, MANUAL, POSITION, STABILIZ
 
 PILOTED: Final = frozenset({MANUAL, ALTITUDE, POSITION, STABILIZED})
 """The modes that a pilot flies with sticks."""
-
-ACCEPTED: Final = 0
-TEMPORARILY_REJECTED: Final = 1
-DENIED: Final = 2
-UNSUPPORTED: Final = 3
-"""The results of a command."""
 
 BY_COMMAND: Final = 4
 BY_LANDING: Final = 6

@@ -1,0 +1,102 @@
+"""The kinds of setpoints: types of SetpointConfig in PX4 v1.18, flags of VehicleControlMode before."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
+from typing import Final, NamedTuple
+
+OFFBOARD_CONTROL_MODE: Final = "offboard_control_mode"
+"""The topic of the message that selects a setpoint in Offboard mode."""
+SELECTORS: Final = (
+    "position",
+    "velocity",
+    "acceleration",
+    "attitude",
+    "body_rate",
+    "thrust_and_torque",
+    "direct_actuator",
+)
+"""The fields of OffboardControlMode. PX4 takes the first one that is set."""
+_ATTITUDE: Final = ("allocation", "rates", "attitude")
+_POSITION: Final = (*_ATTITUDE, "altitude", "climb_rate", "acceleration", "velocity", "position")
+
+
+class Kind(NamedTuple):
+    """A kind of setpoint."""
+
+    name: str
+    number: int
+    """Its type in SetpointConfig."""
+    topics: tuple[str, ...] = ()
+    """The topics of its messages."""
+    controls: tuple[str, ...] = ()
+    """What it controls on a multicopter: `flag_control_..._enabled` of VehicleControlMode."""
+    selectors: tuple[str, ...] = ()
+    """The fields of OffboardControlMode that select it."""
+    rate: float = 0.0
+    """How often a mode of `msggen.flight` sends it, in Hz. 0: it sends none."""
+
+    @property
+    def topic(self) -> str:
+        """The topic of its message."""
+        return self.topics[0]
+
+    @property
+    def is_placed(self) -> bool:
+        """Whether it has a place or a velocity, and needs an estimate of the position."""
+        return "position" in self.controls
+
+    @property
+    def requirements(self) -> frozenset[str]:
+        """The requirements of a mode that sends it: `mode_req_...` of SetpointConfigReply."""
+        return requirements_of(self.controls)
+
+
+TRAJECTORY: Final = Kind("trajectory", 4, ("trajectory_setpoint",), _POSITION, SELECTORS[:3], 50.0)
+GOTO: Final = Kind("goto", 2, ("goto_setpoint",), _POSITION, SELECTORS[:1], 30.0)
+ATTITUDE: Final = Kind("attitude", 6, ("vehicle_attitude_setpoint",), _ATTITUDE, ("attitude",), 100.0)
+RATES: Final = Kind("rates", 5, ("vehicle_rates_setpoint",), _ATTITUDE[:2], ("body_rate",), 200.0)
+KINDS: Final = (
+    TRAJECTORY,
+    GOTO,
+    ATTITUDE,
+    RATES,
+    Kind(
+        "thrust and torque",
+        15,
+        ("vehicle_thrust_setpoint", "vehicle_torque_setpoint"),
+        _ATTITUDE[:1],
+        ("thrust_and_torque",),
+    ),
+    Kind("direct actuators", 1, ("actuator_motors", "actuator_servos"), (), ("direct_actuator",)),
+    Kind("position triplet", 16, (), (*_POSITION, "auto")),
+)
+"""The kinds that a multicopter follows."""
+OF_OTHERS: Final = frozenset({3, *range(7, 15)})
+"""The types of fixed-wing aircraft, rovers and vehicles with six degrees of freedom."""
+BY_NUMBER: Final[Mapping[int, Kind]] = MappingProxyType({kind.number: kind for kind in KINDS})
+SENT: Final = tuple(kind for kind in KINDS if kind.rate)
+"""The kinds that modes of `msggen.flight` send."""
+
+SUCCESS: Final = 0
+OTHER_FAILURE: Final = 1
+UNSUPPORTED_TYPE: Final = 2
+UNKNOWN_TYPE: Final = 3
+"""The results of SetpointConfigReply."""
+
+_REQUIREMENTS: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "rates": "angular_velocity",
+        "attitude": "attitude",
+        "altitude": "local_alt",
+        "climb_rate": "local_alt",
+        "velocity": "local_position",
+        "position": "local_position",
+    }
+)
+
+
+def requirements_of(controls: Iterable[str]) -> frozenset[str]:
+    """Return the requirements that follow from what is controlled."""
+    return frozenset(_REQUIREMENTS[each] for each in controls if each in _REQUIREMENTS)
