@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from msggen.recordings.report import findings, page, plans, thinning
+from msggen.recordings.log import thinning
+from msggen.recordings.report import findings, page, plans
 from support.repository import ROOT
 
 PAGE = (ROOT / "docs" / "report.md").read_text(encoding="utf-8")
