@@ -20,6 +20,8 @@ PATIENCE = 20.0
 LONG = 10.0
 """A time in s in which a busy computer does something that takes a moment, shorter than PX4 waits: see below."""
 EXTERNAL = 23
+HOLD, RETURN = 4, 5
+ARM, TAKEOFF, SET_MODE = 400, 22, 100_001
 QUICK = Options(sync="off")
 """A vehicle that connects at once."""
 
@@ -116,3 +118,29 @@ class FlyingProgram:
             assert stream is not None
             stream.close()
         return code
+
+
+@contextmanager
+def ready(
+    url: str, types: Any, way: str = "await", options: Options = QUICK
+) -> Iterator[tuple[Simulator, FlyingProgram]]:
+    """Return a vehicle, and a program that has registered its mode."""
+    with simulated(types, url, options) as simulator:
+        program = FlyingProgram(url, types, way)
+        program.tell()
+        program.wait("ready")
+        assert EXTERNAL in commander(simulator).components.modes
+        yield simulator, program
+        program.process.kill()
+        program.end()
+
+
+def fly(simulator: Simulator, program: FlyingProgram, height: float = 2.0) -> None:
+    """Take off as a user, and let the program fly its mode."""
+    world = simulator.vehicles[0].world
+    nan = float("nan")
+    assert world.command(TAKEOFF, [nan] * 6 + [world.home.altitude + height]) == 0
+    assert world.command(ARM, [1.0] + [nan] * 6) == 0
+    until(lambda: world.mode == HOLD and -world.flight.position[2] > height - 1.0)
+    assert world.command(SET_MODE, [float(EXTERNAL)] + [nan] * 6) == 0
+    program.wait("flies")

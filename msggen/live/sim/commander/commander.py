@@ -50,9 +50,6 @@ class Overrides(NamedTuple):
     """Whether the home position stays at takeoff: from v1.18 on."""
 
 
-_NO_OVERRIDES = Overrides()
-
-
 class Commander:
     """A vehicle on the ground, disarmed, in Hold. `parameters` are those of PX4 by their names."""
 
@@ -315,13 +312,11 @@ class Commander:
             self._executor = AUTOPILOT
 
     def _apply_overrides(self) -> None:
-        own = self._overrides.get((False, self.mode), _NO_OVERRIDES)
-        executor = self._overrides.get((True, self.executor_in_charge), _NO_OVERRIDES)
-        found = executor if executor.defers else own
-        if own is not executor:
-            found = found._replace(
-                keeps_armed=own.keeps_armed or executor.keeps_armed, keeps_home=own.keeps_home or executor.keeps_home
-            )
+        own = self._overrides.get((False, self.mode), Overrides())
+        executor = self._overrides.get((True, self.executor_in_charge), Overrides())
+        found = (executor if executor.defers else own)._replace(
+            keeps_armed=own.keeps_armed or executor.keeps_armed, keeps_home=own.keeps_home or executor.keeps_home
+        )
         self.failsafe.defer(found.defer_seconds if found.defers else None)
         self._applied = found
 
