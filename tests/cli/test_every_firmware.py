@@ -14,11 +14,15 @@ from support.repository import PX4_TREE, shared
 FIRMWARE = ["v1.14", "v1.15", "v1.16", "v1.17", "v1.18", "main-2026-03"]
 """In chronological order, except main, which lies between v1.17 and v1.18."""
 
-MARKS = {"v1.18": [], "v1.14": pytest.mark.slow, "main-2026-03": pytest.mark.slow}
+MARKS: dict[str, list[pytest.MarkDecorator]] = {
+    "v1.18": [],
+    "v1.14": [pytest.mark.slow],
+    "main-2026-03": [pytest.mark.slow],
+}
 """The newest release is for the fast run, the first one and main for each run, and what lies between for the night."""
 
 each_firmware = pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=MARKS.get(name, pytest.mark.night)) for name in FIRMWARE]
+    "name", [pytest.param(name, marks=MARKS.get(name, [pytest.mark.night])) for name in FIRMWARE]
 )
 
 pytestmark = pytest.mark.usefixtures("working_folder")

@@ -49,7 +49,8 @@ def every_message(test: Callable[..., None]) -> Callable[..., None]:
         each.replace(name="names" if each.name == "name" else each.name) for each in signature.parameters.values()
     ]
     of_a_group.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined] # for pytest
-    return pytest.mark.parametrize("names", _GROUPS)(of_a_group)
+    grouped: Callable[..., None] = pytest.mark.parametrize("names", _GROUPS)(of_a_group)
+    return grouped
 
 
 def shared(path: str) -> Path:
