@@ -85,25 +85,6 @@ class Files:
             for keys, begin, end in self._spans(name, index)
         ]
 
-    def rows(self, name: str) -> dict[Keys, int]:
-        """Return the numbers of rows by keys of a file of this layout. Raises as `runs`."""
-        self.schema(name)
-        found: dict[Keys, int] = {}
-        for index in range(self._file(name).metadata.num_row_groups):
-            for keys, begin, end in self._spans(name, index):
-                found[keys] = found.get(keys, 0) + end - begin
-        return found
-
-    def whole(self, name: str, keys: Keys) -> Run:
-        """Return a file without columns of `Keys` as a run."""
-        file = self._file(name)
-        groups = [_Group(name, index) for index in range(file.metadata.num_row_groups)]
-        return Run(keys, without_keys(file.schema_arrow), partial(self._all, groups))
-
-    def _all(self, groups: list[_Group]) -> Iterator[Any]:
-        for group in groups:
-            yield _renamed(self._read(group))
-
     def _piece(self, group: _Group, begin: int, end: int) -> Iterator[Any]:
         yield self._read(group).slice(begin, end - begin).select(self.schema(group.name).names)
 
