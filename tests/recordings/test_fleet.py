@@ -20,7 +20,7 @@ from msggen import recordings
 from msggen.recordings.fleet import Batch, Keys, Progress, Task, convert_batch, update
 from msggen.recordings.fleet.layout import date_of
 from support.fleet_logs import write_logs
-from support.fleet_recordings import logs_in, parquet_in, rows_in, rows_of, state_names, write_flight, write_folder
+from support.fleet_recordings import parquet_in, rows_in, rows_of, state_names, write_flight, write_folder
 from support.log_files import Written, write_log
 from support.recordings import START
 from support.ulog import UlogWriter
@@ -116,19 +116,6 @@ def test_results_that_are_missing_are_made_again(gone: str, logs: Path, tmp_path
     assert update(str(logs), str(fleet)).unchanged == 4
 
 
-def test_missing_results_of_copies_are_made_once(logs: Path, tmp_path: Path) -> None:
-    for day in ("2025-01-01", "2025-02-02"):
-        shutil.copy(logs / "a" / "flight.mcap", logs / f"{day}.mcap")
-    (logs / "a" / "flight.mcap").unlink()
-    fleet = tmp_path / "fleet"
-    update(str(logs), str(fleet))
-    next(fleet.glob("v*/*.parquet")).unlink()
-    summary = update(str(logs), str(fleet))
-    assert (summary.unchanged, len(summary.converted), summary.copies) == (0, 3, 1)
-    assert rows_in(fleet) == 3 * 100
-    assert update(str(logs), str(fleet)).unchanged == 4
-
-
 def test_copies_and_moved_recordings_are_not_converted_again(logs: Path, tmp_path: Path) -> None:
     fleet = tmp_path / "fleet"
     update(str(logs), str(fleet))
@@ -139,15 +126,6 @@ def test_copies_and_moved_recordings_are_not_converted_again(logs: Path, tmp_pat
     assert (summary.unchanged, summary.copies, len(summary.converted)) == (0, 4, 0)
     assert parquet_in(fleet) == before
     assert update(str(tmp_path / "moved"), str(fleet)).unchanged == 4
-
-
-def test_copies_that_are_found_at_the_same_time_are_one(logs: Path, tmp_path: Path) -> None:
-    shutil.copy(logs / "a" / "flight.mcap", logs / "b" / "copy.mcap")
-    fleet = tmp_path / "fleet"
-    summary = update(str(logs), str(fleet))
-    assert (summary.found, summary.copies, len(summary.converted)) == (4, 1, 3)
-    assert rows_in(fleet) == 3 * 100
-    assert update(str(logs), str(fleet)).unchanged == 4
 
 
 def test_copies_of_a_bad_recording_are_reported_with_their_own_paths(logs: Path, tmp_path: Path) -> None:
@@ -213,28 +191,6 @@ def test_the_fleet_itself_may_be_a_link(logs: Path, tmp_path: Path, outside: Pat
     (tmp_path / "fleet").symlink_to(outside)
     assert len(update(str(logs), str(tmp_path / "fleet")).converted) == 3
     assert update(str(logs), str(outside)).unchanged == 3
-
-
-def test_a_changed_recording_replaces_its_rows(logs: Path, tmp_path: Path, px4_types: Any) -> None:
-    fleet = tmp_path / "fleet"
-    before = {next(iter(each.paths)): each for each in update(str(logs), str(fleet)).converted}
-    path = logs / "a" / "flight.mcap"
-    path.unlink()
-    write_flight(path, px4_types, 3, count=70)
-    summary = update(str(logs), str(fleet))
-    assert (summary.unchanged, len(summary.converted), summary.removed) == (2, 1, 1)
-    assert before[str(path)].log not in logs_in(fleet)
-    assert rows_in(fleet) == 2 * (50 + 50 + 70)
-    assert update(str(logs), str(fleet)).removed == 0
-
-
-def test_recordings_that_are_gone_keep_their_rows(logs: Path, tmp_path: Path) -> None:
-    fleet = tmp_path / "fleet"
-    update(str(logs), str(fleet))
-    before = parquet_in(fleet)
-    (logs / "a" / "flight.mcap").unlink()
-    assert update(str(logs), str(fleet)).removed == 0
-    assert parquet_in(fleet) == before
 
 
 def test_bad_recordings_are_reported_and_do_not_stop_the_others(logs: Path, tmp_path: Path) -> None:

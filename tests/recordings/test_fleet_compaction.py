@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from msggen.recordings.fleet import Keys, compact, compaction, parts, update
 from msggen.recordings.fleet.parts import Run, write_parts
 from msggen.recordings.fleet.records import FleetError
-from msggen.recordings.fleet.runs import opened
+from msggen.recordings.fleet.runs import Files
 from support.fleet_logs import VEHICLES, flight
 from support.fleet_recordings import parquet_in, rows_of, write_flight
 from support.log_files import Written, write_log
@@ -55,16 +55,6 @@ def test_the_rows_stay_the_same(fleet: Path) -> None:
     assert compact(str(fleet)).topics == 0
     assert parquet_in(fleet) == again
     assert update(str(fleet.parent / "logs"), str(fleet)).unchanged == 5
-
-
-def test_what_is_added_later_is_merged(fleet: Path) -> None:
-    compact(str(fleet))
-    add(fleet.parent, 5)
-    assert len(parquet_in(fleet)) == 10
-    expected = rows_of(fleet)
-    compact(str(fleet))
-    assert len(parquet_in(fleet)) == 5
-    assert rows_of(fleet) == expected
 
 
 def test_large_files_stay_as_they_are(fleet: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -199,8 +189,8 @@ def test_a_damaged_file_is_closed(damaged: Path) -> None:
         handles.append(damaged.open("rb"))
         return handles[-1]
 
-    with opened(opening) as files, pytest.raises(FleetError, match="the file is damaged"):
-        files.schema("a.parquet")
+    with pytest.raises(FleetError, match="the file is damaged"):
+        Files(opening).schema("a.parquet")
     assert [each.closed for each in handles] == [True]
 
 

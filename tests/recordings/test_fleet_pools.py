@@ -90,8 +90,8 @@ def test_interrupted_runs_leave_whole_files_and_the_next_one_goes_on(
 ) -> None:
     logs, fleet = tmp_path / "logs", tmp_path / "fleet"
     logs.mkdir()
-    for index in range(12):
-        write_flight(logs / f"{index}.mcap", px4_types, index, count=400)
+    for index in range(8):
+        write_flight(logs / f"{index}.mcap", px4_types, index, count=200)
     program = tmp_path / "program.py"
     program.write_text(PROGRAM)
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
@@ -109,10 +109,10 @@ def test_interrupted_runs_leave_whole_files_and_the_next_one_goes_on(
     process.stdout.read()  # until all processes have ended
     assert process.wait(60) != 0
     for path in fleet.glob("v*/*.parquet"):
-        assert pq.read_metadata(path).num_rows % 400 == 0
+        assert pq.read_metadata(path).num_rows % 200 == 0
     summary = update(str(logs), str(fleet))
     assert summary.unchanged >= 1
-    assert summary.unchanged + len(summary.converted) == 12
+    assert summary.unchanged + len(summary.converted) == 8
     update(str(logs), str(tmp_path / "whole"))
     assert rows_of(fleet) == rows_of(tmp_path / "whole")
     assert state_names(fleet) == ["report.json"]

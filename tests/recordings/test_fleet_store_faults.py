@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -17,8 +18,9 @@ from msggen.recordings.fleet import update
 from msggen.recordings.fleet.records import FleetError
 from msggen.recordings.stores import limits
 from msggen.recordings.stores.errors import StoreError
+from support.fleet_logs import write_small
 from support.fleet_recordings import rows_of
-from support.fleet_stores import FLEET, Bucket, both, change
+from support.fleet_stores import FLEET, Bucket, both
 from support.repository import ROOT
 from support.store_proxy import FAULTS
 
@@ -32,9 +34,13 @@ EVERY = pytest.mark.parametrize("step", [8, pytest.param(1, marks=pytest.mark.ni
 
 def a_change(bucket: Bucket, logs: Path, folder: Path) -> tuple[dict[str, bytes], int, Any]:
     """Change a fleet, and return the bucket before it, the number of requests that it takes, and all rows after it."""
+    for number in range(2):
+        write_small(logs / f"{number}.ulg", number)
     update(str(logs), FLEET)
     saved = bucket.save()
-    change(logs)
+    write_small(logs / "1.ulg", 3)
+    write_small(logs / "2.ulg", 2)
+    shutil.copy(logs / "0.ulg", logs / "copy.ulg")
     bucket.proxy.begin()
     both(str(logs))
     return saved, len(bucket.proxy.requests), bucket.rows(folder)
@@ -47,9 +53,10 @@ def fails(fault: str, number: int, each: int, _: str, *, lasts: bool) -> str:
 @pytest.mark.slow
 @EVERY
 def test_a_store_that_fails_at_any_request(
-    bucket: Bucket, logs: Path, tmp_path: Path, step: int, monkeypatch: pytest.MonkeyPatch
+    bucket: Bucket, tmp_path: Path, step: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Each request with one of the faults, which passes or lasts."""
+    logs = tmp_path / "small"
     saved, count, whole = a_change(bucket, logs, tmp_path / "whole")
     monkeypatch.setattr(limits, "LIMITS", limits.LIMITS._replace(read=0.5))
     failures = []
@@ -78,8 +85,9 @@ def test_a_store_that_fails_at_any_request(
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL")
 @EVERY
-def test_a_kill_at_any_request_loses_nothing(bucket: Bucket, logs: Path, tmp_path: Path, step: int) -> None:
+def test_a_kill_at_any_request_loses_nothing(bucket: Bucket, tmp_path: Path, step: int) -> None:
     """A fault that lasts is the same to a store: here, some processes are killed, too."""
+    logs = tmp_path / "small"
     saved, count, whole = a_change(bucket, logs, tmp_path / "whole")
     code = f"from msggen.recordings.fleet import compact, update; update({str(logs)!r}, {FLEET!r}); compact({FLEET!r})"
     for number in range(count // 4, count, 4 * step):

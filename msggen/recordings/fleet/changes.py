@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from msggen.recordings.fleet.batch import Batch, Outcome
 from msggen.recordings.fleet.fleet import with_files
 from msggen.recordings.fleet.layout import topic_of
-from msggen.recordings.fleet.runs import opened
+from msggen.recordings.fleet.runs import Files
 
 if TYPE_CHECKING:
     from msggen.recordings.fleet.fleet import Fleet, Written
@@ -94,7 +94,8 @@ def _without(gone: Collection[str], places: Collection[str], fleet: Fleet) -> li
     """Write files anew without the rows of some recordings. Raises FleetError for a damaged one, and OSError."""
     if not places:
         return []
-    with fleet.unless_overtaken(), opened(fleet.storage.open) as files:
+    files = Files(fleet.storage.open)
+    with fleet.unless_overtaken():
         runs = ((topic_of(place), files.runs(place)) for place in sorted(places))
         rest = ((topic, [run for run in found if run.keys.log not in gone]) for topic, found in runs)
         return fleet.write((topic, found) for topic, found in rest if found)

@@ -9,7 +9,7 @@ from msggen.base.missing import RECORDINGS, installed_by
 from msggen.recordings.fleet.fleet import Fleet, opened_fleet, with_files
 from msggen.recordings.fleet.layout import topic_of
 from msggen.recordings.fleet.parts import LARGE, shapes_of
-from msggen.recordings.fleet.runs import opened
+from msggen.recordings.fleet.runs import Files
 from msggen.recordings.fleet.storage import absolute
 
 
@@ -56,7 +56,8 @@ def compact(fleet: str, *, progress: Callable[[float, str], None] = lambda *_: N
 
 def _compacted(fleet: Fleet, topic: str, places: Sequence[str]) -> bool:
     """Make large files of the small ones of a topic. Return whether there was something to do."""
-    with fleet.unless_overtaken(), opened(fleet.storage.open) as files:
+    files = Files(fleet.storage.open)
+    with fleet.unless_overtaken():
         shapes = shapes_of((files.schema(place), place) for place in places)
         groups = [group for _, group in shapes if len(group) > 1]
         if not groups:

@@ -205,7 +205,7 @@ class Bucket:
     def open(self, place: str) -> IO[bytes]:
         """Open a copy of a file of a topic, which stays as long as this object."""
         self._scratch = self._scratch or _temporary_folder()
-        copy = os.path.join(self._scratch.name, *place.split("/"))
+        copy = _copy_of(self._scratch.name, place)
         if not os.path.exists(copy):
             os.makedirs(os.path.dirname(copy), exist_ok=True)
             self._store.fetch(f"{self.path}/{place}", f"{copy}.part")
@@ -245,9 +245,13 @@ class Bucket:
 
     def delete(self, names: Iterable[str]) -> None:
         """Delete objects, if they are there, and their copies here."""
-        addresses = [f"{self.path}/{name}" for name in names]
-        if addresses:
-            self._store.delete(addresses)
+        each = list(names)
+        if each:
+            self._store.delete([f"{self.path}/{name}" for name in each])
+        if self._scratch:
+            for name in each:
+                with suppress(OSError):
+                    os.unlink(_copy_of(self._scratch.name, name))
 
     def clear(self, run: str) -> None:
         """Delete the stage of a run."""
@@ -286,6 +290,10 @@ def absolute(path: str) -> str:
 
 def _runs(names: Iterable[str]) -> list[str]:
     return sorted({name.removesuffix(STAGE) for name in names if is_stage(name)})
+
+
+def _copy_of(folder: str, place: str) -> str:
+    return os.path.join(folder, *place.split("/"))
 
 
 def _temporary_folder() -> tempfile.TemporaryDirectory[str]:
