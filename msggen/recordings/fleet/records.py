@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping, Sequence
-from itertools import islice
+from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from msggen.recordings.fleet.finding import is_there
@@ -61,7 +61,7 @@ class Record(NamedTuple):
     """What to add to log times in ns for UTC, None if it is not known."""
     duration: float
     """In s."""
-    files: Sequence[str] = ()
+    files: tuple[str, ...] = ()
     """The places of the files that have its rows."""
 
 
@@ -88,8 +88,13 @@ def encoded(listed: Listed) -> bytes:
     from pyarrow import parquet
 
     told = {"version": VERSION, "run": listed.run, "process": listed.process, "by": list(listed.by)}
-    rows = [_row(record) for record in sorted(listed.records)]
-    table = pa.Table.from_pylist(rows, _schema().with_metadata({_METADATA: json.dumps(told)}))
+    records = sorted(listed.records, key=lambda record: record.log)
+    schema = _schema().with_metadata({_METADATA: json.dumps(told)})
+    numbers = {files: number for number, files in enumerate(dict.fromkeys(record.files for record in records))}
+    lists = pa.array(list(numbers), schema.field("files").type)  # few: the recordings of a batch have the same files
+    rows = pa.Table.from_pylist(list(map(_row, records)), schema.remove(len(schema) - 1))
+    indices = pa.array([numbers[record.files] for record in records], pa.int64())
+    table = rows.append_column(schema.field("files"), lists.take(indices))
     stream = pa.BufferOutputStream()
     parquet.write_table(table, stream, compression="zstd")
     return bytes(stream.getvalue())
@@ -143,8 +148,16 @@ def _files(column: Any) -> list[tuple[str, ...]]:
     """Return the files of each recording. Each name is there once: fleets have few files, named many times."""
     lists = column.combine_chunks()
     codes = lists.flatten().dictionary_encode()
-    names, indices = codes.dictionary.to_pylist(), iter(codes.indices.to_pylist())
-    return [tuple(names[index] for index in islice(indices, count)) for count in lists.value_lengths().to_pylist()]
+    names, indices = codes.dictionary.to_pylist(), codes.indices.to_numpy()
+    ends = accumulate(lists.value_lengths().to_pylist(), initial=0)
+    known: dict[bytes, tuple[str, ...]] = {}
+    found = []
+    for begin, end in pairwise(ends):
+        own = indices[begin:end]
+        if own.tobytes() not in known:
+            known[own.tobytes()] = tuple(names[index] for index in own)
+        found.append(known[own.tobytes()])
+    return found
 
 
 def _row(record: Record) -> dict[str, Any]:
@@ -165,11 +178,10 @@ def _row(record: Record) -> dict[str, Any]:
             {"path": path.encode("utf-8", "surrogatepass"), "size": state.size, "changed": state.changed}
             for path, state in record.paths.items()
         ],
-        "files": sorted(record.files),
     }
 
 
-def _record(row: dict[str, Any], files: Sequence[str]) -> Record:
+def _record(row: dict[str, Any], files: tuple[str, ...]) -> Record:
     paths = {each.pop("path").decode("utf-8", "surrogatepass"): State(**each) for each in row.pop("paths")}
     values = {key: row.pop(key) for key in KEYS}
     del row["path"]
