@@ -203,18 +203,16 @@ class Store:
         return stored
 
     def copy(self, addresses: Sequence[tuple[str, str]]) -> None:
-        """Copy objects within the store, from addresses to others. Those that there are not are passed over."""
-        for _ in results_of(lambda pair: self._copy(*pair), addresses, _REQUESTS):
+        """Copy objects within the store, from addresses to others."""
+        for _ in results_of(self._copy, addresses, _REQUESTS):
             pass
 
-    def _copy(self, source: str, target: str) -> None:
+    def _copy(self, addresses: tuple[str, str]) -> None:
         import obstore
 
-        try:
-            with _translating(source):
-                obstore.copy(self._client, self._key(source), self._key(target))
-        except NoObjectError:
-            pass
+        source, target = addresses
+        with _translating(source):
+            obstore.copy(self._client, self._key(source), self._key(target))
 
     def has(self, address: str) -> bool:
         """Whether there is an object, as far as the credentials allow to look. Raises MissingError without bucket."""
