@@ -90,7 +90,7 @@ def test_a_kill_at_any_request_loses_nothing(bucket: Bucket, tmp_path: Path, ste
     logs = tmp_path / "small"
     saved, count, whole = a_change(bucket, logs, tmp_path / "whole")
     code = f"from msggen.recordings.fleet import compact, update; update({str(logs)!r}, {FLEET!r}); compact({FLEET!r})"
-    for number in range(count // 4, count, 4 * step):
+    for number in range(count // 4, count, 6 * step):
         bucket.load(saved)
         process = subprocess.Popen([sys.executable, "-c", code], cwd=ROOT)
 

@@ -220,7 +220,7 @@ def test_a_damaged_list_is_an_error(bucket: Bucket, logs: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["processes", "dask"])
+@pytest.mark.parametrize("kind", [pytest.param("processes", marks=pytest.mark.night), "dask"])
 def test_pools_write_to_the_store(bucket: Bucket, logs: Path, tmp_path: Path, kind: str) -> None:
     bucket.put(logs, "logs")
     update(str(logs), str(tmp_path / "fleet"))
