@@ -25,9 +25,9 @@ from typing import Any
 
 from flight import START
 from msggen.recordings.fleet import compact, update
-from msggen.recordings.fleet.folder import Folder
-from msggen.recordings.fleet.ledger import Ledger
+from msggen.recordings.fleet.records import TABLE, Listed, decoded
 from msggen.recordings.fleet.run import pool_of
+from msggen.recordings.fleet.storage import Disk
 from tables import Table
 from ulogs import write_vehicle_log
 
@@ -117,8 +117,8 @@ def query_times(largest: Path) -> Iterator[float]:
 
 
 COSTS = {
-    "ledger, kB": "ledger",
-    "read the ledger, ms": "read",
+    "list, kB": "list",
+    "read the list, ms": "read",
     "list the files, ms": "listing",
     "a run that finds nothing new, ms": "again",
     "compaction, ms": "compaction",
@@ -136,12 +136,12 @@ def growth(folder: Path, steps: Sequence[int]) -> Iterator[dict[str, float]]:
                 write_tiny(logs / f"{number // 100:04}" / f"{number:06}.ulg", number)
             done = end
             update(str(logs), fleet)
-        found: dict[str, float] = {"logs": done, "files": len(Folder(fleet).places())}
+        found: dict[str, float] = {"logs": done, "files": len(Disk(fleet).places())}
         found["compaction"] = spent(lambda: compact(fleet))
-        found["files after"] = len(Folder(fleet).places())
-        found["ledger"] = os.path.getsize(f"{fleet}/_msggen/ledger.jsonl")
+        found["files after"] = len(Disk(fleet).places())
+        found["list"] = os.path.getsize(f"{fleet}/{TABLE}")
         found["read"] = spent(lambda: read(fleet))
-        found["listing"] = spent(lambda: Folder(fleet).places())
+        found["listing"] = spent(lambda: Disk(fleet).places())
         found["again"] = spent(lambda: update(str(logs), fleet))
         yield found
 
@@ -166,12 +166,9 @@ def power(found: Sequence[dict[str, float]], name: str) -> float:
     return log(max(last[key], 1e-9) / max(first[key], 1e-9)) / log(last["logs"] / first["logs"])
 
 
-def read(fleet: str) -> Ledger:
-    """Read the ledger of a fleet, as each run does."""
-    ledger = Ledger(fleet)
-    ledger.open()
-    with ledger.locked(lambda _: None):
-        return ledger
+def read(fleet: str) -> Listed:
+    """Read the list of a fleet, as each run does."""
+    return decoded(Path(fleet, TABLE).read_bytes())
 
 
 def write_tiny(path: Path, number: int) -> None:

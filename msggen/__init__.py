@@ -4,8 +4,6 @@
 use, because a build with nothing to do needs none of them.
 """
 
-import sys
-
 __all__ = [
     "ArrayKind",
     "BridgeEntry",
@@ -89,17 +87,3 @@ if not TYPE_CHECKING:  # hidden from type checkers, which would accept any attri
         from msggen.base.facade import names
 
         return names(__name__, _MODULES)
-
-    class _Moved:
-        """A finder of modules that have moved. Python asks it last."""
-
-        @staticmethod
-        def find_spec(name: str, *_: object) -> object:
-            """Return how to import a module under its old name, None if it has none."""
-            if not name.startswith("msggen."):
-                return None
-            from msggen.base.moved import spec_of
-
-            return spec_of(name)
-
-    sys.meta_path.append(_Moved)

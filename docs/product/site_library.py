@@ -49,7 +49,7 @@ PUBLIC = {
     "msggen.recordings.fleet": {"compact", "files", "pools", "update"},
     "msggen.recordings.writer": {"Channel", "Writer"},
 }
-"""The other names that programs use, by module. They do not move without an entry in `msggen/base/moved.py`."""
+"""The other names that programs use, by module."""
 
 
 def library_pages() -> dict[str, str]:

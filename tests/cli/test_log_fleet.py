@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import json
 import os
-import platform
 import re
 import subprocess
 import sys
-import threading
-import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -21,8 +18,7 @@ import zstandard
 from msggen.base.exit_codes import DONE, FAILED, FINDINGS, INTERRUPTED
 from msggen.cli import main
 from msggen.cli.sources import is_recording
-from msggen.recordings.fleet import KEYS
-from msggen.recordings.fleet.ledger import Ledger
+from msggen.recordings.fleet.fleet import with_files
 from support.fleet_logs import VEHICLES, write_logs
 from support.fleet_recordings import logs_in, rows_of, write_flight
 from support.repository import ROOT
@@ -112,21 +108,24 @@ def test_ctrl_c_tells_how_to_go_on(capsys: pytest.CaptureFixture[str], monkeypat
     assert capsys.readouterr().out.startswith("fleet: 6 recordings converted")
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="there are no locks")
-def test_a_run_that_waits_for_another_one_tells_so_at_once(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    ledger, told = Ledger("fleet"), ""
-    ledger.open(KEYS)
-    waits = threading.Thread(target=run, args=("logs", "--jobs", "1", "-q"))
-    with ledger.locked(lambda _: None):
-        waits.start()
-        end = time.monotonic() + 60
-        while "\n" not in told and time.monotonic() < end:
-            time.sleep(0.01)
-            told += capsys.readouterr().err
-    waits.join(60)
-    process = f"process {os.getpid()} on {platform.node()}"
-    assert told == f"fleet: waiting for another run that changes this fleet ({process})\n"
-    assert (here / "fleet" / "_msggen" / "report.json").exists()
+def test_of_two_runs_one_ends_with_an_error(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("logs/hangar", "--jobs", "1", "-q") == DONE
+
+    def other(*arguments: Any) -> Any:
+        patch.undo()
+        assert run("logs", "--jobs", "1", "-q") == FINDINGS
+        return with_files(*arguments)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("msggen.recordings.fleet.changes.with_files", other)
+        assert run("logs", "--jobs", "1", "-q") == FAILED
+    last = capsys.readouterr().err.splitlines()[-2:]
+    assert re.fullmatch(
+        r"fleet: R150 another run \([0-9a-f]{8}, process \d+ on .*\) has changed this fleet: .*", last[0]
+    )
+    assert last[1] == "1 error"
+    assert run("logs", "--jobs", "1", "--json") == FINDINGS
+    assert json.loads(capsys.readouterr().out)["unchanged"] == 6
 
 
 def test_json(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -159,8 +158,8 @@ def test_json(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
 )
 def test_errors(words: Sequence[str], error: str, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (here / "empty").mkdir()
-    (here / "fleet_of_dates" / "_msggen").mkdir(parents=True)
-    (here / "fleet_of_dates" / "_msggen" / "layout.json").write_text('{"by": ["date"], "version": 4}')
+    if "fleet_of_dates" in words:
+        assert run("logs/hangar", "-o", "fleet_of_dates", "--by", "date", "--jobs", "1", "-q") == DONE
     assert run(*words) == FAILED
     assert error in capsys.readouterr().err
     assert not (here / "fleet").exists()

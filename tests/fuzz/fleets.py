@@ -1,6 +1,6 @@
 """Folders of recordings and fleets that a stranger made, for the actions of `msggen log` that take a folder.
 
-There are links, loops, pipes, odd names, deep folders, crafted metadata.yaml and crafted records. Nothing outside of
+There are links, loops, pipes, odd names, deep folders, crafted metadata.yaml and crafted lists. Nothing outside of
 the fleet changes, nothing in it that the fleet did not write, and no temporary file stays. Outcomes are 0, 1 or 2 with
 a named error.
 """
@@ -15,9 +15,13 @@ import stat
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from hashlib import sha256
+from io import BytesIO
 from pathlib import Path
 from random import Random
 from typing import NamedTuple
+
+import pyarrow as pa
+import pyarrow.parquet as pq
 
 from fuzz.conversions import NAMED, damaged, files_of
 from support.commands import check_outcome, run
@@ -62,7 +66,7 @@ TARGETS = (
     *("../fleet", "flight.mcap"),
 )
 """Targets of links; {o} is the folder outside."""
-STAGES = ("x.stage", "000007-00000000.stage")
+STAGES = ("x.stage", "0a1b2c3d.stage")
 """Stages of a stranger."""
 OUTSIDE = (
     "{o}/file",
@@ -73,13 +77,12 @@ OUTSIDE = (
     "mine.txt",
     "/{o}/file",
 )
-"""Files that records and metadata.yaml name, and that are not of the fleet or the recording."""
+"""Files that a list and metadata.yaml name, and that are not of the fleet or the recording."""
 VALUES: tuple[object, ...] = (
-    *("0-999999999", "9-1", "0,0"),
     *(None, 1, -1, 1 << 80, 1e400, True, "", "\0", "\ud800", "x", [], ["x"], [1], {}, {"a": 1}, {"/a": [1, 2]}),
     *({"vehicle": "..", "date": "/"}, [[[]]], {"/a\0": [1, 2]}),
 )
-"""Values of records."""
+"""Values of a list."""
 WORDS = (
     *(
         "a",
@@ -99,6 +102,10 @@ WORDS = (
 
 _ERROR = re.compile(rf"^(?:{NAMED.pattern}|msggen: [^\n]+\n)", re.MULTILINE)
 """The line of an error: by its code, of usage, or of a call of the system."""
+
+
+_IN_THE_WAY = (OSError, LookupError, ValueError, RecursionError, TypeError, pa.ArrowException)
+"""What an oddity raises if another one is in its way."""
 
 
 class Case(NamedTuple):
@@ -129,7 +136,9 @@ def check(case: Case) -> None:
         with inside(work):
             _begin(case.start, chance, work, outside)
             for _ in range(case.oddities):
-                with suppress(OSError, LookupError, ValueError, RecursionError):  # an oddity in the way of another one
+                with suppress(
+                    OSError, LookupError, ValueError, RecursionError, TypeError, pa.ArrowException
+                ):  # an oddity in the way of another one
                     chance.choice(_ODDITIES)(chance, work, outside)
             before = dict(_digests(folder))
             outcome = run(case.action.split())
@@ -201,7 +210,7 @@ def _place_in_fleet(chance: Random, work: Path) -> Path:
     """Return a place in the fleet, mostly one that a run writes or reads."""
     fleet = work / "fleet"
     known = sorted(path for path in fleet.rglob("*") if "mine" not in path.name)
-    names = ("changes", "run.txt", "report.json", "ledger.jsonl", "changes/000001-00000000.json", "x.stage", "logs")
+    names = ("report.json", "layout.json", *STAGES, "../_logs.parquet")
     further = [fleet / "_msggen" / name for name in names]
     return chance.choice([*known, *further, *further, fleet / "link", fleet / "vehicle_status"])
 
@@ -244,7 +253,7 @@ def _link(chance: Random, work: Path, outside: Path) -> None:
 
 def _pipe(chance: Random, work: Path, _: Path) -> None:
     path = chance.choice((_place, _place_in_fleet))(chance, work)
-    if path.parent.name != "_msggen" or path.name == "run.txt":
+    if path.parent.name != "_msggen" or path.name == "report.json":
         _clear(path)
     os.mkfifo(path)
 
@@ -275,63 +284,39 @@ def _metadata(chance: Random, work: Path, outside: Path) -> None:
         (path.parent / "away").symlink_to(outside)
 
 
-def _record(chance: Random, work: Path, outside: Path) -> None:
-    """Change a line of the ledger, or the layout, or let the ledger name files of others."""
-    state = work / "fleet" / "_msggen"
-    names = ("ledger.jsonl", "ledger.jsonl", "layout.json")
-    path = chance.choice([state / name for name in names if (state / name).is_file()])
-    lines = [found for line in path.read_text().splitlines() if isinstance(found := json.loads(line), dict)]
-    number = chance.randrange(len(lines))
+def _list(chance: Random, work: Path, outside: Path) -> None:
+    """Change the list, or let it name files of others."""
+    path = work / "fleet" / "_logs.parquet"
+    table = pq.read_table(path)
     if chance.random() < 0.6:
         (work / "fleet" / "link").symlink_to(outside / "away")
         mine = outside / "away" / "000001-00000000.parquet"
         mine.parent.mkdir(parents=True)
         mine.write_text("mine\n")
-    name = chance.choice(OUTSIDE).format(o=outside)
+    columns = {name: table.column(name).to_pylist() for name in table.column_names}
+    told = json.loads(table.schema.metadata[b"msggen"])
     if chance.random() < 0.5:
-        lines.append({"place": name, "rows": 1, "size": 1, "logs": chance.choice(("0", "0-9", "0-999999999"))})
+        columns["files"][0].append(chance.choice(OUTSIDE).format(o=outside))
+    elif chance.random() < 0.5:
+        told[chance.choice([*told, "further"])] = chance.choice(VALUES)
     else:
-        lines[number][chance.choice([*lines[number], "further"])] = chance.choice(VALUES)
+        columns[chance.choice(list(columns))][0] = chance.choice((*VALUES, *OUTSIDE))
+    schema = table.schema.with_metadata({b"msggen": json.dumps(told)})
+    stream = BytesIO()
+    pq.write_table(pa.table(columns, schema), stream)
     _clear(path)
-    path.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    path.write_bytes(stream.getvalue())
 
 
-def _change(chance: Random, work: Path, outside: Path) -> None:
-    """Leave a change that a run was to make: of files of others, or of none."""
-    names = [*OUTSIDE, *(str(path.relative_to(work / "fleet")) for path in (work / "fleet").glob("v*/*"))]
-    staged = (
-        "000001-00000000.stage/new/0.parquet",
-        "",
-        "../outside/file",
-        "x.stage/new/link/file",
-        _empty_stage(work),
-    )
-    file = {"rows": 1, "size": 1, "logs": "0"}
-    change: dict[str, object] = {
-        "added": {chance.choice(names).format(o=outside): {"staged": chance.choice(staged), **file}},
-        "removed": [chance.choice(names).format(o=outside) for _ in range(2)],
-        "records": [],
-        "gone": [0] * chance.randrange(2),
-    }
-    if chance.random() < 0.4:
-        change["added"] = {}
-    if chance.random() < 0.3:
-        change[chance.choice(list(change))] = chance.choice(VALUES)
-    path = work / "fleet" / "_msggen" / "changes" / "000099-00000000.json"
-    _clear(path)
-    path.write_text(json.dumps(change))
-
-
-def _empty_stage(work: Path) -> str:
-    """Make a stage without files, and return the path that one in it would have."""
-    stage = work / "fleet" / "_msggen" / "000007-00000000.stage"
-    (stage / "new").mkdir(parents=True, exist_ok=True)
-    return f"{stage.name}/new/0.parquet"
+def _left(chance: Random, work: Path, _: Path) -> None:
+    """Leave a file of a topic that no list has."""
+    found = chance.choice(sorted((work / "fleet").glob("v*/*.parquet")))
+    shutil.copy(found, found.with_name(f"000009-0a1b2c3d{chance.choice(('', '-2', '-2-2'))}.parquet"))
 
 
 def _stage(chance: Random, work: Path, outside: Path) -> None:
     """Make what looks as if a run had left it."""
-    stage = work / "fleet" / "_msggen" / "x.stage"
+    stage = work / "fleet" / "_msggen" / chance.choice(STAGES)
     (stage / "new").mkdir(parents=True)
     mark = b"# msggen created this folder and removes it\n*\n"
     (stage / ".gitignore").write_bytes(mark[: chance.choice((0, 9, len(mark)))])
@@ -346,6 +331,6 @@ def _text(chance: Random, work: Path, _: Path) -> None:
 
 
 _ODDITIES: tuple[Callable[[Random, Path, Path], None], ...] = (
-    *(_folder, _private, _recording, _recording, _link, _link, _link, _pipe, _metadata, _metadata, _record, _record),
-    *(_record, _change, _change, _stage, _text),
+    *(_folder, _private, _recording, _recording, _link, _link, _link, _pipe, _metadata, _metadata, _list, _list),
+    *(_list, _list, _left, _stage, _stage, _text),
 )

@@ -1,13 +1,12 @@
 """Fleets in a store that fails at a random request, and whose state is damaged, for `log convert` and `log compact`.
 
 A run ends with 0, 1, or 2 and a named error. Afterwards the same commands finish: the fleet has all rows once, the list
-of its files is right, and nothing else in the bucket has changed.
+of its files is right, and nothing else in the bucket has changed. A list that is damaged is an error, and is restored.
 """
 
 from __future__ import annotations
 
 import atexit
-import json
 from contextlib import ExitStack
 from functools import cache
 from pathlib import Path
@@ -18,7 +17,6 @@ from typing import Any, NamedTuple
 import pytest
 
 from fuzz.conversions import NAMED
-from msggen.recordings.fleet import lease
 from support.commands import check_outcome, run
 from support.fleet_logs import write_logs
 from support.fleet_stores import FLEET, Bucket, both, bucket, change
@@ -29,9 +27,10 @@ COUNT = 12
 MEMORY = 1 << 33
 """The servers are in this process, and each of their threads reserves addresses."""
 
-_DAMAGED = ("ledger.jsonl", "ledger.jsonl", "files.json", "report.json", "run.txt", "../_logs.parquet")
+_DAMAGED = ("_msggen/report.json", "_logs.parquet", "_logs.parquet")
 _MINE = {"fleets/own/mine.txt": b"mine", "fleets/own2/battery_status/a.parquet": b"mine", "a.ulg": b"mine"}
 """Objects of others."""
+_LIST = "fleets/own/_logs.parquet"
 
 
 class Case(NamedTuple):
@@ -74,6 +73,8 @@ def check(case: Case) -> None:
         check_outcome(outcome)
         assert outcome.code != 2 or (NAMED.search(outcome.stderr) and FLEET in outcome.stderr), outcome
     own.proxy.begin()
+    if "_logs" in case.damaged:
+        own.client.put_object(Bucket="bucket", Key=_LIST, Body=start.saved[_LIST])
     both(start.logs)
     with scratch_folder() as folder:
         assert own.rows(folder) == start.rows
@@ -103,23 +104,14 @@ def _bucket() -> Bucket:
     end = ExitStack()
     atexit.register(end.close)
     patch = end.enter_context(pytest.MonkeyPatch.context())
-    patch.setattr(lease, "_LIFE", 0.3)  # of a lock whose text is damaged
-    patch.setattr(lease, "_POLL", 0.05)
     return end.enter_context(bucket(patch))
 
 
 def _damage(own: Bucket, name: str, chance: Random) -> None:
-    """Remove an object of the state, cut it, or replace some of it."""
-    key = f"fleets/own/{name[3:]}" if name.startswith("../") else f"fleets/own/_msggen/{name}"
-    data = own.save().get(key, b"process 1 on other\n\n")
-    lines = data.splitlines(keepends=True)
-    chance.shuffle(lines)
-    content = chance.choice(
-        (
-            *(None, b"", data[: chance.randrange(len(data))], b"\xff\0", b"[" * 100_000, b"{}\n" * 3),
-            *(b"".join(lines[: len(lines) // 2]), json.dumps({"topics": {"a": ["../a.parquet"]}}).encode()),
-        )
-    )
+    """Remove an object of the fleet, cut it, or replace it."""
+    key = f"fleets/own/{name}"
+    data = own.save()[key]
+    content = chance.choice((None, b"", data[: chance.randrange(len(data))], b"\xff\0", b"[" * 100_000))
     if content is None:
         own.client.delete_object(Bucket="bucket", Key=key)
     else:

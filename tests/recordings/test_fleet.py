@@ -4,28 +4,23 @@ from __future__ import annotations
 
 import json
 import os
-import platform
 import shutil
 import struct
 import sys
-import threading
 from collections.abc import Iterator, Sequence
 from datetime import datetime, timezone
 from pathlib import Path
-from queue import Queue
 from typing import Any
 
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import pytest
 
-from msggen import InputError, recordings
-from msggen.recordings.fleet import KEYS, Batch, Keys, Progress, Summary, Task, convert_batch, update
+from msggen import recordings
+from msggen.recordings.fleet import Batch, Keys, Progress, Task, convert_batch, update
 from msggen.recordings.fleet.layout import date_of
-from msggen.recordings.fleet.ledger import Ledger
-from msggen.recordings.fleet.records import FleetError
 from support.fleet_logs import write_logs
-from support.fleet_recordings import logs_in, parquet_in, rows_in, rows_of, state_names, write_flight, write_folder
+from support.fleet_recordings import parquet_in, rows_in, rows_of, state_names, write_flight, write_folder
 from support.log_files import Written, write_log
 from support.recordings import START
 from support.ulog import UlogWriter
@@ -121,35 +116,6 @@ def test_results_that_are_missing_are_made_again(gone: str, logs: Path, tmp_path
     assert update(str(logs), str(fleet)).unchanged == 4
 
 
-def test_missing_results_of_copies_are_made_once(logs: Path, tmp_path: Path) -> None:
-    for day in ("2025-01-01", "2025-02-02"):
-        shutil.copy(logs / "a" / "flight.mcap", logs / f"{day}.mcap")
-    (logs / "a" / "flight.mcap").unlink()
-    fleet = tmp_path / "fleet"
-    update(str(logs), str(fleet))
-    next(fleet.glob("v*/*.parquet")).unlink()
-    summary = update(str(logs), str(fleet))
-    assert (summary.unchanged, len(summary.converted), summary.copies) == (0, 3, 1)
-    assert rows_in(fleet) == 3 * 100
-    assert update(str(logs), str(fleet)).unchanged == 4
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="there are no locks")
-def test_a_run_tells_that_it_waits_for_another_one(logs: Path, tmp_path: Path) -> None:
-    fleet = tmp_path / "fleet"
-    ledger, told, found = Ledger(str(fleet)), Queue[str](), Queue[Summary]()
-    ledger.open(KEYS)
-    waits = threading.Thread(target=lambda: found.put(update(str(logs), str(fleet), waiting=told.put)))
-    with ledger.locked(told.put):
-        waits.start()
-        assert told.get(timeout=60) == f"process {os.getpid()} on {platform.node()}"
-        assert parquet_in(fleet) == {}
-    waits.join(60)
-    assert len(found.get_nowait().converted) == 3
-    assert told.empty()
-    assert state_names(fleet) == ["changes", "layout.json", "ledger.jsonl", "report.json"]
-
-
 def test_copies_and_moved_recordings_are_not_converted_again(logs: Path, tmp_path: Path) -> None:
     fleet = tmp_path / "fleet"
     update(str(logs), str(fleet))
@@ -160,15 +126,6 @@ def test_copies_and_moved_recordings_are_not_converted_again(logs: Path, tmp_pat
     assert (summary.unchanged, summary.copies, len(summary.converted)) == (0, 4, 0)
     assert parquet_in(fleet) == before
     assert update(str(tmp_path / "moved"), str(fleet)).unchanged == 4
-
-
-def test_copies_that_are_found_at_the_same_time_are_one(logs: Path, tmp_path: Path) -> None:
-    shutil.copy(logs / "a" / "flight.mcap", logs / "b" / "copy.mcap")
-    fleet = tmp_path / "fleet"
-    summary = update(str(logs), str(fleet))
-    assert (summary.found, summary.copies, len(summary.converted)) == (4, 1, 3)
-    assert rows_in(fleet) == 3 * 100
-    assert update(str(logs), str(fleet)).unchanged == 4
 
 
 def test_copies_of_a_bad_recording_are_reported_with_their_own_paths(logs: Path, tmp_path: Path) -> None:
@@ -198,115 +155,6 @@ def test_recordings_that_change_while_they_are_read_are_tried_again(logs: Path, 
     assert rows_of(fleet) == before
 
 
-OTHERS = [
-    *("../logs/a/flight.mcap", "/etc/hosts", "_logs.parquet", "..\\x.parquet", "C:x.parquet", "a/../b/x.parquet"),
-    *(
-        "t/mine.parquet",
-        "../000001-00000000.parquet",
-        "_msggen/000001-00000000.parquet",
-        "",
-        "a/b/000001-00000000.parquet",
-    ),
-]
-
-
-@pytest.mark.parametrize("name", OTHERS)
-def test_a_ledger_cannot_name_other_files(name: str, logs: Path, tmp_path: Path) -> None:
-    fleet = tmp_path / "fleet"
-    update(str(logs), str(fleet))
-    line = json.dumps({"place": name, "rows": 1, "size": 1, "logs": "0"})
-    with (fleet / "_msggen" / "ledger.jsonl").open("a") as ledger:
-        ledger.write(f"{line}\n")
-    assert name not in ledger_of(fleet).files
-    change = {"added": {}, "removed": [name], "records": [], "gone": []}
-    (fleet / "_msggen" / "changes" / "000009-00000000.json").write_text(json.dumps(change))
-    before = sorted(path for path in tmp_path.rglob("*") if path.suffix == ".parquet")
-    assert update(str(logs), str(fleet)).unchanged == 3
-    assert sorted(path for path in tmp_path.rglob("*") if path.suffix == ".parquet") == before
-
-
-def ledger_of(fleet: Path) -> Ledger:
-    """Return the ledger of a fleet, as a run reads it."""
-    ledger = Ledger(str(fleet))
-    ledger.open()
-    with ledger.locked(lambda _: None):
-        return ledger
-
-
-WRONG: dict[str, Any] = {
-    "number": [-1, "0", None, True, 10**10],
-    "log": ["", None],
-    "paths": [[], {"/a": 1}, {"/a": [1]}, {"/a": [1, "2"]}, {"/a\0": [1, 2]}, {"/a": [1, 1 << 80]}],
-    "values": [{}, {"vehicle": "a"}, {"vehicle": 1, "date": "b"}, {"vehicle": "a", "date": "b", "c": "d"}, "ab"],
-    "date_from": ["elsewhere", None, []],
-    "rows": ["1", 1.5, True, 1 << 80],
-    "problems": ["abc", [1]],
-    "firmware": [None, 1],
-    "start": ["now", 1 << 80],
-    "duration": ["1", None, 10**400],
-    "further": [1],
-}
-
-
-@pytest.mark.parametrize(("name", "value"), [(name, value) for name, values in WRONG.items() for value in values])
-def test_records_with_other_contents_are_not_used(name: str, value: object, logs: Path, tmp_path: Path) -> None:
-    fleet = tmp_path / "fleet"
-    update(str(logs), str(fleet))
-    before = rows_of(fleet)
-    path = fleet / "_msggen" / "ledger.jsonl"
-    first, *others = path.read_text().splitlines(keepends=True)
-    path.write_text("".join([json.dumps({**json.loads(first), name: value}) + "\n", *others]))
-    summary = update(str(logs), str(fleet))
-    assert (len(summary.converted), summary.unchanged) == (1, 2)
-    assert rows_of(fleet) == before
-    assert update(str(logs), str(fleet)).unchanged == 3
-
-
-@pytest.mark.parametrize("text", ["[" * 100_000, "[]", "{}", "null", "\xff", "", "0-999999999"])
-def test_files_of_the_fleet_that_make_no_sense_are_written_again(text: str, logs: Path, tmp_path: Path) -> None:
-    fleet = tmp_path / "fleet"
-    update(str(logs), str(fleet))
-    before = rows_of(fleet)
-    files = [path for path in (fleet / "_msggen").rglob("*") if path.is_file()]
-    for path in files:
-        path.write_text(text, encoding="latin-1")
-    if text == "{}":
-        with pytest.raises(FleetError, match="this fleet is by 'None'"):
-            update(str(logs), str(fleet))
-    else:
-        assert len(update(str(logs), str(fleet)).converted) == 3
-        assert rows_of(fleet) == before
-        assert update(str(logs), str(fleet)).unchanged == 3
-
-
-@pytest.mark.parametrize("logs_of_file", ["0-999999999", "5", "", "2-1", "0,0,1", "000000000"])
-def test_files_whose_recordings_the_ledger_does_not_know_tell_them(
-    logs_of_file: str, logs: Path, tmp_path: Path
-) -> None:
-    fleet = tmp_path / "fleet"
-    update(str(logs), str(fleet))
-    path = fleet / "_msggen" / "ledger.jsonl"
-    lines = [json.loads(line) for line in path.read_text().splitlines()]
-    changed = [{**line, "logs": logs_of_file} if "place" in line else line for line in lines]
-    path.write_text("".join(json.dumps(line) + "\n" for line in changed))
-    before = rows_of(fleet)
-    assert update(str(logs), str(fleet)).unchanged == 3
-    assert rows_of(fleet) == before
-
-
-def test_the_rows_of_recordings_that_are_gone_outlive_the_ledger(logs: Path, tmp_path: Path) -> None:
-    fleet = tmp_path / "fleet"
-    update(str(logs), str(fleet))
-    before = rows_of(fleet)
-    (fleet / "_msggen" / "ledger.jsonl").unlink()
-    shutil.rmtree(logs / "b")
-    summary = update(str(logs), str(fleet))
-    assert (len(summary.converted), len(summary.records)) == (1, 3)
-    assert rows_of(fleet) == before
-    assert sorted(each.rows for each in summary.records) == [100, 100, 100]
-    assert update(str(logs), str(fleet)).unchanged == 1
-
-
 @pytest.fixture
 def outside(tmp_path: Path) -> Path:
     """Return a folder with a file at each place where a fleet could find one of its own."""
@@ -316,24 +164,6 @@ def outside(tmp_path: Path) -> Path:
 
 
 needs_links = pytest.mark.skipif(sys.platform == "win32", reason="links need rights")
-
-
-@needs_links
-def test_nothing_below_a_link_is_removed(logs: Path, tmp_path: Path, outside: Path, px4_types: Any) -> None:
-    fleet = tmp_path / "fleet"
-    update(str(logs), str(fleet))
-    (record,) = (each for each in ledger_of(fleet).records.values() if str(logs / "a" / "flight.mcap") in each.paths)
-    mine = outside / "000001-00000000.parquet"
-    mine.write_bytes(b"mine")
-    (fleet / "link").symlink_to(outside)
-    line = {"place": f"link/{mine.name}", "rows": 1, "size": 1, "logs": str(record.number)}
-    with (fleet / "_msggen" / "ledger.jsonl").open("a") as ledger:
-        ledger.write(json.dumps(line) + "\n")
-    (logs / "a" / "flight.mcap").unlink()
-    write_flight(logs / "a" / "flight.mcap", px4_types, 9)
-    assert update(str(logs), str(fleet)).removed == 1
-    assert mine.read_bytes() == b"mine"
-    assert record.log not in logs_in(fleet)
 
 
 @needs_links
@@ -357,67 +187,10 @@ def test_nothing_is_written_through_a_link(level: int, logs: Path, tmp_path: Pat
 
 
 @needs_links
-@pytest.mark.parametrize("name", ["_msggen", "_msggen/changes"])
-def test_records_are_not_written_through_a_link(name: str, logs: Path, tmp_path: Path, outside: Path) -> None:
-    fleet = tmp_path / "fleet"
-    (fleet / name).parent.mkdir(parents=True)
-    (fleet / name).symlink_to(outside)
-    with pytest.raises(InputError, match="S115 symbolic link to"):
-        update(str(logs), str(fleet))
-    assert not list(outside.iterdir())
-
-
-@needs_links
-@pytest.mark.parametrize(
-    "name", ["_logs.parquet", *(f"_msggen/{name}" for name in ("report.json", "layout.json", "run.txt"))]
-)
-def test_files_of_the_fleet_that_are_links_are_replaced(name: str, logs: Path, tmp_path: Path, outside: Path) -> None:
-    fleet = tmp_path / "fleet"
-    update(str(logs), str(fleet))
-    mine = outside / "mine"
-    mine.write_text("mine")
-    (fleet / name).unlink(missing_ok=True)
-    (fleet / name).symlink_to(mine)
-    assert update(str(logs), str(fleet)).unchanged == 3
-    assert mine.read_text() == "mine"
-    assert not (fleet / name).is_symlink()
-
-
-@needs_links
-def test_a_pipe_among_the_records_is_left_alone(logs: Path, tmp_path: Path) -> None:
-    fleet = tmp_path / "fleet"
-    update(str(logs), str(fleet))
-    os.mkfifo(fleet / "_msggen" / "changes" / "000001-00000000.json")
-    assert update(str(logs), str(fleet)).unchanged == 3
-
-
-@needs_links
 def test_the_fleet_itself_may_be_a_link(logs: Path, tmp_path: Path, outside: Path) -> None:
     (tmp_path / "fleet").symlink_to(outside)
     assert len(update(str(logs), str(tmp_path / "fleet")).converted) == 3
     assert update(str(logs), str(outside)).unchanged == 3
-
-
-def test_a_changed_recording_replaces_its_rows(logs: Path, tmp_path: Path, px4_types: Any) -> None:
-    fleet = tmp_path / "fleet"
-    before = {next(iter(each.paths)): each for each in update(str(logs), str(fleet)).converted}
-    path = logs / "a" / "flight.mcap"
-    path.unlink()
-    write_flight(path, px4_types, 3, count=70)
-    summary = update(str(logs), str(fleet))
-    assert (summary.unchanged, len(summary.converted), summary.removed) == (2, 1, 1)
-    assert before[str(path)].log not in logs_in(fleet)
-    assert rows_in(fleet) == 2 * (50 + 50 + 70)
-    assert update(str(logs), str(fleet)).removed == 0
-
-
-def test_recordings_that_are_gone_keep_their_rows(logs: Path, tmp_path: Path) -> None:
-    fleet = tmp_path / "fleet"
-    update(str(logs), str(fleet))
-    before = parquet_in(fleet)
-    (logs / "a" / "flight.mcap").unlink()
-    assert update(str(logs), str(fleet)).removed == 0
-    assert parquet_in(fleet) == before
 
 
 def test_bad_recordings_are_reported_and_do_not_stop_the_others(logs: Path, tmp_path: Path) -> None:
@@ -523,11 +296,6 @@ def test_the_order_is_that_of_the_first_run(logs: Path, tmp_path: Path) -> None:
     update(str(logs), str(fleet), by=["date"])
     with pytest.raises(recordings.RecordingError, match="this fleet is by 'date', not by 'vehicle,date'"):
         update(str(logs), str(fleet))
-    (fleet / "_msggen" / "layout.json").write_text('{"by": ["date"], "version": 99}')
-    with pytest.raises(
-        recordings.RecordingError, match="another version of msggen wrote this fleet, in another layout"
-    ):
-        update(str(logs), str(fleet), by=["date"])
 
 
 @pytest.mark.parametrize("by", [["vehicle", "date"], ["date", "vehicle"], ["date"], ["vehicle"]])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import struct
-import threading
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
@@ -11,7 +10,6 @@ from pathlib import Path
 from typing import IO, Any
 
 import pyarrow as pa
-import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 import pytest
 from hypothesis import given
@@ -20,7 +18,7 @@ from hypothesis import strategies as st
 from msggen.recordings.fleet import Keys, compact, compaction, parts, update
 from msggen.recordings.fleet.parts import Run, write_parts
 from msggen.recordings.fleet.records import FleetError
-from msggen.recordings.fleet.runs import opened
+from msggen.recordings.fleet.runs import Files
 from support.fleet_logs import VEHICLES, flight
 from support.fleet_recordings import parquet_in, rows_of, write_flight
 from support.log_files import Written, write_log
@@ -57,16 +55,6 @@ def test_the_rows_stay_the_same(fleet: Path) -> None:
     assert compact(str(fleet)).topics == 0
     assert parquet_in(fleet) == again
     assert update(str(fleet.parent / "logs"), str(fleet)).unchanged == 5
-
-
-def test_what_is_added_later_is_merged(fleet: Path) -> None:
-    compact(str(fleet))
-    add(fleet.parent, 5)
-    assert len(parquet_in(fleet)) == 10
-    expected = rows_of(fleet)
-    compact(str(fleet))
-    assert len(parquet_in(fleet)) == 5
-    assert rows_of(fleet) == expected
 
 
 def test_large_files_stay_as_they_are(fleet: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -174,61 +162,6 @@ def test_fields_with_the_names_of_keys_stay(tmp_path: Path) -> None:
     assert row["log"].startswith("a-")
 
 
-def by_arrow(topic: str) -> int:
-    return int(ds.dataset(topic).count_rows())
-
-
-def by_duckdb(topic: str) -> int:
-    import duckdb
-
-    found = duckdb.connect().execute(f"select count(log) from '{topic}/*.parquet'").fetchone()  # noqa: S608 - of this test
-    assert found is not None
-    return int(found[0])
-
-
-def by_polars(topic: str) -> int:
-    import polars as pl
-
-    return int(pl.scan_parquet(f"{topic}/*.parquet").select(pl.col("log").count()).collect().item())
-
-
-def by_dask(topic: str) -> int:
-    import dask.dataframe as dd
-
-    return len(dd.read_parquet(topic, columns=["log"]).compute(scheduler="sync"))
-
-
-@pytest.mark.slow  # imports engines
-@pytest.mark.parametrize("read", [by_arrow, by_duckdb, by_polars, by_dask])
-def test_readers_see_the_earlier_files_or_the_new_ones(read: Callable[[str], int], fleet: Path, tmp_path: Path) -> None:
-    """One that has listed the earlier files may find that they are gone, but never other numbers of rows."""
-    topic = str(fleet / "vehicle_local_position")
-    expected = read(topic)
-    seen, ended = Counter[int | str](), threading.Event()
-
-    def look() -> None:
-        while not ended.is_set():
-            try:
-                seen[read(topic)] += 1
-            except Exception as error:  # noqa: BLE001 - each engine has its own
-                gone = ("No such file", "cannot open", "not found", "No files", "could not open", "FileNotFoundError")
-                seen["gone" if any(text.lower() in repr(error).lower() for text in gone) else repr(error)] += 1
-
-    reader = threading.Thread(target=look)
-    reader.start()
-    try:
-        for number in range(10):
-            flight(number + 10, VEHICLES[0], 0, is_new=False).write(tmp_path / "logs" / "0.ulg")  # with as many rows
-            assert update(str(tmp_path / "logs"), str(fleet)).removed == 1
-            if number % 2:
-                compact(str(fleet))
-    finally:
-        ended.set()
-        reader.join()
-    assert seen[expected] > 3
-    assert seen.keys() <= {expected, "gone"}
-
-
 @pytest.fixture
 def damaged(fleet: Path) -> Path:
     name = next(name for name in parquet_in(fleet) if name.startswith("sensor_gps/"))
@@ -256,20 +189,9 @@ def test_a_damaged_file_is_closed(damaged: Path) -> None:
         handles.append(damaged.open("rb"))
         return handles[-1]
 
-    with opened(opening) as files, pytest.raises(FleetError, match="the file is damaged"):
-        files.schema("a.parquet")
+    with pytest.raises(FleetError, match="the file is damaged"):
+        Files(opening).schema("a.parquet")
     assert [each.closed for each in handles] == [True]
-
-
-def test_other_files_stay(fleet: Path) -> None:
-    mine = [fleet / "sensor_gps" / name for name in ("mine.parquet", "notes.txt", "000001-00000000.txt")]
-    for path in mine:
-        path.write_text("mine")
-    (fleet / "sensor_gps" / "folder").mkdir()
-    compact(str(fleet))
-    assert [path.read_text() for path in mine] == ["mine"] * 3
-    assert (fleet / "sensor_gps" / "folder").is_dir()
-    assert sum(name.startswith("sensor_gps/") for name in parquet_in(fleet)) == 2
 
 
 @pytest.mark.parametrize("kind", ["nothing", "empty", "others", "file"])

@@ -11,18 +11,16 @@ from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
-from typing import NamedTuple
 
 import pyarrow.parquet as pq
 import pytest
 
 from msggen.base.diagnostics import InputError
-from msggen.recordings.fleet import compact, update
+from msggen.recordings.fleet import compact, files, update
 from support.disk_calls import hooked
 from support.disk_tasks import KILLED, killed_before
-from support.fleet_logs import VEHICLES, flight
-from support.fleet_recordings import parquet_in, rows_of, state_names
-from support.fleet_version3 import write_version3
+from support.fleet_logs import write_small
+from support.fleet_recordings import rows_of, state_names
 
 pytestmark = [
     pytest.mark.slow,  # hundreds of processes
@@ -30,207 +28,154 @@ pytestmark = [
     pytest.mark.skipif(sys.platform == "win32", reason="there is no fork"),
 ]
 
-SOME = 12
-"""How many moments each run tries at least."""
-KEPT = ["changes", "layout.json", "ledger.jsonl", "report.json"]
+EVERY = pytest.mark.parametrize("step", [8, pytest.param(1, marks=pytest.mark.night)])
+"""Every 8th call by day, each one by night; of writes, every 20th of these."""
 
 Rows = Counter[tuple[str, str]]
 
 
-class Task(NamedTuple):
-    """A run, and what is there before it."""
-
-    prepare: Callable[[Path], None]
-    run: Callable[[Path], None]
-
-
 def write(folder: Path, number: int, name: str) -> None:
-    """Write a small recording."""
-    (folder / "logs").mkdir(exist_ok=True)
-    flight(number, VEHICLES[number % 3], 0, is_new=number > 1).write(folder / "logs" / name)
-
-
-def several_runs(folder: Path) -> None:
-    for number, name in enumerate(("a.ulg", "b.ulg", "c.ulg")):
-        write(folder, number, name)
-        convert(folder)
-
-
-def then_changes(folder: Path) -> None:
-    """One recording is new, one is changed, and one is a copy; of a further one, a file is missing."""
-    several_runs(folder)
-    write(folder, 3, "d.ulg")
-    write(folder, 4, "b.ulg")
-    shutil.copy(folder / "logs" / "a.ulg", folder / "logs" / "copy.ulg")
-    max((folder / "fleet" / "vehicle_status").iterdir()).unlink()
-
-
-def old_fleet(folder: Path) -> None:
-    for number, name in enumerate(("a.ulg", "b.ulg")):
-        write(folder, number, name)
-    write_version3(folder / "logs", folder / "fleet")
-    write(folder, 3, "d.ulg")
-
-
-def merge(folder: Path) -> None:
-    compact(str(folder / "fleet"))
+    write_small(folder / "logs" / name, number)
 
 
 def convert(folder: Path) -> None:
     update(str(folder / "logs"), str(folder / "fleet"))
 
 
-TASKS = {
-    "new": Task(lambda folder: write(folder, 0, "a.ulg"), convert),
-    "changed": Task(then_changes, convert),
-    "compact": Task(several_runs, merge),
-    "version 3": Task(old_fleet, convert),
+def merge(folder: Path) -> None:
+    compact(str(folder / "fleet"))
+
+
+def nothing(folder: Path) -> None:
+    write(folder, 0, "a.ulg")
+
+
+def fleet_of_three(folder: Path) -> None:
+    for number, name in enumerate(("a.ulg", "b.ulg", "c.ulg")):
+        write(folder, number, name)
+        convert(folder)
+
+
+def fleet_with_changes(folder: Path) -> None:
+    """One recording is new, one is changed, and one is a copy; of a further one, a file is missing."""
+    fleet_of_three(folder)
+    write(folder, 3, "d.ulg")
+    write(folder, 4, "b.ulg")
+    shutil.copy(folder / "logs" / "a.ulg", folder / "logs" / "copy.ulg")
+    max((folder / "fleet" / "vehicle_status").iterdir()).unlink()
+
+
+TASKS: dict[str, tuple[Callable[[Path], None], Callable[[Path], None]]] = {
+    "new": (nothing, convert),
+    "changed": (fleet_with_changes, convert),
+    "compact": (fleet_of_three, merge),
 }
+"""What is there before a run, and the run."""
 
 
 @cache
 def start(task: str) -> Path:
-    folder = Path(mkdtemp())
-    TASKS[task].prepare(folder)
-    return folder
+    folder = Path(mkdtemp(), "work")
+    folder.mkdir()
+    TASKS[task][0](folder)
+    return folder.rename(folder.with_name("saved"))
 
 
-@pytest.fixture(params=TASKS)
-def task(request: pytest.FixtureRequest) -> str:
-    return str(request.param)
-
-
-def copy_of(task: str, folder: Path) -> Path:
-    """Return a copy of what is there before a task. It has the same path each time, as the ledger has the paths."""
+def begin(task: str) -> Path:
+    """Return a folder with what is there before a task. It has the same path each time, as the list has paths."""
+    folder = start(task).with_name("work")
     shutil.rmtree(folder, ignore_errors=True)
-    shutil.copytree(start(task), folder)
-    for path in sorted((folder / "fleet").rglob("*.json*")) if (folder / "fleet").exists() else []:
-        path.write_text(path.read_text().replace(str(start(task)), str(folder)))
-    return folder
+    return Path(shutil.copytree(start(task), folder))
 
 
-def counts(fleet: Path) -> Rows:
-    """Return how many rows each recording has in each topic, as an engine sees them, also in folders of version 3."""
+def listed(fleet: Path) -> Rows:
+    """Return how many rows each recording has in each topic, by the files of the list, each of which is whole."""
     found: Rows = Counter()
-    for path in fleet.glob("[!_.]*/**/*.parquet") if fleet.exists() else ():
-        topic, name = path.relative_to(fleet).parts[0], path.parts
-        logs = [part[4:] for part in name if part.startswith("log=")]
-        rows = logs * pq.read_metadata(path).num_rows or pq.ParquetFile(path).read(["log"])["log"].to_pylist()
-        found.update((topic, log) for log in rows)
+    if (fleet / "_logs.parquet").exists():
+        for path in map(Path, files(str(fleet))):
+            if path.exists() or path.parent.name != "vehicle_status":  # of which one is missing
+                found.update((path.parent.name, log) for log in pq.ParquetFile(path).read(["log"])["log"].to_pylist())
     return found
 
 
-def by_name(rows: Rows) -> dict[tuple[str, str], list[int]]:
-    """Return the numbers of rows by topic and name of the recording, which is the same for all its contents."""
-    found: dict[tuple[str, str], list[int]] = {}
-    for (topic, log), count in sorted(rows.items()):
-        found.setdefault((topic, log.rpartition("-")[0]), []).append(count)
-    return found
+def check(task: str, before: Rows, after: Rows, folder: Path, whole: object) -> None:
+    """Check that each recording is there as before or as afterwards, and that the same run goes on."""
+    found = listed(folder / "fleet")
+    assert all(found[key] in {before[key], after[key]} for key in {*found, *before})
+    names = Counter((topic, log.rpartition("-")[0]) for topic, log in found)
+    assert not [each for each, count in names.items() if count > 1], "earlier and new rows"
+    TASKS[task][1](folder)
+    assert listed(folder / "fleet") == after
+    assert rows_of(folder / "fleet") == whole
+    assert state_names(folder / "fleet") in (["report.json"], [])
 
 
-def check_visible(found: Rows, before: Rows, after: Rows) -> None:
-    """Check that each recording is there as before or as afterwards in each topic, never twice, and never in part."""
-    for key, several in by_name(found).items():
-        assert len(several) == 1, f"{key}: earlier and new rows"
-    for key in found.keys() | before.keys():
-        topic, name = key[0], key[1].rpartition("-")[0]
-        allowed = {before[key], after[key]}
-        assert found[key] in allowed, f"{topic}, {name}: {found[key]} rows, expected one of {allowed}"
-
-
-def moments(task: str, folder: Path, *, all_of_them: bool) -> list[int]:
-    """Return the numbers of calls that change the disk, of a run of a task: all but most writes, or some of them."""
-    copy_of(task, folder)
-    names: list[str] = []
+@EVERY
+@pytest.mark.parametrize("task", TASKS)
+def test_a_run_that_ends_at_any_call_loses_nothing(task: str, step: int) -> None:
+    """It is killed, or the disk is full: one of these by day, and both by night."""
+    folder = begin(task)
+    before, names = listed(folder / "fleet"), list[str]()
     with hooked(names.append):
-        TASKS[task].run(folder)
-    writes = [number for number, name in enumerate(names) if name == "write"]
-    others = [number for number, name in enumerate(names) if name != "write"]
-    chosen = sorted([*others, *writes[::20]])
-    if all_of_them:
-        return chosen
-    decisive = [number for number, name in enumerate(names) if name == "_exchange"]
-    return sorted({*chosen[:: max(len(chosen) // SOME, 1)], *decisive, *(number + 1 for number in decisive)})
-
-
-def kill(task: str, folder: Path, number: int) -> None:
-    """Run a task, and kill it before a call."""
-    copy_of(task, folder)
-    assert killed_before(lambda: TASKS[task].run(folder), number) in (0, KILLED)
-
-
-EVERY = pytest.mark.parametrize("extent", ["some", pytest.param("all", marks=pytest.mark.night)])
-
-
-@EVERY
-def test_a_kill_at_any_call_loses_nothing(task: str, extent: str, tmp_path: Path) -> None:
-    folder = copy_of(task, tmp_path / "work")
-    before = counts(folder / "fleet")
-    TASKS[task].run(folder)
-    after, whole = counts(folder / "fleet"), rows_of(folder / "fleet")
-    for number in moments(task, folder, all_of_them=extent == "all"):
-        kill(task, folder, number)
-        check_visible(counts(folder / "fleet"), before, after)
-        TASKS[task].run(folder)
-        assert counts(folder / "fleet") == after, f"call {number}"
-        assert rows_of(folder / "fleet") == whole, f"call {number}"
-        assert state_names(folder / "fleet") == KEPT
-        assert not os.listdir(folder / "fleet" / "_msggen" / "changes")
-
-
-@EVERY
-def test_a_full_disk_at_any_call_loses_nothing(task: str, extent: str, tmp_path: Path) -> None:
-    folder = copy_of(task, tmp_path / "work")
-    before = counts(folder / "fleet")
-    TASKS[task].run(folder)
-    after = counts(folder / "fleet")
+        TASKS[task][1](folder)
+    after, whole = listed(folder / "fleet"), rows_of(folder / "fleet")
+    writes = [number for number, name in enumerate(names) if name == "write"][::20]
+    numbers = sorted([*(number for number, name in enumerate(names) if name != "write"), *writes])
+    decisive = [number for number, name in enumerate(names) if name == "replace"][-1]
+    chosen = sorted({*numbers[::step], decisive, decisive + 1})
+    ways = [(number, index % 2 == 0) for index, number in enumerate(chosen)]
     failed = 0
-    for number in moments(task, folder, all_of_them=extent == "all"):
-        copy_of(task, folder)
-        calls = 0
-
-        def fill(name: str, number: int = number) -> None:
-            nonlocal calls
-            calls += 1
-            if calls > number and name not in ("unlink", "rmdir", "remove"):  # one can still remove
-                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-        try:
-            with hooked(fill):
-                TASKS[task].run(folder)
-        except (OSError, InputError):
-            failed += 1
-        check_visible(counts(folder / "fleet"), before, after)
-        TASKS[task].run(folder)
-        assert counts(folder / "fleet") == after, f"call {number}"
-        assert state_names(folder / "fleet") == KEPT
+    for number, is_killed in ways if step > 1 else [*ways, *((number, not way) for number, way in ways)]:
+        begin(task)
+        if is_killed:
+            failed += killed_before(lambda: TASKS[task][1](folder), number) == KILLED
+        else:
+            failed += fills(lambda: TASKS[task][1](folder), number)
+        check(task, before, after, folder, whole)
     assert failed > 3
 
 
+def fills(run: Callable[[], None], number: int) -> bool:
+    """Let the disk be full from a call on. Return whether the run has failed."""
+    calls = 0
+
+    def fill(name: str) -> None:
+        nonlocal calls
+        calls += 1
+        if calls > number and name not in ("unlink", "rmdir", "remove"):  # one can still remove
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    try:
+        with hooked(fill):
+            run()
+    except (OSError, InputError):
+        return True
+    return False
+
+
 @EVERY
-def test_the_next_action_goes_on_whatever_it_is(extent: str, tmp_path: Path) -> None:
+def test_the_next_action_goes_on_whatever_it_is(step: int) -> None:
     """A run of `update` finishes a compaction that was killed, and the other way round."""
-    folder = copy_of("compact", tmp_path / "work")
+    folder = begin("compact")
     whole = rows_of(folder / "fleet")
-    for number in moments("compact", folder, all_of_them=extent == "all"):
-        kill("compact", folder, number)
+    for number in range(5, 100, 3 * step):
+        folder = begin("compact")
+        killed_before(lambda: merge(folder), number)  # noqa: B023 - called at once
         convert(folder)
         assert rows_of(folder / "fleet") == whole
-    for number in moments("changed", folder, all_of_them=extent == "all"):
-        kill("changed", folder, number)
-        compact(str(folder / "fleet"))
-        assert all(len(each) == 1 for each in by_name(counts(folder / "fleet")).values())
-        convert(folder)
-        assert len(parquet_in(folder / "fleet")) >= 5
+        folder = begin("changed")
+        killed_before(lambda: convert(folder), number)  # noqa: B023 - called at once
+        merge(folder)
+        assert sum(listed(folder / "fleet").values()) == sum(map(len, rows_of(folder / "fleet").values()))
 
 
-def test_full_disk_names_the_file(tmp_path: Path) -> None:
-    folder = copy_of("compact", tmp_path / "work")
+def test_a_full_disk_names_the_file() -> None:
+    folder = begin("compact")
 
     def fill(name: str) -> None:
         if name == "write":
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     with hooked(fill), pytest.raises(OSError, match="No space left on device") as caught:
-        compact(str(folder / "fleet"))
+        merge(folder)
     assert str(caught.value.filename).startswith(str(folder / "fleet" / "_msggen"))

@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
 import time
 from functools import partial
 from pathlib import Path
-from random import Random
 from typing import Any
 
 import pytest
 
 from msggen.recordings.fleet import update
+from msggen.recordings.fleet.records import FleetError
 from msggen.recordings.stores import limits
 from msggen.recordings.stores.errors import StoreError
+from support.fleet_logs import write_small
 from support.fleet_recordings import rows_of
-from support.fleet_stores import FLEET, Bucket, both, change
+from support.fleet_stores import FLEET, Bucket, both
 from support.repository import ROOT
 from support.store_proxy import FAULTS
 
@@ -27,15 +28,19 @@ pytest_plugins = ["support.fleet_fixtures"]
 pytestmark = pytest.mark.timeout(600)
 
 
-SOME = pytest.mark.parametrize("share", [1, pytest.param(8, marks=pytest.mark.night)])
-"""How many times as many requests as usual fail."""
+EVERY = pytest.mark.parametrize("step", [8, pytest.param(1, marks=pytest.mark.night)])
+"""Every 8th request by day, each one by night."""
 
 
 def a_change(bucket: Bucket, logs: Path, folder: Path) -> tuple[dict[str, bytes], int, Any]:
     """Change a fleet, and return the bucket before it, the number of requests that it takes, and all rows after it."""
+    for number in range(2):
+        write_small(logs / f"{number}.ulg", number)
     update(str(logs), FLEET)
     saved = bucket.save()
-    change(logs)
+    write_small(logs / "1.ulg", 3)
+    write_small(logs / "2.ulg", 2)
+    shutil.copy(logs / "0.ulg", logs / "copy.ulg")
     bucket.proxy.begin()
     both(str(logs))
     return saved, len(bucket.proxy.requests), bucket.rows(folder)
@@ -46,49 +51,48 @@ def fails(fault: str, number: int, each: int, _: str, *, lasts: bool) -> str:
 
 
 @pytest.mark.slow
-@SOME
-@pytest.mark.parametrize("fault", FAULTS)
-@pytest.mark.parametrize("lasts", [True, False])
-def test_a_store_that_fails_at_any_request(  # noqa: PLR0913 - fixtures
-    bucket: Bucket, logs: Path, tmp_path: Path, fault: str, share: int, *, lasts: bool, monkeypatch: pytest.MonkeyPatch
+@EVERY
+def test_a_store_that_fails_at_any_request(
+    bucket: Bucket, tmp_path: Path, step: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Each request with one of the faults, which passes or lasts."""
+    logs = tmp_path / "small"
     saved, count, whole = a_change(bucket, logs, tmp_path / "whole")
-    if fault == "stall":
-        monkeypatch.setattr(limits, "LIMITS", limits.LIMITS._replace(read=0.5))
-    chance = Random(f"{fault} {lasts} {share}")  # noqa: S311 - no secret
+    monkeypatch.setattr(limits, "LIMITS", limits.LIMITS._replace(read=0.5))
     failures = []
-    numbers = sorted(chance.sample(range(count - 3), share * (3 if fault in ("500", "lost") else 1)))
-    for number in numbers:
+    faults = [(fault, lasts) for fault in FAULTS for lasts in (True, False)]
+    for index, number in enumerate(range(step - 1, count, step)):
+        fault, lasts = faults[index % len(faults)]
         bucket.load(saved)
         bucket.proxy.begin(partial(fails, fault, number, lasts=lasts))
         try:
             both(str(logs))
-        except StoreError as error:
-            failures.append(error)
+        except (StoreError, FleetError) as error:
+            failures.append((fault, error))
         bucket.proxy.begin()
         for key, data in bucket.save().items():
             assert not key.endswith(".parquet") or data[:4] == data[-4:] == b"PAR1", f"{key} is in part"
         both(str(logs))
-        assert bucket.rows(tmp_path / f"copy-{number}") == whole, f"request {number}"
+        assert bucket.rows(tmp_path / f"copy-{number}") == whole, f"request {number}: {fault}"
         bucket.check_whole()
-    for failure in failures:
+    for fault, failure in failures:
+        assert isinstance(failure, StoreError), failure
         assert str(failure.filename).startswith("s3://bucket/fleets/own")
         assert re.search(FAULTS[fault], str(failure.strerror)), failure
-    assert len(failures) == len(numbers) or not lasts
+    assert len(failures) >= 3
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL")
-@SOME
-def test_a_kill_at_any_request_loses_nothing(bucket: Bucket, logs: Path, tmp_path: Path, share: int) -> None:
+@EVERY
+def test_a_kill_at_any_request_loses_nothing(bucket: Bucket, tmp_path: Path, step: int) -> None:
+    """A fault that lasts is the same to a store: here, some processes are killed, too."""
+    logs = tmp_path / "small"
     saved, count, whole = a_change(bucket, logs, tmp_path / "whole")
     code = f"from msggen.recordings.fleet import compact, update; update({str(logs)!r}, {FLEET!r}); compact({FLEET!r})"
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    killed = 0
-    chance = Random(share)  # noqa: S311 - no secret
-    for number in sorted(chance.sample(range(2, count), 3 * share)):
+    for number in range(count // 4, count, 6 * step):
         bucket.load(saved)
-        process = subprocess.Popen([sys.executable, "-c", code], env=environment, cwd=tmp_path)
+        process = subprocess.Popen([sys.executable, "-c", code], cwd=ROOT)
 
         def kill(each: int, _: str, process: Any = process, number: int = number) -> str:
             if each == number:
@@ -96,13 +100,12 @@ def test_a_kill_at_any_request_loses_nothing(bucket: Bucket, logs: Path, tmp_pat
             return "" if each < number or (each == number and number % 2) else "500"
 
         bucket.proxy.begin(kill)
-        killed += process.wait(timeout=60) == -signal.SIGKILL
+        assert process.wait(timeout=60) == -signal.SIGKILL
         time.sleep(0.05)  # what was sent before is done
         bucket.proxy.begin()
         both(str(logs))
         assert bucket.rows(tmp_path / f"copy-{number}") == whole, f"request {number}"
         bucket.check_whole()
-    assert killed
 
 
 def test_a_store_of_recordings_that_fails_ends_the_run(bucket: Bucket, logs: Path, tmp_path: Path) -> None:

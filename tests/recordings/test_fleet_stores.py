@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import io
 import os
 import sqlite3
+from collections.abc import Iterator, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -11,9 +13,8 @@ from typing import Any
 import pyarrow.parquet as pq
 import pytest
 
-from msggen.recordings.fleet import compact, files, pools, run, update
-from msggen.recordings.fleet.records import FleetError
-from msggen.recordings.fleet.stored import StoredFolder
+from msggen.recordings.fleet import Batch, Task, compact, convert_batch, files, pools, run, update
+from msggen.recordings.fleet.records import FleetError, decoded
 from msggen.recordings.source.source import RecordingError
 from msggen.recordings.stores.errors import StoreError
 from support.databases import Stored, write_database
@@ -116,22 +117,6 @@ def test_a_folder_that_is_no_fleet_is_an_error(bucket: Bucket, logs: Path) -> No
     assert not [key for key in bucket.names() if "_msggen" in key]
 
 
-def test_a_file_of_a_topic_can_be_read_without_the_lock(bucket: Bucket, logs: Path, working_folder: Path) -> None:
-    """Nothing is written below the current folder, before, during and after a run."""
-    bucket.put(logs, "logs")
-    update(LOGS, FLEET)
-    folder = StoredFolder(FLEET)
-    place = folder.files()[0]
-    before = {*working_folder.rglob("*")}
-    with folder.open(place) as file:
-        expected = file.read()
-    with folder.locked(lambda _: None), folder.open(place) as file:
-        assert file.read() == expected
-    with folder.open(place) as file:
-        assert file.read() == expected
-    assert {*working_folder.rglob("*")} == before
-
-
 def test_a_list_of_files_needs_no_temporary_folder(
     bucket: Bucket, logs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -147,65 +132,95 @@ def test_a_fleet_can_be_copied_to_a_store_and_back(bucket: Bucket, logs: Path, t
     change(logs)
     assert len(update(str(logs), FLEET).converted) == 2
     back = bucket.get("fleets/own", tmp_path / "back")
-    assert (back / "_msggen" / "files.json").exists()
     assert compact(str(back)).topics == 5
-    assert not (back / "_msggen" / "files.json").exists()
     assert rows_of(back) == bucket.rows(tmp_path / "copy")
     (path,) = files(str(back), "battery_status")
     assert pq.read_metadata(path).num_rows
-
-
-def test_a_lost_or_damaged_state_loses_no_rows(bucket: Bucket, logs: Path, tmp_path: Path) -> None:
-    update(str(logs), FLEET)
-    whole = bucket.rows(tmp_path / "whole")
-    for number, data in enumerate((None, b"", b"{}\n", b"[" * 100_000)):
-        for name in ("ledger.jsonl", "files.json"):
-            if data is None:
-                bucket.client.delete_object(Bucket="bucket", Key=f"fleets/own/_msggen/{name}")
-            else:
-                bucket.client.put_object(Bucket="bucket", Key=f"fleets/own/_msggen/{name}", Body=data)
-        assert files(FLEET, "battery_status")
-        update(str(logs), FLEET)
-        assert bucket.rows(tmp_path / str(number)) == whole
-        bucket.check_whole()
 
 
 def test_readers_of_the_list_see_one_state_or_the_other(bucket: Bucket, logs: Path) -> None:
     """Those that list the files can see rows twice during a compaction, and never fewer."""
     update(str(logs / "2026-11-20"), FLEET)
     update(str(logs), FLEET)
-    topics = ("battery_status", "vehicle_status")
+    sizes: dict[str, int] = {}
 
-    def counts(topic: str) -> tuple[int, int]:
-        listed, there = files(FLEET, topic), [f"s3://bucket/{key}" for key in bucket.names(f"fleets/own/{topic}/")]
-        return sum(map(rows, listed)), sum(map(rows, there))
+    def rows(key: str) -> int:
+        if key not in sizes:
+            body = bucket.client.get_object(Bucket="bucket", Key=key)["Body"].read()
+            sizes[key] = pq.read_metadata(io.BytesIO(body)).num_rows
+        return sizes[key]
 
-    def rows(address: str) -> int:
-        key = address.removeprefix("s3://bucket/")
-        body = bucket.client.get_object(Bucket="bucket", Key=key)["Body"].read()
-        import pyarrow as pa
+    def counts() -> tuple[int, int]:
+        records = decoded(bucket.client.get_object(Bucket="bucket", Key="fleets/own/_logs.parquet")["Body"].read())
+        places = {place for record in records.records for place in record.files}
+        there = [key for key in bucket.names("fleets/own/") if key.endswith(".parquet") and "/_" not in key]
+        return sum(rows(f"fleets/own/{place}") for place in places), sum(map(rows, there))
 
-        return int(pq.read_metadata(pa.BufferReader(body)).num_rows)
-
-    expected = {topic: counts(topic)[0] for topic in topics}
-    seen: list[tuple[str, int, int]] = []
+    expected, seen = counts()[0], list[tuple[int, int]]()
 
     def look(_: int, request: str) -> str:
-        if not request.startswith("GET"):  # `counts` sends GET
-            seen.extend((topic, *counts(topic)) for topic in topics)
+        if not request.startswith("GET"):
+            seen.append(counts())
         return ""
 
     bucket.proxy.begin(look)
     compact(FLEET)
     bucket.proxy.begin()
-    assert all(listed == expected[topic] for topic, listed, _ in seen)
-    assert all(there >= expected[topic] for topic, _, there in seen)
-    assert any(there > expected[topic] for topic, _, there in seen)
+    assert all(listed == expected for listed, _ in seen)
+    assert all(there >= expected for _, there in seen)
+    assert any(there > expected for _, there in seen)
     bucket.check_whole()
 
 
+@pytest.mark.parametrize("status", ["501", ""])
+@pytest.mark.parametrize("header", ["If-None-Match", "If-Match"])
+def test_a_store_without_conditional_puts_is_refused(bucket: Bucket, logs: Path, header: str, status: str) -> None:
+    text = rf"^{FLEET}: the store refuses conditional puts, .*: " + ("the server answers .*501" if status else "it ign")
+    for kept in ([], ["fleets/own/_logs.parquet"]):
+        bucket.proxy.begin()
+        bucket.proxy.unfit = {header: status}
+        before = {key: data for key, data in bucket.save().items() if "stage" not in key}
+        with pytest.raises(StoreError, match=text):
+            update(str(logs), FLEET)
+        assert {key: data for key, data in bucket.save().items() if "stage" not in key} == before
+        assert [key for key in before if key in kept] == kept
+        bucket.proxy.begin()
+        update(str(logs / "2026-11-20"), FLEET)
+        change(logs)
+    bucket.check_whole()
+
+
+def test_of_two_runs_at_once_one_ends_with_an_error(bucket: Bucket, logs: Path, tmp_path: Path) -> None:
+    update(str(logs / "2026-11-20"), FLEET)
+
+    def pool(tasks: Sequence[Task]) -> Iterator[Batch]:
+        done = [convert_batch(task) for task in tasks]
+        update(str(logs / "hangar"), FLEET)
+        return iter(done)
+
+    with pytest.raises(FleetError, match=r"another run \([0-9a-f]{8}, process \d+ on .*\) has changed this fleet"):
+        update(str(logs / "2026-11-21"), FLEET, pool=pool)
+    update(str(logs), FLEET)
+    bucket.check_whole()
+    update(str(logs), str(tmp_path / "fleet"))
+    assert bucket.rows(tmp_path / "copy") == rows_of(tmp_path / "fleet")
+
+
+def test_a_damaged_list_is_an_error(bucket: Bucket, logs: Path) -> None:
+    update(str(logs), FLEET)
+    for data in (b"", b"[" * 1000):
+        bucket.client.put_object(Bucket="bucket", Key="fleets/own/_logs.parquet", Body=data)
+        before = bucket.save()
+        with pytest.raises(FleetError, match=r"_logs\.parquet is not the list of a fleet, or is damaged"):
+            update(str(logs), FLEET)
+        assert bucket.save() == before
+    bucket.client.delete_object(Bucket="bucket", Key="fleets/own/_logs.parquet")
+    with pytest.raises(FleetError, match=r"_logs\.parquet, the list of this fleet, is missing"):
+        update(str(logs), FLEET)
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["processes", "dask"])
+@pytest.mark.parametrize("kind", [pytest.param("processes", marks=pytest.mark.night), "dask"])
 def test_pools_write_to_the_store(bucket: Bucket, logs: Path, tmp_path: Path, kind: str) -> None:
     bucket.put(logs, "logs")
     update(str(logs), str(tmp_path / "fleet"))

@@ -30,11 +30,8 @@ def fleet_server() -> Iterator[Bucket]:
 
 
 @pytest.fixture
-def bucket(fleet_server: Bucket, monkeypatch: pytest.MonkeyPatch) -> Bucket:
-    """The bucket, empty, without faults, and with a short wait for a lock."""
-    from msggen.recordings.fleet import lease
-
+def bucket(fleet_server: Bucket) -> Bucket:
+    """The bucket, empty and without faults."""
     fleet_server.proxy.begin()
     fleet_server.clear()
-    monkeypatch.setattr(lease, "_POLL", 0.05)
     return fleet_server

@@ -76,3 +76,17 @@ def flight(number: int, vehicle: str, utc: int, *, is_new: bool) -> UlogWriter:
         if step % 20 == 0:
             log.sync()
     return log
+
+
+def write_small(path: Path, number: int) -> None:
+    """Write a ULog of two topics with few samples, for tests of many runs."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    log = UlogWriter()
+    for index, topic in enumerate(("battery_status", "vehicle_status")):
+        log.format(topic, FORMATS[topic])
+        log.subscribe(index, topic)
+    log.information(f"char[{len(VEHICLES[0])}] sys_uuid", VEHICLES[number % 3].encode())
+    for step in range(5 + number):
+        log.sample(0, struct.pack("<Q2fB3x", 1000 * step, number, step, 0))
+        log.sample(1, struct.pack("<QBB6x", 1000 * step, 2, number))
+    log.write(path)

@@ -31,6 +31,8 @@ class Proxy:
         """The methods and paths of requests, in their order."""
         self.fails: Callable[[int, str], str] = lambda _number, _request: ""
         """Returns the fault of a request by its number and its method and path."""
+        self.unfit: dict[str, str] = {}
+        """What the server does not do by headers: a status such as `501`, or "" if it ignores them."""
         self.ended = threading.Event()
         self.changing = threading.Lock()
         """Held while a request changes objects: moto compares a condition and writes without a lock."""
@@ -38,7 +40,7 @@ class Proxy:
     def begin(self, fails: Callable[[int, str], str] = lambda _number, _request: "") -> None:
         """Count from 0, and let requests fail."""
         self.requests.clear()
-        self.fails = fails
+        self.fails, self.unfit = fails, {}
 
 
 class _Handler(QuietHandler):
@@ -51,6 +53,10 @@ class _Handler(QuietHandler):
         request = f"{self.command} {self.path}"
         self.proxy.requests.append(request)
         fault = self.proxy.fails(len(self.proxy.requests) - 1, request)
+        for name, status in self.proxy.unfit.items():
+            if self.headers.get(name) and self.command == "PUT":
+                fault = status or fault
+                del self.headers[name]
         if fault == "stall":
             self.proxy.ended.wait(20)
             self.close_connection = True

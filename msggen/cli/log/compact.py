@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-from functools import partial
 from typing import TYPE_CHECKING
 
 from msggen.base.diagnostics import counted
 from msggen.base.exit_codes import DONE
-from msggen.cli.log.fleet import fleet_errors, print_waiting
+from msggen.cli.log.fleet import fleet_errors
 from msggen.cli.log.progress import progress_bar
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
 from msggen.cli.packages import missing_extra
@@ -28,7 +27,7 @@ def add_to(actions: Commands) -> None:
         _compact,
         help="make large files of the small ones of a fleet",
         description="Make large files of the small ones that runs of `msggen log convert` have added to a fleet "
-        "(docs/fleet.md). The rows stay the same. The files of a topic are exchanged in one step, but not in a store.",
+        "(docs/fleet.md). The rows stay the same.",
         epilog=f"Exit codes: 0 done, {FAILED_CODES}",
     )
     parser.add_argument(
@@ -55,7 +54,7 @@ def _compacted(options: argparse.Namespace) -> Compacted:
     except ImportError as error:
         raise missing_extra(error, "recordings", "R150") from None
     with progress_bar(options) as show, fleet_errors(options.fleet):
-        return compact(options.fleet, progress=show, waiting=partial(print_waiting, options.fleet))
+        return compact(options.fleet, progress=show)
 
 
 def _line(done: Compacted) -> str:

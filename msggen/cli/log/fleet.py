@@ -133,8 +133,7 @@ def _updated(options: argparse.Namespace, fleet: str) -> Summary:
         try:
             shows = partial(_show, show)
             with fleet_errors(fleet):
-                waiting = partial(print_waiting, fleet)
-                return update(options.file, fleet, by=by, pool=pool, progress=shows, waiting=waiting)
+                return update(options.file, fleet, by=by, pool=pool, progress=shows)
         except KeyboardInterrupt:
             print("the same command goes on where this run was interrupted", file=sys.stderr)
             raise
@@ -164,16 +163,10 @@ def _show(show: Show, progress: Progress) -> None:
     show(progress.done / progress.total, f"{progress.done} of {progress.total} {name}")
 
 
-def print_waiting(fleet: str, process: str) -> None:
-    """Print to stderr that another run changes the fleet."""
-    name = f" ({process})" if process else ""
-    print(f"{fleet}: waiting for another run that changes this fleet{printable(name)}", file=sys.stderr, flush=True)
-
-
 def _print_names(summary: Summary, fleet: str, *, quiet: bool) -> None:
     """Print to stderr which recordings are not in the fleet, or only in part, and the new copies."""
-    from msggen.recordings.fleet.folder import STATE
-    from msggen.recordings.fleet.ledger import REPORT
+    from msggen.recordings.fleet.fleet import REPORT
+    from msggen.recordings.fleet.layout import STATE
     from msggen.recordings.fleet.records import original_of
 
     failed = [f"{_shown_path(each.path)}: {_reason(each)}" for each in summary.failed]

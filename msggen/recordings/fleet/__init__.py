@@ -6,8 +6,8 @@ them, and `files` lists those of a topic:
 
     fleet/<topic>/000012-9f3a5c01.parquet
 
-The first columns of each, `Keys`, tell of which recording a row is. `fleet/_msggen/ledger.jsonl` has a line for each
-recording that is done and for each file, and `fleet/_logs.parquet` a row for queries.
+The first columns of each, `Keys`, tell of which recording a row is. `fleet/_logs.parquet` has a row for each recording
+that is done, for queries, and lists the files that have its rows.
 """
 
 from __future__ import annotations

@@ -8,15 +8,15 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.base.diagnostics import InputError
 from msggen.recordings.fleet.finding import at_hand, digest_of
-from msggen.recordings.fleet.folder import STAGE, staged_name
+from msggen.recordings.fleet.fleet import Written, write_staged
 from msggen.recordings.fleet.layout import Keys, date_of, is_utc, keys_of, name_of, vehicle_of
 from msggen.recordings.fleet.listing import State
-from msggen.recordings.fleet.parts import Run, write_parts
+from msggen.recordings.fleet.parts import Run
 from msggen.recordings.fleet.records import Record
 from msggen.recordings.fleet.runs import run_of_arrow
 from msggen.recordings.fleet.storage import storage_of
@@ -45,7 +45,7 @@ class Task(NamedTuple):
     def single(self) -> Iterator[Task]:
         """Yield tasks with one recording each."""
         for number, path in enumerate(self.paths):
-            yield self._replace(paths=(path,), token=f"{self.token[:-4]}{number & 0xFFFF:04x}")
+            yield self._replace(paths=(path,), token=f"{self.token}-{number}")
 
 
 class Outcome(NamedTuple):
@@ -58,19 +58,6 @@ class Outcome(NamedTuple):
     """Whether a recording with the same contents was there already."""
     error: str = ""
     """Why it could not be converted."""
-
-
-class Written(NamedTuple):
-    """A file that waits in a stage."""
-
-    topic: str
-    """The folder of its topic."""
-    staged: str
-    """Its path in the folder of the state."""
-    rows: int
-    size: int
-    logs: Sequence[str]
-    """The names of the recordings that it has."""
 
 
 class Batch(NamedTuple):
@@ -97,8 +84,6 @@ def convert_batch(task: Task) -> Batch:
             files = write_staged(folder, stage, task.token, task.by, _by_topic(runs))
             for index in range(len(task.paths)):
                 shutil.rmtree(_aside(stage, index), ignore_errors=True)
-        if not files:
-            folder.clear(f"{task.token}{STAGE}")
     except StoreError as error:
         return Batch(task, failed=error)
     except Exception as error:  # noqa: BLE001 - whatever is wrong with some recordings must not stop the others
@@ -157,7 +142,6 @@ def _tables(task: Task, folder: Storage, source: _Source, aside: str) -> tuple[R
         offset = log.utc_offset
         start = None if offset is None else log.start + offset
         record = Record(
-            number=-1,
             log=name,
             digest=digest,
             paths={path: state},
@@ -183,18 +167,6 @@ def _keys_by_stem(log: Log, values: Mapping[str, str], name: str) -> dict[str, t
     by_stem = {stem: places[key] for key, stem in file_names(topics).items()}
     by_stem |= {stem: Place(stem, "", 0) for stem in FACT_TABLES}
     return {stem: (place.name, keys_of(place, values, name)) for stem, place in by_stem.items()}
-
-
-def write_staged(
-    folder: Storage, stage: str, token: str, by: Sequence[str], runs: Iterable[tuple[str, Sequence[Run]]]
-) -> list[Written]:
-    """Write runs by topic to files in a stage, and wait until they are kept. Raises OSError."""
-    written = []
-    for index, (topic, members) in enumerate(runs):
-        parts = write_parts(members, os.path.join(stage, f"{index}.parquet"), by)
-        written += [Written(topic, staged_name(token, each.path), each.rows, each.size, each.logs) for each in parts]
-    folder.settle(stage, [each.staged for each in written])
-    return written
 
 
 def _by_topic(runs: Sequence[tuple[str, Run]]) -> list[tuple[str, list[Run]]]:

@@ -1,156 +1,101 @@
-"""Changes of a fleet that a run makes: what batches add, and what takes the place of other rows at the end of the run.
-
-Readers never see the rows of a recording twice: earlier and new rows are exchanged in one change, and the folder of
-each topic in one step.
-"""
+"""What batches and copies change in a fleet: at once, or at the end if something takes the place of other rows."""
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Collection, Iterator, Sequence
+from typing import TYPE_CHECKING
 
-from msggen.recordings.fleet.batch import Batch, Outcome, Written, write_staged
-from msggen.recordings.fleet.folder import STAGE, Added
+from msggen.recordings.fleet.batch import Batch, Outcome
+from msggen.recordings.fleet.fleet import with_files
 from msggen.recordings.fleet.layout import topic_of
-from msggen.recordings.fleet.ledger import Change, Ledger
-from msggen.recordings.fleet.planning import Plan, stale_paths
-from msggen.recordings.fleet.ranges import ranges_of, within
-from msggen.recordings.fleet.records import File, Record
-from msggen.recordings.fleet.runs import opened
+from msggen.recordings.fleet.runs import Files
 
 if TYPE_CHECKING:
-    from msggen.recordings.fleet.parts import Run
-
-
-class Whole(NamedTuple):
-    """What a batch changes, and what became of its recordings."""
-
-    change: Change
-    outcomes: Sequence[Outcome]
+    from msggen.recordings.fleet.fleet import Fleet, Written
+    from msggen.recordings.fleet.planning import Plan
+    from msggen.recordings.fleet.records import Record
 
 
 class Held:
-    """Changes of batches that wait for the end of the run."""
+    """What batches have converted that waits for the end of the run."""
 
     def __init__(self) -> None:
-        self.added: dict[Added, File] = {}
-        self.records: list[Record] = []
-
-    def add(self, whole: Whole) -> None:
-        """Keep the change of a batch."""
-        self.added |= whole.change.added
-        self.records += whole.change.records
+        self.records: dict[str, Record] = {}
+        self.files: list[Written] = []
 
 
-class End(NamedTuple):
-    """The change at the end of a run."""
+def add(batch: Batch, fleet: Fleet, held: Held, *, waits: bool) -> Sequence[Outcome]:
+    """Make what a batch has converted part of the fleet, or hold it if it waits. Return what became of its recordings.
 
-    change: Change
-    copies: Sequence[Outcome]
-    """What has the contents of other recordings."""
-    replaced: int
-    """How many recordings have changed, so that their earlier rows are removed."""
-
-
-def change_of(batch: Batch, ledger: Ledger, held: Held) -> Whole:
-    """Return the change that makes the files of a batch part of the fleet. Its recordings get numbers."""
-    first = max([ledger.next_number() - 1, *(record.number for record in held.records)]) + 1
-    records = [outcome.record for outcome in batch.outcomes if outcome.record is not None]
-    known = {record.digest for record in (*ledger.records.values(), *held.records)} - {
-        record.digest for path, _ in batch.task.names for record in records if path in record.paths
-    }
-    if len({record.digest for record in records} - known) != len(records):  # it was another one when it was looked at
-        text = "changed while it was read: run the same command again"
-        ledger.folder.clear(f"{batch.task.token}{STAGE}")
-        return Whole(Change(), [each if each.error else Outcome(each.path, error=text) for each in batch.outcomes])
-    numbered = {record.log: record._replace(number=first + index) for index, record in enumerate(records)}
-    outcomes = [
-        each if each.record is None else each._replace(record=numbered[each.record.log]) for each in batch.outcomes
-    ]
-    numbers = {name: record.number for name, record in numbered.items()}
-    return Whole(Change(_added(batch.files, batch.task.token, numbers), (), list(numbered.values())), outcomes)
-
-
-def _added(files: Iterable[Written], token: str, numbers: Mapping[str, int]) -> dict[Added, File]:
-    """Return files that wait in a stage, with their places. `numbers` are those of recordings by name."""
-    counts: Counter[str] = Counter()
-    added = {}
-    for each in files:
-        counts[each.topic] += 1
-        end = f"-{counts[each.topic]}" if counts[each.topic] > 1 else ""
-        logs = ranges_of(numbers[name] for name in each.logs if name in numbers)
-        added[Added(f"{each.topic}/{token}{end}.parquet", each.staged)] = File(each.rows, each.size, logs)
-    return added
-
-
-def end_of(plan: Plan, ledger: Ledger, held: Held, outcomes: Sequence[Outcome]) -> End:
-    """Return the change at the end of a run: copies, and recordings whose rows take the place of earlier ones.
-
-    The rows that are replaced leave their files: those are written anew without them. Raises FleetError and OSError.
+    Raises FleetError if another run has changed the fleet, and OSError.
     """
-    records = {**ledger.records, **{record.number: record for record in held.records}}
-    gone: set[int] = set()
-    for record in held.records:
-        for path in record.paths:
-            for number in plan.instead.get(path, ()):
-                gone.add(number)
-                earlier = records.pop(number, record)
-                records[record.number] = record._replace(paths={**earlier.paths, **record.paths})
+    records = {each.record.log: each.record for each in batch.outcomes if each.record is not None}
+    again = {name for _, name in batch.task.names}
+    known = {record.digest for own in (fleet.records, held.records) for log, record in own.items() if log not in again}
+    digests = {record.digest for record in records.values()} - known
+    if len(digests) != sum(each.record is not None for each in batch.outcomes):  # it was another one when it was listed
+        text = "changed while it was read: run the same command again"
+        return [each if each.error else Outcome(each.path, error=text) for each in batch.outcomes]
+    if len(records) < len(batch.outcomes):
+        fleet.check()  # the files of a run that was overtaken are removed
+    if waits:
+        held.records |= records
+        held.files += batch.files
+    elif records:
+        fleet.commit({**fleet.records, **with_files(records, batch.files)}, batch.files)
+    return batch.outcomes
+
+
+def finish(plan: Plan, fleet: Fleet, held: Held, outcomes: Sequence[Outcome]) -> tuple[list[Outcome], int]:
+    """Make what waited part of the fleet in the place of earlier rows, and copies. Raises as `add`.
+
+    Return the copies, and how many recordings have changed, so that their earlier rows were removed.
+    """
+    records = {**fleet.records}
+    gone = records.keys() & held.records.keys()  # of which a file was missing
+    for log, record in held.records.items():
+        earlier = records[log].paths if log in gone else {}
+        records[log] = record._replace(paths={**earlier, **record.paths}, files=())
     copies = list(_copies(plan, records, outcomes))
+    now = {path: record.log for record in held.records.values() for path in record.paths}
+    now |= {each.path: each.record.log for each in copies if each.record is not None}
     replaced = 0
-    for number, paths in stale_paths(list(records.values())).items():
-        rest = {path: state for path, state in records[number].paths.items() if path not in paths}
-        if rest:
-            records[number] = records[number]._replace(paths=rest)
-        else:
-            gone.add(number)
-            records.pop(number)
+    for log, record in [*records.items()]:
+        rest = {path: state for path, state in record.paths.items() if now.get(path, log) == log}
+        if record.paths and not rest:
+            gone |= {log}
+            del records[log]
             replaced += 1
-    added, removed = _without(gone, ledger)
-    changed = [record for number, record in records.items() if ledger.records.get(number) != record]
-    return End(Change({**held.added, **added}, removed, changed, gone), copies, replaced)
+        else:
+            records[log] = record._replace(paths=rest)
+    removed = {place for log in gone for place in fleet.records[log].files if place in fleet.found}
+    added = [*held.files, *_without(gone, removed, fleet)]
+    changed = with_files(records, added, removed)
+    if changed != fleet.records:
+        fleet.commit(changed, added, removed)
+    return copies, replaced
 
 
-def _copies(plan: Plan, records: dict[int, Record], outcomes: Sequence[Outcome]) -> Iterator[Outcome]:
+def _copies(plan: Plan, records: dict[str, Record], outcomes: Sequence[Outcome]) -> Iterator[Outcome]:
     """Yield what became of copies, and add their paths to the records."""
-    numbers = {record.digest: number for number, record in records.items() if record.digest}
+    logs = {record.digest: log for log, record in records.items()}
     failed = {each.path: each.error for each in outcomes if each.error}
     for path, state, digest in plan.copies:
-        if digest in numbers:
-            record = records[numbers[digest]]
-            record = records[record.number] = record._replace(paths={**record.paths, path: state})
+        if digest in logs:
+            record = records[logs[digest]]
+            record = records[record.log] = record._replace(paths={**record.paths, path: state})
             yield Outcome(path, record, is_copy=True)
         else:
             first = plan.firsts.get(digest, "")
             yield Outcome(path, error=failed.get(first, "changed while it was read").replace(first, path))
 
 
-def _without(gone: Collection[int], ledger: Ledger) -> tuple[dict[Added, File], list[str]]:
-    """Write files without the rows of some recordings. Return them, and the places of those that are replaced."""
-    places = ledger.places_with(gone) if gone else []
+def _without(gone: Collection[str], places: Collection[str], fleet: Fleet) -> list[Written]:
+    """Write files anew without the rows of some recordings. Raises FleetError for a damaged one, and OSError."""
     if not places:
-        return {}, []
-    names = {ledger.records[number].log for number in gone}
-    known = sorted(ledger.records.keys() - gone)
-    rest = {place: ranges_of(within(ledger.files[place].logs, known)) for place in places}
-    left = [place for place in places if rest[place]]
-    missing = {place for place in left if place not in ledger.found}
-    added = {Added(place, ""): ledger.files[place]._replace(logs=rest[place]) for place in sorted(missing)}
-    if len(left) > len(missing):
-        with opened(ledger.folder.open) as files:
-            runs = (
-                (topic_of(place), [run for run in files.runs(place) if run.keys.log not in names])
-                for place in left
-                if place not in missing
-            )
-            added |= write_files(ledger, runs)
-    return added, [place for place in places if place not in missing]
-
-
-def write_files(ledger: Ledger, runs: Iterable[tuple[str, Sequence[Run]]]) -> dict[Added, File]:
-    """Write runs by topic to files that wait in a stage. Return them with their places. Raises OSError."""
-    token = ledger.token()
-    with ledger.folder.stage(token) as stage:
-        written = write_staged(ledger.folder, stage, token, ledger.by, runs)
-    return _added(written, token, ledger.numbers())
+        return []
+    files = Files(fleet.storage.open)
+    with fleet.unless_overtaken():
+        runs = ((topic_of(place), files.runs(place)) for place in sorted(places))
+        rest = ((topic, [run for run in found if run.keys.log not in gone]) for topic, found in runs)
+        return fleet.write((topic, found) for topic, found in rest if found)

@@ -6,12 +6,10 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from msggen.base.missing import RECORDINGS, installed_by
-from msggen.recordings.fleet.changes import write_files
+from msggen.recordings.fleet.fleet import Fleet, opened_fleet, with_files
 from msggen.recordings.fleet.layout import topic_of
-from msggen.recordings.fleet.ledger import Change, Ledger
 from msggen.recordings.fleet.parts import LARGE, shapes_of
-from msggen.recordings.fleet.run import bring_to_layout
-from msggen.recordings.fleet.runs import opened
+from msggen.recordings.fleet.runs import Files
 from msggen.recordings.fleet.storage import absolute
 
 
@@ -28,50 +26,43 @@ class Compacted(NamedTuple):
     bytes: int
 
 
-def compact(
-    fleet: str,
-    *,
-    progress: Callable[[float, str], None] = lambda *_: None,
-    waiting: Callable[[str], None] = lambda _: None,
-) -> Compacted:
+def compact(fleet: str, *, progress: Callable[[float, str], None] = lambda *_: None) -> Compacted:
     """Make large files of the small ones of each topic: files below 32 MB become files of about 160 MB.
 
-    The files of a topic are exchanged in one step, so readers see the earlier ones or the new ones. If this run is
+    For each topic, the large files are written, the list is replaced, and the small ones are removed. If this run is
     killed, nothing is lost, and the next run of `update` or `compact` goes on. `progress` is called with the share that
-    is done and the name of a topic, and `waiting` as by `update`.
+    is done and the name of a topic.
 
-    Raises FleetError if there is no fleet in the folder or a file of it is damaged, and OSError.
+    Raises FleetError if there is no fleet in the folder, a file of it is damaged, or another run has changed the fleet,
+    and OSError.
     """
     with installed_by(RECORDINGS):
         import pyarrow  # noqa: F401, ICN001
-    ledger = Ledger(absolute(fleet))
-    ledger.open()
-    with ledger.locked(waiting):
-        bring_to_layout(ledger)
-        before = [file.size for file in ledger.files.values()]
+    with opened_fleet(absolute(fleet)) as own:
+        before = [own.found.get(place, 0) for place in own.listed()]
         topics: dict[str, list[str]] = {}
-        for place in sorted(ledger.files):
-            if ledger.found.get(place, LARGE) < LARGE:
+        for place in sorted(own.listed()):
+            if own.found.get(place, LARGE) < LARGE:
                 topics.setdefault(topic_of(place), []).append(place)
-        sizes = {topic: sum(ledger.found[place] for place in places) for topic, places in topics.items()}
+        sizes = {topic: sum(own.found[place] for place in places) for topic, places in topics.items()}
         total, done, changed = max(sum(sizes.values()), 1), 0, 0
         for topic, places in topics.items():
             progress(done / total, topic)
-            changed += _compacted(ledger, topic, places)
+            changed += _compacted(own, topic, places)
             done += sizes[topic]
-        ledger.finish()
-    after = [file.size for file in ledger.files.values()]
+        after = [own.found.get(place, 0) for place in own.listed()]
     return Compacted(changed, len(before), len(after), sum(before), sum(after))
 
 
-def _compacted(ledger: Ledger, topic: str, places: Sequence[str]) -> bool:
+def _compacted(fleet: Fleet, topic: str, places: Sequence[str]) -> bool:
     """Make large files of the small ones of a topic. Return whether there was something to do."""
-    with opened(ledger.folder.open) as files:
+    files = Files(fleet.storage.open)
+    with fleet.unless_overtaken():
         shapes = shapes_of((files.schema(place), place) for place in places)
         groups = [group for _, group in shapes if len(group) > 1]
         if not groups:
             return False
-        runs = ((topic, [run for place in group for run in files.runs(place)]) for group in groups)
-        added = write_files(ledger, runs)
-    ledger.commit(Change(added, [place for group in groups for place in group]))
+        added = fleet.write((topic, [run for place in group for run in files.runs(place)]) for group in groups)
+    removed = {place for group in groups for place in group}
+    fleet.commit(with_files(fleet.records, added, removed), added, removed)
     return True

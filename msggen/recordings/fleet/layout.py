@@ -15,8 +15,10 @@ if TYPE_CHECKING:
     from msggen.recordings.convert.names import Place
     from msggen.recordings.log.log import Log
 
-VERSION = 4
-"""The version of the layout. A fleet has only files of one."""
+STATE = "_msggen"
+"""The folder of what is beside the data. Engines skip names that begin with an underscore."""
+STAGE = ".stage"
+"""The suffix of a folder in which the files of a run wait until they are part of the fleet."""
 KEYS = ("vehicle", "date")
 """What rows can be sorted by, before all else."""
 UNKNOWN = "unknown"
@@ -28,17 +30,11 @@ DIGITS = 8
 """How many digits of its digest the name of a recording has."""
 
 _STRANGE = re.compile(r"[^A-Za-z0-9_.-]+")
-_TOKEN = re.compile(r"\d{6,12}-[0-9a-f]{8}", re.ASCII)
-_PLACE = re.compile(rf"[A-Za-z0-9-][\w.-]*/{_TOKEN.pattern}(?:-\d{{1,6}})?\.parquet", re.ASCII)
+_PLACE = re.compile(r"[A-Za-z0-9-][\w.-]*/\d{6,12}-[0-9a-f]{8}(?:-\d{1,6}){0,2}\.parquet", re.ASCII)
+_STAGE = re.compile(rf"[0-9a-f]{{8}}{re.escape(STAGE)}")
 _DATE = re.compile(r"(?<!\d)(20\d\d)([-_.]?)(\d\d)\2(\d\d)(?!\d)")
 _LOGGER = "[logger] "
 """The front of PX4's line that names its log: `[logger] /fs/microsd/log/2026-01-12/10_23_26.ulg`."""
-PLACE_OF_VERSION_3 = re.compile(
-    r"[A-Za-z0-9-][\w.-]*(?:/(?:vehicle|date)=[\w.-]+){1,2}/log=([\w.-]+)/namespace=([\w.-]+)/instance=(\d{1,9})"
-    r"/[A-Za-z0-9-][\w.-]*\.parquet",
-    re.ASCII,
-)
-"""A file of an earlier version of the layout. No part of it leads out of the fleet, on any system."""
 _LONGEST = 80
 _YEAR_2001, _YEAR_2100 = 978_307_200 * 10**9, 4_102_444_800 * 10**9
 
@@ -83,21 +79,19 @@ def topic_of(place: str) -> str:
     return place.partition("/")[0]
 
 
-def is_fact(place: str) -> bool:
-    """Whether a file has what ULogs have beside their topics."""
-    from msggen.recordings.convert.names import FACT_TABLES
-
-    return topic_of(place) in FACT_TABLES
+def is_stage(name: str) -> bool:
+    """Whether this is the name of the stage of a run."""
+    return _STAGE.fullmatch(name) is not None
 
 
-def is_token(name: object) -> bool:
-    """Whether this is the name of a change, as `token_of` makes them."""
-    return isinstance(name, str) and _TOKEN.fullmatch(name) is not None
+def run_of(token: str) -> str:
+    """Return the run that a change and its files are named after: that of `000012-9f3a5c01` is `9f3a5c01`."""
+    return token.split("-")[1]
 
 
-def token_of(number: int) -> str:
-    """Return a name for a change and its files, `000012-9f3a5c01`. None of a run that was killed has the same."""
-    return f"{number:06}-{os.urandom(4).hex()}"
+def number_of(place: str) -> int:
+    """Return the number of the change that a file was added by."""
+    return int(place.partition("/")[2].partition("-")[0])
 
 
 def cleaned(text: str) -> str:

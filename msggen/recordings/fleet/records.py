@@ -1,16 +1,35 @@
-"""What the ledger of a fleet knows of a recording and of a file, and how it is written as JSON."""
+"""The list of a fleet, `_logs.parquet`: a row for each recording, with the files that have its rows.
+
+Queries join it with any topic on `log`. Its metadata tells which run has written it, and what rows are sorted by.
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+import re
+from collections.abc import Mapping, Sequence
+from itertools import accumulate, pairwise
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from msggen.recordings.fleet.finding import is_there
 from msggen.recordings.fleet.layout import KEYS, ORIGINS, is_place
 from msggen.recordings.fleet.listing import State
-from msggen.recordings.fleet.ranges import Ranges, from_text, is_text, text_of
 from msggen.recordings.source.source import RecordingError
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+TABLE = "_logs.parquet"
+"""The list, beside the folders of the topics. Engines that read a whole folder skip names with an underscore."""
+VERSION = 5
+"""The version of the layout. A fleet has only files of one."""
+NOT_A_FLEET = "this is not a fleet: name a folder that `msggen log convert FOLDER -o FLEET` has written"
+_DAMAGED = f"{TABLE} is not the list of a fleet, or is damaged: restore it, or convert to a new folder"
+_METADATA = b"msggen"
+_SURROGATE = re.compile("[\ud800-\udfff]")
+_DIGEST = re.compile("[0-9a-f]{64}")
+_RUN = re.compile("[0-9a-f]{8}")
+_PROCESS = re.compile("[ -~]{0,200}")
 
 
 class FleetError(RecordingError):
@@ -20,12 +39,10 @@ class FleetError(RecordingError):
 class Record(NamedTuple):
     """A recording that is done."""
 
-    number: int
-    """Its number in the fleet, below 0 as long as it is not part of it."""
     log: str
     """Its name in the fleet."""
     digest: str
-    """That of its contents, "" if only its rows are known, because the ledger was damaged."""
+    """That of its contents."""
     paths: Mapping[str, State]
     """Where it was found, and its state there. A copy is not converted."""
     values: Mapping[str, str]
@@ -44,16 +61,20 @@ class Record(NamedTuple):
     """What to add to log times in ns for UTC, None if it is not known."""
     duration: float
     """In s."""
+    files: tuple[str, ...] = ()
+    """The places of the files that have its rows."""
 
 
-class File(NamedTuple):
-    """A file of a topic."""
+class Listed(NamedTuple):
+    """What a list tells."""
 
-    rows: int
-    size: int
-    """In bytes."""
-    logs: Ranges
-    """The numbers of the recordings whose rows it has."""
+    run: str
+    """The run that has written it."""
+    process: str
+    """The process of this run, and its machine."""
+    by: Sequence[str]
+    """What rows are sorted by: of KEYS."""
+    records: Sequence[Record]
 
 
 def original_of(record: Record) -> str:
@@ -61,99 +82,141 @@ def original_of(record: Record) -> str:
     return next((path for path in record.paths if is_there(path)), next(iter(record.paths), record.log))
 
 
-def line_of_record(record: Record) -> str:
-    """Return a record as a line of JSON."""
-    paths = {path: list(state) for path, state in record.paths.items()}
-    return json.dumps({**record._asdict(), "paths": paths})
+def encoded(listed: Listed) -> bytes:
+    """Return a list as the contents of its file."""
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    told = {"version": VERSION, "run": listed.run, "process": listed.process, "by": list(listed.by)}
+    records = sorted(listed.records, key=lambda record: record.log)
+    schema = _schema().with_metadata({_METADATA: json.dumps(told)})
+    numbers = {files: number for number, files in enumerate(dict.fromkeys(record.files for record in records))}
+    lists = pa.array(list(numbers), schema.field("files").type)  # few: the recordings of a batch have the same files
+    rows = pa.Table.from_pylist(list(map(_row, records)), schema.remove(len(schema) - 1))
+    indices = pa.array([numbers[record.files] for record in records], pa.int64())
+    table = rows.append_column(schema.field("files"), lists.take(indices))
+    stream = pa.BufferOutputStream()
+    parquet.write_table(table, stream, compression="zstd")
+    return bytes(stream.getvalue())
 
 
-def document_of_file(file: File) -> dict[str, Any]:
-    """Return a file for JSON."""
-    return {"rows": file.rows, "size": file.size, "logs": text_of(file.logs)}
+def decoded(data: bytes) -> Listed:
+    """Return the list in a file. Raises FleetError if it is not sound: anybody can have written it."""
+    import pyarrow as pa
+    from pyarrow import parquet
 
-
-def record_of(found: object) -> Record | None:
-    """Return the record in a JSON document, None if it is not sound: anybody can have written it."""
-    if not isinstance(found, dict) or found.keys() != _RECORD.keys():
-        return None
-    if not all(is_sound(found[name]) for name, is_sound in _RECORD.items()):
-        return None
-    return Record(**{**found, "paths": {path: State(*state) for path, state in found["paths"].items()}})
-
-
-def file_of(found: object) -> File | None:
-    """Return the file in a JSON document, None if it is not sound."""
-    if not isinstance(found, dict) or not all(is_sound(found.get(name)) for name, is_sound in _FILE.items()):
-        return None
-    return File(found["rows"], found["size"], from_text(found["logs"]))
-
-
-def read_json(data: bytes | None) -> Any:
-    """Return the object in a text of JSON, None if there is none that can be read."""
     try:
-        found = json.loads(data or b"")
-    except (ValueError, RecursionError):
-        return None
-    return found if isinstance(found, dict) else None
+        table = parquet.ParquetFile(pa.BufferReader(data)).read(use_threads=False)
+        told = json.loads((table.schema.metadata or {})[_METADATA])
+        version = told["version"]
+        is_sound = version == VERSION and table.schema.equals(_schema())
+        listed = Listed(told["run"], told["process"], told["by"], _records(table)) if is_sound else None
+    except (pa.ArrowException, ValueError, LookupError, TypeError, RecursionError, OSError):
+        raise FleetError(_DAMAGED) from None
+    if isinstance(version, int) and version > VERSION:
+        raise FleetError("a newer version of msggen wrote this fleet: choose a new folder")
+    if listed is None or not _is_sound(listed):
+        raise FleetError(_DAMAGED)
+    return listed
 
 
-def _is_text(value: object) -> bool:
-    """Whether this is a text that can be in a path."""
-    return isinstance(value, str) and "\0" not in value
-
-
-def _are_texts(value: object) -> bool:
-    """Whether these are texts of any characters: problems name topics, which can have NUL in a damaged recording."""
-    return isinstance(value, list) and all(isinstance(each, str) for each in value)
-
-
-def _are_states(value: object) -> bool:
-    """Whether these are states by path."""
+def _is_sound(listed: Listed) -> bool:
+    run, process, by, records = listed
     return (
-        isinstance(value, dict)
-        and all(map(_is_text, value))
-        and all(isinstance(each, list) and len(each) == len(State._fields) for each in value.values())
-        and all(_is_number(number) for each in value.values() for number in each)
+        all(isinstance(text, str) for text in (run, process))
+        and _RUN.fullmatch(run) is not None
+        and _PROCESS.fullmatch(process) is not None
+        and by in (["vehicle", "date"], ["date", "vehicle"], ["vehicle"], ["date"])
+        and len({record.log for record in records}) == len(records) == len({record.digest for record in records})
+        and all(_DIGEST.fullmatch(record.digest) and record.date_from in ORIGINS for record in records)
+        and all(map(is_place, {place for record in records for place in record.files}))
     )
 
 
-def _are_keys(value: object) -> bool:
-    return isinstance(value, dict) and value.keys() == {*KEYS} and all(map(_is_text, value.values()))
+def _records(table: pa.Table) -> list[Record]:
+    import pyarrow as pa
+
+    columns: dict[str, Any] = {name: table.column(name) for name in table.column_names if name != "files"}
+    columns["start"] = columns["start"].cast(pa.int64())
+    names = list(columns)
+    files = _files(table.column("files"))
+    rows = zip(*(columns[name].to_pylist() for name in names), strict=True)
+    return [_record(dict(zip(names, row, strict=True)), own) for row, own in zip(rows, files, strict=True)]
 
 
-def _is_number(value: object) -> bool:
-    return type(value) is int and -_LIMIT <= value < _LIMIT
+def _files(column: Any) -> list[tuple[str, ...]]:
+    """Return the files of each recording. Each name is there once: fleets have few files, named many times."""
+    lists = column.combine_chunks()
+    codes = lists.flatten().dictionary_encode()
+    names, indices = codes.dictionary.to_pylist(), codes.indices.to_numpy()
+    ends = accumulate(lists.value_lengths().to_pylist(), initial=0)
+    known: dict[bytes, tuple[str, ...]] = {}
+    found = []
+    for begin, end in pairwise(ends):
+        own = indices[begin:end]
+        if own.tobytes() not in known:
+            known[own.tobytes()] = tuple(names[index] for index in own)
+        found.append(known[own.tobytes()])
+    return found
 
 
-def _is_number_or_none(value: object) -> bool:
-    return value is None or _is_number(value)
+def _row(record: Record) -> dict[str, Any]:
+    return {
+        "log": record.log,
+        "path": _whole(original_of(record)),
+        **record.values,
+        "firmware": record.firmware or None,
+        "start": record.start,
+        "utc_offset": record.utc_offset,
+        "duration": record.duration,
+        "samples": record.rows,
+        "problems": list(map(_whole, record.problems)),
+        "notes": list(map(_whole, record.notes)),
+        "date_from": record.date_from,
+        "digest": record.digest,
+        "paths": [
+            {"path": path.encode("utf-8", "surrogatepass"), "size": state.size, "changed": state.changed}
+            for path, state in record.paths.items()
+        ],
+    }
 
 
-def is_count(value: object) -> bool:
-    """Whether this is the number of a recording, of bytes or of rows."""
-    return _is_number(value) and isinstance(value, int) and value >= 0
+def _record(row: dict[str, Any], files: tuple[str, ...]) -> Record:
+    paths = {each.pop("path").decode("utf-8", "surrogatepass"): State(**each) for each in row.pop("paths")}
+    values = {key: row.pop(key) for key in KEYS}
+    del row["path"]
+    rows, firmware = row.pop("samples"), row.pop("firmware") or ""
+    return Record(paths=paths, values=values, rows=rows, firmware=firmware, files=files, **row)
 
 
-_LIMIT = 1 << 63
-_MOST = 10**9
-_RECORD: Mapping[str, Callable[[Any], bool]] = {
-    "number": lambda value: is_count(value) and value < _MOST,
-    "log": lambda value: _is_text(value) and bool(value),
-    "digest": _is_text,
-    "paths": _are_states,
-    "values": _are_keys,
-    "date_from": ORIGINS.__contains__,
-    "rows": _is_number,
-    "problems": _are_texts,
-    "notes": _are_texts,
-    "firmware": lambda value: isinstance(value, str),
-    "start": _is_number_or_none,
-    "utc_offset": _is_number_or_none,
-    "duration": lambda value: isinstance(value, float) or _is_number(value),
-}
-_FILE: Mapping[str, Callable[[Any], bool]] = {"rows": is_count, "size": is_count, "logs": is_text}
+def _whole(text: str) -> str:
+    """Return a text with U+FFFD for each byte that is not UTF-8, as names of files can have."""
+    return _SURROGATE.sub("\ufffd", text)
 
 
-def are_files(value: object) -> bool:
-    """Whether these are files by place, as JSON."""
-    return isinstance(value, dict) and all(is_place(place) and file_of(each) for place, each in value.items())
+def _schema() -> Any:
+    import pyarrow as pa
+
+    def has(name: str, kind: pa.DataType, **unit: str) -> pa.Field:
+        return pa.field(name, kind, nullable=False, metadata=unit or None)
+
+    def many(kind: pa.DataType) -> pa.DataType:
+        return pa.list_(has("element", kind))
+
+    text, number = pa.string(), pa.int64()
+    return pa.schema(
+        [
+            *(has(name, text) for name in ("log", "path", "vehicle", "date")),
+            pa.field("firmware", text),
+            pa.field("start", pa.timestamp("ns", "UTC")),
+            pa.field("utc_offset", number, metadata={"unit": "ns"}),
+            has("duration", pa.float64(), unit="s"),
+            has("samples", number),
+            has("problems", many(text)),
+            has("notes", many(text)),
+            has("date_from", text),
+            has("digest", text),
+            has("paths", many(pa.struct([has("path", pa.binary()), has("size", number), has("changed", number)]))),
+            has("files", many(text)),
+        ]
+    )

@@ -13,14 +13,13 @@ from msggen.base.missing import RECORDINGS, installed_by
 from msggen.base.recording_formats import FORMATS
 from msggen.recordings.fleet import pools
 from msggen.recordings.fleet.batch import Batch, Outcome, Task
-from msggen.recordings.fleet.changes import Held, change_of, end_of
+from msggen.recordings.fleet.changes import Held, add, finish
 from msggen.recordings.fleet.finding import Found, find_recordings, is_there
-from msggen.recordings.fleet.layout import KEYS, VERSION
-from msggen.recordings.fleet.ledger import REPORT, Ledger
+from msggen.recordings.fleet.fleet import REPORT, Fleet, opened_fleet
+from msggen.recordings.fleet.layout import KEYS
 from msggen.recordings.fleet.planning import plan_of, tasks_of
-from msggen.recordings.fleet.records import File, Record, original_of
+from msggen.recordings.fleet.records import Record, original_of
 from msggen.recordings.fleet.storage import absolute
-from msggen.recordings.fleet.table import write_table
 from msggen.recordings.source.source import RecordingError
 
 if TYPE_CHECKING:
@@ -33,6 +32,13 @@ class Progress(NamedTuple):
     done: int
     total: int
     last: Outcome | None
+
+
+class File(NamedTuple):
+    """A file of a topic: its path in the fleet, and its size in bytes."""
+
+    place: str
+    size: int
 
 
 class Summary(NamedTuple):
@@ -115,14 +121,13 @@ class Summary(NamedTuple):
         }
 
 
-def update(  # noqa: PLR0913 - named options
+def update(
     folder: str,
     fleet: str,
     *,
     by: Sequence[str] = KEYS,
     pool: Pool = pools.in_this_process,
     progress: Callable[[Progress], None] = lambda _: None,
-    waiting: Callable[[str], None] = lambda _: None,
 ) -> Summary:
     """Convert all recordings below `folder` that the fleet in the folder `fleet` does not have yet.
 
@@ -130,13 +135,10 @@ def update(  # noqa: PLR0913 - named options
 
     Rows are sorted by the columns `by`, of KEYS, and then by recording and time. A recording that cannot be read is in
     the summary, and is tried again by the next run, as is one of which a file is missing. If this run is interrupted,
-    the next one goes on. Only one run at a time can change a fleet: if another one does, `waiting` is called with the
-    name of its process, "" if that is not known, and this one waits for its end.
+    the next one goes on.
 
-    A fleet of an earlier version of msggen, with a file for each recording and topic, gets the present layout first.
-
-    Raises RecordingError if `folder` has no recordings, FleetError if the fleet has other keys, OSError,
-    and StoreError if a store fails: the next run goes on.
+    Raises RecordingError if `folder` has no recordings, FleetError if the fleet has other keys, is of another layout or
+    damaged, or was changed by another run meanwhile, OSError, and StoreError if a store fails: the next run goes on.
     """
     with installed_by(RECORDINGS):
         import pyarrow  # noqa: F401, ICN001
@@ -145,56 +147,35 @@ def update(  # noqa: PLR0913 - named options
     if not found:
         suffixes = sorted((each.suffix for each in FORMATS.values()), reverse=True)
         raise RecordingError(f"there is no recording in this folder: no {either(suffixes)} file")
-    ledger = Ledger(fleet)
-    ledger.open(by)
-    with ledger.locked(waiting):
-        bring_to_layout(ledger)
-        summary = _updated(found, ledger, pool, progress)
-        write_table(ledger)
-        ledger.folder.write(REPORT, (json.dumps(summary.document(), indent=1) + "\n").encode())
-        ledger.finish()
+    with opened_fleet(fleet, by) as own:
+        summary = _updated(found, own, pool, progress)
+        own.storage.write(REPORT, (json.dumps(summary.document(), indent=1) + "\n").encode())
     return summary
 
 
-def bring_to_layout(ledger: Ledger) -> None:
-    """Give a fleet of an earlier version the present layout. Raises OSError."""
-    from msggen.recordings.fleet.version3 import remove_records, upgrade
-
-    if ledger.version != VERSION:
-        upgrade(ledger)
-    remove_records(ledger)
-
-
-def _updated(found: Sequence[Found], ledger: Ledger, pool: Pool, progress: Callable[[Progress], None]) -> Summary:
+def _updated(found: Sequence[Found], fleet: Fleet, pool: Pool, progress: Callable[[Progress], None]) -> Summary:
     """Convert what the fleet does not have, and return what became of it."""
-    plan = plan_of([each.path for each in found if not each.error], ledger)
-    before = set(ledger.files)
+    plan = plan_of([each.path for each in found if not each.error], fleet)
+    before = fleet.listed()
     outcomes: list[Outcome] = []
     held = Held()
-    tasks = [*tasks_of(plan, plan.new, ledger), *tasks_of(plan, plan.replacing, ledger)]
+    tasks = [*tasks_of(plan, plan.new, fleet), *tasks_of(plan, plan.replacing, fleet)]
     total, waits = sum(len(task.paths) for task in tasks), {*plan.replacing}
     for batch in _batches(pool, tasks):
-        whole = change_of(batch, ledger, held)
-        if waits.isdisjoint(batch.task.paths):
-            ledger.commit(whole.change)
-        else:
-            held.add(whole)
-        for outcome in whole.outcomes:
+        for outcome in add(batch, fleet, held, waits=not waits.isdisjoint(batch.task.paths)):
             outcomes.append(outcome)
             progress(Progress(len(outcomes), total, outcome))
-    end = end_of(plan, ledger, held, outcomes)
-    ledger.commit(end.change)
+    copies, replaced = finish(plan, fleet, held, outcomes)
+    files = [File(place, fleet.found.get(place, 0)) for place in sorted(fleet.listed())]
     return Summary(
         found=len(found),
         unchanged=plan.unchanged,
-        copies=sum(each.is_copy for each in end.copies),
-        removed=end.replaced,
-        outcomes=_sorted(
-            [*outcomes, *end.copies, *(Outcome(each.path, error=each.error) for each in found if each.error)]
-        ),
-        known=_sorted(each for record in ledger.records.values() for each in _known(record)),
-        written=[file for place, file in sorted(ledger.files.items()) if place not in before],
-        files=[file for _, file in sorted(ledger.files.items())],
+        copies=sum(each.is_copy for each in copies),
+        removed=replaced,
+        outcomes=_sorted([*outcomes, *copies, *(Outcome(each.path, error=each.error) for each in found if each.error)]),
+        known=_sorted(each for record in fleet.records.values() for each in _known(record)),
+        written=[file for file in files if file.place not in before],
+        files=files,
     )
 
 

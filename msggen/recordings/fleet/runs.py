@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from functools import partial
 from itertools import pairwise
 from typing import IO, TYPE_CHECKING, Any, NamedTuple
@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
 _KEPT = 32 << 20
 """The bytes of row groups that are kept, because another run of them may be next."""
-_OPEN = 32
-"""The files that are open at the same time."""
 
 
 def run_of_arrow(path: str, keys: Keys) -> Run:
@@ -56,22 +54,15 @@ class Files:
 
     def __init__(self, opening: Callable[[str], IO[bytes]]) -> None:
         self._opening = opening
-        self._open: OrderedDict[str, tuple[IO[bytes], Any]] = OrderedDict()
+        self._heads: dict[str, tuple[Any, pa.Schema]] = {}
         self._groups: OrderedDict[_Group, Any] = OrderedDict()
         self._bytes = 0
-
-    def close(self) -> None:
-        """Close the files."""
-        for file, _ in self._open.values():
-            file.close()
-        self._open.clear()
-        self._groups.clear()
 
     def schema(self, name: str) -> pa.Schema:
         """Return the columns of a file, without those of `Keys`. Raises FleetError for a damaged file, OSError."""
         import pyarrow as pa
 
-        found = self._file(name).schema_arrow
+        _, found = self._head(name)
         if found.names[: len(Keys._fields)] != list(Keys._fields):
             raise FleetError(f"{name}: this is not a file of a fleet: it lacks the columns {', '.join(Keys._fields)}")
         return pa.schema(list(found)[len(Keys._fields) :], found.metadata)
@@ -81,43 +72,30 @@ class Files:
         schema = self.schema(name)
         return [
             Run(keys, schema, partial(self._piece, _Group(name, index), begin, end))
-            for index in range(self._file(name).metadata.num_row_groups)
-            for keys, begin, end in self._spans(name, index)
+            for index in range(self._head(name)[0].num_row_groups)
+            for keys, begin, end in self._spans(_Group(name, index))
         ]
 
-    def rows(self, name: str) -> dict[Keys, int]:
-        """Return the numbers of rows by keys of a file of this layout. Raises as `runs`."""
-        self.schema(name)
-        found: dict[Keys, int] = {}
-        for index in range(self._file(name).metadata.num_row_groups):
-            for keys, begin, end in self._spans(name, index):
-                found[keys] = found.get(keys, 0) + end - begin
-        return found
-
-    def whole(self, name: str, keys: Keys) -> Run:
-        """Return a file without columns of `Keys` as a run."""
-        file = self._file(name)
-        groups = [_Group(name, index) for index in range(file.metadata.num_row_groups)]
-        return Run(keys, without_keys(file.schema_arrow), partial(self._all, groups))
-
-    def _all(self, groups: list[_Group]) -> Iterator[Any]:
-        for group in groups:
-            yield _renamed(self._read(group))
-
     def _piece(self, group: _Group, begin: int, end: int) -> Iterator[Any]:
-        yield self._read(group).slice(begin, end - begin).select(self.schema(group.name).names)
+        if group in self._groups:
+            self._groups.move_to_end(group)
+        else:
+            self._groups[group] = table = self._read(group)
+            self._bytes += table.nbytes
+            while self._bytes > _KEPT and len(self._groups) > 1:
+                self._bytes -= self._groups.popitem(last=False)[1].nbytes
+        yield self._groups[group].slice(begin, end - begin).select(self.schema(group.name).names)
 
-    def _spans(self, name: str, index: int) -> Iterator[tuple[Keys, int, int]]:
+    def _spans(self, group: _Group) -> Iterator[tuple[Keys, int, int]]:
         """Yield the keys of the runs in a row group, and the rows from which to which they are."""
         import numpy as np
 
-        metadata = self._file(name).metadata.row_group(index)
+        metadata = self._head(group.name)[0].row_group(group.number)
         told = [metadata.column(number).statistics for number in range(len(Keys._fields))]
         if all(each is not None and each.has_min_max and each.min == each.max for each in told):
             yield Keys(*(each.min for each in told)), 0, metadata.num_rows
             return
-        with _told(name):
-            table = self._file(name).read_row_group(index, columns=list(Keys._fields)).combine_chunks()
+        table = self._read(group, list(Keys._fields)).combine_chunks()
         changes = np.zeros(max(len(table) - 1, 0), bool)
         for column in table.columns:
             codes = column.combine_chunks().dictionary_encode().indices.to_numpy()
@@ -125,42 +103,21 @@ class Files:
         for begin, end in pairwise([0, *(np.flatnonzero(changes) + 1).tolist(), len(table)]):
             yield Keys(*(column[begin].as_py() for column in table.columns)), begin, end
 
-    def _file(self, name: str) -> Any:
+    def _head(self, name: str) -> tuple[Any, pa.Schema]:
+        """Return the metadata and the columns of a file."""
         from pyarrow import parquet
 
-        if name in self._open:
-            self._open.move_to_end(name)
-            return self._open[name][1]
-        while len(self._open) >= _OPEN:
-            self._open.popitem(last=False)[1][0].close()
-        with ExitStack() as stack:
-            file = stack.enter_context(self._opening(name))
-            with _told(name):
-                self._open[name] = file, parquet.ParquetFile(file)
-            stack.pop_all()
-        return self._open[name][1]
+        if name not in self._heads:
+            with self._opening(name) as file, _told(name):
+                found = parquet.ParquetFile(file)
+                self._heads[name] = found.metadata, found.schema_arrow
+        return self._heads[name]
 
-    def _read(self, group: _Group) -> Any:
-        if group in self._groups:
-            self._groups.move_to_end(group)
-            return self._groups[group]
-        with _told(group.name):
-            table = self._file(group.name).read_row_group(group.number)
-        self._groups[group] = table
-        self._bytes += table.nbytes
-        while self._bytes > _KEPT and len(self._groups) > 1:
-            self._bytes -= self._groups.popitem(last=False)[1].nbytes
-        return table
+    def _read(self, group: _Group, columns: list[str] | None = None) -> Any:
+        from pyarrow import parquet
 
-
-@contextmanager
-def opened(opening: Callable[[str], IO[bytes]]) -> Iterator[Files]:
-    """Yield files that `opening` opens by name, and close them at the end."""
-    files = Files(opening)
-    try:
-        yield files
-    finally:
-        files.close()
+        with self._opening(group.name) as file, _told(group.name):
+            return parquet.ParquetFile(file, metadata=self._heads[group.name][0]).read_row_group(group.number, columns)
 
 
 @contextmanager

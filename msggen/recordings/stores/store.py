@@ -123,23 +123,18 @@ class Store:
         Raises FileExistsError if there is such an object: for up to 64 MiB the store itself refuses it, otherwise it is
         looked for before. Raises StoreError for a server that is only read.
         """
-        import obstore
         from obstore.exceptions import AlreadyExistsError
 
         key = self._key(address)
         if not key or key.endswith("/"):
             raise store_error(address, "expected the name of an object, found that of a folder")
         exists = FileExistsError(errno.EEXIST, "there is such an object already", shown_address(address))
-        with _translating(address), open(path, "rb") as file:
-            if os.path.getsize(path) > _ATOMIC:
-                if self.has(address):
-                    raise exists
-                result_of(lambda: obstore.put(self._client, key, file, max_concurrency=_PARTS))
-                return
-            try:
-                result_of(lambda: obstore.put(self._client, key, file.read(), mode="create", use_multipart=False))
-            except AlreadyExistsError:
-                raise exists from None
+        if os.path.getsize(path) > _ATOMIC and self.has(address):
+            raise exists
+        try:
+            self.replace(path, address, is_new=True)
+        except AlreadyExistsError:
+            raise exists from None
 
     def load(self, address: str) -> Content | None:
         """Return a small object, None if there is none of this name."""
@@ -185,17 +180,16 @@ class Store:
             return found
         return Content(data, _version(done))
 
-    def replace(self, path: str, address: str) -> None:
-        """Write a file to an object, over any that is there."""
+    def replace(self, path: str, address: str, *, is_new: bool = False) -> None:
+        """Write a file to an object, over any that is there, unless `is_new` and the file has up to 64 MiB."""
         import obstore
 
-        key = self._key(address)
+        key, is_large = self._key(address), os.path.getsize(path) > _ATOMIC
+        mode: Literal["create", "overwrite"] = "create" if is_new and not is_large else "overwrite"
         with _translating(address), open(path, "rb") as file:
-            is_large = os.path.getsize(path) > _ATOMIC
+            data = file if is_large else file.read()
             result_of(
-                lambda: obstore.put(
-                    self._client, key, file if is_large else file.read(), use_multipart=is_large, max_concurrency=_PARTS
-                )
+                lambda: obstore.put(self._client, key, data, mode=mode, use_multipart=is_large, max_concurrency=_PARTS)
             )
 
     def fetch(self, address: str, path: str) -> Stored:
@@ -209,18 +203,16 @@ class Store:
         return stored
 
     def copy(self, addresses: Sequence[tuple[str, str]]) -> None:
-        """Copy objects within the store, from addresses to others. Those that there are not are passed over."""
-        for _ in results_of(lambda pair: self._copy(*pair), addresses, _REQUESTS):
+        """Copy objects within the store, from addresses to others."""
+        for _ in results_of(self._copy, addresses, _REQUESTS):
             pass
 
-    def _copy(self, source: str, target: str) -> None:
+    def _copy(self, addresses: tuple[str, str]) -> None:
         import obstore
 
-        try:
-            with _translating(source):
-                obstore.copy(self._client, self._key(source), self._key(target))
-        except NoObjectError:
-            pass
+        source, target = addresses
+        with _translating(source):
+            obstore.copy(self._client, self._key(source), self._key(target))
 
     def has(self, address: str) -> bool:
         """Whether there is an object, as far as the credentials allow to look. Raises MissingError without bucket."""
