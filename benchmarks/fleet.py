@@ -24,10 +24,10 @@ from pathlib import Path
 from typing import Any
 
 from flight import START
-from msggen.recordings.fleet import compact, update
-from msggen.recordings.fleet.records import TABLE, Listed, decoded
-from msggen.recordings.fleet.run import pool_of
-from msggen.recordings.fleet.storage import Disk
+from msggen.exports.fleet import compact, update
+from msggen.exports.fleet.records import TABLE, Listed, decoded
+from msggen.exports.fleet.run import pool_of
+from msggen.exports.fleet.storage import Disk
 from tables import Table
 from ulogs import write_vehicle_log
 

@@ -25,9 +25,9 @@ from typing import Any, NamedTuple
 
 from environment import HERE, ROOT
 from link_sender import Load, Send, endpoints, send_all, sensor_combined
-from msggen.live.link import Link, Remote, Route, Service
-from msggen.live.links.dds import LOOPBACK, DdsLink
-from msggen.live.links.udp import UdpLink
+from msggen.link.dds import LOOPBACK, DdsLink
+from msggen.link.link import Link, Remote, Route, Service
+from msggen.link.udp import UdpLink
 from tables import Table
 
 DOMAIN = 100 + os.getpid() % 100

@@ -14,9 +14,9 @@ import sys
 import time
 
 from link_sender import TIMESTAMP, connect, endpoints
-from msggen.live.xrce.client import Client
-from msggen.live.xrce.client_entities import Reader, Settings, Writer
-from msggen.live.xrce.client_events import Received
+from msggen.link.xrce.client import Client
+from msggen.link.xrce.client_entities import Reader, Settings, Writer
+from msggen.link.xrce.client_events import Received
 
 
 def receive(client: Client, sock: socket.socket) -> list[int]:

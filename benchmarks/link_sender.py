@@ -19,10 +19,10 @@ from typing import Any, NamedTuple
 
 from environment import ROOT
 from messages import read_samples
-from msggen.live.links.cyclone import Participant
-from msggen.live.links.dds import LOOPBACK
-from msggen.live.xrce.client import Client
-from msggen.live.xrce.client_entities import Settings, Writer
+from msggen.link.cyclone import Participant
+from msggen.link.dds import LOOPBACK
+from msggen.link.xrce.client import Client
+from msggen.link.xrce.client_entities import Settings, Writer
 from peers import Cyclone
 
 sys.path.insert(0, str(ROOT / "generated"))

@@ -11,10 +11,10 @@ import sys
 import time
 
 from link import Meter, wait
-from msggen.live.link import Link, Remote, Route, Service
-from msggen.live.links.address import parse_address
-from msggen.live.links.opening import open_link
-from msggen.live.links.unix import UnixLink
+from msggen.link.address import parse_address
+from msggen.link.link import Link, Remote, Route, Service
+from msggen.vehicle.opening import open_link
+from msggen.vehicle.owned.unix import UnixLink
 
 
 class Follower(Meter):

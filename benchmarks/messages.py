@@ -14,7 +14,7 @@ from environment import ROOT
 from msggen.definitions.layout import lay_out
 from msggen.definitions.model import Catalog, Message
 from msggen.sources.catalog import read_catalog
-from msggen.sources.sources import find_sources
+from msggen.sources.finding import find_sources
 
 GENERATED = ROOT / "generated"
 VECTORS = ROOT / "tests" / "vectors" / "cdr.json"

@@ -27,7 +27,10 @@ FOUR = {
     "--json": Kind.JSON,
     "--uorb-idl-header": Kind.IDL_HEADERS,
 }
-IMPORTS = "import msggen.cli, msggen.cli.px4_generate, msggen.generate.px4.messages, msggen.generate.text.empy_program"
+IMPORTS = (
+    "import msggen.cli, msggen.cli.commands.px4_generate, msggen.generate.px4.messages, "
+    "msggen.generate.text.empy_program"
+)
 
 
 class Task(NamedTuple):

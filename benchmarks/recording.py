@@ -20,11 +20,11 @@ from mcap.reader import make_reader
 
 from link import SETTLE, send, sender
 from link_sender import Load
+from msggen.exports.recorder import Recorder
+from msggen.exports.writer import Channel
+from msggen.link.link import Route
+from msggen.link.udp import UdpLink
 from msggen.live import Vehicle
-from msggen.live.link import Route
-from msggen.live.links.udp import UdpLink
-from msggen.recordings.live.recorder import Recorder
-from msggen.recordings.writer import Channel
 from tables import Table
 
 HEAD = ["samples", "sent", "in the file", "lost by the link", "dropped", "MB", "CPU, us a sample", "CPU, % of a core"]

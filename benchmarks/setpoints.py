@@ -26,7 +26,7 @@ from select import select
 from statistics import median
 
 from environment import HERE, ROOT
-from msggen.live.links.owners import running, stop
+from msggen.vehicle.owned.owners import running, stop
 from tables import Table
 
 RATES = (10.0, 50.0, 100.0, 250.0)

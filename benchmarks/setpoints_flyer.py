@@ -30,7 +30,7 @@ from msggen.flight.link import LinkConnection
 from msggen.flight.registration import Registrar, Wanted
 from msggen.flight.trajectory import FREE, Trajectory
 from msggen.live import Vehicle
-from msggen.live.messages.commands import ARM_DISARM
+from msggen.messages.commands import ARM_DISARM
 from setpoints import place_of
 
 sys.path.insert(0, str(ROOT / "generated"))

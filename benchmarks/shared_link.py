@@ -25,7 +25,7 @@ from typing import NamedTuple
 from environment import HERE, ROOT
 from link import line, send, sender
 from link_sender import Load
-from msggen.live.links.owners import running
+from msggen.vehicle.owned.owners import running
 from tables import Table
 
 HEAD = [

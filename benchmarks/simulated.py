@@ -22,11 +22,11 @@ from typing import Any
 
 from environment import ROOT
 from link import Meter
-from msggen.live.link import Opened, Remote, Route, Sample
-from msggen.live.links.udp import UdpLink
-from msggen.live.sim import Options, SimulatedVehicle
-from msggen.live.sim.alone import BOOT, LoneFlight
-from msggen.live.xrce.agent import Agent
+from msggen.link.link import Opened, Remote, Route, Sample
+from msggen.link.udp import UdpLink
+from msggen.link.xrce.agent import Agent
+from msggen.sim import Options, SimulatedVehicle
+from msggen.sim.alone import BOOT, LoneFlight
 from tables import Table
 
 sys.path.insert(0, str(ROOT / "generated"))

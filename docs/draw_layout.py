@@ -8,7 +8,7 @@ from xml.sax.saxutils import escape
 
 from msggen.definitions.layout import Leaf, lay_out
 from msggen.sources.catalog import read_catalog
-from msggen.sources.sources import find_sources
+from msggen.sources.finding import find_sources
 
 PER_ROW, CELL, ROW, LEFT, TOP = 16, 44, 46, 56, 64
 STYLE = 'font-family="sans-serif" font-size="12"'

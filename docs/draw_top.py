@@ -15,14 +15,14 @@ from rich.text import Text
 
 from msggen.cli.packages import import_package
 from msggen.live import Vehicle
-from msggen.live.messages.names import is_topic
-from msggen.live.sim import Options, Simulator
-from msggen.live.vehicle.meter import Meter
+from msggen.messages.names import is_topic
 from msggen.show.top.drawing import screen
 from msggen.show.top.health import BATTERY, STATUS, health_of
 from msggen.show.top.history import History
 from msggen.show.top.rows import Row, Table, limits_of, rows_of
 from msggen.show.top.view import View
+from msggen.sim import Options, Simulator
+from msggen.vehicle.meter import Meter
 
 WIDTH, HEIGHT = 104, 24
 FORMAT = """\

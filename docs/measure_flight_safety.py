@@ -17,10 +17,10 @@ from types import ModuleType
 from typing import Any, NamedTuple, cast
 
 from msggen.flight import TRAJECTORY, Executor, Flight, Mode, NoAnswerError
-from msggen.live.messages.nav_states import MODE_NAMES
-from msggen.live.sim import Options
-from msggen.live.sim.loop import SimulatedLoop, run
-from msggen.live.sim.near import NearVehicle
+from msggen.messages.nav_states import MODE_NAMES
+from msggen.sim import Options
+from msggen.sim.loop import SimulatedLoop, run
+from msggen.sim.near import NearVehicle
 
 RELEASES = ("v1.15", "v1.18")
 PHASES = (0.0, 0.08, 0.16, 0.24)

@@ -42,7 +42,7 @@ def main() -> int:
     from msggen.cli import main as run
 
     if "_ARGCOMPLETE" in os.environ:  # the shell asks for completions
-        from msggen.cli.completion import complete
+        from msggen.cli.commands.completion import complete
 
         complete()
     if not _HANDLES:

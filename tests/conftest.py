@@ -20,9 +20,9 @@ from hypothesis import HealthCheck, settings
 
 from msggen.base.disk import files
 from msggen.definitions.model import Catalog
-from msggen.live.links.places import CAN_SHARE
 from msggen.sources.catalog import read_catalog
-from msggen.sources.sources import find_sources
+from msggen.sources.finding import find_sources
+from msggen.vehicle.owned.places import CAN_SHARE
 from support.children import adopt_orphans, ended
 from support.examples import ALL_EXAMPLES
 from support.repository import ROOT
@@ -30,7 +30,7 @@ from support.repository import ROOT
 if TYPE_CHECKING:
     from selenium.webdriver import Chrome
 
-collect_ignore_glob = [] if CAN_SHARE else ["live/owner/*"]  # Windows has no links that programs share
+collect_ignore_glob = [] if CAN_SHARE else ["vehicle/owner/*"]  # Windows has no links that programs share
 
 # The duration of an example depends on the load of the machine. The usual run takes a third of the examples, always the
 # same ones, so that a change is judged by itself; the night takes others, and prints what repeats a failure.

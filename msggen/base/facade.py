@@ -7,14 +7,15 @@ from collections.abc import Iterable, Mapping
 from importlib import import_module
 
 
-def attribute(package: str, modules: Mapping[str, Iterable[str]], name: str) -> object:
+def attribute(package: str, modules: Mapping[str, Iterable[str]], name: str, of: str = "") -> object:
     """Return the public name of a package, from the module of `modules` that has it. `__getattr__` calls it.
 
-    A name can be a module of that module. Raises AttributeError for any other name.
+    The modules are in the package `of`, by default in the same one. A name can be a module of that module. Raises
+    AttributeError for any other name.
     """
     for module, names in modules.items():
         if name in names:
-            found = import_module(f"{package}.{module}")
+            found = import_module(f"{of or package}.{module}")
             value = getattr(found, name) if hasattr(found, name) else import_module(f"{found.__name__}.{name}")
             return vars(sys.modules[package]).setdefault(name, value)
     text = f"module '{package}' has no attribute '{name}'"

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 
 class Format(NamedTuple):
-    """A format of files. The module of `msggen.recordings.files` that is called as its key reads them."""
+    """A format of files. A module `reader` in a folder of `msggen.recordings.files` reads them."""
 
     name: str
     """For people, in a list."""
@@ -19,8 +19,10 @@ class Format(NamedTuple):
     """Of the names of its files, in lower case."""
     front: bytes
     """The first bytes of its files."""
+    folder: str
+    """The folder in `msggen.recordings.files`."""
     reader: str
-    """The class in the module, a `Source` that is made of the path of a file."""
+    """The class in its module `reader`, a `Source` that is made of the path of a file."""
     storage: str = ""
     """What a folder of rosbag2 calls it, "" if no such folder has files of it."""
     is_of_vehicle: bool = False
@@ -29,9 +31,11 @@ class Format(NamedTuple):
 
 FORMATS: Mapping[str, Format] = MappingProxyType(
     {
-        "mcap": Format("MCAP", "an MCAP file", ".mcap", b"\x89MCAP0\r\n", "McapFile", "mcap"),
-        "ulog": Format("ULog", "a ULog", ".ulg", b"ULog\x01\x12\x35", "UlogFile", is_of_vehicle=True),
-        "db3": Format("rosbag2 database", "a database of rosbag2", ".db3", b"SQLite format 3\0", "Db3File", "sqlite3"),
+        "mcap": Format("MCAP", "an MCAP file", ".mcap", b"\x89MCAP0\r\n", "mcap", "McapFile", "mcap"),
+        "ulog": Format("ULog", "a ULog", ".ulg", b"ULog\x01\x12\x35", "ulog", "UlogFile", is_of_vehicle=True),
+        "db3": Format(
+            "rosbag2 database", "a database of rosbag2", ".db3", b"SQLite format 3\0", "rosbag2", "Db3File", "sqlite3"
+        ),
     }
 )
 """The formats by their names in programs, `Log.kind`."""

@@ -12,10 +12,10 @@ from msggen.cli.chosen_types import Types, release_types
 from msggen.sources.embedded import EMBEDDED
 
 if TYPE_CHECKING:
-    from msggen.live import Vehicle
-    from msggen.live.link import Route
-    from msggen.live.messages.lookup import Named
-    from msggen.live.messages.packages import Endpoint, Message
+    from msggen.link.link import Route
+    from msggen.messages.lookup import Named
+    from msggen.messages.packages import Endpoint, Message
+    from msggen.vehicle.vehicle import Vehicle
 
 
 class Chosen(NamedTuple):
@@ -67,7 +67,7 @@ def types_for(vehicle: Vehicle, known: Types | None) -> Chosen:
 
 def differing(package: ModuleType, vehicle: Vehicle) -> list[str]:
     """Return the messages of a package that are not those of a vehicle, as far as it has told them, by name."""
-    from msggen.live.messages.names import without_namespace
+    from msggen.messages.names import without_namespace
 
     hashes, namespace = vehicle.firmware.hashes, vehicle.remote.namespace
     named = {endpoint.ros_name: endpoint for endpoint in package.topics.ENDPOINTS}  # faster than a search by name
@@ -91,7 +91,7 @@ def _versions(package: ModuleType, route: Route) -> Iterator[Endpoint[Message]]:
 
 def _fits(endpoint: Endpoint[Message], route: Route, known: int | None) -> bool:
     """Whether an endpoint has the definition of a route, whose hash is `known` if the vehicle has told it."""
-    from msggen.live.messages.names import version_of
+    from msggen.messages.names import version_of
 
     info = endpoint.message.__msg__
     return info.message_version == version_of(route.name) and known in (None, info.message_hash)

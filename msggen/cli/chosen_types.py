@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.base.diagnostics import InputError, input_error
 from msggen.cli.packages import import_package, topics_of
-from msggen.cli.sources import is_named, settings_of, sources_of
+from msggen.cli.source_options import is_named, settings_of, sources_of
 from msggen.generate.cache import package_from, package_of
 from msggen.sources.embedded import EMBEDDED
+from msggen.sources.finding import Sources, find_sources
 from msggen.sources.settings import Settings
-from msggen.sources.sources import Sources, find_sources
 
 if TYPE_CHECKING:
-    from msggen.live.link import Route
+    from msggen.link.link import Route
 
 _LOADING = 1.0
 """The time in s after which no further release is loaded."""
@@ -112,8 +112,8 @@ def routes_to_continue(options: argparse.Namespace) -> tuple[Route, ...]:
     second: a vehicle waits for an answer for 3 s, and a package that is not built yet takes about a second. Raises
     InputError.
     """
-    from msggen.live.links.known import joined
-    from msggen.live.messages.packages import known_routes
+    from msggen.link.known import joined
+    from msggen.messages.packages import known_routes
 
     given = folder_types(options)
     if given is not None:

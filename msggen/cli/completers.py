@@ -8,13 +8,13 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from msggen.cli.call import request_like
+from msggen.cli.commands.call import request_like
 from msggen.cli.message import values_like
 from msggen.cli.names import names_of
 
 if TYPE_CHECKING:
     from msggen.cli.names import Field, Names
-    from msggen.live.messages.packages import Way
+    from msggen.messages.packages import Way
     from msggen.recordings import Topic
 
 _WORD = re.compile(r"[\w.\[\]]*\Z")
@@ -60,7 +60,7 @@ def fields(prefix: str, options: argparse.Namespace) -> Iterator[str]:
 
 def conditions(prefix: str, options: argparse.Namespace) -> Iterator[str]:
     """Yield a condition with its last word completed: a field, a member of the enum of the other side, a function."""
-    from msggen.live.messages.expression import FUNCTIONS
+    from msggen.messages.expression import FUNCTIONS
 
     names = names_of(options)
     own = _fields(options, names)

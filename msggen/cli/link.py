@@ -17,15 +17,16 @@ from msggen.base.location import Location
 from msggen.cli.agreement import Chosen, types_for
 from msggen.cli.chosen_types import Types, is_given, known_types, release_types
 from msggen.cli.options import Group, WrongArgumentError, add_shared
-from msggen.cli.sources import settings_of
+from msggen.cli.source_options import settings_of
 from msggen.cli.values import KEY, local_path, non_empty, positive
-from msggen.live.links.link_types import DEFAULT, usages
+from msggen.link.link_types import DEFAULT, usages
 from msggen.sources.embedded import EMBEDDED
 
 if TYPE_CHECKING:
-    from msggen.live import LinkError, Vehicle
-    from msggen.live.links.address import Address
-    from msggen.live.messages.lookup import Named
+    from msggen.link.address import Address
+    from msggen.link.link import LinkError
+    from msggen.messages.lookup import Named
+    from msggen.vehicle.vehicle import Vehicle
 
 Check: TypeAlias = Callable[[ModuleType], object]
 """Checks names in the arguments of a command with a generated package."""
@@ -131,9 +132,10 @@ def connection(
     those of the known types, or else of the newest release, and its namespace is not known (docs/vehicle.md). If the
     user names a topic in a namespace, that selects the vehicle then, as --namespace does.
     """
-    from msggen.live import LinkError, Vehicle
-    from msggen.live.vehicle.alone import wait_alone
-    from msggen.live.vehicle.selection import is_unnamed
+    from msggen.link.link import LinkError
+    from msggen.vehicle.alone import wait_alone
+    from msggen.vehicle.selection import is_unnamed
+    from msggen.vehicle.vehicle import Vehicle
 
     link, known = link_of(options), known_types(options)
     absent = _check_of_absent(options, check, known, needs_types=needs_types)
@@ -205,7 +207,7 @@ def _check_releases(check: Check) -> None:
 
 def for_people(error: LinkError) -> str:
     """Return the text of an error with options of the command line instead of what programs call in Python."""
-    from msggen.live import FormatError
+    from msggen.link.link import FormatError
 
     if isinstance(error, FormatError):
         return f"{str(error).rpartition(': ')[0]}: {_TYPES_CURE}"
@@ -214,9 +216,9 @@ def for_people(error: LinkError) -> str:
 
 def owner_of(link: str, error: LinkError) -> str:
     """Return who has the port or the device of a link that could not be opened, as far as that can be known."""
-    from msggen.doctor.observe import is_taken
     from msggen.doctor.sockets import owners_of
-    from msggen.live.links.address import parse_address
+    from msggen.doctor.watching import is_taken
+    from msggen.link.address import parse_address
 
     owners = owners_of(parse_address(link)) if is_taken(error) else ()
     return f"; {few(list(map(str, owners)))} has it" if owners else ""
@@ -257,8 +259,8 @@ def agent_of(options: argparse.Namespace, named: str | None) -> str:
 
 def _parsed(link: str, place: Location) -> Address:
     """Return the parts of the address of a link. Raises InputError."""
-    from msggen.live.link import LinkError
-    from msggen.live.links.address import parse_address
+    from msggen.link.address import parse_address
+    from msggen.link.link import LinkError
 
     try:
         return parse_address(link)
@@ -286,7 +288,7 @@ def _wait(vehicle: Vehicle, link: str, patience: float, check: Callable[[], obje
 
 def _is_there(vehicle: Vehicle, seconds: float) -> bool:
     """Whether a vehicle connects within a time. Raises LinkError if the link has failed."""
-    from msggen.live import LinkTimeoutError
+    from msggen.link.link import LinkTimeoutError
 
     try:
         vehicle.wait_connected(seconds)

@@ -14,12 +14,12 @@ from msggen.base.location import Location
 from msggen.cli.link import Connection
 from msggen.cli.options import refuse
 from msggen.cli.values import local_path, positive
-from msggen.live.links.link_types import type_named
+from msggen.link.link_types import type_named
 
 if TYPE_CHECKING:
     from msggen.cli.names import Field, Names
-    from msggen.live.messages.lookup import Named
-    from msggen.live.messages.packages import Message
+    from msggen.messages.lookup import Named
+    from msggen.messages.packages import Message
 
     MessageT = TypeVar("MessageT", bound=Message)
 
@@ -62,7 +62,7 @@ class Values(NamedTuple):
 
     def message(self, cls: type[MessageT]) -> MessageT:
         """Return the message with these values. Raises InputError, with all problems."""
-        from msggen.live.messages.compose import ValuesError, compose
+        from msggen.messages.compose import ValuesError, compose
 
         try:
             return compose(cls, self.values)

@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 from msggen.base.disk.reading import read_bytes
-from msggen.live.messages.names import stem_of
+from msggen.messages.names import stem_of
 from msggen.sources.settings import names_folder
 
 _LARGEST = 2**22
@@ -92,8 +92,8 @@ def names_of(options: argparse.Namespace) -> Names:
     from msggen.cli.chosen_types import folder_sources
     from msggen.generate.cache import folder_from, folder_of
     from msggen.sources.embedded import EMBEDDED
+    from msggen.sources.finding import find_sources
     from msggen.sources.settings import read_settings
-    from msggen.sources.sources import find_sources
 
     options.settings = read_settings(os.curdir)  # without the note of `settings_of`, which nobody asked for
     types = options.types or options.settings.types

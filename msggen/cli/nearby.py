@@ -15,7 +15,7 @@ def folder_firmware(options: argparse.Namespace) -> tuple[ModuleType, str] | Non
     The setting `types` is not used: `log` reads files of others, and imports no package of theirs.
     """
     from msggen.cli.chosen_types import folder_sources
-    from msggen.cli.sources import settings_of
+    from msggen.cli.source_options import settings_of
     from msggen.generate.cache import package_from
 
     try:

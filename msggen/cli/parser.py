@@ -256,5 +256,5 @@ def parser_for(words: Sequence[str]) -> argparse.ArgumentParser:
     commands = parser.add_subparsers(prog=parser.prog, metavar=_COMMAND, required=True)
     known = _MODULES.get(words[0]) if words else None
     for module in dict.fromkeys([known] if known else _MODULES.values()):
-        __import__(f"msggen.cli.{module}", fromlist=["add_to"]).add_to(commands)  # importlib would take longer
+        __import__(f"msggen.cli.commands.{module}", fromlist=["add_to"]).add_to(commands)  # importlib would take longer
     return parser

@@ -16,7 +16,7 @@ from msggen.cli.printing import discard_output
 from msggen.cli.values import COUNT, positive
 
 if TYPE_CHECKING:
-    from msggen.live import Vehicle
+    from msggen.vehicle.vehicle import Vehicle
 
 _WINDOW = 3.0
 
@@ -84,7 +84,7 @@ def rounds(options: argparse.Namespace, vehicle: Vehicle, period: float) -> Iter
 
 def check_link(vehicle: Vehicle) -> None:
     """Raise LinkError if the link has failed: a vehicle that is disconnected would be waited for without an end."""
-    from msggen.live import LinkTimeoutError, NotConnectedError
+    from msggen.link.link import LinkTimeoutError, NotConnectedError
 
     with suppress(LinkTimeoutError, NotConnectedError):
         vehicle.wait_connected(0)

@@ -11,8 +11,8 @@ from itertools import pairwise
 
 from msggen.doctor.observation import SIM, AgentSeen, Sender
 from msggen.doctor.sockets import owners, senders_to, sockets, words_of
-from msggen.live.link import LinkError
-from msggen.live.xrce import wire
+from msggen.link.link import LinkError
+from msggen.link.xrce import wire
 
 _PX4 = "px4"
 """The name of PX4's process in simulation."""
@@ -57,8 +57,8 @@ def find_agents(addresses: Iterable[tuple[str, int]], domain: int) -> tuple[Agen
 
 def namespaces_in(domain: int) -> tuple[str, ...] | None:
     """Return the namespaces of the vehicles in a DDS domain, None if the package cyclonedds is not installed."""
-    from msggen.live.links.dds import DdsLink
-    from msggen.live.vehicle.hub import Hub
+    from msggen.link.dds import DdsLink
+    from msggen.vehicle.hub import Hub
 
     link = DdsLink(domain)
     hub = Hub(link)

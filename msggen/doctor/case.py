@@ -10,10 +10,10 @@ from msggen.base.location import Location
 from msggen.check.finding import Change
 from msggen.doctor.expected import Expected
 from msggen.doctor.observation import Observation, VehicleSeen
-from msggen.live.link import Route
-from msggen.live.messages.names import is_named_after, stem_of
-from msggen.live.vehicle.selection import Selection, shown
-from msggen.live.xrce.agent import Client
+from msggen.link.link import Route
+from msggen.link.xrce.agent import Client
+from msggen.messages.names import is_named_after, stem_of
+from msggen.vehicle.selection import Selection, shown
 
 SILENT = 2.0
 """The time in s without any sample after which a vehicle counts as silent. The rarest one has several a second."""

@@ -9,7 +9,7 @@ from msggen.base.diagnostics import few
 from msggen.check.finding import Change
 from msggen.doctor.case import Case, message_of
 from msggen.doctor.observation import InputSeen, SampleSeen, VehicleSeen
-from msggen.doctor.steering import means_inputs
+from msggen.doctor.setpoints import means_inputs
 
 _MESSAGE = "VehicleCommand"
 _ACKNOWLEDGEMENT = "vehicle_command_ack"

@@ -8,8 +8,8 @@ from types import ModuleType
 from typing import Any, TypeAlias
 
 from msggen.doctor.observation import Observation, SampleSeen, VehicleSeen
-from msggen.live.link import Route
-from msggen.live.messages.names import version_of
+from msggen.link.link import Route
+from msggen.messages.names import version_of
 
 _LITTLE_ENDIAN = "0001"
 """The encapsulation of plain CDR with little-endian numbers, in hexadecimal. Two bytes of options follow."""

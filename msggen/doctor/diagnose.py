@@ -10,9 +10,9 @@ from msggen.doctor.case import Case, message_of
 from msggen.doctor.observation import InputSeen, VehicleSeen
 from msggen.doctor.release import covered
 from msggen.doctor.rules import DOCTOR
-from msggen.live.link import Route
-from msggen.live.messages.names import version_of
-from msggen.live.vehicle.selection import shown
+from msggen.link.link import Route
+from msggen.messages.names import version_of
+from msggen.vehicle.selection import shown
 
 
 def diagnose(case: Case, rules: Sequence[Rule] = DOCTOR, *, is_brief: bool = False) -> Report:

@@ -7,8 +7,8 @@ from collections import Counter
 
 from msggen.doctor.inputs import Inputs
 from msggen.doctor.observation import InputSeen, Observation, ProgramSeen, ReaderSeen, WriterSeen
-from msggen.live.links.cyclone import Found, Participant, Process, Reader
-from msggen.live.links.dds import LOOPBACK, MAX_ENDPOINTS
+from msggen.link.cyclone import Found, Participant, Process, Reader
+from msggen.link.dds import LOOPBACK, MAX_ENDPOINTS
 
 _TURN_S = 0.2
 _OWN = "message_format_request"

@@ -22,12 +22,12 @@ from msggen.doctor.observation import (
     TopicSeen,
     VehicleSeen,
 )
-from msggen.live.link import Remote, Route, Statistics
-from msggen.live.messages.commands import ARM_DISARM, SET_MODE, TEMPORARILY_REJECTED
-from msggen.live.messages.names import uorb_name
-from msggen.live.messages.nav_states import ARMED, DISARMED, HOLD, LAND, OFFBOARD, ROTARY_WING
-from msggen.live.vehicle.selection import Selection
-from msggen.live.xrce.agent import Client
+from msggen.link.link import Remote, Route, Statistics
+from msggen.link.xrce.agent import Client
+from msggen.messages.commands import ARM_DISARM, SET_MODE, TEMPORARILY_REJECTED
+from msggen.messages.names import uorb_name
+from msggen.messages.nav_states import ARMED, DISARMED, HOLD, LAND, OFFBOARD, ROTARY_WING
+from msggen.vehicle.selection import Selection
 
 _NOW = 1_767_225_600_000_000_000  # 2026-01-01
 _STATUS, _COMMAND = "px4_msgs/msg/VehicleStatus", "px4_msgs/msg/VehicleCommand"

@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 
 from msggen.doctor.observation import InputSeen, ProgramSeen, SampleSeen
-from msggen.live.link import Publisher
+from msggen.link.link import Publisher
 
 KEPT = 8
 """The samples of a topic that are kept."""

@@ -10,9 +10,9 @@ from msggen.base.diagnostics import counted, few, suggestion
 from msggen.check.finding import Change
 from msggen.doctor.case import Case, matches, message_of, plain
 from msggen.doctor.observation import VehicleSeen
-from msggen.live.link import Route
-from msggen.live.messages.names import stem_of, version_of, without_namespace
-from msggen.live.vehicle.selection import is_unnamed, shown
+from msggen.link.link import Route
+from msggen.messages.names import stem_of, version_of, without_namespace
+from msggen.vehicle.selection import is_unnamed, shown
 
 _FULL = re.compile(r"(?:/(.+))?(/fmu/.+)")
 _CAPITAL = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")

@@ -6,10 +6,10 @@ import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from msggen.live.link import NOTHING, Remote, Route, Statistics
-from msggen.live.links.link_types import LINK_TYPES, LinkType
-from msggen.live.messages.names import uorb_name
-from msggen.live.xrce.agent import Client
+from msggen.link.link import NOTHING, Remote, Route, Statistics
+from msggen.link.link_types import LINK_TYPES, LinkType
+from msggen.link.xrce.agent import Client
+from msggen.messages.names import uorb_name
 
 INTACT = frozenset(
     {

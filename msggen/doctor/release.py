@@ -6,7 +6,8 @@ from collections.abc import Iterator
 
 from msggen.base.diagnostics import counted
 from msggen.check.finding import Change
-from msggen.doctor import flowing, naming
+from msggen.doctor import naming
+from msggen.doctor import samples as flowing
 from msggen.doctor.case import Case
 from msggen.doctor.observation import VehicleSeen
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from msggen.check.finding import Category, Rule
-from msggen.doctor import connecting, flowing, naming, release
+from msggen.doctor import connecting, naming, release
+from msggen.doctor import samples as flowing
 from msggen.doctor.setpoint_rules import SETPOINT
 
 DOCTOR = (

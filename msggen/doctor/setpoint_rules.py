@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from msggen.check.finding import Category, Rule
-from msggen.doctor import arming, commands, steering
+from msggen.doctor import commands
+from msggen.doctor import not_following as arming
+from msggen.doctor import setpoints as steering
 
 SETPOINT = (
     Rule(

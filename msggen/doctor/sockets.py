@@ -11,7 +11,7 @@ from contextlib import suppress
 from typing import NamedTuple
 
 from msggen.doctor.observation import OWNER, Process
-from msggen.live.links.address import Address
+from msggen.link.address import Address
 
 _TABLES = ("/proc/net/udp", "/proc/net/udp6")
 _MAPPED = bytes(10) + b"\xff\xff"
@@ -78,7 +78,7 @@ def _name_or_role(pid: int) -> str:
     """Return the name of a process, or OWNER: the name of that one would be `python`."""
     words = words_of(pid)
     is_serving = any(os.path.basename(program) == "msggen" for program in words) and "serve" in words
-    return OWNER if is_serving or any("msggen.live.owner.process" in word for word in words) else name_of(pid)
+    return OWNER if is_serving or any("msggen.vehicle.owner.process" in word for word in words) else name_of(pid)
 
 
 def processes(is_wanted: Callable[[str], bool]) -> Iterator[int]:

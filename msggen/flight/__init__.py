@@ -25,7 +25,7 @@ from msggen.flight.overrides import Deferral, Keeps
 from msggen.flight.places import GlobalPlace
 from msggen.flight.requirements import GLOBAL_POSITION, LOCAL_POSITION, Requirement
 from msggen.flight.space import Vector
-from msggen.live.messages.setpoints import ATTITUDE, GOTO, RATES, TRAJECTORY
+from msggen.messages.setpoints import ATTITUDE, GOTO, RATES, TRAJECTORY
 
 __all__ = [
     "ATTITUDE",

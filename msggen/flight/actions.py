@@ -11,7 +11,6 @@ from contextlib import suppress
 from logging import getLogger
 from typing import Any
 
-from msggen.base import earth
 from msggen.flight.commands import Commands
 from msggen.flight.elsewhere import Hinted
 from msggen.flight.errors import FlightError, LimitError, NotReachedError
@@ -22,8 +21,8 @@ from msggen.flight.setpoints import finite
 from msggen.flight.states import described, is_armed, is_disarmed
 from msggen.flight.telemetry import is_known_in_air, is_known_landed, is_landed, valid_estimate
 from msggen.flight.usage import ON_EARTH, explained, named
-from msggen.live.messages import commands
-from msggen.live.messages.nav_states import HOLD, LAND, RETURN, SELECTABLE, TAKEOFF, mode_number
+from msggen.messages import commands, earth
+from msggen.messages.nav_states import HOLD, LAND, RETURN, SELECTABLE, TAKEOFF, mode_number
 
 LOGGER = getLogger("msggen.flight")
 

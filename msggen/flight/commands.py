@@ -11,8 +11,8 @@ from typing import Any, Final
 from msggen.flight.connection import Connection, Topics, filled
 from msggen.flight.errors import FlightError, RefusedError
 from msggen.flight.feeds import Condition, Feeds
-from msggen.live.messages.commands import ACCEPTED, EXECUTOR, IN_PROGRESS
-from msggen.live.messages.refusals import reasons_for_command
+from msggen.messages.commands import ACCEPTED, EXECUTOR, IN_PROGRESS
+from msggen.messages.refusals import reasons_for_command
 
 COMPANION: Final = 191
 """The component id of a companion computer in MAVLink: PX4 takes commands of components below 1000 as a user's."""

@@ -12,8 +12,8 @@ from msggen.flight.mode import Mode
 from msggen.flight.overrides import Keeps
 from msggen.flight.requirements import Requirement
 from msggen.flight.space import Frame
-from msggen.live.messages.nav_states import EXTERNAL
-from msggen.live.messages.setpoints import Kind
+from msggen.messages.nav_states import EXTERNAL
+from msggen.messages.setpoints import Kind
 
 
 def check_mode(mode: Mode, *, is_owned: bool) -> None:

@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Callable, Coroutine, Sequence
 from typing import Any
 
-from msggen.live.messages.commands import REFUSALS
+from msggen.messages.commands import REFUSALS
 
 
 class FlightError(Exception):

@@ -9,7 +9,6 @@ from types import ModuleType, TracebackType
 from typing import TYPE_CHECKING, Any, Final
 
 from msggen.flight.actions import Actions
-from msggen.flight.active import ActiveMode
 from msggen.flight.commands import Commands
 from msggen.flight.connection import Connection
 from msggen.flight.ending import Ending
@@ -20,17 +19,18 @@ from msggen.flight.limits import NO_LIMITS, Fence, Limits
 from msggen.flight.link import LinkConnection, Need, Which, connected
 from msggen.flight.mode import Mode
 from msggen.flight.offboard import Offboard, offboard
-from msggen.flight.parts import NEEDED, Part, Parts
+from msggen.flight.registered import NEEDED, Part, Parts
 from msggen.flight.registration import Ids
+from msggen.flight.running_mode import ActiveMode
 from msggen.flight.space import Frame
 from msggen.flight.states import is_armed
 from msggen.flight.telemetry import Telemetry, is_landed
-from msggen.live.links.link_types import DEFAULT
+from msggen.link.link_types import DEFAULT
 
 if TYPE_CHECKING:
     from typing_extensions import Self, TypeIs
 
-    from msggen.live import Vehicle
+    from msggen.vehicle.vehicle import Vehicle
 
 _HEARD = 5.0
 """The time in s within which a vehicle publishes its status."""

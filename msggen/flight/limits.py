@@ -16,7 +16,7 @@ from msggen.flight.errors import LimitError, NoAnswerError, UnsupportedError
 from msggen.flight.feeds import Feeds
 from msggen.flight.space import Vector
 from msggen.flight.usage import LIMITS, explained_class
-from msggen.live.messages.setpoints import TRAJECTORY, Kind
+from msggen.messages.setpoints import TRAJECTORY, Kind
 
 _GAIN = 0.5
 """The speed in m/s towards a limit that is 1 m away, low enough that a multicopter does not overshoot."""

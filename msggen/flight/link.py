@@ -14,15 +14,15 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from msggen.flight.connection import Connection, Recall, Take, Topics
 from msggen.flight.errors import FlightError, NoAnswerError, UnsupportedError
-from msggen.live.link import FormatError, LinkError, LinkTimeoutError, Route, TopicError
-from msggen.live.links.address import parse_address
-from msggen.live.messages.names import is_topic, stem_of, version_of
-from msggen.live.messages.packages import packages_of
-from msggen.live.vehicle.alone import LOOK, Alone, SeveralError
+from msggen.link.address import parse_address
+from msggen.link.link import FormatError, LinkError, LinkTimeoutError, Route, TopicError
+from msggen.messages.names import is_topic, stem_of, version_of
+from msggen.messages.packages import packages_of
+from msggen.vehicle.alone import LOOK, Alone, SeveralError
 
 if TYPE_CHECKING:
-    from msggen.live import Vehicle
-    from msggen.live.vehicle.subscription import Subscription
+    from msggen.vehicle.subscription import Subscription
+    from msggen.vehicle.vehicle import Vehicle
 
 LOGGER = getLogger("msggen.flight")
 _POLL = 0.02
@@ -242,7 +242,7 @@ async def connected(
     """Return the connection of a vehicle, or of the one at an address. Raises the errors of `LinkConnection.open`."""
     if which != _ANY and not isinstance(vehicle, str):
         raise TypeError("key= and namespace= select a vehicle at an address: give them to the Vehicle instead")
-    from msggen.live import Vehicle
+    from msggen.vehicle.vehicle import Vehicle
 
     if not isinstance(vehicle, (str, Vehicle)):
         return vehicle

@@ -20,8 +20,8 @@ from msggen.base.checked import UnexpectedError, field, parsed, real, row, text,
 from msggen.base.disk.reading import read_bytes
 from msggen.flight.errors import RegistrationError
 from msggen.flight.registration import Ids
-from msggen.live.links.session_files import boot_id, is_own, records_folder, set_aside
-from msggen.live.messages.nav_states import EXTERNAL
+from msggen.link.session_files import boot_id, is_own, records_folder, set_aside
+from msggen.messages.nav_states import EXTERNAL
 
 try:
     import fcntl

@@ -22,7 +22,7 @@ from msggen.flight.space import Frame, Vector, heading_of, turned, turned_headin
 from msggen.flight.telemetry import is_estimate, is_landed, no_estimate, valid_estimate
 from msggen.flight.trajectory import Steered, Trajectory
 from msggen.flight.usage import LOCAL, explained
-from msggen.live.messages.setpoints import ATTITUDE, GOTO, RATES, TRAJECTORY, Kind
+from msggen.messages.setpoints import ATTITUDE, GOTO, RATES, TRAJECTORY, Kind
 
 _SLOW = 0.5
 """The speed in m/s below which a place is reached."""

@@ -20,8 +20,8 @@ from msggen.flight.states import described
 from msggen.flight.telemetry import checked_estimate, is_estimate
 from msggen.flight.trajectory import Steered, Trajectory
 from msggen.flight.usage import LOCAL, explained
-from msggen.live.messages.nav_states import HOLD, OFFBOARD
-from msggen.live.messages.setpoints import OFFBOARD_CONTROL_MODE, TRAJECTORY, Kind
+from msggen.messages.nav_states import HOLD, OFFBOARD
+from msggen.messages.setpoints import OFFBOARD_CONTROL_MODE, TRAJECTORY, Kind
 
 _INTERVAL = 0.1
 """The time in s between two heartbeats before the mode is entered. PX4 wants 2 Hz."""

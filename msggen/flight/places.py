@@ -6,12 +6,12 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from msggen.base import earth
 from msggen.flight.errors import NoAnswerError
 from msggen.flight.feeds import Feeds
 from msggen.flight.setpoints import finite
 from msggen.flight.space import Frame, Vector, three, turned
 from msggen.flight.usage import LOCAL, ON_EARTH, named
+from msggen.messages import earth
 
 _KNOWN = 1.0
 """The time in s within which the vehicle shows where it is on earth."""

@@ -9,7 +9,7 @@ from typing import Any, Protocol, TypeVar
 from msggen.flight.connection import Connection, Topics, filled
 from msggen.flight.errors import UnsupportedError
 from msggen.flight.feeds import Feeds
-from msggen.live.messages.setpoints import OTHER_FAILURE, UNKNOWN_TYPE, UNSUPPORTED_TYPE, Kind
+from msggen.messages.setpoints import OTHER_FAILURE, UNKNOWN_TYPE, UNSUPPORTED_TYPE, Kind
 
 _TIMEOUT_MS = 500
 _TRIES, _PATIENCE = 5, 0.3

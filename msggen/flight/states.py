@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from msggen.live.messages.nav_states import MODE_NAMES
+from msggen.messages.nav_states import MODE_NAMES
 
 
 def name_of(nav_state: int) -> str:

@@ -11,7 +11,7 @@ from msggen.base.disk.incremental import Incremental, Outcome, warnings_among
 from msggen.base.disk.names import too_long
 from msggen.base.location import Location
 from msggen.sources.digest import digest_inputs
-from msggen.sources.sources import Sources, read_files
+from msggen.sources.finding import Sources, read_files
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:

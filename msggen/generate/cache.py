@@ -21,7 +21,7 @@ from msggen.base.disk.ownership import has_others, problem_of
 from msggen.base.version import __version__
 from msggen.generate.build import Build
 from msggen.sources.embedded import ARCHIVED, unknown_release
-from msggen.sources.sources import Sources, find_sources, with_archived
+from msggen.sources.finding import Sources, find_sources, with_archived
 
 _PATIENCE = 1.0
 """After which time in s a build is told: it takes half a second on a computer that is not busy."""

@@ -2,8 +2,8 @@
 
     from msggen.live import Vehicle
 
-In come links and a generated package, which is an argument: no module here knows the model. It imports base. Each name
-is imported on first use, so that `import msggen.live` costs nothing.
+The names are those of the rooms link, messages and vehicle. In come links and a generated package, which is an
+argument: no module there knows the model. Each name is imported on first use: `import msggen.live` costs nothing.
 """
 
 __all__ = [
@@ -21,16 +21,16 @@ __all__ = [
 
 TYPE_CHECKING: bool = False
 if TYPE_CHECKING:
-    from msggen.live.link import FormatError, LinkError, LinkTimeoutError, NotConnectedError, TopicError
-    from msggen.live.vehicle.firmware import Firmware
-    from msggen.live.vehicle.repeater import Repeater
-    from msggen.live.vehicle.subscription import Subscription
-    from msggen.live.vehicle.vehicle import Vehicle
-    from msggen.live.vehicle.watch import Watch
+    from msggen.link.link import FormatError, LinkError, LinkTimeoutError, NotConnectedError, TopicError
+    from msggen.messages.firmware import Firmware
+    from msggen.vehicle.repeater import Repeater
+    from msggen.vehicle.subscription import Subscription
+    from msggen.vehicle.vehicle import Vehicle
+    from msggen.vehicle.watch import Watch
 if not TYPE_CHECKING:  # hidden from type checkers, which would accept any attribute of a module that has __getattr__
     _MODULES = {
-        "vehicle.firmware": ("Firmware",),
-        "link": ("FormatError", "LinkError", "LinkTimeoutError", "NotConnectedError", "TopicError"),
+        "messages.firmware": ("Firmware",),
+        "link.link": ("FormatError", "LinkError", "LinkTimeoutError", "NotConnectedError", "TopicError"),
         "vehicle.repeater": ("Repeater",),
         "vehicle.subscription": ("Subscription",),
         "vehicle.vehicle": ("Vehicle",),
@@ -42,7 +42,7 @@ if not TYPE_CHECKING:  # hidden from type checkers, which would accept any attri
         """Return a public name from the module that defines it. Raises AttributeError for any other name."""
         from msggen.base.facade import attribute
 
-        return attribute(__name__, _MODULES, name)
+        return attribute(__name__, _MODULES, name, of="msggen")
 
     def __dir__() -> list[str]:
         """Return the names that are imported already, and the public names that can be imported."""

@@ -35,8 +35,8 @@ from msggen.sources.consistency import (
 from msggen.sources.conventions import CONVENTIONS, NEWEST, as_shown, recognise
 from msggen.sources.embedded import newest_version
 from msggen.sources.file import File, read_file
+from msggen.sources.finding import Sources, read_files
 from msggen.sources.released import check_archived
-from msggen.sources.sources import Sources, read_files
 from msggen.sources.tree_layout import CLIENT_SOURCES
 
 if TYPE_CHECKING:

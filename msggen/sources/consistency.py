@@ -22,7 +22,7 @@ from msggen.definitions.model import (
 from msggen.definitions.nesting import Extent, cycles, too_large
 from msggen.definitions.parse.field_type import type_hint
 from msggen.definitions.primitives import INTEGERS, STRINGS
-from msggen.sources.sources import Sources
+from msggen.sources.finding import Sources
 from msggen.sources.tree_layout import LISTS
 
 if TYPE_CHECKING:

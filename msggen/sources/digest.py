@@ -8,7 +8,7 @@ from typing import Any
 from msggen.base.disk.resources import PACKAGE, resource
 from msggen.base.rooms import ROOMS, below
 from msggen.base.version import __version__
-from msggen.sources.sources import Sources
+from msggen.sources.finding import Sources
 
 _SUFFIXES = (".py", ".j2", ".css", ".js")
 _LEFT_OUT = ("__pycache__", "examples")

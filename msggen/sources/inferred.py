@@ -21,7 +21,7 @@ from msggen.definitions.parse.prose import unit_in
 from msggen.definitions.primitives import PRIMITIVES
 from msggen.definitions.tags import ENUM, INHERITED, UNIT
 from msggen.sources.embedded import EMBEDDED, Releases
-from msggen.sources.sources import Sources
+from msggen.sources.finding import Sources
 
 _FIELD = re.compile(r"^(\S+) (\w+)(?:  # ((?:\[[^]]*\] ?)*).*)?$", re.MULTILINE)
 """A field of an embedded definition, with its tags."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 
 from msggen.base.diagnostics import input_error
-from msggen.sources.sources import Sources
+from msggen.sources.finding import Sources
 from msggen.sources.tree import Folder
 
 KINDS = ("msg", "srv")

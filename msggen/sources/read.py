@@ -10,8 +10,8 @@ from msggen.base.location import Location
 from msggen.definitions.model import Catalog
 from msggen.sources.catalog import read_catalog
 from msggen.sources.file import BoardOption
+from msggen.sources.finding import find_sources, with_archived, with_board
 from msggen.sources.inferred import with_inferred
-from msggen.sources.sources import find_sources, with_archived, with_board
 
 Path: TypeAlias = str | os.PathLike[str]
 

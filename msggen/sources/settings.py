@@ -14,7 +14,7 @@ from msggen.base.disk.urls import refuse_url
 from msggen.base.location import Location
 from msggen.sources.embedded import names_release
 from msggen.sources.file import BoardOption
-from msggen.sources.sources import join_package, split_package
+from msggen.sources.finding import join_package, split_package
 
 
 class Settings(NamedTuple):

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msggen.base import earth
+from msggen.messages import earth
 from support.examples import examples
 
 latitudes = st.floats(-89.0, 89.0)

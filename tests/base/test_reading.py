@@ -11,7 +11,7 @@ import pytest
 
 from msggen.base.disk.reading import LARGEST, read_bytes, read_text
 from msggen.cli import FAILED, main
-from msggen.sources.sources import open_tree
+from msggen.sources.finding import open_tree
 
 TOPICS = "src/modules/uxrce_dds_client/dds_topics.yaml"
 BRIDGE = "publications:\n  - {topic: /fmu/out/gripper, type: 'px4_msgs::msg::Gripper'}\n"

@@ -15,7 +15,7 @@ from msggen.check.lint.definition import Definition, definitions_of
 from msggen.definitions.parse.prose import unit_in
 from msggen.definitions.tags import NAMES
 from msggen.sources.catalog import read_catalog
-from msggen.sources.sources import find_sources, read_files
+from msggen.sources.finding import find_sources, read_files
 from support.repository import shared
 
 LIST = Path(__file__).with_name("annotations.txt")

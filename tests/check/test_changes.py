@@ -12,7 +12,7 @@ from msggen.check.compare.rules import BREAKING
 from msggen.check.finding import Finding, Node, Rule
 from msggen.check.run import breaking
 from msggen.show.report.table import named
-from msggen.sources.sources import find_sources
+from msggen.sources.finding import find_sources
 from support.catalogs import write_definitions
 
 T = "uint64 timestamp\n"

@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 
 from msggen.check.finding import Category, Report
 from msggen.check.run import breaking, check
-from msggen.sources.sources import find_sources
+from msggen.sources.finding import find_sources
 from support import comparison as slow
 from support.catalogs import write_definitions
 from support.examples import examples

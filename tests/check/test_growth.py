@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from msggen.check.compare.comparison import Comparison, MessagePair, Side
 from msggen.sources.catalog import read_catalog
 from msggen.sources.embedded import EMBEDDED
-from msggen.sources.sources import find_sources
+from msggen.sources.finding import find_sources
 from support.repository import ROOT
 
 

@@ -11,7 +11,7 @@ import pytest
 from msggen.check.lint.rules import LINT
 from msggen.check.run import lint
 from msggen.cli import DONE, FAILED, FINDINGS, main
-from msggen.sources.sources import find_sources
+from msggen.sources.finding import find_sources
 from support.catalogs import write_definitions
 from support.repository import ROOT
 

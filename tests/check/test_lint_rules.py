@@ -24,7 +24,7 @@ from msggen.definitions.primitives import PRIMITIVES
 from msggen.definitions.unit import SPELLINGS, bounds, is_unit, nearest_unit
 from msggen.show.report.examples import example_of
 from msggen.sources.catalog import read_catalog
-from msggen.sources.sources import find_sources
+from msggen.sources.finding import find_sources
 from support.repository import ROOT
 
 EXAMPLES = ROOT / "msggen" / "check" / "lint" / "examples"

@@ -13,7 +13,7 @@ from msggen.check.run import breaking, check
 from msggen.cli import main
 from msggen.show.report.examples import example_of
 from msggen.show.report.table import RULES as ALL
-from msggen.sources.sources import find_sources
+from msggen.sources.finding import find_sources
 from support.repository import ROOT
 
 EXAMPLES = ROOT / "msggen" / "check" / "compare" / "examples"

@@ -96,11 +96,11 @@ def test_no_arguments_lead_to_a_trace_or_to_the_exit_code_of_findings(
     def fail(*_: object, **_options: object) -> None:
         raise LinkError("no link")
 
-    monkeypatch.setattr("msggen.live.sim.runner.Runner.serve", interrupt)  # `msggen sim` would not end by itself
-    monkeypatch.setattr("msggen.live.vehicle.vehicle.Vehicle.__init__", fail)  # there is none
-    monkeypatch.setattr("msggen.doctor.observe._wait", interrupt)  # nor wait for vehicles
-    monkeypatch.setattr("msggen.live.owner.process.serve", fail)  # nor own a link
-    monkeypatch.setattr("msggen.live.links.shared.start_owner", fail)
+    monkeypatch.setattr("msggen.sim.runner.Runner.serve", interrupt)  # `msggen sim` would not end by itself
+    monkeypatch.setattr("msggen.vehicle.vehicle.Vehicle.__init__", fail)  # there is none
+    monkeypatch.setattr("msggen.doctor.watching._wait", interrupt)  # nor wait for vehicles
+    monkeypatch.setattr("msggen.vehicle.owner.process.serve", fail)  # nor own a link
+    monkeypatch.setattr("msggen.vehicle.owned.joining.start_owner", fail)
     choose = random.Random(name)  # noqa: S311 - the same arguments in every run
     write_definitions(working_folder, FILES)
     for _ in range(ROUNDS):

@@ -14,8 +14,8 @@ from msggen.cli.chosen_types import Types
 from msggen.cli.names import names_of
 from msggen.generate.cache import package_from, package_of
 from msggen.live import LinkError, NotConnectedError, Vehicle
-from msggen.live.sim import Misbehaviour, Options, Simulator
-from msggen.sources.sources import find_sources
+from msggen.sim import Misbehaviour, Options, Simulator
+from msggen.sources.finding import find_sources
 from support.commands import run
 from support.fake_link import FakeLink
 from support.firmware_trees import write_tree

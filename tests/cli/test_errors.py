@@ -24,7 +24,7 @@ from msggen.base.location import Location
 from msggen.cli import DONE, FAILED, main
 from msggen.sources.catalog import read_catalog
 from msggen.sources.file import File
-from msggen.sources.sources import Sources
+from msggen.sources.finding import Sources
 from support.catalogs import write_definitions
 from support.repository import ROOT
 

@@ -36,7 +36,7 @@ from support.shadows import (
 )
 from support.ulog import write_ulog
 
-WORKERS = ("msggen.base.worker", "msggen.live.owner.process")
+WORKERS = ("msggen.base.worker", "msggen.vehicle.owner.process")
 
 
 @pytest.fixture
@@ -109,7 +109,7 @@ PARENT = """
 import sys
 sys.path.insert(0, {root!r})
 from msggen.live import LinkError, Vehicle
-from msggen.live.links import shared, opening
+from msggen.link import shared, opening
 sys.path.insert(0, "")  # as in a notebook, and with python -c
 try:
     with Vehicle({url!r}) as vehicle:
@@ -252,8 +252,8 @@ def test_only_commands_for_a_vehicle_import_the_package_of_the_settings(
     monkeypatch.chdir(project)
     url = f"udp://127.0.0.1:{free_port()}"
     (project / "pyproject.toml").write_text(f'[tool.msggen]\ntypes = "./my_types"\nlink = "{url}"\n')
-    monkeypatch.setattr("msggen.cli.relay._check_ros", lambda **_: None)
-    monkeypatch.setattr("msggen.live.owner.server.Server.serve", lambda *_: None)
+    monkeypatch.setattr("msggen.cli.commands.relay._check_ros", lambda **_: None)
+    monkeypatch.setattr("msggen.vehicle.owner.server.Server.serve", lambda *_: None)
     try:
         outcome = run([*command.split(), *WORDS.get(command, [])])
     finally:
@@ -272,8 +272,8 @@ STARTS = {"multiprocessing", "subprocess", "pty", "webbrowser", "runpy"}
 
 STARTING = {
     "base/disk/git.py": "the program git",
-    "live/links/shared.py": "the command of `command_of`",
-    "recordings/fleet/pools.py": "the command of `command_of`",
+    "vehicle/owned/joining.py": "the command of `command_of`",
+    "exports/fleet/pools.py": "the command of `command_of`",
 }
 """The modules of msggen that may start processes, and what they start."""
 
@@ -304,4 +304,4 @@ def test_one_module_makes_the_command_of_a_process_of_python() -> None:
     assert modules_with(r"sys\.executable") == {"base/interpreter.py"}
     assert modules_with(rf"({'|'.join(STARTS)})\b") == STARTING.keys()
     assert not modules_with(r"concurrent\.futures\.(process|ProcessPoolExecutor)\b")
-    assert modules_with(r"os\.(system|popen|fork|posix_spawn|startfile|exec[lv]|spawn)") == {"live/owner/process.py"}
+    assert modules_with(r"os\.(system|popen|fork|posix_spawn|startfile|exec[lv]|spawn)") == {"vehicle/owner/process.py"}

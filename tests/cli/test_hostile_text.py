@@ -18,7 +18,7 @@ import pytest
 
 from msggen.base.foreign import Styled, csv_text, escaped, guarded_output, safe_json
 from msggen.cli import main
-from msggen.cli.log import progress
+from msggen.cli.commands.log import progress
 from support.commands import COMMANDS
 from support.hostile_text import BYTES, NAME, ONE_LINE, PIECES, SURROGATES, HostileLink, check_json, check_shown
 from support.log_files import Written, write_log
@@ -269,7 +269,7 @@ def test_every_command_has_a_case() -> None:
 def test_no_command_prints_foreign_text_as_it_is(
     command: str, kind: str, px4_types: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for module in ("msggen.live.vehicle.sharing", "msggen.doctor.observe"):
+    for module in ("msggen.vehicle.sharing", "msggen.doctor.watching"):
         monkeypatch.setattr(f"{module}.open_link", lambda *_, **__: HostileLink(px4_types))
     link = ["--link", f"udp://127.0.0.1:{free_port()}", *([] if command == "doctor" else ["--types", TYPES])]
     for words in CASES[command]:

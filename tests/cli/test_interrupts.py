@@ -7,7 +7,8 @@ import threading
 import pytest
 
 from msggen.base.exit_codes import INTERRUPTED
-from msggen.cli import main, releases
+from msggen.cli import main
+from msggen.cli.commands import releases
 from msggen.cli.watching import watching
 
 

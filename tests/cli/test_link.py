@@ -16,11 +16,11 @@ from msggen.cli import parser_for
 from msggen.cli.chosen_types import expected_types, given_types, known_types, routes_to_continue
 from msggen.cli.link import agent_of, connection, link_of
 from msggen.generate.cache import cache_folder, package_of
+from msggen.link.known import joined
+from msggen.link.link_types import DEFAULT
 from msggen.live import Vehicle
-from msggen.live.links.known import joined
-from msggen.live.links.link_types import DEFAULT
-from msggen.live.messages.packages import known_routes
-from msggen.live.sim import Options, Simulator
+from msggen.messages.packages import known_routes
+from msggen.sim import Options, Simulator
 from support.commands import run
 from support.ports import free_port
 from support.repository import ROOT

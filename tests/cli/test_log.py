@@ -17,9 +17,9 @@ from pyarrow import parquet
 
 from msggen import recordings
 from msggen.cli import main, parser_for
+from msggen.exports.writer import Writer
 from msggen.recordings.log import reader
 from msggen.recordings.log.reader import Reader
-from msggen.recordings.writer import Writer
 from support.flights import TOPICS, write_flight
 from support.log_files import Written, write_log
 from support.recordings import START, read_mcap
@@ -222,14 +222,14 @@ def test_info_tells_what_is_missing(broken: str, capsys: pytest.CaptureFixture[s
 
 
 def test_show_prints_samples_as_topic_echo_does(px4_types: Any, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    from msggen.live.messages.formats import json_writer, text_writer
+    from msggen.messages.formats import json_writer, text_writer
 
     message = px4_types.EscStatus(timestamp=7, esc_count=2, esc_armed_flags=1)
     other = px4_types.VehicleStatus(timestamp=8, nav_state=px4_types.VehicleStatus.NavigationState.AUTO_LOITER)
     writer = Writer(str(here / "small.mcap"))
     for each in (message, other):
         info = each.__msg__
-        from msggen.recordings.writer import Channel
+        from msggen.exports.writer import Channel
 
         number = writer.add_channel(Channel(f"/fmu/out/{info.name}", info.ros_type, info.definition, ""))
         writer.write(number, 10**18, 10**18, each.encode())
@@ -296,7 +296,7 @@ def test_show_prints_samples_by_time(
     unordered: str, words: str, expected: list[int], piece: int, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("msggen.cli.log.show._PIECE", piece)
+        patch.setattr("msggen.cli.commands.log.show._PIECE", piece)
         assert run("show", unordered, "a", "--json", *words.split()) == 0
     assert [json.loads(line)["number"] for line in capsys.readouterr().out.splitlines()] == expected
 
@@ -304,7 +304,7 @@ def test_show_prints_samples_by_time(
 def test_show_prints_all_samples_of_a_ulog_in_pieces(monkeypatch: Any, capsys: Any) -> None:
     assert run("show", "flight.ulg", "sensor_gps") == 0
     expected = capsys.readouterr().out
-    monkeypatch.setattr("msggen.cli.log.show._PIECE", 7)
+    monkeypatch.setattr("msggen.cli.commands.log.show._PIECE", 7)
     assert run("show", "flight.ulg", "sensor_gps") == 0
     assert capsys.readouterr().out == expected
 
@@ -573,7 +573,7 @@ def test_the_help_lists_the_exit_codes(capsys: pytest.CaptureFixture[str]) -> No
 
 
 def test_a_bar_shows_the_progress(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setattr("msggen.cli.log.progress._PATIENCE", 0)
+    monkeypatch.setattr("msggen.cli.commands.log.progress._PATIENCE", 0)
     monkeypatch.setattr("sys.stderr.isatty", lambda: True)
     monkeypatch.setenv("TERM", "xterm")
     assert run("convert", "flight.ulg", "-o", "copy.mcap", "sensor_gps") == 0
@@ -602,7 +602,7 @@ def test_a_bar_shows_that_a_recording_is_read(
     monkeypatch.setattr(reader._Files, "times", times)
     monkeypatch.setattr(Reader, "_parts", parts)
     monkeypatch.setattr(recordings, "open", opened)
-    monkeypatch.setattr("msggen.cli.log.progress._PATIENCE", 0.01)
+    monkeypatch.setattr("msggen.cli.commands.log.progress._PATIENCE", 0.01)
     monkeypatch.setenv("TERM", "xterm")
     assert run(*shlex.split(words)) == 0
     assert capsys.readouterr().err == ""

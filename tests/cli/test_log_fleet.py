@@ -17,8 +17,8 @@ import zstandard
 
 from msggen.base.exit_codes import DONE, FAILED, FINDINGS, INTERRUPTED
 from msggen.cli import main
-from msggen.cli.sources import is_recording
-from msggen.recordings.fleet.fleet import with_files
+from msggen.cli.source_options import is_recording
+from msggen.exports.fleet.fleet import with_files
 from support.fleet_logs import VEHICLES, write_logs
 from support.fleet_recordings import logs_in, rows_of, write_flight
 from support.repository import ROOT
@@ -101,7 +101,7 @@ def test_ctrl_c_tells_how_to_go_on(capsys: pytest.CaptureFixture[str], monkeypat
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr("msggen.recordings.convert.tables.write_tables", interrupt)
+        patch.setattr("msggen.exports.convert.tables.write_tables", interrupt)
         assert run("logs", "--jobs", "1") == INTERRUPTED
     assert "the same command goes on where this run was interrupted\n" in capsys.readouterr().err
     assert run("logs", "--jobs", "1") == FINDINGS
@@ -117,7 +117,7 @@ def test_of_two_runs_one_ends_with_an_error(capsys: pytest.CaptureFixture[str]) 
         return with_files(*arguments)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("msggen.recordings.fleet.changes.with_files", other)
+        patch.setattr("msggen.exports.fleet.changes.with_files", other)
         assert run("logs", "--jobs", "1", "-q") == FAILED
     last = capsys.readouterr().err.splitlines()[-2:]
     assert re.fullmatch(

@@ -91,8 +91,8 @@ def test_a_command_names_what_is_not_installed(name: str, package: str, extra: s
 
 
 OPENED = "from msggen import recordings\nlog = recordings.open('flight.mcap')\n"
-CONVERTED = "from msggen.recordings.convert import convert\nconvert(log, 'made.x', format="
-FLEET = "from msggen.recordings.fleet import {0}\n{0}('.', 'made')"
+CONVERTED = "from msggen.exports.convert import convert\nconvert(log, 'made.x', format="
+FLEET = "from msggen.exports.fleet import {0}\n{0}('.', 'made')"
 PANDAS, POLARS = f"{RECORDINGS} pandas", f"{RECORDINGS} polars"
 CALLS = [
     ("log.frame('vehicle_status')", "pandas", PANDAS),
@@ -112,7 +112,7 @@ CALLS = [
     ("recordings.plot.draw(log, ['sensor_combined.gyro_rad'])", "matplotlib", "plot"),
     ("recordings.open('http://127.0.0.1:9/flight.mcap')", "obstore", "stores"),
     (FLEET.format("update"), "pyarrow", RECORDINGS),
-    ("from msggen.recordings.fleet import pools\nnext(pools.on_client([], None))", "distributed", "dask"),
+    ("from msggen.exports.fleet import pools\nnext(pools.on_client([], None))", "distributed", "dask"),
 ]
 
 

@@ -11,9 +11,9 @@ import pytest
 
 from msggen.cli import parser_for
 from msggen.cli.names import Names, _installed, names_of, read_names
-from msggen.live.messages.lookup import named_topic
-from msggen.live.messages.names import stem_of
-from msggen.live.messages.places import places_of
+from msggen.messages.lookup import named_topic
+from msggen.messages.names import stem_of
+from msggen.messages.places import places_of
 from support.repository import ROOT
 
 FILE = ROOT / "generated" / "px4_types" / "names.json"

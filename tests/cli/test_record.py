@@ -18,11 +18,11 @@ import pytest
 
 from msggen.base.missing import installing
 from msggen.cli import main
-from msggen.live.messages.object_ids import object_ids_of
-from msggen.live.sim import Misbehaviour, Options, Simulator
-from msggen.live.xrce import client
-from msggen.live.xrce.wire import ENCAPSULATION
-from msggen.recordings.writer import Channel, Writer
+from msggen.exports.writer import Channel, Writer
+from msggen.link.xrce import client
+from msggen.link.xrce.wire import ENCAPSULATION
+from msggen.messages.object_ids import object_ids_of
+from msggen.sim import Misbehaviour, Options, Simulator
 from support.ports import free_port
 from support.recordings import START, Found, check_decoded, check_read, read_mcap
 from support.repository import ROOT
@@ -273,7 +273,7 @@ def test_a_recording_is_played_without_an_agent_until_the_time_is_over(
     with Simulator(px4_types, address, [SHORT]):
         record(address, "sensor_combined", "-o", "a.mcap", "--for", "1", "-q")
     capsys.readouterr()
-    monkeypatch.setattr("msggen.cli.play._NOTICE", 0.1)
+    monkeypatch.setattr("msggen.cli.commands.play._NOTICE", 0.1)
     to = f"udp://127.0.0.1:{free_port()}"
     assert main(["play", "a.mcap", "--to", to, "--for", "0.8"]) == 1
     told = capsys.readouterr()

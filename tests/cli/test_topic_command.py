@@ -21,10 +21,10 @@ from msggen.cli import main
 from msggen.cli.link import Connection
 from msggen.cli.watching import rounds
 from msggen.generate.cache import package_of
+from msggen.link.link import Route
 from msggen.live import LinkError, LinkTimeoutError, Vehicle
-from msggen.live.link import Route
-from msggen.live.messages.lookup import Named
-from msggen.live.sim import Misbehaviour, Options, Simulator
+from msggen.messages.lookup import Named
+from msggen.sim import Misbehaviour, Options, Simulator
 from support.commands import COMMANDS, Outcome, run
 from support.fake_link import FakeLink
 from support.ports import free_port
@@ -246,8 +246,8 @@ def test_a_topic_that_was_heard_once_is_not_silent(
             return iter([None])
 
         found = nullcontext(Connection(vehicle, px4_types, "fake", "v1.18"))
-        monkeypatch.setattr("msggen.cli.topic.measuring.connection", lambda *_, **__: found)
-        monkeypatch.setattr("msggen.cli.topic.measuring.rounds", once)
+        monkeypatch.setattr("msggen.cli.commands.topic.measuring.connection", lambda *_, **__: found)
+        monkeypatch.setattr("msggen.cli.commands.topic.measuring.rounds", once)
         assert run(["topic", action, "vtx"]).stdout == "one sample\n"
         _, *rows = run(["topic", action, "vtx", "wind"]).stdout.splitlines()
         assert [row.split() for row in rows] == [
@@ -278,8 +278,8 @@ def unknown(px4_types: Any, monkeypatch: pytest.MonkeyPatch) -> None:
             yield Connection(vehicle, px4_types, "fake", "v1.18")
 
     for module in ("echo", "info", "listing", "measuring"):
-        monkeypatch.setattr(f"msggen.cli.topic.{module}.connection", connected)
-    monkeypatch.setattr("msggen.cli.topic.info._PATIENCE", 0.01)  # it tells no hashes
+        monkeypatch.setattr(f"msggen.cli.commands.topic.{module}.connection", connected)
+    monkeypatch.setattr("msggen.cli.commands.topic.info._PATIENCE", 0.01)  # it tells no hashes
 
 
 @pytest.mark.usefixtures("unknown")
@@ -344,8 +344,8 @@ def trouble(px4_types: Any, monkeypatch: pytest.MonkeyPatch) -> Iterator[_Troubl
         link.connect()
         for module in ("echo", "measuring"):
             found = nullcontext(Connection(vehicle, px4_types, "fake", "v1.18"))
-            monkeypatch.setattr(f"msggen.cli.topic.{module}.connection", lambda *_, found=found, **__: found)
-        monkeypatch.setattr("msggen.cli.topic.echo._PATIENCE", 0.01)  # it tells no hashes
+            monkeypatch.setattr(f"msggen.cli.commands.topic.{module}.connection", lambda *_, found=found, **__: found)
+        monkeypatch.setattr("msggen.cli.commands.topic.echo._PATIENCE", 0.01)  # it tells no hashes
         yield vehicle
 
 
@@ -366,7 +366,7 @@ def test_a_link_that_fails_ends_an_echo(trouble: _Trouble, monkeypatch: pytest.M
         trouble.fail()
         return topic
 
-    monkeypatch.setattr("msggen.cli.topic.echo._confirmed", confirmed)
+    monkeypatch.setattr("msggen.cli.commands.topic.echo._confirmed", confirmed)
     with pytest.raises(LinkError, match="the link failed: no power"):
         run(["topic", "echo", "vehicle_status"])
 
@@ -400,7 +400,7 @@ def test_a_closed_pipe_ends_a_listing_with_0(
         raise BrokenPipeError
 
     monkeypatch.setattr(sys, "stdout", sys.stdout)  # which is replaced
-    monkeypatch.setattr(f"msggen.cli.{module}", closed)
+    monkeypatch.setattr(f"msggen.cli.commands.{module}", closed)
     assert main(words.split()) == code
 
 

@@ -11,8 +11,8 @@ import pytest
 
 from msggen import recordings
 from msggen.cli import main
-from msggen.live.sim import Options, Simulator
 from msggen.recordings.log.event_texts import event_texts
+from msggen.sim import Options, Simulator
 from support.events import METADATA, packed, write_events
 from support.ports import free_port
 from support.repository import ROOT

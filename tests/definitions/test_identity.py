@@ -10,10 +10,10 @@ import pytest
 
 from msggen.definitions.identity import Endpoint, endpoints
 from msggen.definitions.model import Catalog
-from msggen.sources import sources
+from msggen.sources import finding as sources
 from msggen.sources.catalog import read_catalog
 from msggen.sources.conventions import CONVENTIONS, as_shown
-from msggen.sources.sources import find_sources
+from msggen.sources.finding import find_sources
 from support.catalogs import catalog_of, write_definitions
 from support.identities import assert_same_endpoints, dds_of, rihs01_of, uorb_of
 from support.repository import shared

@@ -29,7 +29,7 @@ from msggen.definitions.translation import Assignment, Number, Place, Step
 from msggen.generate.python.package import list_package, render_package
 from msggen.generate.python.versions import translation_table
 from msggen.sources.catalog import read_catalog
-from msggen.sources.sources import find_sources, with_archived
+from msggen.sources.finding import find_sources, with_archived
 from msggen.sources.translation_check import Version, lost_values
 from support.catalogs import import_package, write_definitions
 from support.checkers import mypy

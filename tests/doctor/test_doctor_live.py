@@ -29,14 +29,14 @@ from msggen.doctor.case import Case
 from msggen.doctor.diagnose import diagnose
 from msggen.doctor.expected import Expected, expected_of, expected_of_catalog
 from msggen.doctor.observation import Observation
-from msggen.doctor.observe import Plan, look_around, observe
 from msggen.doctor.sockets import Socket, owners_of_port, parse_sockets
-from msggen.live.links.address import parse_address
-from msggen.live.links.places import CAN_SHARE
-from msggen.live.links.udp import UdpLink
-from msggen.live.sim import Misbehaviour, Options, Simulator
+from msggen.doctor.watching import Plan, look_around, observe
+from msggen.link.address import parse_address
+from msggen.link.udp import UdpLink
+from msggen.sim import Misbehaviour, Options, Simulator
 from msggen.sources.catalog import read_catalog
-from msggen.sources.sources import find_sources
+from msggen.sources.finding import find_sources
+from msggen.vehicle.owned.places import CAN_SHARE
 from support.dds_vehicle import domains, vehicle
 from support.faults import rules_of
 from support.findings import ids, judged, texts
@@ -54,19 +54,19 @@ linux = pytest.mark.skipif(sys.platform != "linux", reason="the owners of socket
 
 @pytest.fixture(autouse=True)
 def _do_not_wait_for_further_vehicles(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("msggen.doctor.observe._SETTLED_S", 0.1)
+    monkeypatch.setattr("msggen.doctor.watching._SETTLED_S", 0.1)
 
 
 @pytest.fixture(autouse=True)
 def _alone(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave out the vehicles that other tests simulate at the same time."""
     if "sends_elsewhere" not in request.node.name:
-        monkeypatch.setattr("msggen.doctor.observe.find_senders", lambda _: ())
+        monkeypatch.setattr("msggen.doctor.watching.find_senders", lambda _: ())
 
 
 @pytest.fixture
 def _wait_for_further_vehicles(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("msggen.doctor.observe._SETTLED_S", 2.0)
+    monkeypatch.setattr("msggen.doctor.watching._SETTLED_S", 2.0)
 
 
 @pytest.fixture
@@ -438,7 +438,7 @@ def test_samples_of_an_unknown_session_are_found(url: str, owning: Owning, expec
 def test_datagrams_that_the_kernel_drops_are_found(
     url: str, owning: Owning, px4_types: Any, expected: Expected, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("msggen.live.links.udp.RECEIVE_BUFFER", 2048)
+    monkeypatch.setattr("msggen.link.udp.RECEIVE_BUFFER", 2048)
     with owning(url), Simulator(px4_types, url, [CALM]), bursts(url, bytes(1400), 200):
         seen = looked_at(url)
     assert {*rules_of("buffer")} <= {*ids(judged(seen, expected))}
@@ -509,8 +509,8 @@ def test_readers_in_dds_are_judged(px4_types: Any) -> None:
     with ExitStack() as stack:
         domain = next(DOMAINS)
         stack.enter_context(vehicle(domain, "", "vehicle_status", "vehicle_attitude"))
-        from msggen.live.links.cyclone import Participant
-        from msggen.live.links.dds import LOOPBACK
+        from msggen.link.cyclone import Participant
+        from msggen.link.dds import LOOPBACK
 
         program = Participant(domain, LOOPBACK)
         stack.callback(program.close)
@@ -587,8 +587,8 @@ def test_an_interrupted_watch_is_judged(
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("msggen.doctor.observe._wait", interrupt)
-    monkeypatch.setattr("msggen.doctor.observe._places", lambda *_: [])
+    monkeypatch.setattr("msggen.doctor.watching._wait", interrupt)
+    monkeypatch.setattr("msggen.doctor.watching._places", lambda *_: [])
     assert main(["doctor", "--link", url]) == 1
     assert "NO_CLIENT" in capsys.readouterr().out
 

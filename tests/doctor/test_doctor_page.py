@@ -33,7 +33,7 @@ def test_the_commands_print_what_the_page_shows(
     simulation: str, command: str, shown: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """For less time, and with a package that was built already."""
-    monkeypatch.setattr("msggen.cli.doctor._SECONDS", 2.5)
+    monkeypatch.setattr("msggen.cli.commands.doctor._SECONDS", 2.5)
     url = f"udp://127.0.0.1:{free_port()}"
     words = [*shlex.split(simulation)[1:], url, "--types", PACKAGE]
     with subprocess.Popen(
@@ -52,7 +52,7 @@ def test_there_are_three_sessions() -> None:
 
 
 def test_the_program_of_the_page_runs(px4_types: Any, capsys: pytest.CaptureFixture[str]) -> None:
-    from msggen.live.sim import Options, Simulator
+    from msggen.sim import Options, Simulator
 
     url = f"udp://127.0.0.1:{free_port()}"
     (source,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)

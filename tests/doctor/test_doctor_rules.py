@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msggen.check.finding import OF_VEHICLES, Rule
-from msggen.doctor import arming
+from msggen.doctor import not_following as arming
 from msggen.doctor.case import Case, matches, plain
 from msggen.doctor.decoding import _values
 from msggen.doctor.diagnose import diagnose
@@ -33,12 +33,12 @@ from msggen.doctor.observation import (
     WriterSeen,
 )
 from msggen.doctor.rules import DOCTOR, LIVE
-from msggen.live.link import Remote, Route, Statistics
-from msggen.live.messages.names import stem_of
-from msggen.live.vehicle.selection import Selection
+from msggen.link.link import Remote, Route, Statistics
+from msggen.messages.names import stem_of
 from msggen.show.report import FORMATS, render
 from msggen.sources.catalog import read_catalog
-from msggen.sources.sources import find_sources
+from msggen.sources.finding import find_sources
+from msggen.vehicle.selection import Selection
 from support import flight_captures
 
 SEEN = HEALTHY.seen

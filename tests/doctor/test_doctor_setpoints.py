@@ -24,11 +24,11 @@ from msggen.doctor.decoding import decoded
 from msggen.doctor.examples import STEERED
 from msggen.doctor.expected import Expected, expected_of
 from msggen.doctor.observation import Observation, SampleSeen
-from msggen.doctor.observe import Plan, observe
+from msggen.doctor.watching import Plan, observe
+from msggen.link.address import parse_address
 from msggen.live import Vehicle
-from msggen.live.links.address import parse_address
-from msggen.live.links.places import CAN_SHARE
-from msggen.live.sim import Misbehaviour, Options, Simulator
+from msggen.sim import Misbehaviour, Options, Simulator
+from msggen.vehicle.owned.places import CAN_SHARE
 from support.dds_vehicle import domains
 from support.dds_vehicle import vehicle as dds_vehicle
 from support.faults import rules_of
@@ -53,7 +53,7 @@ Program: TypeAlias = Callable[[Vehicle, Any], object]
 @pytest.fixture
 def url(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     monkeypatch.delenv("MSGGEN_DIRECT")
-    monkeypatch.setattr("msggen.doctor.observe._SETTLED_S", 0.1)
+    monkeypatch.setattr("msggen.doctor.watching._SETTLED_S", 0.1)
     with nothing_is_left():
         yield f"udp://127.0.0.1:{free_port()}"
 
@@ -374,8 +374,8 @@ def dds_writers(*rows: tuple[str, str, bytes]) -> Iterator[int]:
         domain, closing = next(DOMAINS), threading.Event()
         status = "vehicle_status,nav_state=14,arming_state=2"
         stack.enter_context(dds_vehicle(domain, "", status, "vehicle_attitude"))
-        from msggen.live.links.cyclone import Participant
-        from msggen.live.links.dds import LOOPBACK
+        from msggen.link.cyclone import Participant
+        from msggen.link.dds import LOOPBACK
 
         program = Participant(domain, LOOPBACK)
         stack.callback(program.close)

@@ -17,19 +17,19 @@ from typing import Any, cast
 import pytest
 
 from msggen.check.finding import Report
-from msggen.doctor import observe
+from msggen.doctor import watching as observe
 from msggen.doctor.case import Case
 from msggen.doctor.diagnose import diagnose
 from msggen.doctor.expected import Expected, expected_of
+from msggen.doctor.listener import Observer
 from msggen.doctor.observation import Observation, TopicSeen, VehicleSeen
-from msggen.doctor.observer import Observer
-from msggen.live.link import Link, Remote, Route, Sample, Statistics
-from msggen.live.links.address import parse_address
-from msggen.live.links.places import CAN_SHARE
-from msggen.live.links.udp import UdpLink
-from msggen.live.links.unix import UnixLink
-from msggen.live.sim import Misbehaviour, Options, Simulator
-from msggen.live.xrce.agent import Client
+from msggen.link.address import parse_address
+from msggen.link.link import Link, Remote, Route, Sample, Statistics
+from msggen.link.udp import UdpLink
+from msggen.link.xrce.agent import Client
+from msggen.sim import Misbehaviour, Options, Simulator
+from msggen.vehicle.owned.places import CAN_SHARE
+from msggen.vehicle.owned.unix import UnixLink
 from support.link_records import PATIENCE, nothing_is_left
 from support.ports import free_port
 from support.served import served

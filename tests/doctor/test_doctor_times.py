@@ -16,11 +16,11 @@ import pytest
 
 from msggen.doctor.decoding import decoded
 from msggen.doctor.expected import Expected, expected_of
-from msggen.doctor.observe import Plan, observe
-from msggen.live.links.address import parse_address
-from msggen.live.links.places import CAN_SHARE
-from msggen.live.links.unix import UnixLink
-from msggen.live.sim import Misbehaviour, Options
+from msggen.doctor.watching import Plan, observe
+from msggen.link.address import parse_address
+from msggen.sim import Misbehaviour, Options
+from msggen.vehicle.owned.places import CAN_SHARE
+from msggen.vehicle.owned.unix import UnixLink
 from support.faults import rules_of
 from support.findings import ids, judged
 from support.link_records import nothing_is_left
@@ -76,13 +76,13 @@ def doctor(link: SimulatedLink, monkeypatch: pytest.MonkeyPatch, *, is_shared: b
     """Let the doctor open a link, or join its owner."""
     link.use(monkeypatch)
     if not is_shared:
-        monkeypatch.setattr("msggen.doctor.observe.open_link", lambda *_, **_others: link)
+        monkeypatch.setattr("msggen.doctor.watching.open_link", lambda *_, **_others: link)
         yield
         return
     with TemporaryDirectory(prefix="run-") as folder:
         path = Path(folder) / "x.socket"
         far = UnixLink(str(path))
-        monkeypatch.setattr("msggen.doctor.observe.open_link", lambda *_, **_others: far)
+        monkeypatch.setattr("msggen.doctor.watching.open_link", lambda *_, **_others: far)
         link.after_sleep = lambda: settle(far)
         with nothing_is_left(), served(cast("Any", link), path, str(ADDRESS)):
             try:

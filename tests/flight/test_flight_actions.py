@@ -12,7 +12,7 @@ from msggen.flight.executor import Executor, Start
 from msggen.flight.flight import Flight
 from msggen.flight.limits import Limits
 from msggen.flight.mode import Mode
-from msggen.live.sim.loop import run
+from msggen.sim.loop import run
 from support.flown import EXTERNAL, Flown, Line, fly
 
 pytest_plugins = ["support.flight_releases"]

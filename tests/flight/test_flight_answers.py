@@ -11,7 +11,7 @@ import pytest
 from msggen.flight.checks import Answers, Verdict
 from msggen.flight.feeds import Feeds
 from msggen.flight.registration import Registrar, Wanted
-from msggen.live.sim.loop import run
+from msggen.sim.loop import run
 from support.flown import Flown
 from support.simulation import topics_of
 

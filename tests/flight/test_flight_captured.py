@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Final
 from msggen.flight.executor import Executor, Start
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
-from msggen.live.messages.setpoints import GOTO
+from msggen.messages.setpoints import GOTO
 from support.flown import Flown, fly
 from support.repository import VECTORS
 

@@ -13,9 +13,9 @@ from typing import Any
 import pytest
 
 from msggen.flight import Flight, Limits
-from msggen.live.sim import Options
-from msggen.live.sim.disturbances import DISTURBANCES, WIND
-from msggen.live.sim.loop import run
+from msggen.sim import Options
+from msggen.sim.disturbances import DISTURBANCES, WIND
+from msggen.sim.loop import run
 from support.flown import Flown
 from support.repository import ROOT
 

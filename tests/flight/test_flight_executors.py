@@ -15,7 +15,7 @@ from msggen.flight.executor import Executor, Start
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
 from msggen.flight.requirements import LOCAL_POSITION
-from msggen.live.sim import Options
+from msggen.sim import Options
 from support.examples import examples
 from support.flown import EXTERNAL, Flown, fly
 

@@ -17,8 +17,8 @@ from msggen.flight.executor import Executor, Start
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
 from msggen.flight.requirements import LOCAL_POSITION
-from msggen.live.messages.setpoints import ATTITUDE, TRAJECTORY
-from msggen.live.sim import Options
+from msggen.messages.setpoints import ATTITUDE, TRAJECTORY
+from msggen.sim import Options
 from support.flown import EXTERNAL, Flown, fly
 
 pytest_plugins = ["support.flight_releases"]
@@ -270,7 +270,7 @@ def test_what_is_registered_twice_is_unregistered(px4_types: Any) -> None:
 
             return super().subscribe(topic, later)
 
-    from msggen.live.sim.loop import run
+    from msggen.sim.loop import run
 
     vehicle = Late(px4_types)
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from msggen.live.sim import Simulator
+from msggen.sim import Simulator
 from support.flying import (
     EXTERNAL,
     LONG,

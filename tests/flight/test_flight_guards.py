@@ -11,7 +11,7 @@ import pytest
 
 from msggen.flight import Flight, Mode
 from msggen.flight.offboard import _Heartbeat
-from msggen.live.messages.setpoints import TRAJECTORY
+from msggen.messages.setpoints import TRAJECTORY
 from support.flown import Flown, fly
 
 NAN = math.nan

@@ -14,10 +14,10 @@ import pytest
 
 from msggen.flight import Flight, Limits, NoAnswerError
 from msggen.flight.feeds import Feed
+from msggen.link.session_files import records_folder
 from msggen.live import Vehicle
-from msggen.live.links.session_files import records_folder
-from msggen.live.sim.publishing import Publication, Schedule
-from msggen.live.vehicle.memory import Memory
+from msggen.sim.publishing import Publication, Schedule
+from msggen.vehicle.memory import Memory
 from support.flown import Flown, fly
 from support.flying import simulated
 from support.ports import free_port

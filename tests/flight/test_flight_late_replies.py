@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from msggen.flight import Flight, Mode, UnsupportedError
-from msggen.live.messages.setpoints import TRAJECTORY, Kind
-from msggen.live.sim.loop import run
+from msggen.messages.setpoints import TRAJECTORY, Kind
+from msggen.sim.loop import run
 from support.flown import EXTERNAL, Flown, fly
 
 WINGS = Kind("fixed wing", 3, TRAJECTORY.topics, rate=30.0)

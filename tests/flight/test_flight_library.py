@@ -15,7 +15,7 @@ from msggen.flight.executor import Executor, Start
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode, needs_of
 from msggen.flight.requirements import Requirement
-from msggen.live.messages.setpoints import ATTITUDE, GOTO, RATES, TRAJECTORY, Kind
+from msggen.messages.setpoints import ATTITUDE, GOTO, RATES, TRAJECTORY, Kind
 from support.flown import EXTERNAL, Flown, fly
 from support.repository import ROOT
 

@@ -19,8 +19,8 @@ from msggen.flight.flight import Flight
 from msggen.flight.limits import Fence, Limits, allowed
 from msggen.flight.mode import Mode
 from msggen.flight.space import Vector
-from msggen.live.messages.setpoints import ATTITUDE, GOTO, RATES, TRAJECTORY
-from msggen.live.sim.loop import run
+from msggen.messages.setpoints import ATTITUDE, GOTO, RATES, TRAJECTORY
+from msggen.sim.loop import run
 from support.examples import examples
 from support.flown import EXTERNAL, Flown
 

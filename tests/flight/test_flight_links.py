@@ -28,12 +28,12 @@ from msggen.flight import (
 )
 from msggen.flight.link import _WAITING, LinkConnection, _Inbox
 from msggen.generate.python.package import render_package
+from msggen.link.udp import UdpLink
 from msggen.live import Vehicle
-from msggen.live.links.udp import UdpLink
-from msggen.live.sim import Misbehaviour, Simulator
-from msggen.live.sim.commander.components import Registration
+from msggen.sim import Misbehaviour, Simulator
+from msggen.sim.commander.components import Registration
 from msggen.sources.catalog import read_catalog
-from msggen.sources.sources import find_sources
+from msggen.sources.finding import find_sources
 from support.catalogs import write_definitions
 from support.flying import (
     EXTERNAL,
@@ -400,8 +400,8 @@ def patient(monkeypatch: pytest.MonkeyPatch) -> None:
 
     A flight that begins within 2 s after that of another test would not wait at all.
     """
-    monkeypatch.setattr("msggen.flight.parts.FRESH", 0.0)
-    for name in ("live.vehicle.alone._OTHERS", "live.xrce.agent._SETTLED"):
+    monkeypatch.setattr("msggen.flight.registered.FRESH", 0.0)
+    for name in ("vehicle.alone._OTHERS", "link.xrce.agent._SETTLED"):
         monkeypatch.setattr(f"msggen.{name}", 30.0)
 
 
@@ -429,7 +429,7 @@ def test_a_vehicle_that_connects_later_is_not_overlooked(
 
 def test_two_vehicles_with_the_same_key_are_two(url: str, px4_types: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """It is 1 unless it was set, so this is the usual case."""
-    monkeypatch.setattr("msggen.flight.parts.FRESH", 0.0)  # see `patient`
+    monkeypatch.setattr("msggen.flight.registered.FRESH", 0.0)  # see `patient`
 
     async def begins() -> None:
         with pytest.raises(FlightError, match=r"2 vehicles are on udp.*key 1.*key 1.*UXRCE_DDS_KEY of each"):

@@ -14,9 +14,9 @@ from msggen.flight.errors import FlightError, NotReachedError, RefusedError, Reg
 from msggen.flight.executor import Executor, Start
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
-from msggen.live.messages.setpoints import ATTITUDE, GOTO
-from msggen.live.sim import Options
-from msggen.live.sim.loop import run
+from msggen.messages.setpoints import ATTITUDE, GOTO
+from msggen.sim import Options
+from msggen.sim.loop import run
 from support.flown import EXTERNAL, Flown, Line, Short, fly
 
 pytest_plugins = ["support.flight_releases"]

@@ -14,8 +14,8 @@ from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
 from msggen.flight.requirements import LOCAL_POSITION, Requirement
 from msggen.flight.space import Vector
-from msggen.live.sim import Options
-from msggen.live.sim.near import NearVehicle
+from msggen.sim import Options
+from msggen.sim.near import NearVehicle
 from support.flown import EXTERNAL, Flown, fly
 from support.simulation import built
 
@@ -254,7 +254,7 @@ def test_a_vehicle_that_is_silent_is_told(px4_types: Any) -> None:
         async with Flight(vehicle):
             pass
 
-    from msggen.live.sim.loop import run
+    from msggen.sim.loop import run
 
     vehicle = Silent(px4_types)
     with pytest.raises(NoAnswerError, match="no vehicle_status within 5 s"):

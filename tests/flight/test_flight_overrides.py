@@ -13,7 +13,7 @@ from msggen.flight.executor import Executor, Start
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
 from msggen.flight.overrides import Deferral, Keeps
-from msggen.live.sim import Options
+from msggen.sim import Options
 from support.flown import EXTERNAL, Flown, fly
 
 pytest_plugins = ["support.flight_releases"]

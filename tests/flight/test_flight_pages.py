@@ -12,8 +12,8 @@ import pytest
 
 import msggen.flight
 from msggen.flight import ATTITUDE, GOTO, RATES, TRAJECTORY, Executor, Flight, Mode
-from msggen.live.sim.loop import run
-from msggen.live.sim.near import NearVehicle
+from msggen.sim.loop import run
+from msggen.sim.near import NearVehicle
 from support.flown import Flown
 from support.repository import ROOT
 from support.simulation import built

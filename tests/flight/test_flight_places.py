@@ -13,8 +13,8 @@ import pytest
 from msggen.flight import GLOBAL_POSITION, FlightError, GlobalPlace, LimitError, Limits, NoAnswerError, NotReachedError
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
-from msggen.live.messages.setpoints import ATTITUDE, TRAJECTORY
-from msggen.live.sim.loop import run
+from msggen.messages.setpoints import ATTITUDE, TRAJECTORY
+from msggen.sim.loop import run
 from support.flown import Flown, fly
 
 pytest_plugins = ["support.flight_releases"]

@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 
 from msggen.flight import Flight, RefusedError
-from msggen.live.messages.commands import ARM_DISARM
-from msggen.live.messages.nav_states import HOLD, MODE_NAMES, OFFBOARD
-from msggen.live.messages.refusals import REQUIREMENTS, reasons_for_command
+from msggen.messages.commands import ARM_DISARM
+from msggen.messages.nav_states import HOLD, MODE_NAMES, OFFBOARD
+from msggen.messages.refusals import REQUIREMENTS, reasons_for_command
 from support.flown import Flown, fly
 
 pytest_plugins = ["support.flight_releases"]

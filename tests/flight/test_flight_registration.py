@@ -11,7 +11,7 @@ from msggen.flight.errors import NoAnswerError, RegistrationError, UnsupportedEr
 from msggen.flight.executor import Executor
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
-from msggen.live.messages.setpoints import GOTO
+from msggen.messages.setpoints import GOTO
 from support.flown import Flown, fly
 
 pytest_plugins = ["support.flight_releases"]

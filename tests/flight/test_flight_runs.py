@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 
-from msggen.flight.active import ActiveMode
 from msggen.flight.errors import FlightError, NoAnswerError, NotReachedError, RestartedError, UnsupportedError
 from msggen.flight.flight import Flight
 from msggen.flight.limits import Fence
 from msggen.flight.mode import Mode
+from msggen.flight.running_mode import ActiveMode
 from support.flown import EXTERNAL, Flown, Line, Short, fly
 
 pytest_plugins = ["support.flight_releases"]

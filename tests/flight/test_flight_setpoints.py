@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
 from msggen.flight.trajectory import FREE
-from msggen.live.messages.setpoints import ATTITUDE, RATES
+from msggen.messages.setpoints import ATTITUDE, RATES
 from support.examples import examples
 from support.flown import EXTERNAL, Flown, fly
 

@@ -17,8 +17,8 @@ from msggen.flight import Executor, Flight, FlightError, Mode
 from msggen.flight.pytest import SimVehicle
 from msggen.flight.pytest.faults import Faults
 from msggen.flight.pytest.recording import Recording
-from msggen.live.sim import Options
-from msggen.live.sim.faults import LINK, NAMES, NO_LINK, RESTART, RESTART_CLIENT, read_fault
+from msggen.sim import Options
+from msggen.sim.faults import LINK, NAMES, NO_LINK, RESTART, RESTART_CLIENT, read_fault
 
 CORNERS = ((5.0, 0.0), (5.0, 5.0), (0.0, 0.0))
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from msggen import recordings
-from msggen.live.sim import Options
+from msggen.sim import Options
 from support.pages import check_outputs, outputs_of, reading, steps_of, variables_of
 from support.repository import ROOT
 

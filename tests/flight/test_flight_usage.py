@@ -28,8 +28,8 @@ from msggen.flight.blocking import BlockingOffboard
 from msggen.flight.limits import NO_LIMITS, Fence
 from msggen.flight.offboard import Offboard
 from msggen.flight.pytest.vehicle import SimVehicle
-from msggen.live.sim import Options
-from msggen.live.sim.loop import run
+from msggen.sim import Options
+from msggen.sim.loop import run
 from support.flown import Flown, fly
 
 pytest_plugins = ["support.flight_releases"]

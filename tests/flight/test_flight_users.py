@@ -10,7 +10,7 @@ import pytest
 from msggen.flight.errors import FlightError, NotReachedError
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
-from msggen.live.sim.loop import run
+from msggen.sim.loop import run
 from support.flown import Flown, fly
 
 RETURN = 5

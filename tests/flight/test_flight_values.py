@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from msggen.flight.errors import NoAnswerError, UnsupportedError
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
-from msggen.live.messages.setpoints import ATTITUDE, RATES
+from msggen.messages.setpoints import ATTITUDE, RATES
 from support.examples import examples
 from support.flown import Flown, fly
 

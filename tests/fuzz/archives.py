@@ -21,7 +21,7 @@ from typing import NamedTuple
 from fuzz.definitions import check_text, use
 from msggen.base.diagnostics import InputError
 from msggen.sources.catalog import read_catalog
-from msggen.sources.sources import find_sources, with_archived
+from msggen.sources.finding import find_sources, with_archived
 from support.scratch import scratch_folder
 
 COUNT = 800

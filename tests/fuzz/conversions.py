@@ -30,7 +30,7 @@ import pyarrow.parquet as pq
 import zstandard
 
 from fuzz.payloads import targets
-from msggen.recordings.convert.names import FACT_TABLES
+from msggen.exports.convert.names import FACT_TABLES
 from msggen.recordings.log import opening
 from support.commands import Outcome, check_outcome, run
 from support.databases import Stored, write_database

@@ -16,7 +16,7 @@ from msggen import Encoding, endpoints, is_static, lay_out, message_hash, type_h
 from msggen.base.diagnostics import CODES, Diagnostic, InputError
 from msggen.definitions.model import Catalog
 from msggen.sources.catalog import read_catalog
-from msggen.sources.sources import find_sources
+from msggen.sources.finding import find_sources
 from msggen.sources.tree import Snapshot
 from support.mutations import Mutator
 from support.random_definitions import TOLERATED, random_catalog

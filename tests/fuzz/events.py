@@ -17,12 +17,12 @@ from typing import Any
 
 from fuzz.structures import Case
 from msggen import recordings
+from msggen.exports.convert import convert
+from msggen.exports.writer import Channel, Writer
 from msggen.recordings import RecordingError
-from msggen.recordings.convert import convert
 from msggen.recordings.decode.event_text import LONGEST
 from msggen.recordings.log.decoded_events import ALL_LEVELS, DEFINITION, TOPIC, TYPE, decoded_events, is_decoded
 from msggen.recordings.source.facts import Event
-from msggen.recordings.writer import Channel, Writer
 from support.events import METADATA, EventLog
 from support.scratch import scratch_folder
 

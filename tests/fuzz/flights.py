@@ -19,10 +19,10 @@ from typing import Any, ClassVar, NamedTuple
 from fuzz.payloads import targets
 from msggen.flight import ATTITUDE, Executor, Flight, FlightError, GlobalPlace, Mode, Problem
 from msggen.flight.executor import Start
-from msggen.live.messages.nav_states import EXTERNAL, OFFBOARD
-from msggen.live.sim import Options
-from msggen.live.sim.loop import SimulatedLoop, run
-from msggen.live.sim.near import NearVehicle
+from msggen.messages.nav_states import EXTERNAL, OFFBOARD
+from msggen.sim import Options
+from msggen.sim.loop import SimulatedLoop, run
+from msggen.sim.near import NearVehicle
 
 COUNT = 60
 

@@ -18,7 +18,7 @@ from typing import Any
 from msggen.base.diagnostics import InputError
 from msggen.definitions.model import Catalog
 from msggen.sources.catalog import read_catalog
-from msggen.sources.sources import find_sources
+from msggen.sources.finding import find_sources
 from support.catalogs import write_definitions
 from support.other_codecs import Generated, everything, generated
 from support.random_definitions import PACKAGES, TOLERATED, random_catalog, values_of

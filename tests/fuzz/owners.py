@@ -20,7 +20,7 @@ from unittest.mock import patch
 
 from fuzz.records import ODD, _places
 from msggen.base.version import __version__
-from msggen.live.links.records import EVENT, LAST, SAMPLE, RecordReader, event_in, event_of, record_of
+from msggen.vehicle.owned.records import EVENT, LAST, SAMPLE, RecordReader, event_in, event_of, record_of
 from support.commands import check_outcome, run
 from support.fake_link import SERVICE, routes_of
 from support.repository import ROOT

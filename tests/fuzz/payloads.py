@@ -21,7 +21,7 @@ import numpy as np
 
 from msggen.definitions.model import Message
 from msggen.sources.catalog import read_catalog
-from msggen.sources.sources import find_sources
+from msggen.sources.finding import find_sources
 from support.catalogs import import_package
 from support.other_codecs import Generated, everything
 from support.random_definitions import random_catalog, values_of

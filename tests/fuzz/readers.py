@@ -25,9 +25,9 @@ from msggen.generate.python.package import render_package
 from msggen.show.report import FORMATS, render, render_errors
 from msggen.sources.catalog import read_catalog
 from msggen.sources.file import BoardOption
+from msggen.sources.finding import find_sources, with_archived, with_board
 from msggen.sources.inferred import with_inferred
 from msggen.sources.settings import read_settings
-from msggen.sources.sources import find_sources, with_archived, with_board
 from msggen.sources.tree import Snapshot
 from support.mutations import Mutator
 from support.repository import PX4_TREE, ROOT

@@ -12,9 +12,8 @@ from typing import NamedTuple
 
 from mcap.writer import MCAP0_MAGIC
 
-from msggen.live.link import Route
-from msggen.recordings import writer
-from msggen.recordings.live import recorder
+from msggen.exports import recorder, writer
+from msggen.link.link import Route
 from support.recordings import START, check_read, read_mcap, read_ours
 from support.scratch import scratch_folder
 

@@ -22,14 +22,14 @@ from msggen.flight import memory
 from msggen.flight.memory import Memory, Remembered
 from msggen.flight.registration import Ids
 from msggen.flight.resuming import _is_same_boot
-from msggen.live.link import Opened
-from msggen.live.links import session_files
-from msggen.live.links.records import event_of
-from msggen.live.links.session_files import Records, pack
-from msggen.live.xrce import wire
-from msggen.live.xrce.agent import Agent
-from msggen.live.xrce.creations import creations
-from msggen.live.xrce.record import Record
+from msggen.link import session_files
+from msggen.link.link import Opened
+from msggen.link.session_files import Records, pack
+from msggen.link.xrce import wire
+from msggen.link.xrce.agent import Agent
+from msggen.link.xrce.creations import creations
+from msggen.link.xrce.record import Record
+from msggen.vehicle.owned.records import event_of
 from support.fake_link import routes_of
 from support.scratch import scratch_folder
 

@@ -17,7 +17,7 @@ import pytest
 
 from fuzz.conversions import NAMED
 from msggen import recordings
-from msggen.recordings.convert import convert
+from msggen.exports.convert import convert
 from msggen.recordings.files import stored
 from msggen.recordings.stores import limits
 from support.commands import check_outcome, run

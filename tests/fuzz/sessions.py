@@ -14,12 +14,12 @@ from collections.abc import Callable, Mapping
 from random import Random
 from typing import NamedTuple
 
-from msggen.live.link import Connected, Disconnected, Event, Lost, Replied, Sample, Service
-from msggen.live.xrce import client as genuine
-from msggen.live.xrce import client_events, wire
-from msggen.live.xrce.agent import DEFAULTS, Agent
-from msggen.live.xrce.client_entities import Reader, Server, Settings, Writer
-from msggen.live.xrce.entities import (
+from msggen.link.link import Connected, Disconnected, Event, Lost, Replied, Sample, Service
+from msggen.link.xrce import client as genuine
+from msggen.link.xrce import client_events, wire
+from msggen.link.xrce.agent import DEFAULTS, Agent
+from msggen.link.xrce.client_entities import Reader, Server, Settings, Writer
+from msggen.link.xrce.entities import (
     PUBLISHER,
     SUBSCRIBER,
     TOPIC,
@@ -30,9 +30,9 @@ from msggen.live.xrce.entities import (
     TopicEntity,
     object_id,
 )
-from msggen.live.xrce.outbox import Address
-from msggen.live.xrce.streams import ReliableOutput
-from msggen.live.xrce.wire import Create, Delete
+from msggen.link.xrce.outbox import Address
+from msggen.link.xrce.streams import ReliableOutput
+from msggen.link.xrce.wire import Create, Delete
 from support.xrce_client import PARTICIPANT, Client
 from support.xrce_garbage import check as check_limits
 

@@ -16,18 +16,18 @@ from types import SimpleNamespace
 from typing import Any, NamedTuple
 from unittest.mock import patch
 
-from msggen.live.age import LONGEST_NS, NEVER, OtherClock, expiry
-from msggen.live.link import deliver
-from msggen.live.links.address import parse_address
-from msggen.live.links.agent_link import AgentLink
-from msggen.live.links.records import CALL, EVENT, SAMPLE, UNTIL, RecordReader, event_in, event_of, record_of
-from msggen.live.links.serial import SerialLink
-from msggen.live.owner.owner import LOGGER, Owner
-from msggen.live.owner.program import Program
-from msggen.live.owner.requests import obey
-from msggen.live.xrce import wire
-from msggen.live.xrce.framing import CLIENT, Deframer
-from msggen.live.xrce.outbox import Address
+from msggen.link.address import parse_address
+from msggen.link.age import LONGEST_NS, NEVER, OtherClock, expiry
+from msggen.link.agent_link import AgentLink
+from msggen.link.link import deliver
+from msggen.link.serial import SerialLink
+from msggen.link.xrce import wire
+from msggen.link.xrce.framing import CLIENT, Deframer
+from msggen.link.xrce.outbox import Address
+from msggen.vehicle.owned.records import CALL, EVENT, SAMPLE, UNTIL, RecordReader, event_in, event_of, record_of
+from msggen.vehicle.owner.owner import LOGGER, Owner
+from msggen.vehicle.owner.program import Program
+from msggen.vehicle.owner.requests import obey
 from support.served import hello
 from support.xrce_client import Client
 
@@ -38,11 +38,11 @@ _TICK = 100_000_000
 _SLACK = {"udp": 1_000_000, "serial": _TICK + 20_000_000}
 """The time in ns by which a message may be older: a line is looked at every 0.1 s."""
 _CLOCKS = (
-    "age.now",
-    "links.agent_link.now",
-    "links.serial.now_ns",
-    "owner.calls.now",
-    "owner.program.now",
+    "link.age.now",
+    "link.agent_link.now",
+    "link.serial.now_ns",
+    "vehicle.owner.calls.now",
+    "vehicle.owner.program.now",
 )
 """The clock, at all places that have imported it."""
 _DEVICE = 99
@@ -341,14 +341,14 @@ def check(case: Case) -> None:
     clock, device = _Clock(), _Device(case.baud)
     fakes = {
         **dict.fromkeys(_CLOCKS, clock),
-        "owner.program.clock_name": lambda: "the clock of the case",
-        "links.serial.os.write": device.write,
-        "links.serial.waiting_in": lambda _: len(device.buffer),
-        "links.serial.discard": device.discard,
+        "vehicle.owner.program.clock_name": lambda: "the clock of the case",
+        "link.serial.os.write": device.write,
+        "link.serial.waiting_in": lambda _: len(device.buffer),
+        "link.serial.discard": device.discard,
     }
     with ExitStack() as stack:
         for place, fake in fakes.items():
-            stack.enter_context(patch(f"msggen.live.{place}", fake))
+            stack.enter_context(patch(f"msggen.{place}", fake))
         stack.enter_context(patch.object(LOGGER, "disabled", True))  # noqa: FBT003 - the name says what it means
         world = World(case, clock, device)
         stack.callback(world.close)

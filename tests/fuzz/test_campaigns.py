@@ -27,9 +27,9 @@ from fuzz.runner import NAMES, SEED, Failure, find, run
 from msggen.base.disk import git
 from msggen.base.disk.output import OutputPlan
 from msggen.base.disk.record import Record, digest, read_record, write_record
-from msggen.live.xrce import inventory
-from msggen.live.xrce.session import Session
-from msggen.recordings import writer
+from msggen.exports import writer
+from msggen.link.xrce import inventory
+from msggen.link.xrce.session import Session
 from msggen.sources.tree import Snapshot
 from support import disk_tasks
 from support.examples import by_day
@@ -115,19 +115,19 @@ PLANTED: dict[str, tuple[str, Any]] = {
     "shadows": ("msggen.cli.packages.names_folder", lambda _: True),
     "settings": ("msggen.sources.settings.is_own", lambda _: True),
     "arguments": ("msggen.sources.catalog.decode_text", fail),
-    "datagrams": ("msggen.live.xrce.wire.WireError", KeyError),
-    "recordings": ("msggen.recordings.writer.ChunkWriter.add_chunk", lambda *_: None),
-    "conversions": ("msggen.recordings.convert._whole", at_once),
-    "fleets": ("msggen.recordings.fleet.storage.check_links", lambda *_: None),
-    "stores": ("msggen.recordings.fleet.storage.Bucket.clear", lambda *_: None),
+    "datagrams": ("msggen.link.xrce.wire.WireError", KeyError),
+    "recordings": ("msggen.exports.writer.ChunkWriter.add_chunk", lambda *_: None),
+    "conversions": ("msggen.exports.convert._whole", at_once),
+    "fleets": ("msggen.exports.fleet.storage.check_links", lambda *_: None),
+    "stores": ("msggen.exports.fleet.storage.Bucket.clear", lambda *_: None),
     "servers": ("msggen.recordings.stores.connections.Origin.leads_to", lambda *_: True),
     "structures": ("msggen.recordings.decode.schemas.too_large", lambda *_: iter(())),
-    "sessions": ("msggen.live.xrce.session.REPLIES", 4096),
+    "sessions": ("msggen.link.xrce.session.REPLIES", 4096),
     "flights": ("msggen.flight.setpoints.Stream.stop", lambda _: None),
-    "stalls": ("msggen.live.xrce.streams.ReliableOutput.expire", lambda *_: 0),
+    "stalls": ("msggen.link.xrce.streams.ReliableOutput.expire", lambda *_: 0),
     "events": ("msggen.recordings.decode.event_metadata._object", lambda value: value),
-    "owners": ("msggen.live.links.unix.checked_event", lambda _, values: values),
-    "records": ("msggen.live.links.session_files._address", lambda value, _: tuple(value)),
+    "owners": ("msggen.vehicle.owned.unix.checked_event", lambda _, values: values),
+    "records": ("msggen.link.session_files._address", lambda value, _: tuple(value)),
 }
 """An error for each campaign: the function or the number that is replaced, and by what."""
 
@@ -167,14 +167,14 @@ def first_without_entities(sessions: Iterable[Session], *_: object) -> Session |
 
 
 OLD = {
-    "a cubic expression": ("name", "msggen.live.xrce.inventory._namespace", slow_namespace),
-    "a quadratic deletion": ("storm", "msggen.live.xrce.inventory.Inventory.delete", delete_slowly),
-    "any number of replies": ("ask", "msggen.live.xrce.session.REPLIES", 4096),
-    "any number of repetitions": ("repeat", "msggen.live.xrce.session.REPETITIONS", 16),
-    "numbers that are far away": ("displace", "msggen.live.xrce.session.NEAR", 0x8000),
-    "any number of lost samples": ("jump", "msggen.live.xrce.session.LOSSES", 0x10000),
-    "the oldest gives way": ("begin", "msggen.live.xrce.agent.find_least", lambda sessions, *_: next(iter(sessions))),
-    "vehicles never give way": ("resemble", "msggen.live.xrce.agent.find_least", first_without_entities),
+    "a cubic expression": ("name", "msggen.link.xrce.inventory._namespace", slow_namespace),
+    "a quadratic deletion": ("storm", "msggen.link.xrce.inventory.Inventory.delete", delete_slowly),
+    "any number of replies": ("ask", "msggen.link.xrce.session.REPLIES", 4096),
+    "any number of repetitions": ("repeat", "msggen.link.xrce.session.REPETITIONS", 16),
+    "numbers that are far away": ("displace", "msggen.link.xrce.session.NEAR", 0x8000),
+    "any number of lost samples": ("jump", "msggen.link.xrce.session.LOSSES", 0x10000),
+    "the oldest gives way": ("begin", "msggen.link.xrce.agent.find_least", lambda sessions, *_: next(iter(sessions))),
+    "vehicles never give way": ("resemble", "msggen.link.xrce.agent.find_least", first_without_entities),
 }
 """Errors that sessions had: the act that shows each, the function or the number that is replaced, and by what."""
 

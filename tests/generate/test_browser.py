@@ -12,7 +12,7 @@ from msggen.generate.site.changes import changes_since
 from msggen.generate.site.pages import render_site
 from msggen.generate.site.prose import read_documents
 from msggen.generate.site.site import Project, Site
-from msggen.sources.sources import find_sources
+from msggen.sources.finding import find_sources
 from support.browser import CSS, complaints, prefer, resize, wait_for
 from support.catalogs import write_definitions
 from support.markup_attacks import hostile

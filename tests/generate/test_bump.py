@@ -25,8 +25,8 @@ from msggen.generate.bump.edits import plan_bump
 from msggen.generate.bump.header import ros_file, with_include
 from msggen.sources.catalog import read_catalog
 from msggen.sources.embedded import embedded_tree
+from msggen.sources.finding import find_sources
 from msggen.sources.history import read_history
-from msggen.sources.sources import find_sources
 from msggen.sources.tree import Folder, Tree
 from support.catalogs import write_definitions
 from support.repository import ROOT, shared

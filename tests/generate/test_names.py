@@ -22,7 +22,7 @@ from msggen.definitions.parse.definition import parse_message, parse_service
 from msggen.generate.python.names import attribute_names, class_name, member_names, module_name
 from msggen.generate.python.package import list_package, render_package
 from msggen.sources.catalog import read_catalog
-from msggen.sources.sources import find_sources, with_archived
+from msggen.sources.finding import find_sources, with_archived
 from support.catalogs import catalog_of, import_package, write_definitions
 from support.random_definitions import values_of
 from support.reference import HEADERS, class_of, deserialize, serialize, to_object, to_values

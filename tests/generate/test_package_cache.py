@@ -20,7 +20,7 @@ from msggen.base.diagnostics import InputError
 from msggen.base.version import __version__
 from msggen.generate import cache
 from msggen.generate.build import Build
-from msggen.sources.sources import Sources, find_sources
+from msggen.sources.finding import Sources, find_sources
 from support.catalogs import write_definitions
 from support.owners import give, needs_owners
 from support.repository import ROOT

@@ -19,7 +19,7 @@ from msggen.cli import main
 from msggen.definitions.model import Message
 from msggen.definitions.parse.rosidl import buildable, find_unbuildable
 from msggen.sources.catalog import read_catalog
-from msggen.sources.sources import find_sources
+from msggen.sources.finding import find_sources
 from support.catalogs import write_definitions
 from support.repository import ROOT, shared
 from support.rosidl import YES, ask_rosidl

@@ -23,8 +23,8 @@ from msggen.generate.site.graph import draw, inner_of
 from msggen.generate.site.pages import render_site
 from msggen.generate.site.site import Site
 from msggen.sources.catalog import read_catalog
+from msggen.sources.finding import find_sources
 from msggen.sources.inferred import with_inferred
-from msggen.sources.sources import find_sources
 from support.catalogs import catalog_of, write_definitions
 from support.html import Elements, broken_links
 from support.markup_attacks import ATTACKS, hostile

@@ -24,7 +24,7 @@ from msggen.generate.sync import plan
 from msggen.generate.sync.change import describe_change
 from msggen.sources.catalog import read_catalog
 from msggen.sources.embedded import EMBEDDED, PREFIX
-from msggen.sources.sources import find_sources
+from msggen.sources.finding import find_sources
 from support.catalogs import write_definitions
 from support.packages import (
     BRIDGE,

@@ -23,7 +23,7 @@ import pytest
 
 from msggen.base.disk import staging, swap
 from msggen.sources.catalog import read_catalog
-from msggen.sources.sources import find_sources
+from msggen.sources.finding import find_sources
 from support.catalogs import write_definitions
 from support.packages import (
     PACKAGE,

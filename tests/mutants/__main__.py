@@ -24,10 +24,10 @@ from support.repository import ROOT  # noqa: E402
 ROOMS = {
     "msggen/flight": ("tests/flight",),
     "msggen/doctor": ("tests/doctor",),
-    "msggen/live/owner": ("tests/live/owner",),
-    "msggen/live/links": ("tests/live/links",),
-    "msggen/live/vehicle": ("tests/live",),
-    "msggen/live/xrce": ("tests/live/xrce", "tests/live/links"),
+    "msggen/vehicle/owner": ("tests/vehicle/owner",),
+    "msggen/link": ("tests/link",),
+    "msggen/vehicle": ("tests/vehicle",),
+    "msggen/link/xrce": ("tests/link/xrce", "tests/link"),
 }
 """The rooms that fly, and the folders of their tests."""
 _PATIENCE = 60.0

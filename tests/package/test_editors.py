@@ -17,7 +17,7 @@ import pytest
 
 from msggen.generate.python.package import TOOLS, render_package
 from msggen.sources.catalog import read_catalog
-from msggen.sources.sources import find_sources, with_archived
+from msggen.sources.finding import find_sources, with_archived
 from support.catalogs import catalog_of, write_definitions
 from support.checkers import GENERATED, mypy
 from support.completion import cell_of, names, script_of

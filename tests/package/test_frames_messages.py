@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 
 from msggen.sources.catalog import read_catalog
+from msggen.sources.finding import find_sources
 from msggen.sources.inferred import with_inferred
-from msggen.sources.sources import find_sources
 from support.catalogs import catalog_of, import_package
 from support.repository import ROOT, shared
 

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from msggen.definitions.model import Catalog
 from msggen.generate.python.package import list_package
 from msggen.sources.catalog import read_catalog
-from msggen.sources.sources import find_sources
+from msggen.sources.finding import find_sources
 from support.catalogs import import_package, write_definitions
 from support.checkers import mypy
 from support.repository import ROOT

@@ -23,7 +23,7 @@ from hypothesis import strategies as st
 
 from msggen.definitions.model import Catalog
 from msggen.sources.catalog import read_catalog
-from msggen.sources.sources import find_sources
+from msggen.sources.finding import find_sources
 from support.catalogs import catalog_of, import_package
 from support.examples import by_day, examples
 from support.repository import ROOT, SOME, every_message, shared

@@ -23,7 +23,7 @@ from hypothesis import strategies as st
 from msggen.definitions.model import Field, Message
 from msggen.definitions.unit import normalized_range
 from msggen.sources.catalog import read_catalog
-from msggen.sources.sources import find_sources, with_archived
+from msggen.sources.finding import find_sources, with_archived
 from support.catalogs import catalog_of, import_package
 from support.repository import ROOT, every_message, shared
 

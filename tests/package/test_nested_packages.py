@@ -23,7 +23,7 @@ from msggen.definitions.layout import is_static
 from msggen.definitions.model import Catalog, Message
 from msggen.generate.python.package import list_package, render_package
 from msggen.sources.catalog import read_catalog
-from msggen.sources.sources import find_sources
+from msggen.sources.finding import find_sources
 from support.catalogs import import_package, write_definitions
 from support.nested_packages import sources
 from support.other_codecs import everything

@@ -19,7 +19,7 @@ from msggen.cli import main
 from msggen.definitions.identity import message_hash, type_hash
 from msggen.definitions.model import ArrayKind, Field, Message
 from msggen.sources.catalog import read_catalog
-from msggen.sources.sources import find_sources, with_archived
+from msggen.sources.finding import find_sources, with_archived
 from support.catalogs import catalog_of, import_package, write_definitions
 from support.examples import by_day
 from support.other_codecs import Rosbags, everything, generated

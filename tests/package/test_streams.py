@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from msggen.sources.catalog import read_catalog
-from msggen.sources.sources import find_sources
+from msggen.sources.finding import find_sources
 from support.catalogs import import_package, write_definitions
 
 DEFINITIONS = {

@@ -12,7 +12,7 @@ import pytest
 
 from msggen.definitions.model import Catalog
 from msggen.sources.catalog import read_catalog
-from msggen.sources.sources import find_sources
+from msggen.sources.finding import find_sources
 from support.catalogs import import_package
 from support.examples import by_day
 from support.reference import deserialize, serialize, to_object, to_values

@@ -30,7 +30,7 @@ from msggen.definitions.model import ArrayKind, Catalog, FieldType, Message
 from msggen.definitions.primitives import FLOATS, INTEGERS, PRIMITIVES, STRINGS
 from msggen.generate.python.package import list_package, render_package
 from msggen.sources.catalog import read_catalog
-from msggen.sources.sources import Sources, find_sources, with_archived
+from msggen.sources.finding import Sources, find_sources, with_archived
 from support.catalogs import import_package, write_definitions
 from support.checkers import mypy
 from support.imports import HEAVY

@@ -12,10 +12,10 @@ import pyarrow.parquet as pq
 import pytest
 
 from msggen import recordings
-from msggen.cli.log.fields import field_objects
+from msggen.cli.commands.log.fields import field_objects
+from msggen.exports.convert import convert
 from msggen.recordings.columns.annotations import annotations_of
 from msggen.recordings.columns.text import Printer
-from msggen.recordings.convert import convert
 from msggen.recordings.decode.schemas import content_of, read_schema
 from msggen.recordings.log import plot
 from msggen.sources.embedded import EMBEDDED, Releases, nearest_first

@@ -16,14 +16,16 @@ from mcap.writer import Writer as McapWriter
 
 from fuzz.runner import limited
 from msggen.definitions.nesting import MAX_TOTAL, MAX_VALUES
-from msggen.recordings.convert import tables
-from msggen.recordings.convert.selection import Selection
+from msggen.exports.convert import tables
+from msggen.exports.convert.selection import Selection
 from msggen.recordings.decode.decoder import Decoder
 from msggen.recordings.decode.layouts import layout_of
 from msggen.recordings.decode.schemas import read_schema
-from msggen.recordings.files import compression, frames, mcap
+from msggen.recordings.files import compression
 from msggen.recordings.files.compression import CompressionError
-from msggen.recordings.files.mcap_records import Chunk
+from msggen.recordings.files.mcap import reader as mcap
+from msggen.recordings.files.mcap.records import Chunk
+from msggen.recordings.files.rosbag2 import frames
 from msggen.recordings.log import opening
 from msggen.recordings.source.source import Channel, RecordingError, SchemaError
 from support.commands import run

@@ -11,7 +11,7 @@ import pytest
 from mcap.writer import Writer as McapWriter
 
 from msggen import recordings
-from msggen.recordings.convert import convert
+from msggen.exports.convert import convert
 from msggen.recordings.log import ahead
 from msggen.recordings.log.reader import Reader
 

@@ -17,9 +17,9 @@ from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from fuzz.runner import limited
 from msggen import recordings
-from msggen.recordings.files import sqlite
-from msggen.recordings.files.db3 import Db3File
-from msggen.recordings.files.sqlite_pages import Pages
+from msggen.recordings.files.rosbag2 import sqlite
+from msggen.recordings.files.rosbag2.reader import Db3File
+from msggen.recordings.files.rosbag2.sqlite_pages import Pages
 from msggen.recordings.source.source import RecordingError
 from support.databases import MESSAGES, Sample, Stored, expected_of, insert, open_database, samples_of, write_database
 from support.examples import examples

@@ -17,7 +17,7 @@ from msggen.cli import main
 from msggen.generate.cache import package_from, package_of
 from msggen.recordings.decode.schemas import definition_of, read_schema, type_hash_of
 from msggen.sources.embedded import EMBEDDED
-from msggen.sources.sources import find_sources
+from msggen.sources.finding import find_sources
 from support.databases import Stored, write_database
 from support.firmware_trees import write_tree
 from support.recordings import START

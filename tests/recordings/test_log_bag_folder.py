@@ -260,7 +260,7 @@ def test_files_outside_of_the_folder_are_not_read(name: str, tmp_path: Path, mon
         with suppress(OSError):  # Windows has no such names
             write_database(tmp_path / "bag" / each, TOPICS, rows_of(7))
     change_metadata(tmp_path / "bag", lambda each: each["relative_file_paths"].append(name))
-    monkeypatch.setattr("msggen.recordings.files.bag.format_named", lambda each: each.startswith("bag_"))
+    monkeypatch.setattr("msggen.recordings.files.rosbag2.bag.format_named", lambda each: each.startswith("bag_"))
     found, problems = read(tmp_path / "bag")
     assert found == expected_of(TOPICS, rows)
     assert problems == [f"{name}, which metadata.yaml names, is not in the folder of the recording, and is not read"]

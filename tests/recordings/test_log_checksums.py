@@ -16,7 +16,7 @@ from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 
 from msggen import recordings
-from msggen.recordings.files import checksums
+from msggen.recordings.files.mcap import checksums
 from support.examples import examples
 from support.scratch import scratch_folder
 

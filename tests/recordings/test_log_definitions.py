@@ -13,7 +13,7 @@ import pytest
 
 from msggen import recordings
 from msggen.cli import main
-from msggen.live.vehicle.firmware import releases
+from msggen.messages.firmware import releases
 from support.log_files import Written, definition_in, write_log, write_ulog_of
 from support.repository import ROOT
 from support.ulog import snake

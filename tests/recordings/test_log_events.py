@@ -20,7 +20,7 @@ from pyulog.px4_events import PX4Events
 from rosbags.highlevel import AnyReader
 
 from msggen import recordings
-from msggen.recordings.convert import convert, join
+from msggen.exports.convert import convert, join
 from msggen.recordings.decode import event_metadata
 from msggen.recordings.decode.event_text import LONGEST, fill, parse_template
 from msggen.recordings.log import events as log_events

@@ -14,11 +14,11 @@ from mcap.writer import Writer
 
 from msggen import recordings
 from msggen.cli import main
-from msggen.recordings.convert import convert, join
-from msggen.recordings.convert.facts import between, joined, shifted
-from msggen.recordings.convert.selection import Selection
-from msggen.recordings.files.metadata import LENT, facts_of, notes_of, records_of
-from msggen.recordings.fleet.layout import date_of, vehicle_of
+from msggen.exports.convert import convert, join
+from msggen.exports.convert.facts import between, joined, shifted
+from msggen.exports.convert.selection import Selection
+from msggen.exports.fleet.layout import date_of, vehicle_of
+from msggen.recordings.files.mcap.metadata import LENT, facts_of, notes_of, records_of
 from msggen.recordings.source.facts import LEVELS, NO_FACTS, Dropout, Facts, Text
 from support.databases import Stored, write_database
 from support.flights import same_columns, write_flight
@@ -351,7 +351,7 @@ def test_damaged_metadata_is_told_or_is_another_value(tmp_path: Path, seed: int)
 def test_large_and_broken_records_are_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, is_indexed: bool
 ) -> None:
-    monkeypatch.setattr("msggen.recordings.files.mcap_channels._LARGEST_METADATA", 1000)
+    monkeypatch.setattr("msggen.recordings.files.mcap.channels._LARGEST_METADATA", 1000)
     path = tmp_path / "x.mcap"
     with path.open("wb") as file:
         writer = Writer(file)

@@ -21,7 +21,7 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
 from msggen.recordings.columns.samples import Samples
-from msggen.recordings.files import mcap
+from msggen.recordings.files.mcap import reader as mcap
 from msggen.recordings.log import opening
 from msggen.recordings.log.log import Log
 from msggen.recordings.source.source import Contents, Problem, RecordingError

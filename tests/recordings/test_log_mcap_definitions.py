@@ -12,7 +12,7 @@ from mcap.writer import Writer
 from mcap_ros2.decoder import DecoderFactory
 
 from msggen import recordings
-from msggen.live.vehicle.firmware import releases
+from msggen.messages.firmware import releases
 from msggen.recordings.decode.layouts import layout_of
 from msggen.recordings.source.source import RecordingError
 from support.log_files import Written, definition_in, write_log

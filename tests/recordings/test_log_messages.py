@@ -15,8 +15,8 @@ from msggen.definitions.identity import message_hash
 from msggen.recordings import Log, RecordingError
 from msggen.sources.catalog import read_catalog
 from msggen.sources.embedded import EMBEDDED, Releases
+from msggen.sources.finding import find_sources, with_archived
 from msggen.sources.released import released_as
-from msggen.sources.sources import find_sources, with_archived
 from support.catalogs import catalog_of, import_package
 from support.log_files import Written, definition_in, write_log
 from support.written import write_recording

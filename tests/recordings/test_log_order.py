@@ -8,8 +8,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msggen.recordings.convert.payloads import Block, ordered
-from msggen.recordings.convert.payloads import merged as merged_blocks
+from msggen.exports.convert.payloads import Block, ordered
+from msggen.exports.convert.payloads import merged as merged_blocks
 from msggen.recordings.log.payloads import Sample, merged
 
 TIMES = st.lists(st.lists(st.integers(0, 30)), max_size=6)

@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 
 from msggen import recordings
 from msggen.base.missing import installing
-from msggen.cli.log.opening import problem_text
+from msggen.cli.commands.log.opening import problem_text
 from msggen.recordings import Log, RecordingError, offset_between
 from msggen.recordings.decode.left_out import LeftOut, leave_out
 from support.catalogs import catalog_of, import_package

@@ -8,7 +8,7 @@ import pytest
 
 from msggen import recordings
 from msggen.definitions.identity import message_hash, type_hash
-from msggen.live.vehicle.firmware import releases
+from msggen.messages.firmware import releases
 from msggen.recordings.definitions.release import Release, release_of
 from msggen.recordings.log.origin import firmware_of
 from msggen.sources.embedded import EMBEDDED, Releases

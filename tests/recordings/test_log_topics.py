@@ -14,9 +14,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msggen import recordings
+from msggen.exports.convert import convert
+from msggen.exports.player import endpoints_of
 from msggen.recordings import Log, RecordingError
-from msggen.recordings.convert import convert
-from msggen.recordings.live.player import endpoints_of
 from msggen.recordings.topics.choice import Choice
 from support.log_files import Written, write_log
 from support.scratch import scratch_folder

@@ -13,8 +13,8 @@ import pytest
 
 from msggen import recordings
 from msggen.recordings.decode.schemas import read_schema
-from msggen.recordings.files.ulog_formats import Formats
-from msggen.recordings.files.ulog_names import MESSAGES
+from msggen.recordings.files.ulog.formats import Formats
+from msggen.recordings.files.ulog.names import MESSAGES
 from msggen.recordings.log.origin import release_text
 from msggen.recordings.source.facts import Dropout, Text
 from support.repository import DEFINITIONS, SOME

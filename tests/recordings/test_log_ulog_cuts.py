@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 import pytest
 
 from msggen import recordings
-from msggen.recordings.live.ulog import UlogWriter as SimulatorsWriter
-from msggen.recordings.live.ulog import Vehicle
+from msggen.sim.ulog import UlogWriter as SimulatorsWriter
+from msggen.sim.ulog import Vehicle
 from support.report_flights import messages_of
 from support.repository import shared
 from support.ulog import UlogWriter

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from msggen import recordings
-from msggen.recordings.files.ulog_messages import SYNC
+from msggen.recordings.files.ulog.messages import SYNC
 from msggen.recordings.log.log import Log
 from support.ulog import UTC, UlogWriter, flight
 

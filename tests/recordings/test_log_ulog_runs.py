@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 from msggen import recordings
-from msggen.recordings.files.ulog import UlogFile
-from msggen.recordings.files.ulog_formats import LONGEST_RUN
-from msggen.recordings.files.ulog_heads import SIZE, chained
-from msggen.recordings.files.ulog_notes import usual_parameters
-from msggen.recordings.files.ulog_topics import Topics
+from msggen.recordings.files.ulog.formats import LONGEST_RUN
+from msggen.recordings.files.ulog.heads import SIZE, chained
+from msggen.recordings.files.ulog.notes import usual_parameters
+from msggen.recordings.files.ulog.reader import UlogFile
+from msggen.recordings.files.ulog.topics import Topics
 from support.ulog import UlogWriter, write_ulog
 
 TOPICS = 3
@@ -108,7 +108,7 @@ def test_parameters_that_are_read_later_are_those_that_are_read_at_once(
     path = writer.write(tmp_path / "a.ulg")
     with recordings.open(path) as log:
         found, problems = log.facts, log.problems
-    monkeypatch.setattr("msggen.recordings.files.ulog.usual_parameters", lambda _, start, __: [start])
+    monkeypatch.setattr("msggen.recordings.files.ulog.reader.usual_parameters", lambda _, start, __: [start])
     with recordings.open(path) as log:
         assert list(found.parameters.items()) == list(log.facts.parameters.items())
         assert problems == log.problems
@@ -169,7 +169,7 @@ def test_topics_that_are_named_between_samples(tmp_path: Path, monkeypatch: pyte
         expected.setdefault(number, []).append(index)
         writer.sample(number, struct.pack("<Qf", index, index))
     walked: list[Any] = []
-    monkeypatch.setattr("msggen.recordings.files.ulog_messages.walk", lambda *arguments: walked.append(arguments))
+    monkeypatch.setattr("msggen.recordings.files.ulog.messages.walk", lambda *arguments: walked.append(arguments))
     with recordings.open(writer.write(tmp_path / "a.ulg")) as log:
         assert {topic.instance: log[topic.key]["x"].tolist() for topic in log.topics} == expected
     assert walked == []

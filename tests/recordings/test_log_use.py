@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 
 from msggen import InputError, recordings
+from msggen.exports.convert import convert
+from msggen.exports.writer import Channel, Writer
 from msggen.recordings import Log, RecordingError
-from msggen.recordings.convert import convert
-from msggen.recordings.writer import Channel, Writer
 from support.imports import READING
 from support.ulog import write_ulog
 

@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 
 from msggen import recordings
+from msggen.exports.convert import convert, names
+from msggen.exports.convert.types import TypeNames
 from msggen.recordings import RecordingError
-from msggen.recordings.convert import convert, names
-from msggen.recordings.convert.types import TypeNames
-from msggen.recordings.files import mcap_writer
-from msggen.recordings.files.mcap import McapFile
-from msggen.recordings.files.mcap_channels import Described
-from msggen.recordings.files.mcap_records import chunk_or_message_from
-from msggen.recordings.files.ulog_formats import Formats
+from msggen.recordings.files.mcap import writer as mcap_writer
+from msggen.recordings.files.mcap.channels import Described
+from msggen.recordings.files.mcap.reader import McapFile
+from msggen.recordings.files.mcap.records import chunk_or_message_from
+from msggen.recordings.files.ulog.formats import Formats
 from msggen.recordings.log.payloads import in_order
 from msggen.recordings.source.source import Channel, Part, Problem
 from msggen.recordings.topics.choice import names_of
@@ -60,7 +60,7 @@ def test_many_topics_with_one_name_for_the_disk_have_files_of_their_own() -> Non
 
 
 def test_many_definitions_of_one_type_have_names_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("msggen.recordings.convert.types._hashes_of", lambda _, definition: (definition, {}))
+    monkeypatch.setattr("msggen.exports.convert.types._hashes_of", lambda _, definition: (definition, {}))
     types = TypeNames()
     found = [types.name_of(topic("/a", f"not a definition {number}")) for number in range(MANY // 2)]
     assert found[:3] == ["our_msgs/msg/A", "our_msgs/msg/A2", "our_msgs/msg/A3"]

@@ -17,8 +17,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from msggen import recordings
+from msggen.exports.fleet.finding import find_recordings
 from msggen.recordings.files.compression import CompressionError, Room, decompress_file
-from msggen.recordings.fleet.finding import find_recordings
 from support.fleet_recordings import write_flight
 from support.ulog import write_ulog
 

@@ -14,11 +14,11 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as RosbagsWriter
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from msggen.recordings.live.player import endpoints_of
+from msggen.exports.player import endpoints_of
+from msggen.exports.writer import COMPRESSIONS, Writer
 from msggen.recordings.log import opening
 from msggen.recordings.source.source import RecordingError
 from msggen.recordings.topics.choice import Choice
-from msggen.recordings.writer import COMPRESSIONS, Writer
 from support.recordings import START, Found, channel_of, read_ours, route_of
 
 STATUS, ODOMETRY = "/fmu/out/vehicle_status_v4", "/uav_1/fmu/out/vehicle_odometry"

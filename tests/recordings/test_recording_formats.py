@@ -24,7 +24,7 @@ from support.repository import ROOT
 @pytest.mark.parametrize("name", FORMATS)
 def test_the_module_of_a_format_reads_files_of_its_kind(name: str) -> None:
     row = FORMATS[name]
-    assert getattr(import_module(f"msggen.recordings.files.{name}"), row.reader).kind == name
+    assert getattr(import_module(f"msggen.recordings.files.{row.folder}.reader"), row.reader).kind == name
 
 
 def test_names_and_first_bytes_tell_one_format() -> None:

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from msggen import recordings
+from msggen.exports.writer import Channel, Writer
 from msggen.recordings.source.memory import drop_pages
-from msggen.recordings.writer import Channel, Writer
 from support.databases import Stored, write_database
 
 SIZE = 16 << 20
@@ -67,7 +67,7 @@ def test_small_files_and_arrays_stay_as_they_are(tmp_path: Path) -> None:
 
 
 def test_a_database_is_not_kept_in_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("msggen.recordings.files.sqlite_pages._BATCH", 1 << 20)
+    monkeypatch.setattr("msggen.recordings.files.rosbag2.sqlite_pages._BATCH", 1 << 20)
     chance = Random(1)  # noqa: S311 - no secret
     rows = [(1, number, b"\0\1\0\0" + chance.randbytes(1000)) for number in range(SIZE // 1000)]
     path = write_database(tmp_path / "flight.db3", [Stored(1, "/a", "a/msg/A")], rows)
@@ -83,8 +83,8 @@ def test_a_recording_is_not_kept_in_memory(
     name: str, px4_types: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("msggen.recordings.source.gather.WINDOW", 1 << 20)
-    monkeypatch.setattr("msggen.recordings.files.ulog_messages.WINDOW", 1 << 20)
-    monkeypatch.setattr("msggen.recordings.files.mcap._GROUP", 1 << 20)
+    monkeypatch.setattr("msggen.recordings.files.ulog.messages.WINDOW", 1 << 20)
+    monkeypatch.setattr("msggen.recordings.files.mcap.reader._GROUP", 1 << 20)
     path = tmp_path / name
     info = px4_types.VehicleStatus.__msg__
     chance = Random(1)  # noqa: S311 - no secret

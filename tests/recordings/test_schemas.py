@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
+from msggen.exports.vehicle_definitions import Definitions
+from msggen.link.link import Route
 from msggen.live import Vehicle
-from msggen.live.link import Route
 from msggen.recordings.decode.schemas import hash_of
-from msggen.recordings.live.vehicle_definitions import Definitions
 from support.fake_link import FakeLink
 from support.recordings import channel_of, route_of
 
@@ -74,7 +74,7 @@ def test_topics_of_other_versions_and_unknown_ones_have_no_definition(px4_types:
 
 def test_a_definition_is_taken_from_the_release_that_has_its_hash(px4_types: Any) -> None:
     """Firmware between two releases has some definitions of each."""
-    from msggen.live.vehicle.firmware import releases
+    from msggen.messages.firmware import releases
 
     own, (release, rows) = px4_types, list(releases().items())[1]
     name, row = next(

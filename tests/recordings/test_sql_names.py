@@ -20,8 +20,8 @@ from hypothesis import strategies as st
 
 from msggen import recordings
 from msggen.cli import main
+from msggen.exports.convert import TABLES, convert
 from msggen.recordings.columns.sql_names import names_for_sql
-from msggen.recordings.convert import TABLES, convert
 from support.flights import TOPICS, write_flight
 from support.log_files import Written, write_log
 from support.recordings import START
@@ -128,7 +128,7 @@ def test_csv_has_the_values_of_the_recording(
     px4_types: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("msggen.cli.log.show._PIECE", 7)  # the names come once
+    monkeypatch.setattr("msggen.cli.commands.log.show._PIECE", 7)  # the names come once
     with recordings.open(write_flight(tmp_path / "flight.mcap", px4_types, 30)) as log:
         for topic in TOPICS:
             rows = shown(f"flight.mcap {topic}", capsys)

@@ -19,8 +19,11 @@ from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 
 from msggen import recordings
-from msggen.recordings.convert import convert
-from msggen.recordings.files import mcap, mcap_fetched, mcap_summary, stored
+from msggen.exports.convert import convert
+from msggen.recordings.files import stored
+from msggen.recordings.files.mcap import fetched as mcap_fetched
+from msggen.recordings.files.mcap import reader as mcap
+from msggen.recordings.files.mcap import summary as mcap_summary
 from msggen.recordings.log.log import Log
 from msggen.recordings.source.source import RecordingError
 from msggen.recordings.stores.errors import StoreError

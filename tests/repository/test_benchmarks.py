@@ -26,7 +26,7 @@ from effort import QUICK
 from goals import LEAST, MOST, Goal, summary
 from messages import MESSAGES, Sample, read_samples
 from msggen.sources.catalog import read_catalog
-from msggen.sources.sources import find_sources
+from msggen.sources.finding import find_sources
 from page import Section, page, printed
 from peers import FLOOR, OURS, PEERS, CannotError, Peer
 from rounds import Contestant, race, race_processes

@@ -12,18 +12,18 @@ import yaml
 from msggen.base.recording_formats import FORMATS, PACKED
 from msggen.definitions.identity import PX4_WRITER
 from msggen.doctor.setpoint_rules import SETPOINT
-from msggen.doctor.steering import SETPOINTS as STEERED
-from msggen.live.links.link_types import LINK_TYPES
-from msggen.live.messages import commands
-from msggen.live.messages.nav_states import MODE_CONSTANTS, MODE_NAMES
-from msggen.live.messages.setpoints import BY_NUMBER, GOTO, KINDS, OF_OTHERS, SELECTORS, SENT
-from msggen.live.sim.setpoints import Setpoints
-from msggen.recordings.files.qos import QOS
+from msggen.doctor.setpoints import SETPOINTS as STEERED
+from msggen.link.link_types import LINK_TYPES
+from msggen.messages import commands
+from msggen.messages.nav_states import MODE_CONSTANTS, MODE_NAMES
+from msggen.messages.setpoints import BY_NUMBER, GOTO, KINDS, OF_OTHERS, SELECTORS, SENT
+from msggen.recordings.files.rosbag2.qos import QOS
+from msggen.sim.setpoints import Setpoints
 from msggen.sources.embedded import EMBEDDED
 from msggen.sources.read import read
 from support.repository import ROOT
 
-TABLES = ("base/recording_formats.py", "live/links/link_types.py")
+TABLES = ("base/recording_formats.py", "link/link_types.py")
 
 SUFFIXES = [each.removeprefix(".") for each in (*PACKED, *(row.suffix for row in FORMATS.values()))]
 NAMED = re.compile(rf"(?<!\.tar)[.|]({'|'.join(SUFFIXES)})\b", re.IGNORECASE)
@@ -130,7 +130,7 @@ def test_a_second_list_is_found(source: str) -> None:
         '"""Read `.mcap` and `.ulg`."""',
         'SIZE = 1\n"""Of `flight.mcap`, `.db3`."""',
         'help = "file to write (default: merged.mcap)"',
-        "from msggen.recordings.files.mcap import McapFile",
+        "from msggen.recordings.files.mcap.reader import McapFile",
         'is_listed = scheme in LINK_TYPES or kind == "mcap"',
         'scheme = "udp"',
         'link = f"udp://{place}"',
@@ -142,8 +142,8 @@ def test_one_name_in_a_sentence_and_an_address_are_no_list(source: str) -> None:
 
 # Modes and commands of PX4
 
-OF_MODES = "live/messages/nav_states.py"
-OF_COMMANDS = "live/messages/commands.py"
+OF_MODES = "messages/nav_states.py"
+OF_COMMANDS = "messages/commands.py"
 MODES = {text.lower() for names in (MODE_NAMES, MODE_CONSTANTS) for text in names.values()}
 COMMANDS = {commands.SET_MODE, commands.SET_HOME, commands.REPOSITION, commands.ARM_DISARM, commands.SET_NAV_STATE}
 """The numbers of commands that are no everyday numbers."""
@@ -185,7 +185,7 @@ def test_a_second_list_of_modes_or_commands_is_found() -> None:
 
 # Setpoints of PX4
 
-OF_SETPOINTS = "live/messages/setpoints.py"
+OF_SETPOINTS = "messages/setpoints.py"
 SETPOINT_TOPICS = {topic for kind in KINDS for topic in kind.topics}
 
 
@@ -199,7 +199,15 @@ def topics_of_setpoints(source: str) -> set[str]:
 def test_no_module_has_a_second_list_of_setpoints() -> None:
     found = {
         path.relative_to(ROOT / "msggen").as_posix()
-        for room in ("live", "flight", "doctor")  # reports name what recordings have
+        for room in (
+            "link",
+            "messages",
+            "vehicle",
+            "sim",
+            "ros",
+            "flight",
+            "doctor",
+        )  # reports name what recordings have
         for path in (ROOT / "msggen" / room).rglob("*.py")
         if topics_of_setpoints(path.read_text(encoding="utf-8"))
     }
@@ -238,7 +246,7 @@ def test_the_doctor_and_the_simulator_know_every_setpoint() -> None:
 
 # Depths of queues
 
-OF_DEPTHS = {"base/qos.py", "live/links/cyclone.py"}
+OF_DEPTHS = {"base/qos.py", "link/cyclone.py"}
 """That of programs, and how many samples a reader in DDS keeps until msggen takes them."""
 
 

@@ -44,6 +44,7 @@ def test_public_names_exist(module: str) -> None:
 @pytest.mark.parametrize("facade", FACADES)
 def test_the_modules_of_the_names_are_those_that_type_checkers_see(facade: str) -> None:
     package = importlib.import_module(facade)
+    packages = {"msggen.live": "msggen"}
     text = Path(str(package.__file__)).read_text(encoding="utf-8")
     block = text.partition("\nif TYPE_CHECKING")[2].partition("\nif not TYPE_CHECKING")[0]
     imports = re.findall(r"^    from (\S+) import (?:\(([^)]*)\)|([^#\n]*))", block, re.MULTILINE)
@@ -51,7 +52,7 @@ def test_the_modules_of_the_names_are_those_that_type_checkers_see(facade: str) 
         module: {each.split()[0] for each in (several or line).split(",") if each.strip()}
         for module, several, line in imports
     }
-    assert {f"{facade}.{module}": {*names} for module, names in package._MODULES.items()} == typed
+    assert {f"{packages.get(facade, facade)}.{module}": {*names} for module, names in package._MODULES.items()} == typed
     assert {name for names in typed.values() for name in names} - {"__version__"} == {*package.__all__}
     for name in package.__all__:
         assert getattr(package, name) is not None

@@ -14,7 +14,7 @@ from msggen.definitions.model import snake_case
 from msggen.generate.build import Build
 from msggen.generate.python.package import render_package
 from msggen.sources.catalog import read_catalog
-from msggen.sources.sources import find_sources
+from msggen.sources.finding import find_sources
 from support.catalogs import catalog_of, write_definitions
 from support.checkers import GENERATED, mypy
 from support.imports import HEAVY

@@ -12,7 +12,7 @@ import pytest
 from msggen.base.exit_codes import DONE, FAILED, FINDINGS
 from msggen.base.missing import installing
 from msggen.cli import main
-from msggen.live.sim import Options, Simulator
+from msggen.sim import Options, Simulator
 from support.ports import free_port
 from support.pseudo_terminal import TerminalProgram
 from support.repository import ROOT
@@ -135,7 +135,7 @@ def test_errors_come_before_any_waiting(
     def connect(*_: object, **_options: object) -> None:
         raise AssertionError("a wrong argument must not wait for a vehicle")
 
-    monkeypatch.setattr("msggen.live.vehicle.vehicle.Vehicle.__init__", connect)
+    monkeypatch.setattr("msggen.vehicle.vehicle.Vehicle.__init__", connect)
     assert run(words, url) == FAILED
     assert error in capsys.readouterr().err
 

@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
-from msggen.live.messages.places import PlaceError
+from msggen.messages.places import PlaceError
 from msggen.recordings.columns.annotations import Annotation
 from msggen.recordings.log.series import Series
 from msggen.show.plot import samples as kept_samples

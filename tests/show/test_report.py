@@ -465,7 +465,7 @@ def test_an_error_of_the_system_is_in_the_document(
     def fail(*_: object, **__: object) -> None:
         raise PermissionError(13, "Permission denied", "a/Rpm.msg")
 
-    monkeypatch.setattr("msggen.cli.check.firmware_of", fail)
+    monkeypatch.setattr("msggen.cli.commands.check.firmware_of", fail)
     assert main(["check", "a", "--output-format", output_format]) == 2
     told = capsys.readouterr()
     assert codes(output_format, told.out) == ["io"]

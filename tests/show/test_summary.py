@@ -15,7 +15,7 @@ from msggen.cli import DONE, FINDINGS, main
 from msggen.show.report import render
 from msggen.show.report.line import is_misread, line
 from msggen.sources.embedded import EMBEDDED
-from msggen.sources.sources import find_sources
+from msggen.sources.finding import find_sources
 
 Capture = pytest.CaptureFixture[str]
 

@@ -12,12 +12,12 @@ from typing import Any
 import pytest
 
 from msggen.cli import main
-from msggen.live.sim import Options, Simulator
 from msggen.show.top.drawing import screen
 from msggen.show.top.health import Health
 from msggen.show.top.rows import Table
 from msggen.show.top.terminal import keys_in
 from msggen.show.top.view import _CHANGES, _PAGES, _STEPS, View
+from msggen.sim import Options, Simulator
 from support.ports import free_port
 from support.pseudo_terminal import TerminalProgram
 from support.repository import ROOT

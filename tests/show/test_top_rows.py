@@ -7,12 +7,12 @@ import math
 from collections.abc import Sequence
 from types import ModuleType
 
-from msggen.live.link import Route
-from msggen.live.vehicle.meter import Meter
+from msggen.link.link import Route
 from msggen.show.top.drawing import plain
 from msggen.show.top.health import Health, health_of
 from msggen.show.top.history import SECONDS, History, sparkline
 from msggen.show.top.rows import Table, as_document, limits_of, rows_of
+from msggen.vehicle.meter import Meter
 
 SECOND = 1_000_000_000
 STATUS = Route("/uav_1/fmu/out/vehicle_status_v4", "px4_msgs/msg/VehicleStatus", "out", 1)

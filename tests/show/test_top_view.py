@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msggen.live.link import Route
-from msggen.live.vehicle.meter import Meter
+from msggen.link.link import Route
 from msggen.show.top.drawing import screen
 from msggen.show.top.health import Health
 from msggen.show.top.rows import Row, Table, rows_of
 from msggen.show.top.view import _CHANGES, _OTHERS, _PAGES, _STEPS, COLUMNS, HELP, View, press
+from msggen.vehicle.meter import Meter
 
 KEYS = ("up", "down", "page up", "page down", "home", "end", "left", "right", "enter", "escape", "backspace", "space")
 LETTERS = tuple("aoqjkgGprsS/?éß漢")

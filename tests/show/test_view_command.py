@@ -12,7 +12,7 @@ import pytest
 from mcap.writer import Writer
 
 from msggen.cli import DONE, FAILED, main
-from msggen.live.sim import Options, Simulator
+from msggen.sim import Options, Simulator
 from support.example_program import Program, interrupted
 from support.foxglove_client import FoxgloveClient
 from support.ports import free_port

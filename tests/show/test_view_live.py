@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
+from msggen.link.link import Route
 from msggen.live import Vehicle
-from msggen.live.link import Route
 from msggen.show.view.live import LiveView
 from msggen.show.view.server import Server
 from support.fake_link import FakeLink

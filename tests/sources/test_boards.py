@@ -17,7 +17,7 @@ from msggen.definitions.model import Catalog
 from msggen.definitions.parse.kconfig import Configuration, parse_assignments, read_definitions
 from msggen.sources.catalog import read_catalog
 from msggen.sources.file import BoardOption
-from msggen.sources.sources import Sources, find_sources, with_board
+from msggen.sources.finding import Sources, find_sources, with_board
 from msggen.sources.tree import Folder
 from support.catalogs import import_package, write_definitions
 from support.packages import committed

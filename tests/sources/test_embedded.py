@@ -20,14 +20,15 @@ from typing import Any
 import pytest
 
 from msggen.check.run import breaking, check
-from msggen.cli import main, releases
+from msggen.cli import main
+from msggen.cli.commands import releases
 from msggen.definitions.model import Catalog, Comment, Conventions, Message
 from msggen.definitions.tags import INHERITED
 from msggen.definitions.unit import normalized_unit
 from msggen.sources.catalog import read_catalog
 from msggen.sources.embedded import ARCHIVED, EMBEDDED, PREFIX, comments_in, embedded_tree
+from msggen.sources.finding import Sources, find_sources, with_archived
 from msggen.sources.inferred import with_inferred
-from msggen.sources.sources import Sources, find_sources, with_archived
 from support import embed, facts
 from support.catalogs import write_definitions
 from support.identities import assert_same_endpoints, dds_of, rihs01_of, uorb_of
@@ -449,7 +450,7 @@ def test_a_release_is_added_by_embedding_it_alone(tmp_path: Path) -> None:
     assert "the embedded PX4 v1.19 does not break the embedded PX4 v1.18" in run(
         "-m", "msggen", "breaking", "--px4", "v1.19", "--against", "v1.18"
     )
-    table = json.loads((copy / "msggen/live/releases.json").read_text())
+    table = json.loads((copy / "msggen/messages/releases.json").read_text())
     assert list(table) == ["v1.19", *EMBEDDED]
     assert table["v1.19"].keys() == table["v1.18"].keys()
     lists = (ROOT / "msg/CMakeLists.txt").read_text()

@@ -13,8 +13,8 @@ from msggen.check.run import breaking
 from msggen.definitions.model import Comment, Field
 from msggen.sources.catalog import read_catalog
 from msggen.sources.embedded import EMBEDDED
+from msggen.sources.finding import find_sources, with_archived
 from msggen.sources.inferred import with_inferred
-from msggen.sources.sources import find_sources, with_archived
 from support.catalogs import write_definitions
 from support.repository import ROOT
 

@@ -10,7 +10,7 @@ import pytest
 from msggen.cli import DONE, FAILED, main
 from msggen.definitions.identity import endpoints
 from msggen.sources.catalog import read_catalog
-from msggen.sources.sources import find_sources
+from msggen.sources.finding import find_sources
 from support.catalogs import write_definitions
 
 YAML = "src/modules/uxrce_dds_client/dds_topics.yaml"

@@ -15,7 +15,7 @@ import pytest
 from msggen.base.diagnostics import Level
 from msggen.cli import DONE, FAILED, main
 from msggen.sources.catalog import read_catalog
-from msggen.sources.sources import find_sources
+from msggen.sources.finding import find_sources
 from support.catalogs import import_package, write_definitions
 from support.reference import serialize, to_object
 from support.repository import shared

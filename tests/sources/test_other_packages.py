@@ -21,7 +21,7 @@ from msggen.cli import DONE, FAILED, FINDINGS, main
 from msggen.definitions.identity import endpoints, type_hash, uorb_topics
 from msggen.definitions.model import Catalog
 from msggen.sources.catalog import read_catalog
-from msggen.sources.sources import find_sources
+from msggen.sources.finding import find_sources
 from support.catalogs import write_definitions
 from support.packages import BRIDGE_PLACE, PACKAGE, committed, content, definition, firmware, git, plain_package, sync
 from support.ros_packages import DEFINITIONS, TYPE_HASHES, manifest, ros_packages

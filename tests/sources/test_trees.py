@@ -23,8 +23,8 @@ from hypothesis import strategies as st
 from msggen.base.diagnostics import InputError
 from msggen.cli import DONE, FAILED, FINDINGS, main
 from msggen.sources.catalog import read_catalog
+from msggen.sources.finding import find_sources, open_tree
 from msggen.sources.history import read_history
-from msggen.sources.sources import find_sources, open_tree
 from support.catalogs import write_definitions
 from support.examples import examples
 from support.packages import BRIDGE_PLACE, committed, content, definition, firmware, git

@@ -12,7 +12,7 @@ from types import ModuleType
 from msggen.definitions.model import Catalog
 from msggen.generate.python.package import render_package
 from msggen.sources.catalog import read_catalog
-from msggen.sources.sources import find_sources
+from msggen.sources.finding import find_sources
 
 _numbers = itertools.count()
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from msggen.live.messages.commands import ACCEPTED
-from msggen.live.sim.commander.checks import Reply
-from msggen.live.sim.commander.commander import LOOP, Commander
-from msggen.live.sim.commander.components import Registered, Registration
-from msggen.live.sim.commander.requirements import Senses
-from msggen.live.sim.commander.rules import V1_18, Rules
+from msggen.messages.commands import ACCEPTED
+from msggen.sim.commander.checks import Reply
+from msggen.sim.commander.commander import LOOP, Commander
+from msggen.sim.commander.components import Registered, Registration
+from msggen.sim.commander.requirements import Senses
+from msggen.sim.commander.rules import V1_18, Rules
 from support.flight_replay import PARAMETERS
 
 NEEDS = frozenset({"angular_velocity", "attitude", "local_alt", "local_position"})

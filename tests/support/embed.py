@@ -33,7 +33,7 @@ from msggen.sources.embedded import (  # noqa: E402
     head_of,
     is_of_release,
 )
-from msggen.sources.sources import find_sources, with_archived  # noqa: E402
+from msggen.sources.finding import find_sources, with_archived  # noqa: E402
 from msggen.sources.tree import Folder, Tree  # noqa: E402
 from msggen.sources.tree_layout import CLIENT_SOURCES, LISTS  # noqa: E402
 from support import facts  # noqa: E402

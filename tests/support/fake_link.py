@@ -8,8 +8,8 @@ from collections.abc import Iterable, Sequence
 from types import ModuleType
 from typing import Any
 
-from msggen.live.age import NEVER, is_over
-from msggen.live.link import LinkError, Listener, Remote, Route, Service, StaleError, Statistics
+from msggen.link.age import NEVER, is_over
+from msggen.link.link import LinkError, Listener, Remote, Route, Service, StaleError, Statistics
 
 SERVICE = Service(
     "/fmu/vehicle_command", "px4_msgs/srv/VehicleCommand_Request", "px4_msgs/srv/VehicleCommand_Response", 2048

@@ -9,7 +9,7 @@ from msggen.doctor.case import Case
 from msggen.doctor.diagnose import diagnose
 from msggen.doctor.expected import Expected
 from msggen.doctor.observation import Observation
-from msggen.live.vehicle.selection import Selection
+from msggen.vehicle.selection import Selection
 
 
 def judged(seen: Observation, expected: Expected, *wanted: str, **selection: Any) -> Report:

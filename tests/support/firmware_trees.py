@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from msggen.sources.file import read_file
-from msggen.sources.sources import find_sources
+from msggen.sources.finding import find_sources
 from support.catalogs import write_definitions
 
 BRIDGE_PLACE = "src/modules/uxrce_dds_client/dds_topics.yaml"

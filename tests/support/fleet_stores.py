@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from botocore.session import Session
 
-from msggen.recordings.fleet import compact, files, update
+from msggen.exports.fleet import compact, files, update
 from support.fleet_logs import VEHICLES, flight
 from support.fleet_recordings import rows_of
 from support.moto import moto_server

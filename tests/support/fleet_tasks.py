@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import signal
 
-from msggen.recordings.fleet import Batch, Task, convert_batch
+from msggen.exports.fleet import Batch, Task, convert_batch
 
 
 def convert_or_die(task: Task) -> Batch:

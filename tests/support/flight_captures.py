@@ -1,4 +1,4 @@
-"""What a commander was told in captured flights of PX4 v1.18, and what it answered (tests/live/sim/flights).
+"""What a commander was told in captured flights of PX4 v1.18, and what it answered (tests/sim/flights).
 
 `python -m support.flight_captures FOLDER`, in the folder tests, makes those files from the whole captures.
 """
@@ -14,10 +14,10 @@ from itertools import groupby, pairwise
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
-from msggen.live.xrce import entities, wire
+from msggen.link.xrce import entities, wire
 from support.repository import ROOT
 
-FOLDER = ROOT / "tests" / "live" / "sim" / "flights"
+FOLDER = ROOT / "tests" / "sim" / "flights"
 TOLD = (
     "/fmu/in/register_ext_component_request_v2",
     "/fmu/in/unregister_ext_component",

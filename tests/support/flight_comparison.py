@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
 
-from msggen.live.messages import nav_states
-from msggen.live.sim.commander.requirements import OF_PX4
-from msggen.live.sim.commander.setpoint_types import ALL
+from msggen.messages import nav_states
+from msggen.sim.commander.requirements import OF_PX4
+from msggen.sim.commander.setpoint_types import ALL
 from support.flight_captures import Captured
 from support.flight_replay import OF_TYPES, Answer, Replay, Seen, Values, text_of
 

@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, TypeAlias
 
-from msggen.live.messages import nav_states
-from msggen.live.messages.commands import EXECUTOR, TEMPORARILY_REJECTED
-from msggen.live.sim.commander.checks import Reply
-from msggen.live.sim.commander.commander import Commander, Overrides
-from msggen.live.sim.commander.components import Registration
-from msggen.live.sim.commander.requirements import OF_PX4, Senses
-from msggen.live.sim.commander.rules import V1_18, Rules
+from msggen.messages import nav_states
+from msggen.messages.commands import EXECUTOR, TEMPORARILY_REJECTED
+from msggen.sim.commander.checks import Reply
+from msggen.sim.commander.commander import Commander, Overrides
+from msggen.sim.commander.components import Registration
+from msggen.sim.commander.requirements import OF_PX4, Senses
+from msggen.sim.commander.rules import V1_18, Rules
 from support.flight_captures import SEEN, Captured, Sample
 
 PARAMETERS: Mapping[str, float] = {

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple, TypeVar
 
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
-from msggen.live.sim import Options
-from msggen.live.sim.loop import SimulatedLoop, run
-from msggen.live.sim.near import NearVehicle
+from msggen.sim import Options
+from msggen.sim.loop import SimulatedLoop, run
+from msggen.sim.near import NearVehicle
 
 _Result = TypeVar("_Result")
 EXTERNAL = 23

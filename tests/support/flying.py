@@ -13,7 +13,7 @@ from queue import Empty, Queue
 from types import ModuleType
 from typing import Any
 
-from msggen.live.sim import Options, Simulator
+from msggen.sim import Options, Simulator
 from support.repository import ROOT
 
 PATIENCE = 20.0

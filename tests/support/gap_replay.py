@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from msggen.live.sim import SimulatedVehicle
-from msggen.live.xrce import wire
-from msggen.live.xrce.offset import OffsetFilter
+from msggen.link.xrce import wire
+from msggen.link.xrce.offset import OffsetFilter
+from msggen.sim import SimulatedVehicle
 from support.simulation import SECOND
 from support.xrce_agent import SmallAgent
 from support.xrce_captures import load

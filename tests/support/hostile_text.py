@@ -8,7 +8,7 @@ import threading
 import time
 from types import ModuleType
 
-from msggen.live.link import LinkError, Listener, Route
+from msggen.link.link import LinkError, Listener, Route
 from support.fake_link import FakeLink, routes_of
 
 PIECES = (

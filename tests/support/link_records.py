@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 
 from msggen.generate import cache
-from msggen.live.link import Remote, Route, Sample, Service
+from msggen.link.link import Remote, Route, Sample, Service
 
 PATIENCE = 20.0
 """The longest time in s that a test waits for anything."""

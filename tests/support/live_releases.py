@@ -1,6 +1,6 @@
 """Writes the endpoints and hashes of the embedded releases: `python tests/support/live_releases.py`.
 
-`msggen/live/releases.json` has a line for each endpoint: its ROS name, object id, message, uORB topic and
+`msggen/messages/releases.json` has a line for each endpoint: its ROS name, object id, message, uORB topic and
 `message_hash`. A vehicle is compared with them when it connects.
 """
 
@@ -17,7 +17,7 @@ sys.path.insert(0, str(ROOT))
 from msggen import endpoints, message_hash, read  # noqa: E402 - this file is a program too
 from msggen.sources.embedded import EMBEDDED  # noqa: E402
 
-TABLE = ROOT / "msggen" / "live" / "releases.json"
+TABLE = ROOT / "msggen" / "messages" / "releases.json"
 
 
 def table() -> str:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from msggen.definitions.model import Catalog
 from msggen.sources.catalog import read_catalog
-from msggen.sources.sources import find_sources
+from msggen.sources.finding import find_sources
 from support.catalogs import write_definitions
 from support.repository import ROOT
 from support.ros_packages import ros_packages

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from types import ModuleType
 from typing import Any
 
-from msggen.live.sim.near import NearVehicle
+from msggen.sim.near import NearVehicle
 
 _INTERVAL = 0.004
 

@@ -1,7 +1,7 @@
 """How topics are published: at which rates, and which of their fields move, by a captured PX4 v1.18 and by sim.
 
 In the folder tests, `python -m support.published` writes the tables in docs/sim.md. With a capture, it first writes
-its facts to tests/live/sim/published.json.
+its facts to tests/sim/published.json.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
-from msggen.live.sim.alone import BOOT, LoneFlight
-from msggen.live.sim.options import Options
-from msggen.live.sim.publishing import ANSWERS
+from msggen.sim.alone import BOOT, LoneFlight
+from msggen.sim.options import Options
+from msggen.sim.publishing import ANSWERS
 from support import flight_captures
 from support.repository import ROOT
 
-PATH = ROOT / "tests" / "live" / "sim" / "published.json"
+PATH = ROOT / "tests" / "sim" / "published.json"
 Timed: TypeAlias = tuple[float, str, Any]
 """A time in s, a topic as in uORB, and a message."""
 _TIMES = frozenset({"timestamp", "timestamp_sample"})

@@ -16,7 +16,7 @@ from typing import Any
 from msggen.definitions.model import ArrayKind, Catalog, FieldType, Message
 from msggen.definitions.primitives import FLOATS, INTEGERS, PRIMITIVES, STRINGS
 from msggen.sources.catalog import read_catalog
-from msggen.sources.sources import find_sources
+from msggen.sources.finding import find_sources
 from support.catalogs import write_definitions
 
 NUMBERS = ("bool", *INTEGERS, *FLOATS)

@@ -11,9 +11,9 @@ from mcap.reader import NonSeekingReader, make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
-from msggen.live.link import Route
+from msggen.exports.writer import Channel
+from msggen.link.link import Route
 from msggen.recordings.log import opening
-from msggen.recordings.writer import Channel
 
 START = 1_790_000_000_000_000_000
 

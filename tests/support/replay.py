@@ -10,7 +10,7 @@ from contextlib import suppress
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from msggen.live.link import Route
+from msggen.link.link import Route
 from support import xrce_captures
 
 if TYPE_CHECKING:

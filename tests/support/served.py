@@ -10,14 +10,14 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from msggen.live.link import Link
-from msggen.live.links.address import parse_address
-from msggen.live.links.opening import open_link
-from msggen.live.links.owners import Running, running, stop
-from msggen.live.links.places import place_of
-from msggen.live.links.records import PROTOCOL
-from msggen.live.owner.process import never
-from msggen.live.owner.server import Server
+from msggen.link.address import parse_address
+from msggen.link.link import Link
+from msggen.vehicle.opening import open_link
+from msggen.vehicle.owned.owners import Running, running, stop
+from msggen.vehicle.owned.places import place_of
+from msggen.vehicle.owned.records import PROTOCOL
+from msggen.vehicle.owner.process import never
+from msggen.vehicle.owner.server import Server
 
 ADDRESS = "udp://127.0.0.1:8888"
 

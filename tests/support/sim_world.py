@@ -8,13 +8,13 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from msggen.live.messages.commands import ACCEPTED, ARM_DISARM, SET_NAV_STATE, TAKEOFF
-from msggen.live.messages.nav_states import HOLD, LAND
-from msggen.live.sim.attitude import Quaternion, Vector
-from msggen.live.sim.commander.checks import Reply
-from msggen.live.sim.commander.components import Registration
-from msggen.live.sim.flight import FREE, GRAVITY, NAN, ZERO
-from msggen.live.sim.world import STEP, World
+from msggen.messages.commands import ACCEPTED, ARM_DISARM, SET_NAV_STATE, TAKEOFF
+from msggen.messages.nav_states import HOLD, LAND
+from msggen.sim.attitude import Quaternion, Vector
+from msggen.sim.commander.checks import Reply
+from msggen.sim.commander.components import Registration
+from msggen.sim.flight import FREE, GRAVITY, NAN, ZERO
+from msggen.sim.world import STEP, World
 
 SECOND = 1_000_000
 NOTHING = (NAN,) * 7

@@ -6,13 +6,13 @@ from collections.abc import Callable, Sequence
 from types import ModuleType, SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
-from msggen.live.age import NEVER
-from msggen.live.link import Listener, deliver
-from msggen.live.links.agent_link import TICK, AgentLink
-from msggen.live.sim import Options
-from msggen.live.sim.vehicle import SimulatedVehicle
-from msggen.live.xrce.agent import Agent
-from msggen.live.xrce.outbox import Address
+from msggen.link.age import NEVER
+from msggen.link.agent_link import TICK, AgentLink
+from msggen.link.link import Listener, deliver
+from msggen.link.xrce.agent import Agent
+from msggen.link.xrce.outbox import Address
+from msggen.sim import Options
+from msggen.sim.vehicle import SimulatedVehicle
 
 if TYPE_CHECKING:
     import pytest
@@ -21,7 +21,7 @@ START_NS = 1_767_225_600_000_000_000  # 2026-01-01
 _BOOT = 1_000_000
 _STEP = 0.002
 """The shortest step in s: what is due within it comes together."""
-_CLOCKS = ("msggen.doctor.observe", "msggen.doctor.observer", "msggen.live.vehicle.entry")
+_CLOCKS = ("msggen.doctor.watching", "msggen.doctor.listener", "msggen.vehicle.entry")
 """The modules that look at the clock while the doctor watches."""
 
 

@@ -11,9 +11,9 @@ from types import ModuleType
 from typing import Any
 
 from msggen.generate.python.package import render_package
-from msggen.live.sim import Options, SimulatedVehicle
+from msggen.sim import Options, SimulatedVehicle
 from msggen.sources.catalog import read_catalog
-from msggen.sources.sources import find_sources
+from msggen.sources.finding import find_sources
 from support.catalogs import write_definitions
 from support.xrce_agent import SmallAgent
 

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from msggen.recordings.decode.schemas import definitions_in
-from msggen.recordings.files.ulog import MAGIC
-from msggen.recordings.files.ulog_messages import SYNC
+from msggen.recordings.files.ulog.messages import SYNC
+from msggen.recordings.files.ulog.reader import MAGIC
 
 TYPES = {"float32": "float", "float64": "double", "bool": "bool", "char": "char", "byte": "uint8_t"} | {
     f"{sign}int{bits}": f"{sign}int{bits}_t" for sign in ("", "u") for bits in (8, 16, 32, 64)

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from msggen.recordings.writer import Channel, Writer
+from msggen.exports.writer import Channel, Writer
 from support.recordings import START
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from msggen.live.xrce import entities, wire
+from msggen.link.xrce import entities, wire
 
 EPOCH = 1_700_000_000_000_000
 """The agent's clock minus the client's in us."""

@@ -1,4 +1,4 @@
-"""Captures of PX4's client with the real agent (tests/live/captures), and what they contain."""
+"""Captures of PX4's client with the real agent (tests/link/captures), and what they contain."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 from support.repository import ROOT
 
-FOLDER = ROOT / "tests" / "live" / "captures"
+FOLDER = ROOT / "tests" / "link" / "captures"
 SESSIONS = ("session-udp", "session-namespace", "session-service", "session-fragment")
 """Captures of one client and one agent over UDP."""
 

@@ -6,11 +6,11 @@ from collections.abc import Iterable
 from random import Random
 from typing import Any, NamedTuple
 
-from msggen.live.link import Event
-from msggen.live.xrce import entities, wire
-from msggen.live.xrce.agent import Agent
-from msggen.live.xrce.outbox import Address
-from msggen.live.xrce.streams import BestEffortInput, ReliableInput, ReliableOutput
+from msggen.link.link import Event
+from msggen.link.xrce import entities, wire
+from msggen.link.xrce.agent import Agent
+from msggen.link.xrce.outbox import Address
+from msggen.link.xrce.streams import BestEffortInput, ReliableInput, ReliableOutput
 
 PARTICIPANT = entities.object_id(1, entities.PARTICIPANT)
 SERVICE = 2048

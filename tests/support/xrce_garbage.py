@@ -15,11 +15,11 @@ if __name__ == "__main__":
 
     sys.path[0:1] = [str(Path(__file__).resolve().parents[1]), str(Path(__file__).resolve().parents[2])]
 
-from msggen.live.link import Route
-from msggen.live.xrce import wire
-from msggen.live.xrce.agent import Agent
-from msggen.live.xrce.limits import Limits
-from msggen.live.xrce.streams import INPUT_WINDOW, OUTPUT_WINDOW
+from msggen.link.link import Route
+from msggen.link.xrce import wire
+from msggen.link.xrce.agent import Agent
+from msggen.link.xrce.limits import Limits
+from msggen.link.xrce.streams import INPUT_WINDOW, OUTPUT_WINDOW
 from support.xrce_captures import SESSIONS, sent
 
 SPECIAL = (0, 1, 2, 3, 4, 5, 7, 8, 0x0D, 0x7F, 0x80, 0x81, 0xFF)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 
-from msggen.live.xrce import wire
+from msggen.link.xrce import wire
 
 
 def padding(message: bytes) -> set[int]:

@@ -13,8 +13,8 @@ from msggen.check.finding import Change, Excerpt
 from msggen.definitions.model import Catalog, Comment, Constant, Field, Message
 from msggen.definitions.parse.parameters import description, parameters
 from msggen.definitions.parse.text import decode_text
+from msggen.sources.finding import Sources
 from msggen.sources.inferred import Inference
-from msggen.sources.sources import Sources
 
 _FARTHEST = 50
 """The number of lines of a comment in which a tag is searched for its location."""

@@ -20,9 +20,9 @@ from msggen.flight.pytest.flown import Answer, ModeChange, Place, Sent
 from msggen.flight.pytest.recording import Recording
 from msggen.flight.pytest.vehicle import Airspace, SimVehicle
 from msggen.generate.cache import package_of
-from msggen.live.sim import Options
-from msggen.live.sim.parameters import PARAMETERS
-from msggen.live.sim.world import Home
+from msggen.sim import Options
+from msggen.sim.parameters import PARAMETERS
+from msggen.sim.world import Home
 from msggen.sources.embedded import EMBEDDED, unknown_release
 
 __all__ = ["Answer", "Home", "ModeChange", "Place", "Sent", "SimVehicle"]

@@ -10,8 +10,8 @@ from itertools import count
 from typing import NamedTuple, Protocol
 
 from msggen.flight.pytest.flown import mode_of
-from msggen.live.sim.faults import choose, read_fault
-from msggen.live.sim.world import World
+from msggen.sim.faults import choose, read_fault
+from msggen.sim.world import World
 
 _REPLIES = ("arming_check_reply",)
 _BOOT = 2.0

@@ -7,13 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from msggen.live.messages.nav_states import MODE_NAMES, SELECTABLE, mode_number
+from msggen.messages.nav_states import MODE_NAMES, SELECTABLE, mode_number
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from msggen.live.sim.world import World
+    from msggen.sim.world import World
 
 _INTERVAL = 20_000
 """The time in us between two places of the track."""

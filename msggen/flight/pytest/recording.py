@@ -9,13 +9,13 @@ from importlib import import_module
 from types import ModuleType
 from typing import Any
 
-from msggen.live.sim import Options
-from msggen.live.sim.disturbances import noise_with
-from msggen.live.sim.parameters import PARAMETERS
-from msggen.live.sim.publishing import Schedule, publication_of
-from msggen.live.sim.values import Clocks, Scene
-from msggen.live.sim.world import World
-from msggen.recordings.live.ulog import UlogWriter, Vehicle
+from msggen.sim import Options
+from msggen.sim.disturbances import noise_with
+from msggen.sim.parameters import PARAMETERS
+from msggen.sim.publishing import Schedule, publication_of
+from msggen.sim.ulog import UlogWriter, Vehicle
+from msggen.sim.values import Clocks, Scene
+from msggen.sim.world import World
 
 _TOPICS = frozenset(
     {

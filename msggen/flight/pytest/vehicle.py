@@ -12,9 +12,9 @@ from msggen.flight.pytest.faults import Faults
 from msggen.flight.pytest.flown import Answer, Flown, ModeChange, Sent, mode_name
 from msggen.flight.pytest.recording import Recording
 from msggen.flight.runners import CallerRunner
-from msggen.live.sim import Options
-from msggen.live.sim.loop import SimulatedLoop
-from msggen.live.sim.near import NearVehicle
+from msggen.sim import Options
+from msggen.sim.loop import SimulatedLoop
+from msggen.sim.near import NearVehicle
 
 if TYPE_CHECKING:
     import numpy as np

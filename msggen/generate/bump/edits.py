@@ -24,9 +24,9 @@ from msggen.generate.bump.header import (
 )
 from msggen.generate.bump.version_step import CONSTANT, CURRENT_FILE, Previous, VersionStep, fields_of
 from msggen.sources.catalog import COMPARABLE, read_catalog
+from msggen.sources.finding import find_sources, open_tree, refuse_part_of_tree
 from msggen.sources.history import ALL_TRANSLATIONS, ARCHIVE, TRANSLATIONS, VERSIONED
 from msggen.sources.revision import revised
-from msggen.sources.sources import find_sources, open_tree, refuse_part_of_tree
 from msggen.sources.tree import Folder
 
 _NEEDED = f"add 'uint32 {VERSION} = 0' and move the file to {VERSIONED}"

@@ -12,9 +12,9 @@ from msggen.base.diagnostics import InputError
 from msggen.definitions.model import VERSION, Catalog, Message, Value
 from msggen.generate.bump.archived_version import Definition, read_definition, read_nested
 from msggen.generate.bump.header import Side, header_name, topic_of
+from msggen.sources.finding import find_sources
 from msggen.sources.history import VERSIONED, read_history
 from msggen.sources.inferred import Inference
-from msggen.sources.sources import find_sources
 from msggen.sources.tree import Folder, Tree
 
 CURRENT_FILE = "the current file (no git repository)"

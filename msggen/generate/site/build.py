@@ -13,7 +13,7 @@ from msggen.base.disk.names import too_long
 from msggen.base.disk.reading import read_bytes
 from msggen.base.foreign import escaped
 from msggen.sources.digest import digest_files, digest_inputs
-from msggen.sources.sources import Sources, read_files
+from msggen.sources.finding import Sources, read_files
 
 
 class SiteOptions(NamedTuple):

@@ -13,8 +13,8 @@ from msggen.check.compare.rules import RULES, find
 from msggen.check.finding import Category, Finding
 from msggen.definitions.model import Catalog
 from msggen.sources.catalog import COMPARABLE, read_catalog
+from msggen.sources.finding import Sources
 from msggen.sources.inferred import Inference
-from msggen.sources.sources import Sources
 
 SHOWN = tuple(rule for rule in RULES if rule.category is not Category.VERSION)
 """The rules about definitions. Those about versions are about the firmware's own procedures."""

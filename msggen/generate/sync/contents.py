@@ -17,7 +17,7 @@ from msggen.definitions.model import Catalog, Field, Message
 from msggen.definitions.parse.rosidl import buildable
 from msggen.sources.catalog import bridged_names, read_catalog
 from msggen.sources.file import File
-from msggen.sources.sources import Sources, read_files
+from msggen.sources.finding import Sources, read_files
 
 
 class PackageContents(NamedTuple):

@@ -13,7 +13,7 @@ from msggen.generate.sync.plan import SyncPlan, make_plan
 from msggen.generate.sync.scaffold import plan_scaffold
 from msggen.generate.sync.target import Request, Target, open_target
 from msggen.generate.sync.write import create_package, update_package
-from msggen.sources.sources import Sources
+from msggen.sources.finding import Sources
 
 
 def sync(sources: Sources, definitions: PackageContents, request: Request, *, write: bool) -> SyncPlan:

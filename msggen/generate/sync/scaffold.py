@@ -15,9 +15,9 @@ from msggen.base.disk.resources import template_text
 from msggen.base.version import __version__
 from msggen.generate.sync.contents import PackageContents
 from msggen.generate.sync.target import Target
+from msggen.sources.finding import Sources
 from msggen.sources.overlap import KINDS
 from msggen.sources.revision import split_revision
-from msggen.sources.sources import Sources
 from msggen.sources.tree import Folder
 
 NAMES = ("CMakeLists.txt", "README.md", "package.xml")

@@ -13,8 +13,8 @@ from msggen.base.disk.record import read_record
 from msggen.base.location import Location
 from msggen.definitions.model import DEFAULT_PACKAGE
 from msggen.definitions.parse.package_xml import package_name
+from msggen.sources.finding import Sources
 from msggen.sources.overlap import KINDS, source_around
-from msggen.sources.sources import Sources
 from msggen.sources.tree import Folder
 
 _NAME = r"[a-z][a-z0-9_]*"

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from msggen.base.foreign import csv_text, safe_json
-from msggen.live.messages.formats import shortest
+from msggen.messages.formats import shortest
 from msggen.recordings.columns.sql_names import names_for_sql
 from msggen.recordings.columns.text import json_value
 

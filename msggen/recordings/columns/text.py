@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from msggen.base.foreign import escaped
-from msggen.live.messages.formats import quoted_text, shortest, yaml_number
+from msggen.messages.formats import quoted_text, shortest, yaml_number
 from msggen.recordings.columns.annotations import UNKNOWN, Annotation, annotation_of, annotations_of, without_indices
 from msggen.recordings.decode.schemas import read_schema
 from msggen.recordings.source.source import SchemaError

@@ -13,7 +13,7 @@ from msggen.check.compare.comparison import Comparison, Side
 from msggen.check.compare.rules import CHECKED, find
 from msggen.check.finding import Category, Finding, Node
 from msggen.definitions.model import Catalog
-from msggen.live.messages.packages import package_of_class, packages_of
+from msggen.messages.packages import package_of_class, packages_of
 from msggen.recordings.decode.schemas import Schema, content_of, hash_of, key_of, read_schema
 from msggen.recordings.source.source import SchemaError
 

@@ -16,7 +16,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.base.diagnostics import InputError, few
-from msggen.live.messages.names import version_of
+from msggen.messages.names import version_of
 from msggen.recordings.decode.decoder import Decoder
 from msggen.recordings.decode.schemas import definition_of, read_schema, type_hash_of
 from msggen.recordings.definitions.ros_types import is_unnamed, standard_types, types_in
@@ -93,7 +93,7 @@ def lender_of(definitions: Definitions | Nearby | list[Definitions | Nearby]) ->
     if isinstance(definitions, Nearby):
         return definitions
     if isinstance(definitions, ModuleType):
-        from msggen.live.messages.packages import packages_of
+        from msggen.messages.packages import packages_of
 
         return _of_package(*packages_of(definitions))
     if isinstance(definitions, list):
@@ -317,7 +317,7 @@ def _of_recording(sources: Sequence[Source]) -> Lender:
 
 
 def _of_package(package: ModuleType) -> Lender:
-    from msggen.live.messages.packages import classes_of
+    from msggen.messages.packages import classes_of
 
     def find(name: str, ros_type: str) -> list[str]:
         infos = [cls.__msg__ for cls in classes_of(package, name, ros_type)]
@@ -330,7 +330,7 @@ def _of_package(package: ModuleType) -> Lender:
 @lru_cache(16)
 def _of_catalog(source: str) -> Lender:
     """Return the definitions of a source of `msggen.read`. Raises InputError."""
-    from msggen.live.vehicle.firmware import releases
+    from msggen.messages.firmware import releases
     from msggen.sources.read import read
 
     try:

@@ -29,7 +29,7 @@ def open_sources(path: str, verification: Verification = VERIFIED) -> list[Sourc
         return open_stored(path, lambda local: open_sources(local, verification))
     open_file = partial(_open_file, verification=verification)
     if os.path.isdir(path):
-        from msggen.recordings.files.bag import open_folder
+        from msggen.recordings.files.rosbag2.bag import open_folder
 
         return open_folder(path, open_file)
     if os.path.exists(path) and not os.path.isfile(path):
@@ -94,7 +94,7 @@ def _open_plain(path: str, *, room: Room, verification: Verification, is_by_samp
     """Return a file that is not compressed, with the room for its content. Raises RecordingError, and OSError."""
     with open(path, "rb") as file:
         name = _format_of(path, file.read(16))
-    module = import_module(f"msggen.recordings.files.{name}")
+    module = import_module(f"msggen.recordings.files.{FORMATS[name].folder}.reader")
     reader: Callable[..., Source] = getattr(module, FORMATS[name].reader)
     return reader(path, room, verification, is_by_sample=is_by_sample)
 

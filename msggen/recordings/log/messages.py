@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from msggen.live.messages.packages import package_of_class
+from msggen.messages.packages import package_of_class
 from msggen.recordings.columns.collector import Collector
 from msggen.recordings.decode.left_out import leave_out
 from msggen.recordings.definitions.comparison import difference, differences, is_of_ulog, is_same, versions_of

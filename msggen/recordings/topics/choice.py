@@ -9,7 +9,7 @@ from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeGuard
 
 from msggen.base.diagnostics import suggestion
-from msggen.live.messages.names import stem_of
+from msggen.messages.names import stem_of
 from msggen.recordings.source.source import RecordingError
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from operator import index
 from typing import TYPE_CHECKING, TypeGuard
 
 from msggen.base.diagnostics import suggestion
-from msggen.live.messages.names import is_named_after, stem_of
+from msggen.messages.names import is_named_after, stem_of
 from msggen.recordings.source.source import RecordingError, SchemaError
 from msggen.recordings.topics.choice import is_numbered, names_of, split_instance, takes_instance
 from msggen.recordings.topics.topic import Topic

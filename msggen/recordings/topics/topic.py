@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from msggen.live.messages.names import stem_of
+from msggen.messages.names import stem_of
 from msggen.recordings.source.source import RecordingError
 
 if TYPE_CHECKING:

@@ -8,11 +8,11 @@ from enum import IntFlag
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from msggen.definitions.primitives import PRIMITIVES
-from msggen.live.messages.places import Place, PlaceError, place_of, places_of
+from msggen.messages.places import Place, PlaceError, place_of, places_of
 from msggen.recordings.columns.annotations import Annotation
 
 if TYPE_CHECKING:
-    from msggen.live.messages.packages import Message
+    from msggen.messages.packages import Message
 
 _PATH = re.compile(r"(?P<topic>[^.\[\]]+)\.(?P<field>.+)")
 _INSTANCE = re.compile(r"(?P<topic>[^.\[\]]+)\[(?P<instance>[^\]]*)\](?P<rest>.*)")

@@ -11,7 +11,7 @@ from msggen.check.lint.rules import LINT
 from msggen.check.run import breaking, check, lint
 from msggen.doctor.examples import example_of as example_of_vehicle
 from msggen.doctor.rules import DOCTOR
-from msggen.sources.sources import find_sources
+from msggen.sources.finding import find_sources
 from msggen.sources.tree import Folder, Snapshot
 
 

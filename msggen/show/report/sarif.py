@@ -17,7 +17,7 @@ from msggen.base.diagnostics import Diagnostic, printable
 from msggen.base.location import Location
 from msggen.base.version import __version__
 from msggen.check.finding import Excerpt, Finding, Report, Rule
-from msggen.live.links.link_types import LINK_TYPES
+from msggen.link.link_types import LINK_TYPES
 from msggen.show.report.json import dump
 from msggen.show.report.line import level, remedies, statement
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from msggen.live.messages.formats import member_name
+from msggen.messages.formats import member_name
 
 STATUS, BATTERY = "/fmu/out/vehicle_status", "/fmu/out/battery_status"
 """The topics that tell it, without namespace and version."""

@@ -7,10 +7,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from types import ModuleType
 from typing import Any, NamedTuple
 
-from msggen.live.link import Route
-from msggen.live.messages.names import stem_of, without_namespace
-from msggen.live.vehicle.meter import Flow
+from msggen.link.link import Route
+from msggen.messages.names import stem_of, without_namespace
 from msggen.show.top.health import Health
+from msggen.vehicle.meter import Flow
 
 _REGULAR = 5
 """A topic with this many samples,"""

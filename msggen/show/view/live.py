@@ -12,8 +12,8 @@ from msggen.show.view.scene import KINDS, Scene
 from msggen.show.view.server import Channel, Server
 
 if TYPE_CHECKING:
-    from msggen.live import Vehicle
-    from msggen.live.link import Route
+    from msggen.link.link import Route
+    from msggen.vehicle.vehicle import Vehicle
 
 
 class LiveView:

@@ -14,8 +14,8 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 
 from msggen.generate.cache import package_of
-from msggen.live.ros.relay import profile
-from msggen.live.ros.types import installed
+from msggen.ros.relay import profile
+from msggen.ros.types import installed
 
 NEAR = 0.5
 """The distance in m from which the vehicle counts as being there."""

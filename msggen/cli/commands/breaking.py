@@ -1,0 +1,155 @@
+"""`msggen breaking`: report what a change of messages breaks."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from msggen.base.diagnostics import Diagnostic, few
+from msggen.base.exit_codes import DONE, FINDINGS
+from msggen.base.location import Location
+from msggen.check.finding import Effect
+from msggen.cli.options import (
+    COMPARING_CODES,
+    Commands,
+    add_command,
+    add_output_format,
+    add_shared,
+    add_sources,
+)
+from msggen.cli.printing import print_report
+from msggen.cli.selection import add_selection, selected_rules, unmatched
+from msggen.cli.source_options import board_of, firmware_path, settings_of, shell_options, sources_of
+from msggen.show.report import OF_CHANGES
+from msggen.sources.embedded import EMBEDDED, PREFIX
+from msggen.sources.file import File
+from msggen.sources.finding import Sources, find_sources, join_package, open_tree, split_package, with_board
+from msggen.sources.settings import Settings
+from msggen.sources.tree import Folder
+
+if TYPE_CHECKING:
+    from msggen.check.finding import Report
+
+
+def add_to(commands: Commands) -> None:
+    """Add the command to the command line."""
+    parser = add_command(
+        commands,
+        "breaking",
+        _breaking,
+        help="report what a change of messages breaks",
+        description="Compare the current definitions with previous ones, and report by rule what the change breaks; "
+        "`msggen rules` lists the rules. The current definitions are those of --px4, by default the setting px4, or "
+        "else the current folder.",
+        epilog=f"{COMPARING_CODES} Sources and rules (select, ignore, "
+        "per-message-ignores) can be set in [tool.msggen] of pyproject.toml.",
+    )
+    add_sources(parser, "--board")
+    add_shared(parser, "--against")
+    add_shared(parser, "--topics-only")
+    add_selection(parser)
+    parser.add_argument(
+        "--only",
+        choices=[effect.value for effect in Effect],
+        metavar="EFFECT",
+        help="report only findings with this effect: silent, wire, build, other",
+    )
+    parser.add_argument("--handled", action="store_true", help="list findings that a new version covers, too")
+    add_output_format(parser, OF_CHANGES)
+
+
+def _breaking(options: argparse.Namespace) -> int:
+    from msggen.check.compare.rules import with_remedies
+    from msggen.check.run import breaking
+    from msggen.sources.history import VERSIONED
+
+    settings = settings_of(options)
+    named = options.px4
+    options.px4 = firmware_path(options, settings)
+    options.against = options.against or _last_commit(options)
+    rules, ignored = selected_rules("breaking", options, settings)
+    current = sources_of(options, settings)
+    if current.label == os.curdir:
+        current = current._replace(label="the working tree")
+    against = previous_sources(options, settings)
+    report = breaking(against, current, rules, ignored, topics_only=bool(options.topics_only))
+    report = replace(report, notices=(*report.notices, *unmatched(report, settings, strict=current.strict)))
+    given = shell_options({"--px4": named, "--against": options.against})
+    if options.only:
+        report = report.only(Effect(options.only))
+    folder = current.root if isinstance(current.root, Folder) and not current.embedded else None
+    has_versions = folder is not None and folder.is_folder(VERSIONED)
+    report = with_remedies(report, lambda found: f"{found.remedy}{given}" if found.remedy and has_versions else "")
+    if folder and not has_versions:
+        report = _with_advice(report)
+    print_report(report, options)
+    return FINDINGS if report.fails else DONE
+
+
+def _last_commit(options: argparse.Namespace) -> str:
+    """Return the last commit of the firmware's repository. A firmware outside of one ends the process."""
+    from msggen.base.disk.git import is_in_repository
+
+    if not (os.path.isdir(options.px4) and is_in_repository(options.px4)):
+        text = "the following arguments are required: --against, unless the firmware is in a repository of git"
+        options.parser.error(text)
+    return "HEAD"
+
+
+def _with_advice(report: Report) -> Report:
+    """Return `report` with the way to accept the change of a package, which has no versions to raise."""
+    rules: dict[str, list[str]] = {}
+    for finding in report.findings:
+        if finding.fails:
+            rules.setdefault(finding.change.subject, []).append(finding.rule.id)
+    if not rules:
+        return report
+    from json import dumps
+
+    entries = [f"{_key(name)} = {dumps([*dict.fromkeys(ids)])}" for name, ids in rules.items()]
+    text = f"to accept it: rebuild the nodes that use these messages, and add {few(entries)}"
+    return replace(report, advice=f"{text} to [tool.msggen.per-message-ignores] in pyproject.toml")
+
+
+def _key(name: str) -> str:
+    """Return the name of a message or a topic as a key of TOML."""
+    from json import dumps
+
+    return name if name.isidentifier() else dumps(name)
+
+
+def previous_sources(options: argparse.Namespace, settings: Settings) -> Sources:
+    """Return the sources at the revision --against. Folders outside of that repository are read as they are."""
+    from msggen.sources.revision import kept_or_revised, revised, split_revision
+
+    previous = revised(options.px4, options.against)
+    repository, revision = split_revision(previous)
+    folders = tuple(options.msg_dir or settings.msg_dir)
+    topics: str | File | None = options.topics or settings.topics
+    if revision:
+        folders = tuple(_revised_folder(text, repository, revision) for text in folders)
+        if isinstance(topics, str):
+            topics = _bridge_in(kept_or_revised(os.path.dirname(topics) or os.curdir, repository, revision), topics)
+    found = find_sources(previous, folders, topics, options.release or settings.release)
+    found = with_board(found, board_of(options, settings, optional=True))
+    if found.embedded:
+        return found
+    if revision and options.against in EMBEDDED:
+        text = f"the revision of {repository} is read, not the embedded release '{PREFIX}{options.against}'"
+        note = Diagnostic(Location("--against", 0), "S120", f"'{options.against}': {text}")
+        found = found._replace(notices=(*found.notices, note))
+    return found._replace(label=options.against)
+
+
+def _revised_folder(text: str, repository: str, revision: str) -> str:
+    from msggen.sources.revision import kept_or_revised
+
+    package, folder = split_package(text)
+    return join_package(package, kept_or_revised(folder, repository, revision))
+
+
+def _bridge_in(folder: str, topics: str) -> File | str:
+    tree, name = open_tree(folder), os.path.basename(topics)
+    return File(tree.place(name), name, tree) if tree.is_file(name) else topics

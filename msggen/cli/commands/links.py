@@ -1,0 +1,229 @@
+"""`msggen link`: the processes that own links for the programs of a user."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from contextlib import ExitStack
+from typing import TYPE_CHECKING, Any
+
+from msggen.base.diagnostics import counted, few, input_error
+from msggen.base.exit_codes import DONE
+from msggen.cli.chosen_types import routes_to_continue
+from msggen.cli.link import add_address, add_allowed, for_people, link_of
+from msggen.cli.options import Commands, add_command, add_group, add_shared
+from msggen.cli.table import RED, YELLOW, Column, objects_of, print_table
+from msggen.cli.values import non_empty
+from msggen.link.link_types import LINK_TYPES, usages
+from msggen.show.report.json import dump
+
+if TYPE_CHECKING:
+    from msggen.vehicle.owned.joining import Wanted
+    from msggen.vehicle.owned.owners import Running
+    from msggen.vehicle.owned.places import Place
+    from msggen.vehicle.owner.owner import Owner
+
+_UNSENT = "not sent, because they came late"
+_SHARED = tuple(scheme for scheme, link_type in LINK_TYPES.items() if link_type.is_shared)
+
+
+def add_to(commands: Commands) -> None:
+    """Add the command to the command line."""
+    actions = add_group(
+        commands,
+        "link",
+        help="own a link for other programs, list the processes that do, and stop one",
+        description="One process can open a link. The first program that needs it starts a process that owns it for "
+        "all programs of the user, and that ends by itself when none uses it for a while.",
+    )
+    _add_serve(actions)
+    listing = add_command(
+        actions,
+        "list",
+        _list,
+        help="list the processes that own a link",
+        description="List the processes that own a link, with their vehicles, and the programs that use them.",
+    )
+    add_shared(listing, "--json")
+    stopping = add_command(
+        actions,
+        "stop",
+        _stop,
+        help="stop the process that owns a link",
+        description="Stop the process that owns a link. Programs that use the link start another one, which continues "
+        "the session of the vehicle.",
+    )
+    stopping.add_argument(
+        "link", metavar="URL", nargs="?", type=non_empty, help="address of the link (default: the only one)"
+    )
+
+
+def _add_serve(actions: Commands) -> None:
+    parser = add_command(
+        actions,
+        "serve",
+        _serve,
+        help="own a link until Ctrl-C, and tell who uses it",
+        description="Own a link for all programs of the user until Ctrl-C or `msggen link stop`, and tell which "
+        "vehicles connect, which programs join, and in a terminal how many samples arrive.",
+    )
+    add_address(parser)
+    add_allowed(parser)
+    parser.add_argument("--background", action="store_true", help="return when programs can join")
+
+
+def _wanted(options: argparse.Namespace) -> tuple[Place, Wanted]:
+    """Return the place and the link that the options name. Raises InputError."""
+    from msggen.link.address import parse_address
+    from msggen.link.link import LinkError
+    from msggen.vehicle.owned.joining import Wanted
+    from msggen.vehicle.owned.places import CAN_SHARE, place_of
+
+    link = link_of(options)
+    address = parse_address(link)
+    if not (CAN_SHARE and address.link_type.is_shared):
+        text = f"'{link}' cannot be owned for others: expected {usages(_SHARED)}, on Linux or macOS"
+        raise input_error(link, "L101", text, 0)
+    if address.has_free_port:
+        text = f"'{link}' names no port by which other programs would find the link: expected {usages(_SHARED)}"
+        raise input_error(link, "L101", text, 0)
+    try:
+        return place_of(address), Wanted(address, tuple(options.allow))
+    except LinkError as error:
+        raise input_error(link, "L102", for_people(error), 0) from None
+
+
+def _serve(options: argparse.Namespace) -> int:
+    from msggen.link.link import LinkError
+    from msggen.vehicle.owned.joining import start_owner
+
+    place, wanted = _wanted(options)
+    wanted = wanted._replace(known=routes_to_continue(options))
+    try:
+        if options.background:
+            start_owner(place, wanted, stays=True)
+            print(f"{wanted.address} is open; its log is {place.log}")
+        else:
+            _own(place, wanted)
+    except LinkError as error:
+        from msggen.cli.link import owner_of
+
+        raise input_error(
+            str(wanted.address), "L102", f"{for_people(error)}{owner_of(str(wanted.address), error)}", 0
+        ) from None
+    return DONE
+
+
+def _own(place: Place, wanted: Wanted) -> None:
+    """Own a link in this process, and print what happens."""
+    from msggen.cli.commands.serving import printed_events
+    from msggen.vehicle.owned.joining import alone
+    from msggen.vehicle.owner.owner import LOGGER
+    from msggen.vehicle.owner.process import never, serve
+
+    with printed_events(LOGGER) as events, ExitStack() as starting:
+
+        def ready(owner: Owner) -> None:
+            starting.close()
+            events.follow(owner)
+
+        starting.enter_context(alone(place))  # a program that starts now waits, and joins this process
+        serve(place, wanted.address, wanted.allow, wanted.known, idle=never, ready=ready)
+
+
+def _list(options: argparse.Namespace) -> int:
+    found = _running()
+    if options.json:
+        print(dump(objects_of(_COLUMNS, found)))
+        return DONE
+    if not found:
+        print("no process owns a link")
+    print_table(_COLUMNS, found)
+    for each in found:
+        for program in each.state.get("programs", ()):
+            unread = f", {counted(program['unread'], 'sample')} not read in time" if program["unread"] else ""
+            unsent = f", {counted(program['unsent'], 'message')} {_UNSENT}" if program["unsent"] else ""
+            print(f"  {program['name']} (pid {program['pid']}), for {_age(program['age'])}{unread}{unsent}")
+    return DONE
+
+
+def _running() -> list[Running]:
+    """Return the processes that own a link. Raises InputError."""
+    from msggen.link.link import LinkError
+    from msggen.vehicle.owned.owners import running
+
+    try:
+        return running()
+    except LinkError as error:
+        raise input_error("msggen link", "L102", for_people(error), 0) from None
+
+
+def _stop(options: argparse.Namespace) -> int:
+    from msggen.link.link import LinkError
+    from msggen.vehicle.owned.owners import stop
+
+    place = _place_to_stop(options)
+    address = next((each.state.get("address", "") for each in _running() if each.place == place), "")
+    try:
+        stop(place)
+        print(f"{address or place.name} is closed")
+    except LinkError as error:
+        raise input_error(place.name, "L102", for_people(error), 0) from None
+    return DONE
+
+
+def _place_to_stop(options: argparse.Namespace) -> Place:
+    found = _running()
+    if options.link:
+        options.allow = []
+        place, wanted = _wanted(options)
+        if any(each.place == place for each in found):
+            return place
+        raise input_error(str(wanted.address), "L102", f"no process owns it{_others(found)}", 0)
+    if len(found) == 1:
+        return found[0].place
+    raise input_error("msggen link stop", "L102", f"expected the address of a link{_others(found)}", 0)
+
+
+def _others(found: list[Running]) -> str:
+    """Return which links are owned, for an error."""
+    owned = few([str(each.state.get("address", each.place.name)) for each in found])
+    return f": {owned} {'are' if len(found) > 1 else 'is'} owned" if found else ": no link is owned"
+
+
+def _age(seconds: float) -> str:
+    """Return a time for people: `12 s`, `3 min`, `2 h`."""
+    for unit, size in (("h", 3600), ("min", 60)):
+        if seconds >= size:
+            return f"{seconds / size:.0f} {unit}"
+    return f"{seconds:.0f} s"
+
+
+def _of(key: str, otherwise: object = None) -> Callable[[Running], Any]:
+    return lambda running: running.state.get(key, otherwise)
+
+
+def _vehicles(running: Running) -> list[str]:
+    return [
+        " ".join(filter(None, (each["address"], each["namespace"], each["release"])))
+        for each in running.state.get("vehicles", ())
+    ]
+
+
+def _lost(running: Running) -> int:
+    return sum(each["lost"] for each in running.state.get("vehicles", ()))
+
+
+_COLUMNS: tuple[Column[Running], ...] = (
+    Column("link", "link", lambda running: running.state.get("address", running.place.name)),
+    Column("pid", "pid", _of("pid"), align=">"),
+    Column("age", "age", _of("age"), _age, ">"),
+    Column("vehicles", "vehicles", _vehicles, lambda vehicles: few(vehicles) if vehicles else "none"),
+    Column("programs", "", _of("programs", [])),
+    Column("", "programs", lambda running: len(running.state.get("programs", ())), align=">"),
+    Column("samples_per_second", "samples/s", _of("rate"), lambda rate: f"{rate:.0f}", ">"),
+    Column("lost", "lost", _lost, align=">", style=lambda lost: YELLOW if lost else 0),
+    Column("socket", "", lambda running: running.place.socket),
+    Column("log", "log", lambda running: running.place.log),
+    Column("problem", "problem", lambda running: running.problem, style=lambda _: RED),
+)

@@ -1,0 +1,61 @@
+"""`msggen lint`: advise on the quality of definitions."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from dataclasses import replace
+
+from msggen.base.diagnostics import input_error
+from msggen.base.exit_codes import DONE, FINDINGS
+from msggen.cli.options import FINDING_CODES, Commands, add_command, add_output_format, add_sources
+from msggen.cli.printing import print_report
+from msggen.cli.selection import add_selection, selected_rules, unmatched
+from msggen.cli.source_options import settings_of, sources_of
+from msggen.cli.values import local_path
+from msggen.sources.tree import Folder
+from msggen.sources.tree_layout import find_definitions
+
+
+def add_to(commands: Commands) -> None:
+    """Add the command to the command line."""
+    parser = add_command(
+        commands,
+        "lint",
+        _lint,
+        help="advise on the quality of message definitions",
+        description="Report tags that cannot be read, unknown units and frames, and other weak points of definitions; "
+        "`msggen rules` lists the rules. The definitions are those of --px4 and --msg-dir, or of the settings px4 and "
+        "msg-dir, or else of the current folder. Embedded ones are only checked if --px4 names them. Name messages to "
+        "check only these.",
+        epilog=f"{FINDING_CODES} All findings are warnings: they fail the run only with --strict. Sources and rules "
+        "(select, ignore, per-message-ignores) can be set in [tool.msggen] of pyproject.toml.",
+    )
+    parser.add_argument(
+        "messages",
+        metavar="MSG",
+        type=local_path,
+        nargs="*",
+        help="name of a message or service, such as VehicleStatus, or its file (default: all)",
+    )
+    add_sources(parser, "--board")
+    add_selection(parser)
+    add_output_format(parser)
+
+
+def _lint(options: argparse.Namespace) -> int:
+    from msggen.check.run import lint
+
+    settings = settings_of(options)
+    rules, ignored = selected_rules("lint", options, settings)
+    sources = sources_of(options, settings)
+    if sources.embedded and not (options.px4 or settings.px4 or options.msg_dir or settings.msg_dir):
+        named = [os.path.dirname(each) or os.curdir for each in options.messages if os.path.isfile(each)]
+        folders = (each for each in (*options.messages, *named, os.curdir) if os.path.isdir(each))
+        near = next((each for each in folders if find_definitions(Folder(each), "msg", ".msg", "", is_flat=False)), "")
+        hint = f", did you mean --msg-dir {near}?" if near else ": name them with --px4 or --msg-dir"
+        raise input_error("lint", "S102", f"no definitions here{hint}", 0)
+    report = lint(sources, rules, ignored, options.messages)
+    report = replace(report, notices=(*report.notices, *unmatched(report, settings, strict=sources.strict)))
+    print_report(report, options)
+    return FINDINGS if report.fails else DONE

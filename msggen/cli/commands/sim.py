@@ -1,0 +1,267 @@
+"""`msggen sim`: simulate vehicles that connect to an agent."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from collections.abc import Iterator
+from contextlib import nullcontext
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+from msggen.base.diagnostics import counted, input_error, suggestion
+from msggen.base.exit_codes import DONE
+from msggen.cli.chosen_types import Types, folder_types, given_types, release_types
+from msggen.cli.commands.sim_arguments import MOST_KEYS, add_arguments
+from msggen.cli.commands.sim_log import check_ulog, contents_of, endpoint_topics, fly_alone, new_log
+from msggen.cli.link import agent_of
+from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
+from msggen.cli.packages import topics_of
+from msggen.cli.status import Status
+from msggen.cli.values import local_path, non_empty
+from msggen.cli.watching import watching
+from msggen.link.link_types import CLIENTS, DEFAULT, usages
+from msggen.sources.embedded import EMBEDDED
+from msggen.sources.finding import find_sources
+
+if TYPE_CHECKING:
+    from msggen.sim import Options, Simulator
+    from msggen.sim.ulog import UlogWriter
+
+_REFRESH = 0.5
+"""The time in s after which news are printed."""
+
+
+def add_to(commands: Commands) -> None:
+    """Add the command to the command line."""
+    parser = add_command(
+        commands,
+        "sim",
+        _sim,
+        help="simulate vehicles that connect to a program, for tests without PX4",
+        description="Simulate PX4's client: vehicles that fly, publish, and answer commands and format requests, for "
+        "programs that use msggen.live and for other agents of DDS-XRCE. By default, they have the messages of the "
+        "settings or of the PX4-Autopilot tree in the current folder, or else of the newest embedded release.",
+        epilog=f"Exit codes: 0 done, or vehicles ended by Ctrl-C, {FAILED_CODES}",
+    )
+    parser.add_argument(
+        "address",
+        metavar="ADDRESS",
+        nargs="?",
+        type=non_empty,
+        help=f"of the agent: {usages(CLIENTS)} (default: where the setting `link` listens, or {DEFAULT})",
+    )
+    parser.add_argument(
+        "--log",
+        metavar="FILE",
+        type=local_path,
+        help="write a ULog of the vehicle; without ADDRESS, it flies a square by itself, as fast as it can be computed",
+    )
+    add_arguments(parser)
+    add_shared(parser, "-q, --quiet")
+
+
+# The run
+
+
+def _sim(options: argparse.Namespace) -> int:
+    _check_log(options)
+    _check_speed(options)
+    package, label = _types(options)
+    _check_messages(options, package)
+    if options.log and options.address is None:
+        _check_alone(options)
+        return fly_alone(options, package, label, next(_options_of_vehicles(options)))
+    options.address = agent_of(options, options.address)
+    with new_log(options, endpoint_topics(package), label) if options.log else nullcontext() as log:
+        return _connected(options, package, label, log)
+
+
+def _connected(options: argparse.Namespace, package: ModuleType, label: str, log: UlogWriter | None) -> int:
+    """Simulate vehicles that connect to an agent."""
+    simulator = _open(options, package, log)
+    try:
+        with watching():
+            if not options.quiet:
+                count = counted(options.count, "vehicle")
+                print(f"{label}: {_contents(package)}; {count} to {options.address}", flush=True)
+            _run(simulator, options)
+    finally:
+        seconds = (simulator.now - simulator.boot) / 1e6
+        simulator.close()
+    if not options.quiet:
+        print(*_summary(simulator, seconds), sep="\n")
+        if log is not None:
+            print(contents_of(log))
+    return DONE
+
+
+def _run(simulator: Simulator, options: argparse.Namespace) -> None:
+    """Run until the time is over, and print what happens."""
+    from msggen.link.link import LinkError
+
+    seconds = getattr(options, "for")  # a keyword
+    end = None if seconds is None else simulator.now + seconds * 1e6
+    status, state = Status(is_quiet=options.quiet), _State(simulator)
+    try:
+        while end is None or simulator.now < end:
+            simulator.serve(_REFRESH if end is None else min(_REFRESH, (end - simulator.now) / 1e6))
+            status.show(*_changes(simulator), state=state.line)
+    except LinkError as error:
+        raise input_error(options.address, "L102", str(error), 0) from None
+    finally:
+        status.show()
+
+
+def _changes(simulator: Simulator) -> Iterator[str]:
+    """Yield what has happened since the last call."""
+    for vehicle in simulator.vehicles:
+        name = f"  {vehicle.options.namespace}" if vehicle.options.namespace else ""
+        while vehicle.changes:
+            change = vehicle.changes.popleft()
+            yield f"{(change.time - simulator.boot) / 1e6:8.2f} s{name}  {change.text}"
+
+
+class _State:
+    """The present state of vehicles."""
+
+    def __init__(self, simulator: Simulator) -> None:
+        self._simulator = simulator
+        self._counted = (simulator.now, 0, 0)
+
+    def line(self) -> str:
+        """Return the state in a line, with rates since the last call."""
+        vehicles, before = self._simulator.vehicles, self._counted
+        self._counted = now, sent, received = (self._simulator.now, *_totals(self._simulator))
+        seconds = max(now - before[0], 1) / 1e6
+        rates = f"{(sent - before[1]) / seconds:.0f} out, {(received - before[2]) / seconds:.0f} in a second"
+        connected = sum(vehicle.is_connected for vehicle in vehicles)
+        text = f"{(now - self._simulator.boot) / 1e6:8.2f} s  {connected} of {len(vehicles)} connected, {rates}"
+        height = f", {max(0.0, -vehicles[0].world.flight.position[2]):.1f} m above ground" if len(vehicles) == 1 else ""
+        return text + height
+
+
+def _totals(simulator: Simulator) -> tuple[int, int]:
+    """Return the numbers of samples sent and received."""
+    sent = sum(sum(vehicle.sent.values()) for vehicle in simulator.vehicles)
+    return sent, sum(sum(vehicle.received.values()) for vehicle in simulator.vehicles)
+
+
+def _summary(simulator: Simulator, seconds: float) -> Iterator[str]:
+    """Yield the number of samples, and the rates of the topics that a program has published."""
+    sent, received = _totals(simulator)
+    yield f"{counted(sent, 'sample')} sent, {received} received, in {seconds:.1f} s"
+    rows = [(name, number) for vehicle in simulator.vehicles for name, number in vehicle.received.items()]
+    width = max((len(name) for name, _ in rows), default=0)
+    for name, number in rows:
+        yield f"  {name:{width}}  {number:7}  {number / seconds:7.1f} Hz"
+    for vehicle in simulator.vehicles:
+        for reason, number in vehicle.refused.items():
+            yield f"  refused: {reason} ({number})"
+
+
+def _open(options: argparse.Namespace, package: ModuleType, log: UlogWriter | None) -> Simulator:
+    from msggen.link.link import LinkError
+    from msggen.sim import Simulator
+
+    for option in ("key", "namespace"):
+        if re.search(f"[?&]{option}=", options.address):
+            options.parser.error(f"argument ADDRESS: '{option}' is not part of an address: give it as --{option}")
+    try:
+        vehicles = list(_options_of_vehicles(options))
+        return Simulator(package, options.address, vehicles, log, speed=options.speed or 1.0)
+    except LinkError as error:
+        raise input_error(options.address, "L102", str(error), 0) from None
+    except ValueError as error:
+        raise input_error("ADDRESS", "L101", str(error), 0) from None
+
+
+def _options_of_vehicles(options: argparse.Namespace) -> Iterator[Options]:
+    from msggen.sim import Misbehaviour, Options
+
+    misbehaviour = Misbehaviour(
+        drop=options.drop,
+        reorder=options.reorder,
+        duplicate=options.duplicate,
+        garbage=options.garbage,
+        silent_after=options.silent_after,
+        restart_every=options.restart_every,
+        wrong_hashes=tuple(options.wrong_hash),
+        versions=dict(options.version),
+        clock_off=options.clock_off,
+        no_time_reply=options.no_time_reply,
+        no_position=options.no_position,
+    )
+    if options.key + options.count - 1 > MOST_KEYS:
+        options.parser.error(f"--key {options.key}: the last of {options.count} vehicles needs a key up to {MOST_KEYS}")
+    for number in range(options.count):
+        namespace = options.namespace or ("uav" if options.count > 1 else "")
+        yield Options(
+            key=options.key + number,
+            namespace=f"{namespace}_{number + 1}" if options.count > 1 else namespace,
+            rate=options.rate,
+            sync=options.sync or ("px4" if options.speed in {None, 1.0} else "off"),
+            seed=options.seed,
+            misbehaviour=misbehaviour,
+            board=options.board,
+            parameters=dict(options.param),
+            faults=tuple(options.fault),
+            parts=tuple(options.part),
+            disturbances=tuple(options.disturbance),
+        )
+
+
+def _check_log(options: argparse.Namespace) -> None:
+    """Refuse a log that cannot be written, before vehicles are started."""
+    if not options.log:
+        return
+    if options.count > 1:
+        options.parser.error("argument --log: the ULog of one vehicle is written, not with --count")
+    check_ulog(options.log)
+
+
+def _check_alone(options: argparse.Namespace) -> None:
+    """Refuse what a flight without an agent cannot have."""
+    from msggen.sim.faults import read_fault
+
+    if options.speed is not None:
+        options.parser.error("argument --speed: without ADDRESS, a flight is as fast as it can be computed")
+    for _, fault in options.fault:
+        if read_fault(fault).change is None:
+            options.parser.error(f"argument --fault: '{fault}' needs ADDRESS: without it, there is no link")
+
+
+def _check_speed(options: argparse.Namespace) -> None:
+    """Refuse to synchronize clocks of different speeds."""
+    if options.speed not in {None, 1.0} and options.sync not in {None, "off"}:
+        options.parser.error(
+            f"argument --sync: the agent's clock runs at another speed, so that it cannot be '{options.sync}' "
+            "with --speed: leave it out"
+        )
+
+
+def _check_messages(options: argparse.Namespace, package: ModuleType) -> None:
+    """Refuse names of messages that no topic has."""
+    topics = topics_of(package)
+    known = sorted({endpoint.message_name for endpoint in topics.ENDPOINTS})
+    versions = [name for name, _ in options.version]
+    for option, names in (("--wrong-hash", options.wrong_hash), ("--version", versions)):
+        for name in names:
+            if name not in known:
+                options.parser.error(f"argument {option}: no topic has a message '{name}'{suggestion(name, known)}")
+
+
+def _contents(package: ModuleType) -> str:
+    directions = [endpoint.direction for endpoint in topics_of(package).ENDPOINTS]
+    return f"{directions.count('out')} topics out, {directions.count('in')} in"
+
+
+# The package
+
+
+def _types(options: argparse.Namespace) -> Types:
+    """Return the types to simulate: those of the options, of the current folder, or of the newest release."""
+    found = given_types(options) or folder_types(options, is_needed=True)
+    if found and not options.px4:
+        return found
+    return (found or release_types(EMBEDDED[0]))._replace(label=find_sources(options.px4).label)

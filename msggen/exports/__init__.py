@@ -1,0 +1,1 @@
+"""What is made of recordings and written: files in other formats, fleets, reports; recording and playing."""

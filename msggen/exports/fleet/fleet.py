@@ -1,0 +1,236 @@
+"""A fleet that a run changes: each change adds files, replaces the list in one step, and then removes files.
+
+A run that was overtaken cannot replace the list any more. So what is not in the list can be removed once the list was
+replaced: no run that could still add it is left (docs/fleet.md).
+"""
+
+from __future__ import annotations
+
+import os
+import platform
+import re
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING, NamedTuple
+
+from msggen.exports.fleet.layout import KEYS, STATE, number_of
+from msggen.exports.fleet.parts import Part, write_parts
+from msggen.exports.fleet.records import NOT_A_FLEET, TABLE, FleetError, Listed, Record, decoded, encoded
+from msggen.exports.fleet.storage import RacedError, Storage, storage_of
+from msggen.recordings.stores.errors import StoreError
+
+if TYPE_CHECKING:
+    from msggen.exports.fleet.parts import Run
+    from msggen.recordings.stores.store import Content
+
+_FORMER = f"{STATE}/layout.json"
+"""A file of the former layout."""
+_ANEW = "an earlier version of msggen wrote this fleet, in another layout: convert anew, to a new folder"
+REPORT = "report.json"
+
+
+class Written(NamedTuple):
+    """A file that waits in the stage of a run."""
+
+    place: str
+    """Its path in the fleet when it is part of it: `<topic>/<name>.parquet`."""
+    staged: str
+    """Its path until then."""
+    size: int
+    logs: Collection[str]
+    """The names of the recordings that it has."""
+
+
+class Fleet:
+    """What a fleet has, as a run of this process sees and changes it."""
+
+    def __init__(self, address: str) -> None:
+        self.address = address
+        self.storage: Storage = storage_of(address)
+        self.run = os.urandom(4).hex()
+        """The name of the run, which its files have too."""
+        self.by: Sequence[str] = KEYS
+        self.records: Mapping[str, Record] = {}
+        """The recordings, by their names."""
+        self.found: dict[str, int] = {}
+        """The sizes of the files of topics that are there, by place: users can remove some."""
+        self._known: Content | None = None
+        self._tried = b""
+        """The list that was written last. An error can come after it has replaced the known one."""
+        self._number = 0
+        self._is_ready = self._has_stage = False
+
+    def open(self, by: Sequence[str] | None) -> None:
+        """Read the list, or begin a new fleet unless `by` is None, and remove what other runs have left.
+
+        Raises OSError, and FleetError for a fleet with other keys or of another layout, for a list that is damaged or
+        missing, and for a folder with other files, among which those of a fleet would be.
+        """
+        self.storage.check([STATE])
+        self._known = self.storage.read_list()
+        if self._known is None:
+            if self.storage.has(_FORMER):
+                raise FleetError(_ANEW)
+            if self.storage.has(f"{STATE}/{REPORT}"):
+                raise FleetError(f"{TABLE}, the list of this fleet, is missing: restore it, or convert to a new folder")
+            if by is None:
+                raise FleetError(NOT_A_FLEET)
+            if self.storage.others():
+                raise FleetError("the folder of the fleet has other files: choose a new folder")
+            self.by = by
+            self.commit({})  # before all else, so that what is there with a list is of this fleet
+        else:
+            self._take(self._known.data, by)
+        self.found = self.storage.places()
+        self._number = max(map(number_of, self.found), default=0)
+        left = self.found.keys() - self.listed()
+        runs = self.storage.stages()
+        if left or runs:
+            self.commit(self.records)  # what still writes there cannot replace the list any more
+            self._remove(left)
+            for run in runs:
+                self.storage.clear(run)
+
+    def _take(self, data: bytes, by: Sequence[str] | None) -> None:
+        try:
+            found = decoded(data)
+        except FleetError:
+            if self.storage.has(_FORMER):
+                raise FleetError(_ANEW) from None
+            raise
+        if by is not None and found.by != list(by):
+            raise FleetError(f"this fleet is by '{','.join(found.by)}', not by '{','.join(by)}': choose another folder")
+        self.by = found.by
+        self.records = {record.log: record for record in found.records}
+
+    def listed(self) -> set[str]:
+        """Return the places of the files in the list."""
+        return {place for record in self.records.values() for place in record.files}
+
+    def token(self) -> str:
+        """Return a name for the next change and its files, `000012-9f3a5c01`. No other run has the same."""
+        if not self._has_stage:
+            self.prepare()
+            self.storage.begin(self.run)
+            self._has_stage = True
+        self._number += 1
+        return f"{self._number:06}-{self.run}"
+
+    def prepare(self) -> None:
+        """Look once whether the fleet can be changed."""
+        if not self._is_ready:
+            self.storage.prepare()
+            self._is_ready = True
+
+    def write(self, runs: Iterable[tuple[str, Sequence[Run]]]) -> list[Written]:
+        """Write runs by topic to files that wait in the stage. Raises OSError."""
+        token = self.token()
+        with self.storage.stage(token) as stage:
+            return write_staged(self.storage, stage, token, self.by, runs)
+
+    def commit(
+        self, records: Mapping[str, Record], added: Sequence[Written] = (), removed: Collection[str] = ()
+    ) -> None:
+        """Make a change: what the list says from now on, with files that are added, and those that leave it.
+
+        Raises FleetError if another run has replaced the list since this one has read it, and OSError.
+        """
+        self.prepare()
+        listed = Listed(self.run, _process(), self.by, list(records.values()))
+        with self.unless_overtaken():
+            self.storage.move({each.place: each.staged for each in added})
+            self._tried = encoded(listed)
+            try:
+                self._known = self.storage.replace_list(self._tried, self._known)
+            except RacedError:
+                self.storage.delete(each.place for each in added)
+                raise
+        self.records = records
+        self.found |= {each.place: each.size for each in added}
+        self._remove([*removed, *(each.staged for each in added)])
+
+    def _remove(self, names: Collection[str]) -> None:
+        self.storage.delete(names)
+        for name in names:
+            self.found.pop(name, None)
+
+    @contextmanager
+    def unless_overtaken(self) -> Iterator[None]:
+        """Raise FleetError in place of an error in the block if another run has replaced the list."""
+        try:
+            yield
+        except RacedError:
+            raise _overtaken(self.storage.read_list()) from None
+        except OSError as error:
+            if not isinstance(error, StoreError) or not error.is_lasting:
+                self.check()
+            raise
+
+    def check(self) -> None:
+        """Raise FleetError if another run has replaced the list."""
+        found = self.storage.read_list()
+        if (found.data if found else b"") not in (self._known.data if self._known else b"", self._tried):
+            raise _overtaken(found)
+
+    def close(self) -> None:
+        """Remove the stage of this run."""
+        if self._has_stage:
+            self.storage.clear(self.run)
+
+
+@contextmanager
+def opened_fleet(address: str, by: Sequence[str] | None = None) -> Iterator[Fleet]:
+    """Open a fleet, and remove the stage of this run at the end. Raises as `Fleet.open`."""
+    fleet = Fleet(address)
+    fleet.open(by)
+    is_failing = False
+    try:
+        yield fleet
+    except StoreError as error:
+        is_failing = error.is_lasting  # the next run clears
+        raise
+    finally:
+        if not is_failing:
+            fleet.close()
+
+
+def write_staged(
+    storage: Storage, stage: str, token: str, by: Sequence[str], runs: Iterable[tuple[str, Sequence[Run]]]
+) -> list[Written]:
+    """Write runs by topic to files in a stage, and wait until they are kept. Raises OSError."""
+    names, parts = list[str](), list[tuple[str, Part]]()
+    counts: Counter[str] = Counter()
+    for index, (topic, members) in enumerate(runs):
+        for part in write_parts(members, os.path.join(stage, f"{index}.parquet"), by):
+            counts[topic] += 1
+            end = f"-{counts[topic]}" if counts[topic] > 1 else ""
+            parts.append((f"{topic}/{token}{end}.parquet", part))
+            names.append(os.path.basename(part.path))
+    staged = storage.settle(stage, names)
+    return [Written(place, name, part.size, part.logs) for (place, part), name in zip(parts, staged, strict=True)]
+
+
+def with_files(
+    records: Mapping[str, Record], added: Iterable[Written], removed: Collection[str] = ()
+) -> dict[str, Record]:
+    """Return records with the files that have their rows once some are added, and others removed."""
+    files = {log: [place for place in record.files if place not in removed] for log, record in records.items()}
+    for each in added:
+        for log in each.logs:
+            if log in files:
+                files[log].append(each.place)
+    return {log: record._replace(files=tuple(files[log])) for log, record in records.items()}
+
+
+def _process() -> str:
+    return re.sub("[^ -~]", "_", f"process {os.getpid()} on {platform.node()}")[:200]
+
+
+def _overtaken(found: Content | None) -> FleetError:
+    who = ""
+    with suppress(FleetError):
+        if found:
+            listed = decoded(found.data)
+            who = f" ({listed.run}, {listed.process})"
+    return FleetError(f"another run{who} has changed this fleet: run the same command again")

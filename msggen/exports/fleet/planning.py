@@ -1,0 +1,121 @@
+"""What a run has to convert: recordings that are new, changed, or of which something is missing in the fleet."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING, NamedTuple
+
+from msggen.exports.fleet.batch import Task
+from msggen.exports.fleet.finding import digest_of, state_of
+from msggen.exports.fleet.listing import State
+
+if TYPE_CHECKING:
+    from msggen.exports.fleet.fleet import Fleet
+
+_LARGEST, _SMALLEST = 64 << 20, 4 << 20
+"""The bytes of recordings in a batch: a kill loses one, and each has a file of every topic."""
+_SHARES = 16
+"""How many batches there are at least, so that all processes have some, unless they are small."""
+_MOST = 512
+"""The recordings in a batch."""
+
+
+class Copy(NamedTuple):
+    """A recording with the contents of another one."""
+
+    path: str
+    state: State
+    digest: str
+
+
+class Plan(NamedTuple):
+    """What a run has to do with the recordings that it has found."""
+
+    unchanged: int
+    new: Sequence[str]
+    """The paths of recordings that become part of the fleet at once."""
+    replacing: Sequence[str]
+    """Those whose files take the place of others, which are removed in the same step: at the end of the run."""
+    names: Mapping[str, str]
+    """The names that recordings have in the fleet already, by path."""
+    copies: Sequence[Copy]
+    """What has the contents of a recording that the fleet has, or of one of these."""
+    firsts: Mapping[str, str]
+    """The paths of recordings to convert, by digest, if copies were looked for."""
+    sizes: Mapping[str, int]
+
+
+def plan_of(paths: Sequence[str], fleet: Fleet) -> Plan:
+    """Return what to do with the recordings that were found."""
+    records = fleet.records.values()
+    whole = [record for record in records if fleet.found.keys() >= {*record.files}]
+    done = {(path, state) for record in whole for path, state in record.paths.items()}
+    states = {path: _state(path) for path in paths}
+    waiting = {path: state for path, state in states.items() if (path, state) not in done}
+    digests = _digests(waiting, fleet)
+    known, copied = {record.digest: record.log for record in records}, {record.digest for record in whole}
+    owned = {path for record in records for path in record.paths}
+    names, new, replacing = dict[str, str](), list[str](), list[str]()
+    copies: list[Copy] = []
+    firsts: dict[str, str] = {}
+    for path, state in waiting.items():
+        digest = digests.get(path, "")
+        if state is not None and digest and (digest in copied or digest in firsts):
+            copies.append(Copy(path, state, digest))
+            continue
+        firsts[digest] = path
+        if digest in known:
+            names[path] = known[digest]
+        (replacing if digest in known or path in owned else new).append(path)
+    sizes = {path: state.size for path, state in waiting.items() if state is not None}
+    return Plan(len(states) - len(waiting), new, replacing, names, copies, firsts, sizes)
+
+
+def tasks_of(plan: Plan, paths: Sequence[str], fleet: Fleet) -> Iterator[Task]:
+    """Yield the tasks for some of the recordings of a plan."""
+    total = sum(plan.sizes.get(path, 0) for path in paths)
+    limit = min(max(total // _SHARES, _SMALLEST), _LARGEST)
+    batch: list[str] = []
+    size = 0
+    for path in paths:
+        if batch and (size + plan.sizes.get(path, 0) > limit or len(batch) >= _MOST):
+            yield _task(plan, batch, fleet)
+            batch, size = [], 0
+        batch.append(path)
+        size += plan.sizes.get(path, 0)
+    if batch:
+        yield _task(plan, batch, fleet)
+
+
+def _task(plan: Plan, paths: Sequence[str], fleet: Fleet) -> Task:
+    names = tuple((path, plan.names[path]) for path in paths if path in plan.names)
+    return Task(tuple(paths), fleet.address, tuple(fleet.by), fleet.token(), names)
+
+
+def _digests(states: Mapping[str, State | None], fleet: Fleet) -> dict[str, str]:
+    """Return the digests of recordings that may be copies, by path: no other one has the size of the others."""
+    sizes = Counter(state.size for state in states.values() if state is not None)
+    known = {state.size for record in fleet.records.values() for state in record.paths.values()}
+    paths = [
+        path for path, state in states.items() if state is not None and (sizes[state.size] > 1 or state.size in known)
+    ]
+    with ThreadPoolExecutor() as threads:
+        found = dict(zip(paths, threads.map(_digest, paths), strict=True))
+    return {path: digest for path, digest in found.items() if digest}
+
+
+def _digest(path: str) -> str:
+    try:
+        return digest_of(path)
+    except OSError:  # its conversion tells it
+        return ""
+
+
+def _state(path: str) -> State | None:
+    """Return the state of a recording, None if it cannot be read."""
+    try:
+        return state_of(path)
+    except (OSError, ValueError):  # a record can have half a surrogate, which is in no path
+        return None

@@ -1,0 +1,139 @@
+"""Pools that convert recordings: this process, processes of this machine, and a cluster of Dask."""
+
+from __future__ import annotations
+
+import pickle
+import subprocess
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import suppress
+from queue import SimpleQueue
+from typing import TYPE_CHECKING, Any
+
+from msggen.base.interpreter import command_of
+from msggen.base.missing import installed_by
+from msggen.exports.fleet.batch import Batch, Outcome, Task, convert_batch
+
+_PATIENCE = 10
+"""How long to wait for a scheduler, in s."""
+_DASK = "dask"
+
+if TYPE_CHECKING:
+    Pool = Callable[[Sequence[Task]], Iterator[Batch]]
+    """Converts recordings, and yields what became of those of each task, in any order."""
+
+
+def in_this_process(tasks: Sequence[Task]) -> Iterator[Batch]:
+    """Convert recordings one after the other."""
+    return map(convert_batch, tasks)
+
+
+def in_processes(tasks: Sequence[Task], jobs: int) -> Iterator[Batch]:
+    """Convert recordings in `jobs` processes. If one is killed, as for want of memory, the others go on."""
+    killed: list[Task] = []
+    for task, batch in _processes(tasks, jobs):
+        if batch is None:
+            killed += task.single()
+        else:
+            yield batch
+    for task, batch in _processes(killed, 1):  # alone: the others may have had the memory that it needs
+        yield batch or failed(task, "the process that converted it was killed")
+
+
+def failed(task: Task, error: str) -> Batch:
+    """Return what became of recordings whose conversion has ended."""
+    return Batch(task, [Outcome(path, error=error) for path in task.paths])
+
+
+def _processes(tasks: Sequence[Task], jobs: int) -> Iterator[tuple[Task, Batch | None]]:
+    """Convert recordings in `jobs` processes. Yield None for a task whose process was killed."""
+    workers = [_Worker() for _ in tasks[:jobs]]
+    idle: SimpleQueue[_Worker] = SimpleQueue()
+    for worker in workers:
+        idle.put(worker)
+
+    def run(task: Task) -> tuple[Task, Batch | None]:
+        worker = idle.get()
+        try:
+            return task, worker.run(task)
+        finally:
+            idle.put(worker)
+
+    pool = ThreadPoolExecutor(len(workers) or 1)
+    try:
+        for done in as_completed([pool.submit(run, task) for task in tasks]):
+            yield done.result()
+    finally:  # also on Ctrl-C: what is not done is done by the next run
+        pool.shutdown(wait=False, cancel_futures=True)
+        for worker in workers:
+            worker.end()
+
+
+class _Worker:
+    """A process that converts recordings. It is started for the first task, and again after it was killed."""
+
+    def __init__(self) -> None:
+        self._process: subprocess.Popen[bytes] | None = None
+        self._is_ended = False
+
+    def run(self, task: Task) -> Batch | None:
+        """Convert the recordings of a task. Return None if the process was killed."""
+        process = self._process or self._start()
+        assert process.stdin is not None and process.stdout is not None  # noqa: S101, PT018 - they are pipes
+        try:
+            pickle.dump((convert_batch, task), process.stdin)
+            process.stdin.flush()
+            batch: Batch = pickle.load(process.stdout)  # noqa: S301 - from a process of our own
+        except (EOFError, OSError, ValueError, pickle.UnpicklingError):
+            self._kill()
+            return None
+        return batch
+
+    def end(self) -> None:
+        """End the process, and what it converts. From any thread."""
+        self._is_ended = True
+        self._kill()
+
+    def _start(self) -> subprocess.Popen[bytes]:
+        command = command_of("msggen.base.worker")
+        process = self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)  # noqa: S603
+        if self._is_ended:
+            self._kill()
+        return process
+
+    def _kill(self) -> None:
+        process, self._process = self._process, None
+        if process is not None:
+            process.kill()
+            with suppress(OSError), process:  # which closes its pipes
+                pass
+
+
+def on_dask(tasks: Sequence[Task], address: str) -> Iterator[Batch]:
+    """Convert recordings on the cluster of a Dask scheduler, whose workers see the same folders and have msggen.
+
+    Raises OSError if the scheduler cannot be reached.
+    """
+    with installed_by(_DASK):
+        from distributed import Client
+    with Client(address, set_as_default=False, timeout=_PATIENCE) as client:
+        yield from on_client(tasks, client)
+
+
+def on_client(tasks: Sequence[Task], client: Any) -> Iterator[Batch]:
+    """Convert recordings with a `distributed.Client`."""
+    with installed_by(_DASK):
+        from distributed import as_completed
+    futures = {client.submit(convert_batch, task, pure=False): task for task in tasks}
+    for future in (waiting := as_completed(futures, loop=client.loop)):
+        error, task = future.exception(), futures[future]  # as of a worker that was killed, again and again
+        if error is None:
+            yield future.result()
+        elif len(task.paths) > 1:
+            for single in task.single():
+                again = client.submit(convert_batch, single, pure=False)
+                futures[again] = single
+                waiting.add(again)
+        else:
+            yield failed(task, f"{type(error).__name__}: {error}")
+        future.release()

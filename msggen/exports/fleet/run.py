@@ -1,0 +1,218 @@
+"""The run that brings a fleet up to date with a folder of recordings."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from msggen.base.diagnostics import either
+from msggen.base.missing import RECORDINGS, installed_by
+from msggen.base.recording_formats import FORMATS
+from msggen.exports.fleet import pools
+from msggen.exports.fleet.batch import Batch, Outcome, Task
+from msggen.exports.fleet.changes import Held, add, finish
+from msggen.exports.fleet.finding import Found, find_recordings, is_there
+from msggen.exports.fleet.fleet import REPORT, Fleet, opened_fleet
+from msggen.exports.fleet.layout import KEYS
+from msggen.exports.fleet.planning import plan_of, tasks_of
+from msggen.exports.fleet.records import Record, original_of
+from msggen.exports.fleet.storage import absolute
+from msggen.recordings.source.source import RecordingError
+
+if TYPE_CHECKING:
+    from msggen.exports.fleet.pools import Pool
+
+
+class Progress(NamedTuple):
+    """How far a run is: recordings that are done, of all that it converts, and the last of them."""
+
+    done: int
+    total: int
+    last: Outcome | None
+
+
+class File(NamedTuple):
+    """A file of a topic: its path in the fleet, and its size in bytes."""
+
+    place: str
+    size: int
+
+
+class Summary(NamedTuple):
+    """The result of a run."""
+
+    found: int
+    """How many recordings are below the folder, with folders that cannot be read."""
+    unchanged: int
+    """How many of them an earlier run has converted."""
+    copies: int
+    """How many have the contents of another one."""
+    removed: int
+    """How many recordings have changed, so that their earlier rows were removed."""
+    outcomes: Sequence[Outcome]
+    """What became of the others, in the order of their paths."""
+    known: Sequence[Outcome]
+    """All recordings that the fleet has, of earlier runs too, in the order of their paths."""
+    written: Sequence[File]
+    """The files that this run has added."""
+    files: Sequence[File]
+    """All files of the fleet."""
+
+    @property
+    def converted(self) -> list[Record]:
+        """The records of the recordings that this run has converted."""
+        return [each.record for each in self.outcomes if each.record is not None and not each.is_copy]
+
+    @property
+    def failed(self) -> list[Outcome]:
+        """The recordings that could not be converted."""
+        return [each for each in self.outcomes if each.record is None]
+
+    @property
+    def records(self) -> list[Record]:
+        """The records of all recordings that the fleet has."""
+        return [each.record for each in self.known if each.record is not None and not each.is_copy]
+
+    @property
+    def incomplete(self) -> list[Outcome]:
+        """All recordings that the fleet has in part."""
+        return [each for each in self.known if each.record is not None and each.record.problems and not each.is_copy]
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether the fleet has everything of all recordings."""
+        return not self.failed and not self.incomplete
+
+    def document(self) -> dict[str, Any]:
+        """Return the summary for JSON, as in the report of a fleet: the numbers of the run, and what the fleet has."""
+        converted, records = self.converted, self.records
+        return {
+            "found": self.found,
+            "converted": len(converted),
+            "unchanged": self.unchanged,
+            "copies": self.copies,
+            "failed": [{"path": each.path, "error": each.error} for each in self.failed],
+            "incomplete": [
+                {"path": each.path, "problems": list(each.record.problems)}
+                for each in self.incomplete
+                if each.record is not None
+            ],
+            "lent": [
+                {"path": each.path, "notes": list(each.record.notes)}
+                for each in self.known
+                if each.record is not None and each.record.notes and not each.is_copy
+            ],
+            "replaced": self.removed,
+            "copied": [
+                {"path": each.path, "of": original_of(each.record)}
+                for each in self.known
+                if each.record is not None and each.is_copy
+            ],
+            "recordings": len(records),
+            "files": len(self.files),
+            "rows": sum(each.rows for each in records),
+            "bytes": sum(each.size for each in self.files),
+            "vehicles": dict(sorted(Counter(each.values["vehicle"] for each in records).items())),
+            "dates": dict(sorted(Counter(each.values["date"] for each in records).items())),
+            "date_from": dict(sorted(Counter(each.date_from for each in records).items())),
+        }
+
+
+def update(
+    folder: str,
+    fleet: str,
+    *,
+    by: Sequence[str] = KEYS,
+    pool: Pool = pools.in_this_process,
+    progress: Callable[[Progress], None] = lambda _: None,
+) -> Summary:
+    """Convert all recordings below `folder` that the fleet in the folder `fleet` does not have yet.
+
+    Both can be in an object store: `s3://bucket/logs`.
+
+    Rows are sorted by the columns `by`, of KEYS, and then by recording and time. A recording that cannot be read is in
+    the summary, and is tried again by the next run, as is one of which a file is missing. If this run is interrupted,
+    the next one goes on.
+
+    Raises RecordingError if `folder` has no recordings, FleetError if the fleet has other keys, is of another layout or
+    damaged, or was changed by another run meanwhile, OSError, and StoreError if a store fails: the next run goes on.
+    """
+    with installed_by(RECORDINGS):
+        import pyarrow  # noqa: F401, ICN001
+    folder, fleet = absolute(folder), absolute(fleet)
+    found = list(find_recordings(folder, without=fleet))
+    if not found:
+        suffixes = sorted((each.suffix for each in FORMATS.values()), reverse=True)
+        raise RecordingError(f"there is no recording in this folder: no {either(suffixes)} file")
+    with opened_fleet(fleet, by) as own:
+        summary = _updated(found, own, pool, progress)
+        own.storage.write(REPORT, (json.dumps(summary.document(), indent=1) + "\n").encode())
+    return summary
+
+
+def _updated(found: Sequence[Found], fleet: Fleet, pool: Pool, progress: Callable[[Progress], None]) -> Summary:
+    """Convert what the fleet does not have, and return what became of it."""
+    plan = plan_of([each.path for each in found if not each.error], fleet)
+    before = fleet.listed()
+    outcomes: list[Outcome] = []
+    held = Held()
+    tasks = [*tasks_of(plan, plan.new, fleet), *tasks_of(plan, plan.replacing, fleet)]
+    total, waits = sum(len(task.paths) for task in tasks), {*plan.replacing}
+    for batch in _batches(pool, tasks):
+        for outcome in add(batch, fleet, held, waits=not waits.isdisjoint(batch.task.paths)):
+            outcomes.append(outcome)
+            progress(Progress(len(outcomes), total, outcome))
+    copies, replaced = finish(plan, fleet, held, outcomes)
+    files = [File(place, fleet.found.get(place, 0)) for place in sorted(fleet.listed())]
+    return Summary(
+        found=len(found),
+        unchanged=plan.unchanged,
+        copies=sum(each.is_copy for each in copies),
+        removed=replaced,
+        outcomes=_sorted([*outcomes, *copies, *(Outcome(each.path, error=each.error) for each in found if each.error)]),
+        known=_sorted(each for record in fleet.records.values() for each in _known(record)),
+        written=[file for file in files if file.place not in before],
+        files=files,
+    )
+
+
+def _batches(pool: Pool, tasks: Sequence[Task]) -> Iterator[Batch]:
+    """Yield what became of recordings. Those that are not converted together are converted alone."""
+    alone: list[Task] = []
+    for batch in _unless_failed(pool(tasks) if tasks else iter(())):
+        if batch.outcomes:
+            yield batch
+        else:
+            alone += batch.task.single()
+    yield from _unless_failed(pool(alone) if alone else iter(()))
+
+
+def _unless_failed(batches: Iterator[Batch]) -> Iterator[Batch]:
+    """Yield what became of recordings. Raises StoreError if a store fails."""
+    for batch in batches:
+        if batch.failed:
+            raise batch.failed
+        yield batch
+
+
+def _known(record: Record) -> Iterator[Outcome]:
+    """Yield a recording that the fleet has, and its copies. A path that is gone is not a copy."""
+    original = original_of(record)
+    yield Outcome(original, record)
+    for path in record.paths:
+        if path != original and is_there(path):
+            yield Outcome(path, record, is_copy=True)
+
+
+def _sorted(outcomes: Iterable[Outcome]) -> list[Outcome]:
+    return sorted(outcomes, key=lambda each: each.path)
+
+
+def pool_of(jobs: int, address: str = "") -> Pool:
+    """Return the pool for a number of processes, or for the address of a Dask scheduler."""
+    if address:
+        return partial(pools.on_dask, address=address)
+    return pools.in_this_process if jobs == 1 else partial(pools.in_processes, jobs=jobs)

@@ -1,0 +1,224 @@
+"""The charts of a report: their lines, with units as people read them, and rows of flags."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from msggen.exports.report.attitude import angle_of
+from msggen.exports.report.plans import AID_SOURCES, GROUPS, LANES, Field, Group, Lanes, Plan
+from msggen.exports.report.recorded import Column, Recorded, spans
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+_DEGREES = 180 / np.pi
+_CONVERTED = {
+    ("rad", "deg"): _DEGREES,
+    ("", "deg"): _DEGREES,
+    ("rad s^-1", "deg/s"): _DEGREES,
+    ("", "deg/s"): _DEGREES,
+}
+"""The factors from units in definitions, normalized, to those of charts. PX4 has angles in rad where it has no unit."""
+_GAP, _USUAL = 1.0, 10
+"""The length in s from which a time without samples is a gap, and the number of usual intervals."""
+_HALF_TURN = 180
+_MOST_ELEMENTS = 16
+_MOST_CONSTANT = 4
+"""The lines of a field up to which those with one value are drawn, too."""
+_MOST_ROWS = 40
+"""The rows of a chart of flags."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line of a chart."""
+
+    label: str
+    column: Column
+    is_setpoint: bool = False
+
+    @property
+    def table(self) -> tuple[object, ...]:
+        """What lines that have the same times share."""
+        times = self.column.times
+        return self.column.path.partition(".")[0], len(times), float(times[0])
+
+    @property
+    def summary(self) -> tuple[float, float, float]:
+        """The smallest, the mean and the largest value."""
+        found = self.column.finite
+        return float(found.min()), float(found.mean()), float(found.max())
+
+
+class Chart(NamedTuple):
+    """Lines over time."""
+
+    title: str
+    unit: str
+    lines: Sequence[Line]
+
+
+class Row(NamedTuple):
+    """The times in s at which a flag is set."""
+
+    name: str
+    spans: Sequence[tuple[float, float]]
+
+
+class Flags(NamedTuple):
+    """Flags over time."""
+
+    title: str
+    rows: Sequence[Row]
+    left_out: int = 0
+    """How many more rows there are."""
+
+
+class Section(NamedTuple):
+    """Charts below one heading."""
+
+    title: str
+    charts: Sequence[Chart]
+    flags: Sequence[Flags]
+
+
+class Charts(NamedTuple):
+    """The charts of a recording, and those that it lacks: a text for each."""
+
+    sections: Sequence[Section]
+    missing: Sequence[str]
+
+
+def charts_of(recorded: Recorded) -> Charts:
+    """Return the charts of a recording."""
+    sections: list[Section] = []
+    missing: dict[str, list[str]] = {}
+    for group in GROUPS:
+        charts = _charts(recorded, group, missing)
+        flags = [found for lanes in LANES if lanes.group == group.title and (found := _flags(recorded, lanes))]
+        if charts or flags:
+            sections.append(Section(group.title, charts, flags))
+    return Charts(sections, [f"{', '.join(titles)} ({topics})" for topics, titles in missing.items()])
+
+
+def _charts(recorded: Recorded, group: Group, missing: dict[str, list[str]]) -> list[Chart]:
+    """Return the charts of a group, and add the titles of those that the recording lacks to `missing`, by topics."""
+    found: list[Chart] = []
+    for plan in group.plans:
+        if any(chart.title in plan.instead_of for chart in found):
+            continue
+        lines = _lines(recorded, plan)
+        if lines:
+            found.append(Chart(plan.title, plan.unit, lines))
+        elif not plan.instead_of:
+            missing.setdefault(_topics(plan), []).append(plan.title.lower())
+    return found
+
+
+def _topics(plan: Plan) -> str:
+    """Return the topics that a chart needs one of: the first two."""
+    paths = [path for field in plan.fields if not field.is_setpoint for path in field.paths]
+    return " or ".join(list(dict.fromkeys(path.partition(".")[0] for path in paths))[:2])
+
+
+def _lines(recorded: Recorded, plan: Plan) -> list[Line]:
+    """Return the lines of a chart. Without any that is no setpoint, there are none."""
+    found = [line for field in plan.fields for line in _lines_of(recorded, plan, field)]
+    return found if any(not line.is_setpoint for line in found) else []
+
+
+def _lines_of(recorded: Recorded, plan: Plan, field: Field) -> list[Line]:
+    for path in field.paths:
+        topic, _, name = path.partition(".")
+        found = _of_all(recorded, field, topic, name) if field.is_each else _of_first(recorded, field, topic, name)
+        lines = [
+            Line(label, scaled, field.is_setpoint)
+            for label, column in found
+            if len((scaled := _scaled(column, plan.unit, field)).finite)
+        ]
+        if lines:
+            return _moving(lines)
+    return []
+
+
+def _of_first(recorded: Recorded, field: Field, topic: str, name: str) -> Iterator[tuple[str, Column]]:
+    """Yield a field of the first instance, without the values that cannot be used."""
+    column = recorded.column(topic, name) or angle_of(recorded, topic, name)
+    if column is not None:
+        yield field.label, column.where(recorded.column(topic, field.valid))
+
+
+def _of_all(recorded: Recorded, field: Field, topic: str, name: str) -> Iterator[tuple[str, Column]]:
+    """Yield a field of each instance, or each element of an array that is in use."""
+    instances = recorded.instances(topic)
+    for instance in instances:
+        number = f" {instance}" if len(instances) > 1 else ""
+        elements = list(_elements(recorded, topic, name, instance))
+        for index, path in elements:
+            column = recorded.column(topic, path, instance)
+            if column is not None:
+                place = f" {index + 1}" if index is not None else ""
+                yield f"{field.label}{place}{number}", column
+
+
+def _elements(recorded: Recorded, topic: str, name: str, instance: int) -> Iterator[tuple[int | None, str]]:
+    width = recorded.width(topic, name, instance)
+    if not width:
+        yield None, name
+        return
+    used = recorded.column(topic, {"output": "noutputs", "esc": "esc_count"}.get(name, ""), instance)
+    count = int(used.values.max()) if used is not None and len(used.values) else width
+    for index in range(min(count, width, _MOST_ELEMENTS)):
+        yield index, f"{name}[{index}]" + (".esc_rpm" if name == "esc" else "")
+
+
+def _moving(lines: list[Line]) -> list[Line]:
+    """Return the lines that change, of many; all if none does. Outputs that are not in use have one value."""
+    found = [line for line in lines if np.ptp(line.column.finite) > 0]
+    return found if found and len(lines) > _MOST_CONSTANT else lines
+
+
+def _scaled(column: Column, unit: str, field: Field) -> Column:
+    """Return a column in the unit of a chart, NaN where a value cannot be used."""
+    factor = _CONVERTED.get((column.unit, unit), 1.0) * field.scale
+    is_usable = np.isfinite(column.values)
+    if field.unknown is not None:
+        is_usable &= column.values != field.unknown
+    values = np.where(is_usable, column.values, np.nan)
+    return column._replace(values=values * factor, unit=unit)
+
+
+def _flags(recorded: Recorded, lanes: Lanes) -> Flags | None:
+    """Return the rows of flags that are ever set, None if there are none."""
+    rows = []
+    for topic in sorted(recorded.topics):
+        if not topic.startswith(lanes.topics):
+            continue
+        for flag in recorded.flags(topic):
+            column = recorded.column(topic, flag) if flag.startswith(lanes.flags or ("",)) else None
+            if column is None or not column.values.any() or (lanes.is_changing and column.values.all()):
+                continue
+            name = topic.removeprefix(AID_SOURCES) if flag == "innovation_rejected" else flag
+            rows.append(Row(name, spans(column, column.values > 0, recorded.duration)))
+    return Flags(lanes.title, rows[:_MOST_ROWS], max(len(rows) - _MOST_ROWS, 0)) if rows else None
+
+
+def ends_of(lines: Sequence[Line], kept: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Return which of some samples lines that share their times end at: before a gap, and where an angle turns around.
+
+    A gap is longer than a second and ten usual intervals. Values that are held until the next one have no gaps.
+    """
+    is_end = np.zeros(max(len(kept) - 1, 0), bool)
+    times = lines[0].column.times
+    intervals = np.diff(times)
+    if len(intervals) and not lines[0].column.is_held:
+        gaps = np.flatnonzero(intervals > max(_GAP, _USUAL * float(np.median(intervals))))
+        is_end |= np.searchsorted(gaps, kept[1:]) > np.searchsorted(gaps, kept[:-1])
+    for line in lines:
+        if line.column.unit == "deg":
+            is_end |= np.abs(np.diff(line.column.values[kept])) > _HALF_TURN
+    return np.flatnonzero(is_end)

@@ -1,0 +1,361 @@
+"""The page of a report: one HTML file that loads nothing else."""
+
+from __future__ import annotations
+
+import os
+from base64 import b64encode
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from hashlib import sha256
+from typing import TYPE_CHECKING, NamedTuple
+
+import jinja2
+import numpy as np
+from markupsafe import Markup
+
+from msggen.base.diagnostics import few
+from msggen.base.disk.resources import resource, template_text
+from msggen.base.version import __version__
+from msggen.exports.report.charts import Chart, Charts, Line, charts_of
+from msggen.exports.report.drawing import Drawing, bars, drawing_of
+from msggen.exports.report.encoded import data_of
+from msggen.exports.report.findings import Finding, findings_of
+from msggen.exports.report.flight import Figure, Track, duration_text, figures_of, track_of
+from msggen.exports.report.plans import is_needed
+from msggen.exports.report.recorded import Recorded
+from msggen.exports.report.tables import (
+    Change,
+    Fact,
+    Parameter,
+    TopicRow,
+    changes_of,
+    facts_of,
+    parameters_of,
+    topics_of,
+)
+from msggen.exports.report.timeline import Mark, Timeline, timeline_of
+from msggen.recordings.source.source import RecordingError
+
+if TYPE_CHECKING:
+    from msggen.recordings.log.log import Log
+
+_MOST_MARKS = 2000
+"""The texts and events in the table."""
+MOST_ROWS = 2000
+"""The rows of the other tables. A vehicle has some 1,500 parameters."""
+LONGEST = 500
+"""The letters of a text that are shown. A page with longer ones takes a browser seconds."""
+_MOST_PROBLEMS = 100
+"""The problems in the list."""
+
+
+class LineView(NamedTuple):
+    """A row of the table of a chart."""
+
+    label: str
+    least: str
+    mean: str
+    most: str
+    source: str
+
+
+class ChartView(NamedTuple):
+    """A chart: its number in the data, and what is around it."""
+
+    number: int
+    title: str
+    unit: str
+    label: str
+    lines: Sequence[LineView]
+
+
+class Bar(NamedTuple):
+    """The times of a flag or a mode: a path of SVG in a box as wide as the log is long, and 1 high."""
+
+    name: str
+    path: str
+    colour: int = 0
+
+
+class FlagsView(NamedTuple):
+    """Flags over time."""
+
+    title: str
+    rows: Sequence[Bar]
+    left_out: int
+
+
+class SectionView(NamedTuple):
+    """Charts below one heading."""
+
+    title: str
+    charts: Sequence[ChartView]
+    flags: Sequence[FlagsView]
+
+
+@dataclass(frozen=True)
+class Page:
+    """What the template of a report sees."""
+
+    recorded: Recorded
+    timeline: Timeline
+    charts: Charts
+    flown: Track | None
+
+    @property
+    def _log(self) -> Log:
+        return self.recorded.log
+
+    @property
+    def version(self) -> str:
+        """The version of msggen."""
+        return __version__
+
+    @property
+    def title(self) -> str:
+        """The name of the recording."""
+        return os.path.basename(os.path.abspath(self._log.path))
+
+    @property
+    def lead(self) -> str:
+        """The flight in one line."""
+        wanted = {fact.name: fact.value for fact in self.facts}
+        parts = [
+            wanted.get("Vehicle"),
+            wanted.get("Start"),
+            duration_text(self.recorded.duration),
+            wanted.get("Firmware"),
+        ]
+        return " · ".join(filter(None, parts))
+
+    @cached_property
+    def facts(self) -> list[Fact]:
+        """What is known of the vehicle and the file."""
+        return [fact for fact in facts_of(self.recorded) if fact.value]
+
+    @cached_property
+    def figures(self) -> list[Figure]:
+        """The flight in numbers."""
+        return figures_of(self.recorded, self.flown)
+
+    @cached_property
+    def findings(self) -> list[Finding]:
+        """What a reader should know at once."""
+        return findings_of(self.recorded, self.timeline)
+
+    @cached_property
+    def track(self) -> Drawing | None:
+        """The track, None if there are no positions."""
+        return None if self.flown is None else drawing_of(self.flown, self.timeline)
+
+    @property
+    def width(self) -> float:
+        """The width of bars: the duration of the log in s."""
+        return self.recorded.duration or 1.0
+
+    @cached_property
+    def modes(self) -> list[Bar]:
+        """The flight modes over time."""
+        spans: dict[str, list[tuple[float, float]]] = {}
+        for each in self.timeline.modes:
+            spans.setdefault(each.name, []).append((each.begin, each.end))
+        colours = self.timeline.colours
+        return [Bar(name, bars(found, self.width), colours[name]) for name, found in spans.items()]
+
+    @property
+    def failsafes(self) -> str:
+        """The times of failsafes, "" if there are none."""
+        return bars(self.timeline.failsafes, self.width)
+
+    @cached_property
+    def sections(self) -> list[SectionView]:
+        """The charts, by heading."""
+        found, number = [], 0
+        for section in self.charts.sections:
+            views = [_view(number + place, chart) for place, chart in enumerate(section.charts)]
+            flags = [
+                FlagsView(each.title, [Bar(row.name, bars(row.spans, self.width)) for row in each.rows], each.left_out)
+                for each in section.flags
+            ]
+            found.append(SectionView(section.title, views, flags))
+            number += len(views)
+        return found
+
+    @property
+    def marks(self) -> Sequence[Mark]:
+        """The first texts and events."""
+        return self.timeline.marks[:_MOST_MARKS]
+
+    @property
+    def marks_left(self) -> int:
+        """How many texts and events are left out."""
+        return max(len(self.timeline.marks) - _MOST_MARKS, 0)
+
+    @property
+    def event_notes(self) -> Sequence[str]:
+        """Why events have no texts."""
+        return self._log.event_notes
+
+    @cached_property
+    def _parameters(self) -> list[Parameter]:
+        return parameters_of(self._log)
+
+    @property
+    def parameters(self) -> list[Parameter]:
+        """The first parameters that were not default at the start."""
+        return self._parameters[:MOST_ROWS]
+
+    @property
+    def parameters_count(self) -> int:
+        """How many there are."""
+        return len(self._parameters)
+
+    @property
+    def no_parameters(self) -> str:
+        """Why there are none."""
+        if not self._log.parameters:
+            return "The recording has no parameters."
+        if not self._log.facts.has_defaults:
+            return f"The recording has {len(self._log.parameters)} parameters, but not their defaults."
+        return "All parameters were default at the start."
+
+    @cached_property
+    def _changes(self) -> list[Change]:
+        return changes_of(self._log)
+
+    @property
+    def changes(self) -> list[Change]:
+        """The first parameters that changed during the log."""
+        return self._changes[:MOST_ROWS]
+
+    @property
+    def changes_count(self) -> int:
+        """How many changes there are."""
+        return len(self._changes)
+
+    @cached_property
+    def _topics(self) -> list[TopicRow]:
+        return topics_of(self._log)
+
+    @property
+    def topics(self) -> list[TopicRow]:
+        """The first topics of the recording."""
+        return self._topics[:MOST_ROWS]
+
+    @property
+    def topics_count(self) -> int:
+        """How many topics there are."""
+        return len(self._topics)
+
+    @property
+    def missing(self) -> str:
+        """The charts that the recording has no values for."""
+        return "; ".join(self.charts.missing)
+
+    @property
+    def notes(self) -> list[str]:
+        """Where definitions are from that are not in the recording, and which vehicles are not shown."""
+        shown, others = self.recorded.namespace or "the vehicle without a namespace", self.recorded.others
+        return [*([f"The report is about {shown}, not about: {few(others)}"] if others else ()), *self._log.notes]
+
+    @property
+    def problems(self) -> list[str]:
+        """The first problems of the recording, a line each."""
+        return self._problems[:_MOST_PROBLEMS]
+
+    @property
+    def problems_left(self) -> int:
+        """How many problems are left out."""
+        return max(len(self._problems) - _MOST_PROBLEMS, 0)
+
+    @cached_property
+    def _problems(self) -> list[str]:
+        found = self._log.problems
+        return list(dict.fromkeys(f"{each.topic}: {each.text}" if each.topic else each.text for each in found))
+
+    @property
+    def style(self) -> Markup:
+        """The style sheets."""
+        return Markup(template_text("report/uplot.css") + template_text("report/report.css"))  # noqa: S704 - our own
+
+    @property
+    def library(self) -> Markup:
+        """The script of uPlot."""
+        return Markup(template_text("report/uplot.js"))  # noqa: S704
+
+    @property
+    def program(self) -> Markup:
+        """The script of the report."""
+        return Markup(template_text("report/report.js"))  # noqa: S704
+
+    @cached_property
+    def data(self) -> Markup:
+        """The data of the charts: JSON without characters of HTML."""
+        return Markup(data_of(self.recorded.duration, self.timeline, self.charts.sections, self.flown))  # noqa: S704
+
+    @property
+    def script_hashes(self) -> Markup:
+        """The scripts that may run, for the content security policy: no other one does."""
+        return Markup(" ".join(map(_hash, (self.library, self.program))))  # noqa: S704
+
+
+def _hash(script: str) -> str:
+    return f"'sha256-{b64encode(sha256(script.encode()).digest()).decode()}'"
+
+
+def report(log: Log) -> str:
+    """Return a report on a recording as one HTML page. Raises RecordingError if it has nothing to draw."""
+    with np.errstate(all="ignore"):  # damaged samples have values of any size
+        recorded = Recorded(log, is_needed)
+        charts = charts_of(recorded)
+        if not charts.sections:
+            names = "vehicle_local_position, vehicle_attitude, vehicle_status, battery_status or sensor_combined"
+            raise RecordingError(f"there are no samples of topics that a report shows, such as {names}")
+        page = Page(recorded, timeline_of(recorded), charts, track_of(recorded))
+        return _template().render(page=page)
+
+
+def _template() -> jinja2.Template:
+    """Return the template of the page. All that it shows is escaped, and texts are cut, except for what is drawn."""
+    loader = jinja2.FileSystemLoader(resource("templates"))
+    environment = jinja2.Environment(
+        loader=loader,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        autoescape=True,
+        finalize=_cut,
+    )
+    environment.filters["clock"] = clock
+    environment.filters["drawn"] = Markup
+    return environment.get_template("report/report.html.j2")
+
+
+def _cut(value: object) -> object:
+    """Return what the page shows: the start of a text that is too long, and its length."""
+    if not isinstance(value, str) or isinstance(value, Markup) or len(value) <= LONGEST:
+        return value
+    return f"{value[:LONGEST]}… ({len(value):,} characters)"
+
+
+def clock(seconds: float) -> str:
+    """Return a time in s after the start: `12.3 s`, or `2:05.3`, or `1:02:05.3`."""
+    if abs(seconds) < 120:  # noqa: PLR2004 - two minutes
+        return f"{round(seconds, 1) + 0.0:.1f} s"
+    minutes, rest = divmod(round(abs(seconds), 1), 60)
+    hours, minutes = divmod(int(minutes), 60)
+    front = f"{hours}:{minutes:02}" if hours else f"{minutes}"
+    return f"{'-' if seconds < 0 else ''}{front}:{rest:04.1f}"
+
+
+def _view(number: int, chart: Chart) -> ChartView:
+    lines = [_row(line) for line in chart.lines]
+    names = few(list(dict.fromkeys(line.label for line in lines)))
+    unit = f" in {chart.unit}" if chart.unit else ""
+    return ChartView(number, chart.title, chart.unit, f"{chart.title}{unit} over time: {names}", lines)
+
+
+def _row(line: Line) -> LineView:
+    least, mean, most = (f"{value:.4g}" for value in line.summary)
+    return LineView(line.label, least, mean, most, line.column.path)

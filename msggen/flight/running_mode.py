@@ -1,0 +1,317 @@
+"""A registered mode: entering it, flying it and leaving it."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from logging import getLogger
+from typing import Any
+
+from msggen.flight.actions import UNDER_WAY, Actions
+from msggen.flight.checks import Verdict
+from msggen.flight.connection import Connection, Topics, filled
+from msggen.flight.errors import FlightError, NotReachedError, report, watched
+from msggen.flight.feeds import Feeds
+from msggen.flight.limits import Fence
+from msggen.flight.mode import NO_LIFT, Mode, message_of, needs_of
+from msggen.flight.overrides import Overrides
+from msggen.flight.registration import Ids
+from msggen.flight.setpoints import Configuration, Stream
+from msggen.flight.space import Vector
+from msggen.flight.states import described, is_armed
+from msggen.flight.telemetry import is_landed, valid_estimate
+from msggen.flight.trajectory import FREE
+from msggen.messages.commands import OF_MODE
+from msggen.messages.setpoints import GOTO, TRAJECTORY, Kind
+
+LOGGER = getLogger("msggen.flight")
+_SUCCESS, _FAILURE = 0, 100
+_BRAKING = 3.0
+"""The deceleration in m/s2 with which PX4 comes to rest: MPC_ACC_HOR."""
+_REPEAT = 0.1
+"""The period in s at which the end of a mode is reported, until PX4 has left it."""
+
+
+class ActiveMode:
+    """A mode with the ids that the vehicle has assigned."""
+
+    def __init__(self, mode: Mode, ids: Ids, connection: Connection, feeds: Feeds, fence: Fence) -> None:
+        self.mode, self.ids, self.feeds = mode, ids, feeds
+        self._fence = fence.tightened(mode.limits)
+        self.overrides = Overrides(connection, feeds, OF_MODE, ids.mode, mode.keeps)
+        self._is_owned = ids.executor > 0
+        """Whether its executor starts `fly`. Otherwise, `fly` starts when the mode is selected and armed."""
+        self.has_failed = False
+        """Whether `fly` has raised an exception since the mode was selected."""
+        self._was_armed = False
+        self._begins_on_ground = False
+        """Whether the vehicle has not been in the air since the mode was entered, as far as that is known."""
+        self._wanted: asyncio.Future[None] | None = None
+        """The result of the next run of `fly`, for the executor that waits for it."""
+        self._flown: asyncio.Future[None] | None = None
+        """The same for the current run."""
+        self._is_flying = False
+        """Whether `fly` runs, and has not been cancelled."""
+        self._abandoned = float("-inf")
+        """When a run that had not begun was given up. The mode may be entered shortly afterwards."""
+        self._has_problem = False
+        """Whether `problems` has raised an exception, which was reported."""
+        self._connection = connection
+        self._topics = Topics(connection.package)
+        self.configuration = Configuration(connection, feeds, ids.mode)
+        self._stream = Stream(connection, feeds, self.configuration, self._fence.shaped)
+        self._task: asyncio.Task[None] | None = None
+        self._ended: asyncio.Task[None] | None = None
+        """The last run that was cancelled."""
+        self._lost: FlightError | None = None
+        """Why the mode has ended, if the vehicle no longer knows it."""
+        mode._active = self  # noqa: SLF001 - its own part
+
+    @property
+    def is_active(self) -> bool:
+        """Whether the mode flies the vehicle."""
+        return self._stream.is_active
+
+    def check_goto(self, place: Vector) -> None:
+        """See Fence."""
+        self._fence.check_goto(place)
+
+    def verdict(self) -> Verdict:
+        """Return the reply to an arming check. If `problems` raises an exception, the reply is that it cannot run."""
+        try:
+            problems = tuple(self.mode.problems())
+        except Exception as error:  # noqa: BLE001 - whatever a program raises
+            if not self._has_problem:
+                report(f"`problems` of mode {self.mode.name!r} has failed", error)
+            self._has_problem = True
+            return Verdict(can_run=False, requires=needs_of(self.mode))
+        self._has_problem = False
+        return Verdict(not self.has_failed, needs_of(self.mode), problems)
+
+    def send(self, kind: Kind, **values: Any) -> None:
+        """Send a setpoint from now on. Raises NotReachedError unless `fly` runs, LimitError, and UnsupportedError."""
+        self._check_flying()
+        if self._begins_on_ground and kind.is_placed:
+            self._begins_on_ground = False
+            if is_landed(self.feeds):
+                LOGGER.warning("mode %r is on the ground, and %s %s", self.mode.name, kind.name, NO_LIFT)
+        self._set(kind, **values)
+
+    def hold(self) -> bool:
+        """Hold the place where the vehicle comes to rest. Raises NotReachedError unless `fly` runs.
+
+        Return False if this place is not known, or if the mode has no setpoints for it.
+        """
+        self._check_flying()
+        return self._hold()
+
+    def _check_flying(self) -> None:
+        if not self._is_flying:
+            raise NotReachedError(f"mode {self.mode.name!r} does not fly: its `fly` has ended, or has not begun")
+
+    def _set(self, kind: Kind, **values: Any) -> None:
+        self._fence.check(kind, values)
+        self._stream.set(kind, message_of(self._topics.incoming(kind.topic), kind, self.mode, **values))
+
+    def _hold(self) -> bool:
+        estimate = valid_estimate(self.feeds)
+        if estimate is None:
+            return False
+        place = self._fence.nearest(_stopped(estimate))
+        if GOTO in self.mode.setpoints:
+            self._set(GOTO, position=place)
+        elif TRAJECTORY in self.mode.setpoints:
+            rest = {"velocity": FREE, "acceleration": FREE, "jerk": FREE, "yawspeed": math.nan}
+            self._set(TRAJECTORY, position=place, yaw=estimate.heading, **rest)
+        else:
+            return False
+        return True
+
+    async def run(self, actions: Actions) -> None:
+        """Select the mode, and wait for the end of `fly`.
+
+        Raises what `fly` raises, NotReachedError if the mode is left, and FlightError while the vehicle is disarmed.
+        """
+        status = self.feeds["vehicle_status"].latest
+        if not (self.mode.flies_disarmed or status is None or is_armed(status)):
+            raise FlightError(f"mode {self.mode.name!r} needs an armed vehicle: `await flight.arm()` or `wait_armed()`")
+        flown = self._await_end()
+        try:
+            if self.is_active:
+                self.restart()
+            else:
+                await actions._select(self.ids.mode, self.mode.name)  # noqa: SLF001 - of the same library
+            await self.feeds.while_heard(flown)
+        except BaseException:
+            self._abandon(flown)
+            raise
+
+    def _await_end(self) -> asyncio.Future[None]:
+        """Return a future that is done when the next run of `fly` ends. It has the exception of that run, if any."""
+        self._give_up(NotReachedError(f"mode {self.mode.name!r} is flown anew"))
+        self._wanted = asyncio.get_running_loop().create_future()
+        self._wanted.add_done_callback(lambda each: each.cancelled() or each.exception())  # perhaps nobody waits
+        return self._wanted
+
+    def _abandon(self, flown: asyncio.Future[None]) -> None:
+        """End the run of `fly` behind a future, if it has not ended. The vehicle holds its place."""
+        if self._wanted is flown:
+            self._wanted = None
+            self._abandoned = asyncio.get_running_loop().time()
+        if self._flown is flown:
+            self._end_run()
+            self.has_failed = not self._hold_or_stop()
+
+    def _give_up(self, error: FlightError) -> None:
+        """Tell who waits for a run that has not begun that it does not come."""
+        wanted, self._wanted = self._wanted, None
+        if wanted is not None and not wanted.done():
+            wanted.set_exception(error)
+
+    def restart(self) -> None:
+        """Run `fly` once more, while the mode is active."""
+        before = self._task or self._ended
+        self._end_run()
+        self._flown, self._wanted = self._wanted, None
+        self._task = watched(self._fly(self._flown, before), f"fly {self.mode.name}", self._break)
+
+    def lose(self, error: FlightError) -> None:
+        """End `fly` with an error, because the vehicle no longer knows the mode."""
+        self._lost = error
+        if self.is_active:
+            report(f"mode {self.mode.name!r} has ended", error)
+        self._give_up(error)
+        self._leave()
+
+    def close(self) -> None:
+        """Send nothing any more."""
+        self._give_up(FlightError(f"mode {self.mode.name!r} is not registered any more"))
+        self._leave()
+        self.configuration.close()
+        self.overrides.close()
+        self.mode._active = None  # noqa: SLF001 - as above
+
+    def follow(self, status: Any) -> None:
+        """Enter or leave the mode with a VehicleStatus."""
+        has_armed = is_armed(status)
+        is_selected = status.nav_state == self.ids.mode
+        if status.nav_state_user_intention != self.ids.mode or (self._was_armed and not has_armed):
+            self.has_failed = False
+        self._was_armed = has_armed
+        is_active = is_selected and (has_armed or self.mode.flies_disarmed)
+        if is_active and self.is_active:
+            self._stream.confirm()
+        elif is_active:
+            self._enter()
+        elif self.is_active:
+            self._leave()
+
+    def _enter(self) -> None:
+        self._begins_on_ground = is_landed(self.feeds)
+        self._stream.start()
+        self.overrides.renew()
+        if self._wanted is not None:
+            self.restart()
+        elif asyncio.get_running_loop().time() - self._abandoned < UNDER_WAY:
+            self.has_failed = not self._hold_or_stop()
+        elif not self._is_owned:
+            self.restart()
+
+    def _leave(self) -> None:
+        try:
+            self._stream.stop()
+        finally:
+            self._end_run()
+
+    def _end_run(self) -> None:
+        self._is_flying = False
+        if self._task is not None:
+            self._task.cancel(None if self._lost is None else str(self._lost))
+            self._ended, self._task = self._task, None
+        flown, self._flown = self._flown, None
+        if flown is not None and not flown.done():
+            status = self.feeds["vehicle_status"].latest
+            why = "" if status is None else f": {described(status)}"
+            flown.set_exception(self._lost or NotReachedError(f"mode {self.mode.name!r} was left before its end{why}"))
+
+    async def _fly(self, flown: asyncio.Future[None] | None, before: asyncio.Task[None] | None) -> None:
+        """Run `fly`, once the run before has come to its end, and tell how it ended until the mode is left."""
+        if before is not None:
+            await asyncio.wait([before])
+        result = _FAILURE
+        self._is_flying = True
+        try:
+            await self._fence.wait_for_home()
+            await self.mode.fly()
+        except asyncio.CancelledError:
+            if self._task is asyncio.current_task():  # the mode was not left: something else has cancelled it
+                self._fail(FlightError(f"`fly` of mode {self.mode.name!r} was cancelled"), flown)
+                self._tell(result)
+            raise
+        except Exception as error:  # noqa: BLE001 - whatever a program raises
+            if self._task is not asyncio.current_task():
+                self._report_late(error)
+                return
+            self._fail(error, flown)
+        else:
+            if self._task is not asyncio.current_task():
+                return
+            result = _SUCCESS
+            self.has_failed = not self._hold_or_stop()
+            if flown is not None and not flown.done():
+                flown.set_result(None)
+        while True:
+            self._tell(result)
+            await asyncio.sleep(_REPEAT)
+
+    def _break(self, task: asyncio.Task[None], error: Exception) -> None:
+        """End the mode if its task has ended with an error that nothing else has taken: PX4 leaves it."""
+        report(f"mode {self.mode.name!r} has failed", error)
+        if self._task is not task:
+            return
+        self.has_failed = True
+        self._stream.pause()
+        flown, self._flown = self._flown, None
+        if flown is not None and not flown.done():
+            flown.set_exception(error)
+
+    def _report_late(self, error: Exception) -> None:
+        """Tell of an exception after the mode was left, but for that of a setpoint, which nobody takes any more."""
+        if not isinstance(error, NotReachedError):
+            report(f"mode {self.mode.name!r} was left, and its end has failed", error)
+
+    def _fail(self, error: Exception, flown: asyncio.Future[None] | None) -> None:
+        is_held = self._hold_or_stop()
+        if flown is not None and not flown.done():
+            self.has_failed = not is_held
+            flown.set_exception(error)  # the executor decides
+        else:
+            self.has_failed = True
+            report(f"mode {self.mode.name!r} has failed", error)
+
+    def _hold_or_stop(self) -> bool:
+        """Let no setpoint of a program that has ended go on. Return whether the vehicle holds its place.
+
+        Never raises: the mode ends in any case. What prevents that the vehicle holds its place is reported.
+        """
+        self._is_flying = False
+        try:
+            is_held = self._hold()
+        except Exception as error:  # noqa: BLE001 - such as limits without a home position
+            report(f"mode {self.mode.name!r} cannot hold its place at its end", error)
+            is_held = False
+        if not is_held:
+            self._stream.pause()
+        return is_held
+
+    def _tell(self, result: int) -> None:
+        cls = self._topics.incoming("mode_completed")
+        self._connection.publish("mode_completed", filled(cls, result=result, nav_state=self.ids.mode))
+
+
+def _stopped(estimate: Any) -> tuple[float, float, float]:
+    """Return where the vehicle comes to rest if it brakes now, so that it does not fly back."""
+    speeds = estimate.vx, estimate.vy, estimate.vz
+    seconds = math.hypot(*speeds) / _BRAKING / 2.0
+    x, y, z = (here + speed * seconds for here, speed in zip((estimate.x, estimate.y, estimate.z), speeds, strict=True))
+    return x, y, z

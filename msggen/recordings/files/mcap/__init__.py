@@ -1,0 +1,1 @@
+"""MCAP files (https://mcap.dev/spec): reading and writing them."""

@@ -1,0 +1,1 @@
+"""ULogs, the logs that PX4 writes on a vehicle."""

@@ -1,1 +1,0 @@
-"""A running vehicle recorded, and a recording played as if a vehicle published it."""

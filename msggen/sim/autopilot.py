@@ -1,0 +1,226 @@
+"""What the modes of a simulated vehicle fly: PX4's own modes, and the setpoints of programs. Times are in us."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TypeAlias
+
+from msggen.messages.nav_states import (
+    ALTITUDE,
+    DESCEND,
+    EXTERNAL,
+    HOLD,
+    LAND,
+    MANUAL,
+    OFFBOARD,
+    RETURN,
+    STABILIZED,
+    TAKEOFF,
+    TERMINATION,
+)
+from msggen.sim.attitude import Vector
+from msggen.sim.commander.setpoint_types import ALL, Controls
+from msggen.sim.flight import DRAG, NAN, Flight, Push, Target
+from msggen.sim.lift import Lift
+from msggen.sim.parameters import PARAMETERS
+from msggen.sim.setpoints import CLIMB, CRUISE, SINK, TURN, Setpoints
+
+Setpoint: TypeAlias = Target | Push
+
+_TAKEOFF_SPEED = PARAMETERS["MPC_TKO_SPEED"]
+_LAND_SPEED = PARAMETERS["MPC_LAND_SPEED"]
+_LAND_SLOW_HEIGHT = PARAMETERS["MPC_LAND_ALT2"]
+_BRAKE, _BRAKE_DOWN = PARAMETERS["MPC_ACC_HOR"], PARAMETERS["MPC_ACC_DOWN_MAX"]
+_REACHED = PARAMETERS["NAV_MC_ALT_RAD"]
+_HOME_REACHED = 0.5
+_CYCLE = 20_240
+"""The time between two setpoints of PX4's own modes: near 20 ms, but not that of programs, which beat with it."""
+_POSITION = frozenset({"altitude", "climb_rate", "velocity", "position"})
+_WITHOUT_POSITION_CONTROL = frozenset({MANUAL, STABILIZED, TERMINATION})
+_HEIGHT = frozenset({MANUAL, STABILIZED, ALTITUDE})
+"""The modes that a pilot can fly without a position. The sticks are at rest."""
+
+
+class Autopilot:
+    """Flies the mode of the commander. `setpoints` are those that programs have sent."""
+
+    def __init__(self, flight: Flight, setpoints: Setpoints, parameters: Mapping[str, float] = PARAMETERS) -> None:
+        self.home: Vector = (0.0, 0.0, 0.0)
+        """Where a return ends."""
+        self.has_position = True
+        self.lift = Lift()
+        self.controls_position = True
+        """Whether position control runs."""
+        self.is_led = False
+        """Whether a setpoint of a program was flown in the last step."""
+        self._flight, self._setpoints, self._parameters = flight, setpoints, parameters
+        self._mode, self._since = -1, 0
+        self._hold = Target()
+        self._place: Target | None = None
+        """Where the next Hold is to be."""
+        self._takeoff_height = NAN
+        """The down position that the next takeoff climbs to, NaN for MIS_TAKEOFF_ALT above the vehicle."""
+        self._goal = 0.0
+        """The down position of a takeoff or a return."""
+        self._cycle = 0
+        """When PX4's own mode makes its next setpoint. Position control runs twice as often."""
+        self._taken: Target | None = None
+        """The setpoint of a program that position control has taken since then."""
+
+    # Modes
+
+    def climb_to(self, down: float) -> None:
+        """Set where the next takeoff ends. NaN: MIS_TAKEOFF_ALT above the vehicle."""
+        self._takeoff_height = down
+        if self._mode == TAKEOFF:
+            self._mode = -1
+
+    def hold_at(self, position: Vector, yaw: float, speed: float) -> None:
+        """Set where the next Hold is. NaN: where the vehicle stops. `speed` is that of the way, NaN for cruise."""
+        limit = CRUISE if math.isnan(speed) or speed <= 0 else speed
+        self._place = Target(position, yaw=yaw, speed=limit, climb=CLIMB, sink=SINK, turn=TURN)
+        if self._mode == HOLD:
+            self._mode = -1
+
+    def begin_again(self) -> None:
+        """Enter the mode anew, because the local position has another origin."""
+        self._mode = -1
+
+    def enter(self, mode: int, time: int) -> None:
+        """Begin a mode, if it is not the present one."""
+        if mode == self._mode:
+            return
+        is_after_takeoff = self._mode == TAKEOFF and mode == HOLD and self.is_done(is_landed=False)
+        goal, hold = self._goal, self._hold
+        self._mode, self._since, self.is_led = mode, time, False
+        self.controls_position = mode not in _WITHOUT_POSITION_CONTROL
+        self._hold = self._stop()
+        z = self._flight.position[2]
+        if is_after_takeoff:
+            self._hold = hold._replace(position=(*hold.position[:2], goal))
+        if mode == HOLD and self._place is not None:
+            self._hold = _filled(self._place, self._hold)
+        elif mode == TAKEOFF:
+            height = self._parameters["MIS_TAKEOFF_ALT"]
+            self._goal = z - height if math.isnan(self._takeoff_height) else min(z, self._takeoff_height)
+            self._takeoff_height = NAN
+        elif mode == RETURN:
+            self._goal = min(z, self.home[2] - self._return_height())
+        self._place = None
+
+    def _stop(self) -> Target:
+        """Return a setpoint where the vehicle comes to rest."""
+        (x, y, z), (vx, vy, vz) = self._flight.position, self._flight.velocity
+        time = math.hypot(vx, vy) / (2 * _BRAKE)
+        place = (x + vx * time, y + vy * time, z + vz * abs(vz) / (2 * _BRAKE_DOWN))
+        return Target(place, yaw=self._flight.yaw, speed=CRUISE, climb=CLIMB, sink=SINK, turn=TURN)
+
+    def _return_height(self) -> float:
+        """Return the height above home of a return: near home, twice the distance, or within a cone."""
+        distance, near = self._distance(), self._parameters["NAV_ACC_RAD"]
+        if distance <= near:
+            return 2 * distance
+        height = self._parameters["RTL_RETURN_ALT"]
+        if distance <= self._parameters["RTL_MIN_DIST"]:
+            height = min(height, distance / math.tan(math.radians(self._parameters["RTL_CONE_ANG"])))
+        return max(height, 2 * near)
+
+    def _distance(self) -> float:
+        return math.hypot(self._flight.position[0] - self.home[0], self._flight.position[1] - self.home[1])
+
+    def is_done(self, *, is_landed: bool) -> bool:
+        """Whether a takeoff, a landing or a return has reached its end."""
+        if self._mode == TAKEOFF:
+            return not is_landed and self._flight.position[2] - self._goal < _REACHED
+        return is_landed and self._mode in {LAND, RETURN}
+
+    # Setpoints
+
+    def target(self, time: int, controls: Controls = ALL) -> Setpoint | None:
+        """Return the setpoint at a time. `controls` are those of the mode of a program. None: the motors are off."""
+        mode = self._mode
+        if mode == TERMINATION:
+            return None
+        if mode in EXTERNAL:
+            return self._program(time, controls)
+        if mode == OFFBOARD:
+            return self._led(self._setpoints.offboard(time))
+        if mode == DESCEND or not self.has_position:
+            return self._blind(keeps_height=mode in _HEIGHT)
+        return self._interrupted(time, self._own(mode))
+
+    def lift_off(self, time: int, armed: int, target: Setpoint, *, is_landed: bool) -> float:
+        """Return the limit of the climb at a time, which keeps the vehicle on the ground until a takeoff."""
+        is_wanted = self._mode == TAKEOFF
+        if self._mode == OFFBOARD and isinstance(target, Target):
+            heights = (target.position[2] - self._flight.position[2], target.velocity[2], target.acceleration[2])
+            is_wanted = any(height < 0 for height in heights)
+        self.lift.step(time, armed, is_wanted=is_wanted, is_landed=is_landed)
+        return self.lift.climb
+
+    def _program(self, time: int, controls: Controls) -> Setpoint:
+        """Return the setpoint of the mode of a program."""
+        controls_position = not _POSITION.isdisjoint(controls)
+        if controls_position != self.controls_position:
+            self.controls_position, self._since = controls_position, time
+        if controls_position:
+            return self._led(self._setpoints.of_position(time, self._since)) if self.has_position else self._blind()
+        if "attitude" in controls:
+            return self._led(self._setpoints.of_attitude(self._since))
+        return self._led(self._setpoints.of_rates(self._since) if "rates" in controls else None)
+
+    def _led(self, found: Target | Push | None) -> Setpoint:
+        """Return the setpoint of a program. Without one, the place and the speed of the last are held, as in PX4."""
+        if found is not None:
+            self.is_led = True
+            return found
+        if self.is_led:
+            self.is_led = False
+            flight = self._flight
+            self._hold = self._hold._replace(position=flight.position, velocity=flight.velocity, yaw=flight.yaw)
+        return self._hold
+
+    def _interrupted(self, time: int, own: Target) -> Target:
+        """Return the setpoint of PX4's mode, or a TrajectorySetpoint that came later: position control takes both."""
+        if time >= self._cycle:
+            self._cycle = max(self._cycle + _CYCLE, time)
+            self._setpoints.newest = self._taken = None
+        elif time >= self._cycle - _CYCLE // 2:
+            self._taken = self._setpoints.newest
+        return self._taken or own
+
+    def _own(self, mode: int) -> Target:
+        """Return the setpoint of a mode of PX4."""
+        if mode == TAKEOFF:
+            x, y, _ = self._hold.position
+            return self._hold._replace(position=(x, y, self._goal), climb=_TAKEOFF_SPEED)
+        if mode == LAND:
+            return self._down(*self._hold.position[:2])
+        return self._return() if mode == RETURN else self._hold
+
+    def _down(self, x: float, y: float) -> Target:
+        is_high = self._flight.ground - self._flight.position[2] > _LAND_SLOW_HEIGHT
+        return Target((x, y, NAN), (NAN, NAN, SINK if is_high else _LAND_SPEED), yaw=self._hold.yaw, speed=CRUISE)
+
+    def _blind(self, *, keeps_height: bool = False) -> Target:
+        """Descend level, without a position: only drag stops the vehicle."""
+        north, east, _ = self._flight.velocity
+        drag = (-DRAG * north, -DRAG * east, NAN)
+        if keeps_height:
+            return Target((NAN, NAN, self._hold.position[2]), acceleration=drag)
+        return Target(velocity=(NAN, NAN, _LAND_SPEED), acceleration=drag)
+
+    def _return(self) -> Target:
+        home = self.home[:2]
+        if self._distance() < _HOME_REACHED:
+            return self._down(*home)
+        is_low = self._flight.position[2] - self._goal > _HOME_REACHED
+        return self._hold._replace(position=(*(self._hold.position[:2] if is_low else home), self._goal))
+
+
+def _filled(place: Target, other: Target) -> Target:
+    """Return a place whose missing parts are those of another."""
+    found = zip(place.position, other.position, strict=True)
+    x, y, z = [own if math.isfinite(own) else default for own, default in found]
+    return place._replace(position=(x, y, z), yaw=place.yaw if math.isfinite(place.yaw) else other.yaw)

@@ -1,0 +1,54 @@
+"""Which topics PX4 publishes because something has changed, beside those that it publishes at a rate."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from msggen.sim.world import World
+
+_TOPICS = (
+    "vehicle_status",
+    "vehicle_control_mode",
+    "failsafe_flags",
+    "vehicle_land_detected",
+    "estimator_status_flags",
+    "home_position",
+    "position_setpoint_triplet",
+    "manual_control_setpoint",
+)
+_FLAGS = 13
+"""The number of `Senses` that FailsafeFlags tells."""
+
+
+class Changes:
+    """Compares a world with what it was at the last look."""
+
+    def __init__(self) -> None:
+        self._states: Sequence[object] = (None,) * len(_TOPICS)
+
+    def take(self, world: World) -> Iterator[str]:
+        """Yield the topics whose state has changed, named as in uORB."""
+        before, after = self._states, _states(world)
+        if before != after:
+            self._states = after
+            yield from (topic for topic, old, new in zip(_TOPICS, before, after, strict=True) if old != new)
+
+
+def _states(world: World) -> Sequence[object]:
+    """Return what PX4 publishes each of the topics for, when it changes."""
+    commander, landing = world.commander, world.landing
+    failsafe = commander.failsafe
+    mode, is_armed, landed = commander.mode, commander.is_armed, landing.landed
+    return (
+        (
+            *(is_armed, mode, commander.intention, commander.executor_in_charge),
+            *(failsafe.is_active, failsafe.defer_state, commander.is_ready),
+        ),
+        (is_armed, mode, commander.controls),
+        (commander.senses[:_FLAGS], commander.requirements.masks),
+        (landing.ground_contact, landing.maybe_landed, landed),
+        (landed, world.has_position),
+        (world.has_home, world.home_changes, world.origin),
+        (mode, landed),
+        world.has_sticks,
+    )

@@ -1,0 +1,73 @@
+"""What the client of a simulated vehicle creates: the topics that it publishes and reads, and its service."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from importlib import import_module
+from types import ModuleType
+from typing import Any, NamedTuple
+
+from msggen.link.xrce.client_entities import Reader, Server, Settings, Writer
+from msggen.messages.object_ids import object_ids_of
+from msggen.sim.options import Options
+from msggen.sim.publishing import Publication, publication_of
+
+_SERVICE_NUMBER = 2048
+
+
+class Input(NamedTuple):
+    """A topic that the vehicle reads."""
+
+    topic: str
+    """Its name in uORB."""
+    name: str
+    """Its name in ROS 2."""
+    message: Any
+
+
+class Endpoints(NamedTuple):
+    """The endpoints of a vehicle."""
+
+    publications: Sequence[Publication]
+    inputs: Mapping[int, Input]
+    """By the numbers of their objects in the session."""
+    settings: Settings
+    """Those of the client."""
+
+
+def endpoints_of(package: ModuleType, options: Options) -> Endpoints:
+    """Return the endpoints of a generated package, with the namespace and the misbehaviour of options."""
+    namespace = f"/{options.namespace}" if options.namespace else ""
+    versions = options.misbehaviour.versions or {}
+    publications, inputs, readers, writers = [], {}, [], []
+    numbers = object_ids_of(package)[0 if options.board == "most" else -1].numbers
+    for endpoint, number in zip(import_module(f"{package.__name__}.topics").ENDPOINTS, numbers, strict=True):
+        name = namespace + _versioned(endpoint.ros_name, versions.get(endpoint.message_name))
+        if endpoint.direction == "in":
+            readers.append(Reader(number, f"rt{name}", endpoint.dds_type, endpoint.qos.reader.depth))
+            inputs[number] = Input(endpoint.uorb_topic, name, endpoint.message)
+        else:
+            writers.append(Writer(number, f"rt{name}", endpoint.dds_type))
+            publications.append(
+                publication_of(endpoint, name=name, number=number, rate=options.rate, parts=options.parts)
+            )
+    servers = _servers(getattr(package, "srv", None), namespace)
+    settings = Settings(readers, writers, servers, key=options.key, namespace=options.namespace, sync=options.sync)
+    return Endpoints(publications, inputs, settings)
+
+
+def _servers(services: Any, namespace: str) -> list[Server]:
+    if services is None:
+        return []
+    service = services.VehicleCommand
+    topics = f"rq{namespace}/fmu/vehicle_commandRequest", f"rr{namespace}/fmu/vehicle_commandReply"
+    types = service.Request.__msg__.dds_type, service.Response.__msg__.dds_type
+    return [Server(_SERVICE_NUMBER, "vehicle_command", *types, *topics)]
+
+
+def _versioned(name: str, version: int | None) -> str:
+    """Return the name of a topic with another version suffix. Version 0 has none."""
+    if version is None:
+        return name
+    return re.sub(r"_v\d+$", "", name) + (f"_v{version}" if version else "")

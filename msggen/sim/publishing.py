@@ -1,0 +1,186 @@
+"""What a simulated vehicle publishes, and when."""
+
+from __future__ import annotations
+
+import heapq
+from collections import deque
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from typing import Any, NamedTuple, Protocol
+
+from msggen.sim.parts import missing
+from msggen.sim.values import Filler, Values
+
+_DEFAULT_INTERVAL = 4_000
+"""The interval in us of a topic without a limit."""
+_NEVER = 1 << 62
+"""A time in us that does not come."""
+
+_INTERVALS = {
+    "estimator_status_flags": 1_008_000,
+    "failsafe_flags": 540_000,
+    "timesync_status": 1_000_000,
+    "transponder_report": 1_000_000,
+    "vehicle_control_mode": 504_000,
+    "vehicle_gps_position": 125_000,
+    "vehicle_land_detected": 1_000_000,
+    "vehicle_status": 504_000,
+    "vtol_vehicle_status": 100_000,
+}
+"""The interval in us at which PX4 itself publishes topics, where it is far longer than that of the bridge, as measured
+with v1.18 and its simulated multicopter."""
+_ON_CHANGE = frozenset({"home_position", "position_setpoint_triplet"})
+"""The topics that PX4 publishes once, and then when they change."""
+_ONCE = frozenset({"manual_control_setpoint", "transponder_report"})
+"""The topics of parts that PX4 publishes once without the part."""
+_RARE = 400_000
+"""The interval in us above which a program that joins is given the last sample, instead of waiting for the next one."""
+
+ANSWERS = {
+    "arming_check_request",
+    "config_overrides_confirm",
+    "message_format_response",
+    "mode_completed",
+    "register_ext_component_reply",
+    "setpoint_config_reply",
+    "vehicle_command_ack",
+}
+"""The topics that PX4 publishes as answers or when something happens, not at a rate."""
+
+_SPREAD = 200
+"""The time in us between the first samples of two topics, so that they do not all come at once."""
+
+
+class FlightLog(Protocol):
+    """What takes the messages of a flight, such as a ULog."""
+
+    def add(self, topic: str, message: Any) -> None:
+        """Take a message of a topic, which is named as in uORB. Its timestamps are since boot."""
+
+    def text(self, time: int, text: str) -> None:
+        """Take a line for people, at a time since boot in us."""
+
+
+class Publication(NamedTuple):
+    """A topic that the vehicle publishes."""
+
+    topic: str
+    """Its name in uORB."""
+    name: str
+    """Its name in ROS 2."""
+    number: int
+    """The number of its object in the session."""
+    interval: int | None
+    """In us, while nothing changes. None: it is published once, and when it changes."""
+    filler: Filler
+    pause: int = 0
+    """The shortest time in us between two samples, if something changes."""
+    is_silent: bool = False
+    """Whether the vehicle does not have the part that publishes it."""
+
+    @property
+    def is_answer(self) -> bool:
+        """Whether it is published when something happens, not at a rate."""
+        return self.topic in ANSWERS
+
+    @property
+    def is_rare(self) -> bool:
+        """Whether a program that joins would have to wait for it."""
+        return self.interval is None or self.interval > _RARE
+
+
+def publication_of(
+    endpoint: Any, *, name: str = "", number: int = 0, rate: float | None = None, parts: Collection[str] = ()
+) -> Publication:
+    """Return the publication of an endpoint of a generated package, by a vehicle with some parts.
+
+    It is published at `rate` Hz, as if all parts were there, or at its own rate. Raises ValueError for what is no part.
+    """
+    topic, filler, is_missing = endpoint.uorb_topic, Filler(endpoint.message), endpoint.uorb_topic in missing(parts)
+    if rate:
+        pause = max(1, round(1e6 / rate))
+        return Publication(topic, name, number, pause, filler, pause)
+    pause = (endpoint.publish_interval_ms or 0) * 1000 or _DEFAULT_INTERVAL
+    is_once = topic in _ON_CHANGE or (topic in _ONCE and is_missing)
+    interval = None if is_once else max(pause, _INTERVALS.get(topic, 0))
+    return Publication(topic, name, number, interval, filler, pause, is_silent=is_missing and not is_once)
+
+
+class Schedule:
+    """When topics are published at their rates, from a time in us on."""
+
+    def __init__(self, publications: Sequence[Publication], start: int) -> None:
+        self._publications = tuple(each for each in publications if not each.is_answer and not each.is_silent)
+        self._due = [(start + index * _SPREAD, index) for index in range(len(self._publications))]
+        self._earliest = [time for time, _ in self._due]
+        """When each can be published next if it changes."""
+
+    @property
+    def next_time(self) -> int | None:
+        """The time of the next sample, None without topics."""
+        return self._due[0][0] if self._due else None
+
+    def is_due(self, now: int) -> bool:
+        """Whether a topic is due."""
+        return bool(self._due) and self._due[0][0] <= now
+
+    def hasten(self, topics: Iterable[str], now: int) -> None:
+        """Bring the next samples of topics forward, because something of them has changed."""
+        for topic in topics:
+            for place, (time, index) in enumerate(self._due):
+                if self._publications[index].topic == topic:
+                    self._due[place] = (min(time, max(now, self._earliest[index])), index)
+            heapq.heapify(self._due)
+
+    def take(self, now: int) -> Iterator[Publication]:
+        """Yield the topics that are due. A sample that is late does not bring the next one forward."""
+        due = self._due
+        while due and due[0][0] <= now:
+            time, index = due[0]
+            publication = self._publications[index]
+            yield publication
+            interval = publication.interval
+            self._earliest[index] = time + publication.pause
+            following = _NEVER if interval is None else time + interval if time + interval > now else now + interval
+            heapq.heapreplace(due, (following, index))
+
+
+class Answer(NamedTuple):
+    """A message that is published when something happens."""
+
+    publication: Publication
+    values: Values
+    time: int
+    """In us since boot."""
+
+
+class Answers:
+    """The answers that wait until the client can send, and the last one of each topic, as uORB keeps them."""
+
+    def __init__(self) -> None:
+        self._waiting: dict[str, deque[Answer]] = {}
+        self._last: dict[str, Answer] = {}
+
+    def add(self, answer: Answer) -> None:
+        """Add an answer. While the client does not take them, a topic holds the last few."""
+        topic = answer.publication.topic
+        if topic not in self._waiting:
+            self._waiting[topic] = deque(maxlen=queue_length(answer.publication.filler.message))
+        self._waiting[topic].append(answer)
+        self._last[topic] = answer
+
+    def take(self) -> Iterator[Answer]:
+        """Yield the answers that wait."""
+        for answers in self._waiting.values():
+            while answers:
+                yield answers.popleft()
+
+    def repeat(self) -> None:
+        """Let the last answer of each topic wait, as at the start of a session of PX4's client."""
+        for topic, last in self._last.items():
+            self._waiting[topic].clear()
+            self._waiting[topic].append(last)
+
+
+def queue_length(message: Any) -> int:
+    """Return how many samples the topics of a message hold in uORB: ORB_QUEUE_LENGTH."""
+    return getattr(message, "ORB_QUEUE_LENGTH", 1)

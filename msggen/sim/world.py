@@ -1,0 +1,249 @@
+"""The simulated vehicle without its messages: its clock, motion, battery, commander and autopilot.
+
+Times are in us since boot.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+
+from msggen.messages.nav_states import MODE_NAMES
+from msggen.sim.autopilot import Autopilot
+from msggen.sim.battery import Battery
+from msggen.sim.commander.commander import LOOP, Commander
+from msggen.sim.commander.requirements import Senses
+from msggen.sim.commander.rules import V1_18, Rules
+from msggen.sim.commander.states import BY_INACTION, BY_LANDING
+from msggen.sim.commands import carry_out
+from msggen.sim.disturbances import Disturbances
+from msggen.sim.flight import GRAVITY, Flight, Push, Target
+from msggen.sim.landing import LandDetector
+from msggen.sim.parameters import PARAMETERS
+from msggen.sim.places import Home
+from msggen.sim.setpoints import Setpoints
+
+__all__ = ["STEP", "Home", "World"]
+
+STEP = 4_000
+"""The time in us between two steps, so that a flight does not depend on how often the world is asked."""
+_MOST_STEPS = 2_500
+"""The number of steps after which the rest of a long pause is skipped: 10 s."""
+_IDLE_THRUST = 0.2
+_LOSS, _GAIN = 5_200_000, 1_270_000
+"""The time in us after which the position is lost without GPS, and known again with it."""
+
+
+class World:
+    """A vehicle on the ground at its home, disarmed, in hold mode."""
+
+    def __init__(
+        self,
+        home: Home | None = None,
+        system_id: int = 1,
+        *,
+        has_position: bool = True,
+        rules: Rules = V1_18,
+        parameters: Mapping[str, float] = PARAMETERS,
+    ) -> None:
+        self.origin = home or Home()
+        """The origin of the local position: on the ground below the start, until a command sets another."""
+        self.home = self.origin
+        """Where a return ends."""
+        self.has_gps = self.has_position = has_position
+        """Whether GPS is there, which can be set at any time, and whether the vehicle knows its position."""
+        self.has_home = has_position
+        self.has_sticks = self.has_ground_station = False
+        """Whether a pilot's sticks, and a ground station, are there. Both can be set at any time."""
+        self.system_id = system_id
+        self.parts: Collection[str] = ()
+        """The names of the parts that the vehicle has."""
+        self.disturbances = Disturbances()
+        """What moves the vehicle beside its motors."""
+        self.flight = Flight()
+        self.battery = Battery()
+        self.time = 0
+        """The time of the last step."""
+        self.reason = ""
+        """Why the last command was refused."""
+        self.commander = Commander(rules, parameters)
+        self.setpoints = Setpoints()
+        self.autopilot = Autopilot(self.flight, self.setpoints, parameters)
+        self.landing = LandDetector()
+        self.position_resets = self.home_changes = self.control_changes = 0
+        """How often the position was found again, home was set, and the vehicle took off or landed."""
+        self._parameters = parameters
+        self._rests = True, True
+        """Whether the vehicle was disarmed and landed in the last step."""
+        self._is_manual_home = False
+        self._loop_time = -LOOP
+        self._gps_time = 0
+        """When GPS and position were last both there or both gone."""
+        self._setpoint: Target | Push | None = None
+
+    # Time
+
+    def advance(self, time: int) -> None:
+        """Move on to a time. After a pause of more than 10 s, only the last 10 s are flown."""
+        behind = (time - self.time) // STEP
+        if behind > _MOST_STEPS:
+            self.time += (behind - _MOST_STEPS) * STEP
+        while self.time + STEP <= time:
+            self.time += STEP
+            self._step()
+
+    def _step(self) -> None:
+        seconds = STEP / 1e6
+        if self.time >= self._loop_time + LOOP:
+            self._loop_time = self.time
+            self._estimate()
+            self.autopilot.enter(self.commander.mode, self.time)
+            self.commander.step(self.time, self.senses)
+        self.autopilot.enter(self.commander.mode, self.time)
+        self._fly(seconds)
+        self._follow_home()
+        self.battery.drain(seconds, self.thrust)
+
+    def _estimate(self) -> None:
+        """Lose the position some time after GPS, or find it again."""
+        if self.has_gps == self.has_position:
+            self._gps_time = self.time
+        elif self.time - self._gps_time >= (_GAIN if self.has_gps else _LOSS):
+            self.has_position = self.has_gps
+            self.position_resets += self.has_position
+        self.autopilot.has_position = self.has_position
+        self.has_home |= self.has_position
+
+    def _fly(self, seconds: float) -> None:
+        """Move the vehicle to the setpoint of the mode, and see whether it has landed."""
+        commander, autopilot, flight, landing = self.commander, self.autopilot, self.flight, self.landing
+        climb = -math.inf
+        target = autopilot.target(self.time, commander.controls) if commander.is_armed else None
+        if target is None:
+            autopilot.lift.reset()
+        else:
+            climb = autopilot.lift_off(self.time, commander.armed_time, target, is_landed=landing.landed)
+        if not self.disturbances.is_calm:
+            self.disturbances.step(flight, seconds)
+        flight.step(seconds, target, climb)
+        is_disturbed, self.setpoints.has_new_goto = self.setpoints.has_new_goto and autopilot.controls_position, False
+        is_led_down = flight.is_pressed or not autopilot.is_led  # else the motors carry the vehicle: it has not landed
+        is_resting = flight.is_on_ground and not autopilot.lift.is_pushing and is_led_down
+        landing.step(self.time, is_resting=is_resting, is_disturbed=is_disturbed, is_armed=commander.is_armed)
+        self._setpoint = target
+
+    def _follow_home(self) -> None:
+        """Let home be where the vehicle is armed, and then where it takes off, as PX4 does with COM_HOME_EN."""
+        rests = not self.commander.is_armed, self.landing.landed
+        if rests == self._rests:
+            return
+        before, self._rests = self._rests, rests
+        self.control_changes += before[1] != self._rests[1]
+        begins = any(was and not still for was, still in zip(before, self._rests, strict=True))
+        if begins and self.has_position and not self._is_manual_home and not self.commander.keeps_home:
+            self.set_home(self.place)
+
+    @property
+    def senses(self) -> Senses:
+        """What the commander is told."""
+        known, setpoints = self.has_position, self.setpoints
+        return Senses(
+            local_position=known,
+            local_position_relaxed=known,
+            global_position=known,
+            global_position_relaxed=known,
+            home_position=self.has_home,
+            offboard_signal=setpoints.has_heartbeat(self.time) and (known or not setpoints.controls_position),
+            manual_control=self.has_sticks,
+            ground_station=self.has_ground_station,
+            battery=self.battery.warning,
+            is_landed=self.landing.landed,
+            is_done=self.autopilot.is_done(is_landed=self.landing.landed),
+        )
+
+    # State
+
+    @property
+    def mode(self) -> int:
+        """The mode that flies, as NAVIGATION_STATE_*."""
+        return self.commander.mode
+
+    @property
+    def mode_name(self) -> str:
+        """The name of the mode."""
+        return MODE_NAMES[self.mode]
+
+    @property
+    def is_armed(self) -> bool:
+        """Whether the motors can turn."""
+        return self.commander.is_armed
+
+    @property
+    def is_landed(self) -> bool:
+        """Whether the land detector says that the vehicle has landed."""
+        return self.landing.landed
+
+    @property
+    def why_disarmed(self) -> str:
+        """Why the vehicle has disarmed by itself, "" if a command did it."""
+        pause = self._parameters["COM_DISARM_PRFLT"]
+        texts = {BY_LANDING: "landed", BY_INACTION: f"no takeoff within {pause:.0f} s"}
+        return texts.get(self.commander.disarming_reason, "")
+
+    def state(self, *, was_armed: bool) -> str:
+        """Return the state for people, and why the vehicle has disarmed by itself if it was armed before."""
+        failsafe = ", failsafe" if self.commander.failsafe.is_active else ""
+        why = f": {self.why_disarmed}" if was_armed and not self.is_armed and self.why_disarmed else ""
+        return f"{'armed' if self.is_armed else 'disarmed'}, {self.mode_name}{failsafe}{why}"
+
+    @property
+    def thrust(self) -> float:
+        """The thrust of all motors: 1 in hover, 0 with the motors off."""
+        if self._setpoint is None:
+            return 0.0
+        return _IDLE_THRUST if self.flight.is_on_ground else self.flight.thrust / GRAVITY
+
+    @property
+    def target(self) -> Target | None:
+        """The setpoint of position control, None with the motors off, or if a program sets attitude or rates."""
+        return self._setpoint if isinstance(self._setpoint, Target) else None
+
+    def command(self, number: int, parameters: Sequence[float], source_component: int = 0) -> int:
+        """Carry out a command with its seven parameters, and return the result. `reason` tells why it is refused."""
+        return carry_out(self, number, parameters, source_component)
+
+    # Places
+
+    @property
+    def place(self) -> Home:
+        """Where the vehicle is."""
+        return self.origin.place(self.flight.position)
+
+    @property
+    def latitude(self) -> float:
+        """In degrees."""
+        return self.place.latitude
+
+    @property
+    def longitude(self) -> float:
+        """In degrees."""
+        return self.place.longitude
+
+    @property
+    def altitude(self) -> float:
+        """Above mean sea level in m."""
+        return self.origin.altitude - self.flight.position[2]
+
+    def set_home(self, home: Home, *, is_manual: bool = False) -> None:
+        """Let a return end at a place. One that `is_manual` stays at the next takeoff."""
+        self.home, self.has_home, self._is_manual_home = home, True, is_manual
+        self.home_changes += 1
+        self.autopilot.home = self.origin.local(home)
+
+    def set_origin(self, origin: Home) -> None:
+        """Count the local position from a place. The vehicle stays where it is."""
+        place, ground = self.place, self.origin.altitude - self.flight.ground
+        self.origin = origin
+        self.flight.position, self.flight.ground = origin.local(place), origin.altitude - ground
+        self.autopilot.home = origin.local(self.home)
+        self.autopilot.begin_again()

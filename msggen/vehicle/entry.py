@@ -1,0 +1,183 @@
+"""A vehicle that is connected, and a Vehicle object's part of it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import TypeVar
+
+from msggen.link.link import FollowingLink, FormatError, Link, Remote, Route, Service
+from msggen.messages.firmware import Firmware, FormatCheck, identify, releases
+from msggen.messages.names import is_topic
+from msggen.messages.packages import Decoding, NamedTopic, Packages, UnknownFormatError, decoding_of
+from msggen.vehicle.calls import Calls
+from msggen.vehicle.feed import Feed
+from msggen.vehicle.memory import Kept, Memory, Remembering
+from msggen.vehicle.selection import Selection, is_same, is_unnamed, may_be_meant, may_have, shown, why_unknown
+from msggen.vehicle.watch import Watch
+
+SETTLED_S = 1.0
+"""A vehicle with routes, but without a service and samples, has all of them if none was opened for this time, in s."""
+
+RouteT = TypeVar("RouteT", Route, Service)
+Row = tuple[Callable[[bytes, int, Decoding], None], Decoding]
+
+
+class Entry:
+    """A connected vehicle: its routes, and where the samples of each go."""
+
+    def __init__(self, remote: Remote, link: Link, told: Callable[[Entry, str], None]) -> None:
+        """Make an entry without routes. `told` is called when the vehicle has told its definition of a type."""
+        self.remote = remote
+        self.routes: dict[str, Route] = {}
+        self.services: dict[str, Service] = {}
+        self.table: dict[str, tuple[Row, ...]] = {}
+        self.followed: set[str] = set()
+        """The routes whose samples cross to this process, if another one owns the link."""
+        self.last: dict[str, Kept] = {}
+        """The last sample of each route that crosses to this process, by name."""
+        self.memory = Memory()
+        self.opened_at = time.monotonic()
+        self.heard_ns = 0
+        self.ticked_ns = self.due_ns = 0
+        """When `Hub.tick` has something to do, of the clock of the samples: at once, for the first one."""
+        self.is_started = self.is_checked = False
+        self.check = FormatCheck(
+            lambda route, payload: link.publish(remote, route, payload),
+            lambda ros_type: told(self, ros_type),
+        )
+        self.calls = Calls(remote, link)
+        self.lost = 0
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether the vehicle has opened all its routes: the service is the last one, and samples come after it."""
+        is_settled = bool(self.routes) and time.monotonic() - self.opened_at > SETTLED_S
+        return bool(self.heard_ns or self.services or self.check.is_complete or is_settled)
+
+    def has(self, topic: NamedTopic, route: Route) -> bool:
+        """Whether a topic, with or without a namespace in its name, is a route of this vehicle."""
+        namespace = topic.namespace
+        if namespace is not None and may_have(self.remote, namespace):
+            namespace = self.remote.namespace
+        return is_topic(route.name, topic.stem, namespace)
+
+    def recall(self, link: Remembering) -> None:
+        """Take what the link remembers of the vehicle."""
+        self.check.recall(link.hashes(self.remote))
+        samples = link.samples(self.remote)
+        self.last.update(samples)
+        self.memory.recall(samples)
+
+    def remember(self, link: Remembering, now: int) -> None:
+        """Let the link remember the samples that are not followed by others soon, without those of programs."""
+        last = {name: each for name, each in tuple(self.last.items()) if self._is_out(name)}
+        changed = self.memory.look(last, now)
+        if changed is not None:
+            link.keep(self.remote, changed)
+
+    def _is_out(self, name: str) -> bool:
+        route = self.routes.get(name)
+        return route is not None and route.direction == "out"
+
+    def last_of(self, route: Route, owner: FollowingLink | None) -> Kept | None:
+        """Return the last sample of a route. The owner of the link has also those that do not cross to this process."""
+        if owner is None:
+            return self.last.get(route.name)
+        found = owner.last(self.remote, route)
+        return (found.payload, found.time) if found is not None else None
+
+    def decoding(self, feed: Feed, route: Route, packages: Packages) -> Decoding | None:
+        """Return how the samples of a route become messages of a subscription. None if they do not: it fails then."""
+        if feed.error is not None:
+            return None
+        if feed.options.is_raw:
+            return Decoding(feed.topic.message, bytes)
+        known = self.hash_of(route.ros_type)
+        try:
+            return decoding_of(feed.topic, route.name, packages, known, is_converted=feed.options.is_converted)
+        except UnknownFormatError as error:
+            feed.fail(FormatError(f"{error}: {_cure(feed.topic.package.__name__, route, self.firmware())}"))
+        except FormatError as error:
+            feed.fail(error)
+        return None
+
+    def firmware(self) -> Firmware:
+        """Return the firmware, as far as it is known."""
+        routes, check = tuple(self.routes.values()), self.check
+        return identify(routes, dict(check.hashes), self.remote.namespace, is_complete=check.is_complete)
+
+    def hash_of(self, ros_type: str) -> int | None:
+        """Return the vehicle's hash of a type, or None if it is not known.
+
+        A release that answers no requests has the hashes of the embedded one, if it has its endpoints.
+        """
+        found = self.check.hashes.get(ros_type)
+        if found is None and self.check.is_complete and not self.check.hashes:
+            firmware = self.firmware()
+            if firmware.release and not (firmware.differing or firmware.missing or firmware.further):
+                known = releases()[firmware.release].values()
+                message = ros_type.rpartition("/")[2]
+                return next((row.message_hash for row in known if row.message == message), None)
+        return found
+
+
+def _cure(own: str, route: Route, firmware: Firmware) -> str:
+    """Return how to get types with the vehicle's definition of a route."""
+    if not firmware.release or route.ros_type.rpartition("/")[2] in firmware.differing:
+        return "build types of the vehicle's own firmware, msggen build --px4 PX4-Autopilot"
+    types = f"types=({own}, package_of('{firmware.release}'))"
+    return f"give types of its release too, {types}, with package_of from msggen.generate.cache"
+
+
+class Member:
+    """A Vehicle's part of a hub: the vehicle that it stands for, and its subscriptions.
+
+    The hub knows members only, so that a forgotten Vehicle can be collected.
+    """
+
+    def __init__(self, selection: Selection, packages: Packages) -> None:
+        self.selection = selection
+        self.packages = packages
+        self.entry: Entry | None = None
+        self.last: Remote | None = None
+        self.feeds: tuple[Feed, ...] = ()
+        self.watches: tuple[Watch, ...] = ()
+        self.reason = ""
+        self.is_closed = False
+        self.has_told_of_another = False
+        self.told: set[int] = set()
+        """The identities of the feeds that were told to have no route."""
+
+    def accepts(self, remote: Remote) -> bool:
+        """Whether to take a vehicle that connects. After the first one, only that vehicle is taken again."""
+        return self.selection.accepts(remote) and (self.last is None or is_same(self.last, remote))
+
+    def about_another(self, remote: Remote) -> str:
+        """Return what the user should know of a vehicle that is not taken, or ""."""
+        selection, own = self.selection, self.last
+        if selection.is_any and own is not None and not is_same(own, remote):
+            text = f"{shown(remote)} connected too and is ignored, as this Vehicle has {shown(own)}"
+            return f"{text}: select one by key, namespace or address"
+        if own is None and may_be_meant(selection, remote):
+            return why_unknown(remote)
+        if own is not None and is_unnamed(own) and is_same(own, remote) and not selection.matches(remote):
+            return f"{shown(remote)} has connected again, and is not the one that was asked for"
+        return ""
+
+    @property
+    def namespace(self) -> str:
+        """The namespace of the vehicle, or the one that selects it if it has not told any."""
+        own = self.entry.remote.namespace if self.entry is not None else ""
+        return own or self.selection.namespace or ""
+
+    def named(self, route: RouteT) -> RouteT:
+        """Return a route or a service with its name in this namespace."""
+        if self.entry is None or self.entry.remote.namespace or not self.namespace:
+            return route
+        return route._replace(name=f"/{self.namespace}{route.name}")
+
+    def prefers(self, remote: Remote) -> bool:
+        """Whether a vehicle is the one that was asked for, and the own one was only taken for it."""
+        own = self.entry.remote if self.entry is not None else remote
+        return is_unnamed(own) and not self.selection.matches(own) and self.selection.matches(remote)

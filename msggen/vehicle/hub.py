@@ -1,0 +1,400 @@
+"""A link that several vehicles of this process share: which vehicle belongs to whom, and where its samples go."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from logging import getLogger
+from typing import cast
+
+from msggen.link.link import FollowingLink, Link, Publisher, Remote, Route, Service
+from msggen.messages.firmware import RESPONSE, RETRY_NS
+from msggen.messages.names import stem_of
+from msggen.messages.packages import Decoding, NamedTopic
+from msggen.vehicle.delivery import Delivery
+from msggen.vehicle.entry import Entry, Member, Row
+from msggen.vehicle.feed import Feed, Item, check_outside_callback
+from msggen.vehicle.memory import Remembering
+from msggen.vehicle.selection import may_be_meant, order, shown, why_missing
+from msggen.vehicle.watch import Watch
+
+LOGGER = getLogger("msggen.live")
+
+_IDLE = 1 << 63
+_MISSING_NS = 2_000_000_000
+"""How long after the first sample a subscribed topic must have a route before the user is told that it has none."""
+
+
+class Hub:
+    """The listener of a link."""
+
+    def __init__(self, link: Link) -> None:
+        self.link = link
+        self._following = cast("FollowingLink", link) if hasattr(link, "follow") else None
+        """The link, if another process owns it, which asks the vehicle for its definitions."""
+        self._remembering = link if isinstance(link, Remembering) else None
+        self.changed = threading.Condition(threading.RLock())
+        """Guards everything except `table` of an entry, which is replaced as a whole."""
+        self.entries: dict[int, Entry] = {}
+        self.members: tuple[Member, ...] = ()
+        self.thread: int | None = None
+        self.failure = ""
+        """The error that has ended the link."""
+        self.delivery = Delivery(link, self._following)
+        self.closed = threading.Event()
+        """Set when the link was closed after the last member has left."""
+
+    # the thread of the link
+
+    def connected(self, remote: Remote) -> None:
+        """Give a vehicle to the members that wait for it, also when more becomes known of it."""
+        if remote.number in self.entries:
+            self._learn(remote)
+            return
+        with self.changed:
+            self.thread = threading.get_ident()
+            entry = self.entries[remote.number] = Entry(remote, self.link, self.evaluate)
+            if self._remembering is not None:
+                entry.recall(self._remembering)
+            for member in self.members:
+                self._offer(member, entry)
+            self.changed.notify_all()
+
+    def _learn(self, remote: Remote) -> None:
+        """Take note of whether a vehicle is alone, on which selections and namespaces in names depend."""
+        with self.changed:
+            entry = self.entries[remote.number]
+            entry.remote = remote
+            for member in self.members:
+                if member.entry is entry:
+                    member.last = remote
+                else:
+                    self._offer(member, entry)
+            self.evaluate(entry, None)
+
+    def opened(self, remote: Remote, route: Route | Service) -> None:
+        """Connect a route with the subscriptions of it."""
+        with self.changed:
+            entry = self.entries.get(remote.number)
+            if entry is None:
+                return
+            entry.opened_at = time.monotonic()
+            if isinstance(route, Service):
+                entry.services[route.request_type] = route
+            else:
+                entry.routes[route.name] = route
+                self._connect(entry, route)
+                if entry.is_started:
+                    entry.check.add([route], remote.namespace)
+                    entry.due_ns = min(entry.due_ns, entry.heard_ns + RETRY_NS)
+            self.changed.notify_all()
+
+    def disconnected(self, remote: Remote, reason: str) -> None:
+        """Take a vehicle away, and give its members another session of it if there is one."""
+        with self.changed:
+            entry = self.entries.pop(remote.number, None)
+            if entry is None:
+                return
+            entry.calls.fail(reason)
+            for member in self.members:
+                if member.entry is entry:
+                    member.entry, member.reason = None, reason
+                    LOGGER.info("%s disconnected: %s", shown(remote), reason)
+                    for other in reversed(tuple(self.entries.values())):
+                        self._offer(member, other)
+            self.changed.notify_all()
+
+    def sample(self, remote: Remote, route: Route, payload: bytes, time: int) -> None:
+        """Give a sample to the subscriptions."""
+        entry = self.entries.get(remote.number)
+        if entry is None:
+            return
+        entry.heard_ns = time
+        entry.last[route.name] = payload, time
+        for push, decoding in entry.table.get(route.name, ()):
+            push(payload, time, decoding)
+        if not entry.ticked_ns <= time < entry.due_ns:  # also if the clock was set back
+            self.tick(entry, time)
+        if self._remembering is not None and not entry.memory.looked_ns <= time < entry.memory.due_ns:
+            entry.remember(self._remembering, time)
+
+    def replied(self, remote: Remote, service: Service, number: int, payload: bytes) -> None:  # noqa: ARG002
+        """Give a reply to the call that waits for it."""
+        entry = self.entries.get(remote.number)
+        if entry is not None:
+            entry.calls.replied(number, payload)
+
+    def refused(self, remote: Remote, number: int, problem: str) -> None:
+        """End the call that was not sent."""
+        entry = self.entries.get(remote.number)
+        if entry is not None:
+            entry.calls.refused(number, problem)
+
+    def lost(self, remote: Remote, missing: int) -> None:
+        """Count lost samples."""
+        entry = self.entries.get(remote.number)
+        if entry is not None:
+            entry.lost += missing
+
+    def identified(self, remote: Remote, hashes: Mapping[str, int], is_complete: bool) -> None:  # noqa: FBT001
+        """Take definitions of a vehicle that the owner of the link knows."""
+        with self.changed:
+            entry = self.entries.get(remote.number)
+            if entry is None:
+                return
+            entry.check.learn(hashes, is_complete=is_complete)
+            self.evaluate(entry, next(iter(hashes)) if len(hashes) == 1 else None)
+            for member in self.members if is_complete else ():
+                if member.entry is entry:
+                    self._tell_missing(member, entry)
+
+    def warned(self, text: str) -> None:
+        """Tell the user."""
+        LOGGER.warning("%s", text)
+
+    def failed(self, reason: str) -> None:
+        """Tell everybody who waits that nothing follows."""
+        LOGGER.error("%s; close the Vehicle, and make a new one", reason)
+        with self.changed:
+            self.failure = reason
+            for member in self.members:
+                for feed in member.feeds:
+                    feed.close(reason)
+            self.changed.notify_all()
+
+    def tick(self, entry: Entry, now: int) -> None:
+        """Do what is due: ask for definitions, and tell of topics that the vehicle does not have.
+
+        The samples of the vehicle drive this, so no timer is needed. `now` is the time of a sample.
+        """
+        with self.changed:
+            self.thread = threading.get_ident()
+            if self._following is not None:  # its owner does all that
+                entry.ticked_ns, entry.due_ns = 0, _IDLE
+                return
+            if not entry.is_started:
+                entry.is_started = True
+                feeds = [feed for member in self.members if member.entry is entry for feed in member.feeds]
+                first = [feed.topic.message.__msg__.ros_type for feed in feeds]
+                entry.check.add(entry.routes.values(), entry.remote.namespace, first)
+            entry.check.ask()
+            entry.ticked_ns, entry.due_ns = now, now + RETRY_NS
+            if not entry.check.is_complete:
+                entry.is_checked = False
+            elif not entry.is_checked:
+                entry.is_checked = True
+                if self._remembering is not None:
+                    self._remembering.remember(entry.remote, dict(entry.check.hashes))
+                entry.due_ns = now + _MISSING_NS
+                self.evaluate(entry, None)
+            else:
+                entry.ticked_ns, entry.due_ns = 0, _IDLE
+                for member in self.members:
+                    if member.entry is entry:
+                        self._tell_missing(member, entry)
+
+    def _answered(self, entry: Entry, payload: bytes, now: int) -> None:
+        """Take an answer about a definition, and ask for the next one."""
+        if entry.is_started and entry.check.receive(payload):
+            self.tick(entry, now)
+
+    def _tell_missing(self, member: Member, entry: Entry) -> None:
+        for feed in member.feeds:
+            has_route = any(self._is_route_of(feed.topic, route, entry) for route in entry.routes.values())
+            if not has_route and id(feed) not in member.told:
+                member.told.add(id(feed))
+                why = why_missing(entry.remote, feed.topic.namespace)
+                LOGGER.warning("%s has no topic '%s': %s", shown(entry.remote), feed.topic.name, why)
+
+    # any thread
+
+    def join(self, member: Member) -> None:
+        """Add a member, and give it a vehicle that is connected already."""
+        with self.changed:
+            self.members = (*self.members, member)
+            matches = member.selection.matches
+            for entry in sorted(self.entries.values(), key=lambda each: (not matches(each.remote), order(each.remote))):
+                self._offer(member, entry)
+
+    def leave(self, member: Member) -> None:
+        """Remove a member, and end its subscriptions."""
+        with self.changed:
+            self.members = tuple(each for each in self.members if each is not member)
+            feeds, member.feeds, member.watches, member.is_closed = member.feeds, (), (), True
+            self._release(member)
+            self.changed.notify_all()
+        for feed in feeds:
+            feed.close()
+
+    def attach(self, member: Member, feed: Feed) -> None:
+        """Begin a subscription, which ends at once if the member has left or the link has failed."""
+        with self.changed:
+            if member.is_closed or self.failure:
+                feed.close(self.failure)
+                return
+            member.feeds = (*member.feeds, feed)
+            entry = member.entry
+            if entry is None:
+                return
+            entry.check.prefer(feed.topic.message.__msg__.ros_type)
+            for route in tuple(entry.routes.values()):
+                if self._is_route_of(feed.topic, route, entry):
+                    self._connect(entry, route)
+            if self._following is not None and entry.check.is_complete:
+                self._tell_missing(member, entry)
+            elif entry.due_ns == _IDLE:
+                entry.due_ns = entry.heard_ns + _MISSING_NS
+
+    def last(self, member: Member, feed: Feed) -> Item | None:
+        """Return the last sample of a topic, also one from before the subscription or the program, if it is known."""
+        entry = member.entry
+        if entry is None:
+            return None
+        for route in tuple(entry.routes.values()):
+            if self._is_route_of(feed.topic, route, entry):
+                rows = [decoding for push, decoding in entry.table.get(route.name, ()) if push == feed.push]
+                sample = entry.last_of(route, self._following) if rows else None
+                if sample is not None:
+                    return *sample, rows[0]
+        return None
+
+    @property
+    def is_shared(self) -> bool:
+        """Whether another process owns the link, for several programs."""
+        return self._following is not None
+
+    def others(self, member: Member) -> Sequence[Remote]:
+        """Return the further vehicles on the link that a member without a selection could have, in their order."""
+        own = member.entry
+        if own is None or not member.selection.is_any:
+            return ()
+        return sorted((each.remote for each in tuple(self.entries.values()) if each is not own), key=order)
+
+    def is_settled(self, member: Member) -> bool:
+        """Whether no further vehicle that a member without a selection could have is about to connect."""
+        is_settled = getattr(self.link, "is_settled", None)
+        return not member.selection.is_any or is_settled is None or bool(is_settled())
+
+    def publishers(self, member: Member) -> Sequence[Publisher]:
+        """Return the programs that publish to the vehicle of a member."""
+        entry = member.entry
+        if self._following is None or entry is None:
+            return ()
+        found = self._following.publishers(entry.remote)
+        routes = entry.routes
+        return [each._replace(topic=member.named(routes[each.topic]).name) for each in found if each.topic in routes]
+
+    def detach(self, member: Member, feed: Feed) -> None:
+        """End a subscription. Can be repeated."""
+        with self.changed:
+            member.feeds = tuple(each for each in member.feeds if each is not feed)
+            member.told.discard(id(feed))
+            if member.entry is not None:
+                self._rebuild(member.entry)
+
+    def add_watch(self, member: Member, watch: Watch) -> None:
+        """Give all samples to a watch."""
+        with self.changed:
+            member.watches = (*member.watches, watch)
+            if member.entry is not None:
+                self.evaluate(member.entry, None)
+
+    def remove_watch(self, member: Member, watch: Watch) -> None:
+        """End a watch. Can be repeated."""
+        with self.changed:
+            member.watches = tuple(each for each in member.watches if each is not watch)
+            if member.entry is not None:
+                self._rebuild(member.entry)
+
+    def evaluate(self, entry: Entry, ros_type: str | None) -> None:
+        """Connect the routes of a type, or of all if it is None, again: the vehicle's definition is now known."""
+        with self.changed:
+            for route in tuple(entry.routes.values()):
+                if ros_type in (None, route.ros_type):
+                    self._connect(entry, route)
+            self.changed.notify_all()
+
+    def wait(self, predicate: Callable[[], bool], timeout: float | None, interval: float = 0.2) -> bool:
+        """Wait until `predicate` is true, which is called with the lock held. Return whether it is, at the end."""
+        check_outside_callback()
+        deadline = None if timeout is None else time.monotonic() + timeout
+        with self.changed:
+            while not predicate():
+                rest = interval if deadline is None else min(interval, deadline - time.monotonic())
+                if rest <= 0:
+                    return False
+                self.changed.wait(rest)
+            return True
+
+    # with the lock held
+
+    def _offer(self, member: Member, entry: Entry) -> None:
+        """Give a vehicle to a member if it waits for such a one, or tell it of another vehicle."""
+        remote = entry.remote
+        if member.entry is None and member.accepts(remote):
+            self._take(member, entry)
+        elif member.entry is not None and member.entry is not entry and member.prefers(remote):
+            LOGGER.warning("%s is the one that was asked for, and not %s", shown(remote), shown(member.entry.remote))
+            self._release(member)
+            self._take(member, entry)
+        elif member.entry is not entry:
+            self._tell_of_another(member, remote)
+            if member.entry is None and may_be_meant(member.selection, remote):
+                self._renew(remote)
+
+    def _take(self, member: Member, entry: Entry) -> None:
+        member.entry, member.last = entry, entry.remote
+        LOGGER.info("%s connected", shown(entry.remote))
+        for feed in member.feeds:
+            feed.error = None
+        for route in tuple(entry.routes.values()):
+            self._connect(entry, route)
+
+    def _release(self, member: Member) -> None:
+        entry, member.entry = member.entry, None
+        if entry is not None:
+            self._rebuild(entry)
+
+    def _tell_of_another(self, member: Member, remote: Remote) -> None:
+        is_taken = any(other.selection.accepts(remote) for other in self.members if not other.selection.is_any)
+        text = "" if member.has_told_of_another or is_taken else member.about_another(remote)
+        if text:
+            member.has_told_of_another = True
+            LOGGER.warning("%s", text)
+
+    def _renew(self, remote: Remote) -> None:
+        """Let a vehicle tell its key and its namespace, which connects anew, if nobody uses it here."""
+        renew = getattr(self.link, "renew", None)
+        if renew is not None and all(member.entry is not self.entries[remote.number] for member in self.members):
+            renew(remote)
+
+    def _is_route_of(self, topic: NamedTopic, route: Route, entry: Entry) -> bool:
+        return route.direction == topic.direction and entry.has(topic, route)
+
+    def _connect(self, entry: Entry, route: Route) -> None:
+        """Decide for each subscription of a route how its samples are decoded, or that it fails."""
+        rows: list[Row] = []
+        if self._following is None and route.direction == "out" and stem_of(route.name).endswith(RESPONSE):
+            rows.append((lambda payload, now, _: self._answered(entry, payload, now), _NOT_DECODED))
+        for member in self.members:
+            if member.entry is not entry:
+                continue
+            for feed in member.feeds:
+                if self._is_route_of(feed.topic, route, entry):
+                    decoding = entry.decoding(feed, route, member.packages)
+                    if decoding is not None:
+                        rows.append((feed.push, decoding))
+            rows += [(watch.of(member.named(route)), _NOT_DECODED) for watch in member.watches if watch.takes(route)]
+        entry.table = {**entry.table, route.name: tuple(rows)}
+        if self._following is not None and (route.name in entry.followed) != bool(rows):
+            (entry.followed.add if rows else entry.followed.remove)(route.name)
+            self._following.follow(entry.remote, route, is_followed=bool(rows))
+
+    def _rebuild(self, entry: Entry) -> None:
+        for route in tuple(entry.routes.values()):
+            if entry.table.get(route.name):
+                self._connect(entry, route)
+
+
+_NOT_DECODED = Decoding(object, bytes)  # type: ignore[arg-type]

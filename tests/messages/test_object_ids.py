@@ -1,0 +1,90 @@
+"""Tests of the object ids that a firmware can have: compared with those of both kinds of boards of PX4 v1.18."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import pytest
+
+from msggen.messages.object_ids import ObjectIds, object_ids_of
+from msggen.sources.embedded import EMBEDDED
+from support.repository import ROOT, shared
+from support.simulation import built
+
+VISION = "CONFIG_MODULES_VISION_TARGET_ESTIMATOR"
+
+
+def endpoints() -> list[dict[str, Any]]:
+    """Return the endpoints of v1.18, with the ids of boards without the conditional messages and of those with them."""
+    vectors = json.loads((ROOT / "tests" / "vectors" / "v1.18.json").read_text())
+    return [dict(zip(vectors["endpoint_columns"], row, strict=True)) for row in vectors["endpoints"]]
+
+
+def shared_endpoints() -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = json.loads(shared("oracles/dds-v1.18.json").read_text())
+    return found
+
+
+@pytest.mark.parametrize("measured", [endpoints, shared_endpoints])
+def test_the_ids_are_those_of_both_kinds_of_boards(px4_types: Any, measured: Any) -> None:
+    by_name = {row["dds_topic"]: row for row in measured()}
+    rows = [by_name[endpoint.dds_name] for endpoint in px4_types.topics.ENDPOINTS]
+    most, simulator = object_ids_of(px4_types)
+    assert most == ObjectIds((), tuple(row["object_id_unconditional"] for row in rows))
+    assert simulator == ObjectIds((VISION,), tuple(row["object_id"] for row in rows))
+    differ = [one != other for one, other in zip(most.numbers, simulator.numbers, strict=True)]
+    assert (sum(differ), len(differ)) == (24, 69)
+
+
+@pytest.mark.parametrize("release", EMBEDDED[1:])
+def test_a_release_without_conditions_has_one_set(release: str, tmp_path_factory: pytest.TempPathFactory) -> None:
+    package = built(release, tmp_path_factory.mktemp("types"))
+    numbers = tuple(endpoint.object_id for endpoint in package.topics.ENDPOINTS)
+    assert object_ids_of(package) == (ObjectIds((), numbers),)
+
+
+def package_with(conditions: Mapping[str, str], *bridged: tuple[str, str, int | None]) -> ModuleType:
+    """Return a package with uORB topics and their conditions, of which some cross the bridge."""
+    uorb = {
+        name: SimpleNamespace(name=name, orb_id=place, condition=conditions[name])
+        for place, name in enumerate(sorted(conditions))
+    }
+    crossing = [
+        SimpleNamespace(uorb_topic=name, direction=direction, instance=instance, object_id=2048)
+        for name, direction, instance in bridged
+    ]
+    package = ModuleType("package")
+    vars(package)["topics"] = SimpleNamespace(UORB=uorb, ENDPOINTS=crossing)
+    return package
+
+
+def test_each_combination_of_conditions_is_a_set() -> None:
+    package = package_with({"a": "A", "b": "B", "c": "B", "d": ""}, ("d", "out", None), ("d", "in", None))
+    assert object_ids_of(package) == (
+        ObjectIds((), (0, 2048)),
+        ObjectIds(("A",), (1, 2048)),
+        ObjectIds(("B",), (2, 2048)),
+        ObjectIds(("A", "B"), (3, 2048)),
+    )
+
+
+def test_equal_sets_are_one() -> None:
+    assert object_ids_of(package_with({"a": "", "b": "B"}, ("a", "out", None))) == (ObjectIds((), (0,)),)
+
+
+def test_an_instance_counts_the_topics_that_the_board_has() -> None:
+    package = package_with({"a": "", "b": "B"}, ("a", "out", None), ("a", "out", 2))
+    assert [each.numbers for each in object_ids_of(package)] == [(0, 2), (0, 4)]
+
+
+def test_the_conditions_of_bridged_topics_are_met() -> None:
+    package = package_with({"a": "A", "b": "B", "c": "B"}, ("c", "out", None))
+    assert object_ids_of(package) == (ObjectIds(("B",), (1,)), ObjectIds(("B", "A"), (2,)))
+
+
+def test_many_conditions_give_two_sets() -> None:
+    package = package_with({**{f"a{place}": f"A{place}" for place in range(20)}, "b": ""}, ("b", "out", None))
+    assert [each.numbers for each in object_ids_of(package)] == [(0,), (20,)]

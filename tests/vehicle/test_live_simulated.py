@@ -1,0 +1,146 @@
+"""Tests of the links with simulated vehicles: commands, calls, loss, restarts, and sessions that go on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+
+from msggen.link.link import Link, LinkError, Remote, Route, Service
+from msggen.link.serial import SerialLink
+from msggen.link.tap import TapLink
+from msggen.link.udp import UdpLink
+from msggen.messages.object_ids import object_ids_of
+from msggen.sim import Misbehaviour, Options, Simulator
+from support.lines import joined
+from support.link_records import Records, nothing_is_left
+from support.ports import free_port
+
+COMMAND = "/fmu/in/vehicle_command"
+SERVICE = "/fmu/vehicle_command"
+FEW = Options(rate=20.0, sync="short")
+
+
+@contextmanager
+def started(link: Any) -> Iterator[Records]:
+    records = Records()
+    link.start(records)
+    try:
+        yield records
+    finally:
+        link.close()
+
+
+@contextmanager
+def line(kind: str) -> Iterator[tuple[Link, str]]:
+    """Return a link that is not started, and the address for the vehicle once it is."""
+    if kind == "serial":
+        with joined() as (ours, theirs):
+            yield SerialLink(ours, 115200), f"serial://{theirs}?baud=115200"
+        return
+    port = free_port()
+    if kind == "udp":
+        yield UdpLink(port=port), f"udp://127.0.0.1:{port}"
+        return
+    agent = UdpLink(port=0)
+    with started(agent):
+        yield TapLink(port=port, agent=("127.0.0.1", agent.port)), f"udp://127.0.0.1:{port}"
+
+
+def messages(records: Records, package: Any, name: str) -> list[Any]:
+    decode = getattr(package, name).decode
+    return [decode(each.payload) for each in list(records.samples) if each.route.ros_type == f"px4_msgs/msg/{name}"]
+
+
+def arm(link: Link, records: Records, package: Any, remote: Remote) -> None:
+    """Arm a vehicle by a sample, and wait for its answer and its state."""
+    command = package.VehicleCommand(command=400, param1=1.0, target_system=remote.key, from_external=True)
+    route = next(route for route in link.routes(remote) if route.name.endswith(COMMAND))
+    assert isinstance(route, Route)
+    link.publish(remote, route, command.encode())
+    records.wait(lambda: any(ack.command == 400 for ack in messages(records, package, "VehicleCommandAck")))
+    records.wait(lambda: any(status.arming_state == 2 for status in messages(records, package, "VehicleStatus")))
+
+
+@pytest.mark.parametrize("kind", ["udp", "serial", "tap"])
+def test_a_vehicle_is_read_commanded_and_called(kind: str, px4_types: Any) -> None:
+    with line(kind) as (link, address), started(link) as records, Simulator(px4_types, address, [FEW]):
+        service = records.route(SERVICE)
+        assert isinstance(service, Service)
+        (remote,) = records.remotes
+        arm(link, records, px4_types, remote)
+        request = px4_types.srv.VehicleCommand.Request(request=px4_types.VehicleCommand(command=400, param1=0.0))
+        if kind == "tap":
+            with pytest.raises(LinkError, match="through a tap"):
+                link.call(remote, service, 7, request.encode())
+        else:
+            link.call(remote, service, 7, request.encode())
+            records.wait(lambda: records.replies)
+            ((_, _, number, payload),) = records.replies
+            assert number == 7
+            assert px4_types.srv.VehicleCommand.Response.decode(payload).reply.command == 400
+        assert records.losses == []
+
+
+@pytest.mark.slow  # a client waits 1 s for each lost answer
+def test_loss_in_both_directions_is_counted_and_calls_arrive(px4_types: Any) -> None:
+    wrong = Misbehaviour(drop=0.1, duplicate=0.05, reorder=0.05, garbage=0.02)
+    bad = FEW._replace(misbehaviour=wrong)
+    with line("udp") as (link, address), started(link) as records, Simulator(px4_types, address, [bad]):
+        records.wait(lambda: any(isinstance(route, Service) for _, route in records.opened_routes), 120)
+        service = records.route(SERVICE)
+        assert isinstance(service, Service)
+        request = px4_types.srv.VehicleCommand.Request(request=px4_types.VehicleCommand(command=400, param1=1.0))
+        link.call(records.remotes[-1], service, 1, request.encode())
+        records.wait(lambda: records.replies)
+        records.wait(lambda: records.losses)
+        records.wait(lambda: link.statistics().refused > 0)
+
+
+def test_a_vehicle_that_restarts_is_another_remote(px4_types: Any) -> None:
+    wrong = Misbehaviour(restart_every=0.7)
+    with line("udp") as (link, address), started(link) as records:
+        with Simulator(px4_types, address, [FEW._replace(misbehaviour=wrong)]):
+            records.wait(lambda: {1, 2} <= {remote.number for remote, _ in records.gone})
+        assert len(records.remotes) >= 3
+
+
+@pytest.mark.parametrize("kind", ["udp", "serial"])
+def test_a_link_that_is_opened_again_goes_on_with_the_session(kind: str, px4_types: Any) -> None:
+    known = [
+        Route(each.ros_name, f"px4_msgs/msg/{each.message_name}", each.direction, number)
+        for each, number in zip(px4_types.topics.ENDPOINTS, object_ids_of(px4_types)[0].numbers, strict=True)
+    ]
+    with (
+        line(kind) as (link, address),
+        started(link) as records,
+        Simulator(px4_types, address, [FEW]),
+    ):
+        records.wait(lambda: records.samples)
+        link.close()
+        if isinstance(link, SerialLink):
+            again: Link = SerialLink(link.path, 115200, known=known)
+        else:
+            again = UdpLink(port=int(address.rpartition(":")[2]), known=known)
+        with started(again) as others:
+            others.wait(lambda: others.samples)
+            (remote,) = others.remotes
+            assert remote.continued
+            records.samples.clear()
+            arm(again, others, px4_types, remote._replace(key=1))
+            assert [found.number for found in others.remotes] == [1], "the vehicle did not connect again"
+
+
+def test_several_vehicles_share_a_port(px4_types: Any) -> None:
+    fleet = [FEW._replace(key=key, namespace=f"uav_{key}") for key in (1, 2, 3)]
+    with nothing_is_left(), line("udp") as (link, address), started(link) as records:
+        with Simulator(px4_types, address, fleet):
+            records.wait(lambda: len(records.remotes) == 3)
+            assert {remote.key: remote.namespace for remote in records.remotes} == {1: "uav_1", 2: "uav_2", 3: "uav_3"}
+            second = next(remote for remote in records.remotes if remote.key == 2)
+            records.wait(lambda: any(found.remote == second for found in records.samples))
+            records.wait(lambda: len(link.routes(second)) > 60)
+            arm(link, records, px4_types, second)
+        records.wait(lambda: len(records.gone) == 3)
