@@ -109,7 +109,8 @@ PARENT = """
 import sys
 sys.path.insert(0, {root!r})
 from msggen.live import LinkError, Vehicle
-from msggen.link import shared, opening
+from msggen.vehicle import opening
+from msggen.vehicle.owned import joining
 sys.path.insert(0, "")  # as in a notebook, and with python -c
 try:
     with Vehicle({url!r}) as vehicle:

@@ -416,7 +416,7 @@ def test_wrong_calls_are_told_without_a_vehicle(
 @pytest.fixture
 def patient(monkeypatch: pytest.MonkeyPatch) -> None:
     """Wait longer for vehicles that connect later: a busy computer connects them so."""
-    for name in ("live.vehicle.alone._OTHERS", "live.xrce.agent._SETTLED"):
+    for name in ("vehicle.alone._OTHERS", "link.xrce.agent._SETTLED"):
         monkeypatch.setattr(f"msggen.{name}", 30.0)
 
 
