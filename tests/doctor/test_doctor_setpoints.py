@@ -43,7 +43,7 @@ PACKAGE = str(ROOT / "generated" / "px4_types")
 CALM = Options(sync="short", rate=10.0)
 NAN = (math.nan, math.nan, math.nan)
 HEIGHT = (0.0, 0.0, -3.0)
-SECONDS = 2.5
+SECONDS = 2.8
 OFFBOARD = 14
 DOMAINS = domains(107)
 Program: TypeAlias = Callable[[Vehicle, Any], object]
@@ -115,11 +115,14 @@ def select(vehicle: Vehicle, package: Any) -> None:
 
 
 def paused(package: Any) -> Callable[[], Any]:
-    """Return a function that returns a message, or None for 1.2 s in every 1.6 s."""
+    """Return a function that returns a message, or None for 1.15 s in every 1.4 s.
+
+    So each SECONDS have a whole pause.
+    """
     start = time.monotonic()
 
     def message() -> Any:
-        is_paused = (time.monotonic() - start) % 1.6 > 0.4
+        is_paused = (time.monotonic() - start) % 1.4 > 0.25
         return None if is_paused else package.OffboardControlMode(position=True)
 
     return message
