@@ -15,6 +15,7 @@ import pytest
 from msggen import recordings
 from msggen.sim.ulog import UlogWriter as SimulatorsWriter
 from msggen.sim.ulog import Vehicle
+from support.examples import examples
 from support.report_flights import messages_of
 from support.repository import shared
 from support.ulog import UlogWriter
@@ -157,8 +158,8 @@ def cuts_of(data: bytes) -> Iterator[int]:
     start = 16
     while data[start + 2] != ord("D"):
         start += FRONT + int.from_bytes(data[start : start + 2], "little")
-    yield from sorted(chance.randrange(start, len(data)) for _ in range(CUTS))
-    yield from range(len(data) - LAST, len(data) + 1)
+    yield from sorted(chance.randrange(start, len(data)) for _ in range(examples(CUTS)))
+    yield from range(len(data) - examples(LAST), len(data) + 1)
 
 
 @pytest.mark.parametrize("write", WRITERS, ids=lambda write: write.__name__)

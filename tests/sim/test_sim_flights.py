@@ -137,6 +137,7 @@ def test_other_parameters_would_not_do(name: str, parameters: dict[str, float], 
     assert different_answers(replay) + different_values(replay)
 
 
+@pytest.mark.night  # it can change with the files only
 def test_the_flights_are_those_of_the_whole_captures() -> None:
     whole = flight_captures.whole(shared("oracles/flight"))
     assert [name for name in flight_captures.names() if flight_captures.load(name) != whole[name]] == []
