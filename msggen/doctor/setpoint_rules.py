@@ -6,6 +6,13 @@ from msggen.check.finding import Category, Rule
 from msggen.doctor import commands
 from msggen.doctor import not_following as arming
 from msggen.doctor import setpoints as steering
+from msggen.messages.setpoints import KINDS, SELECTORS
+
+
+def _setpoints_of(field: str) -> str:
+    """Return a field of OffboardControlMode with the topics that it selects."""
+    return f"{field} ({' or '.join(' and '.join(kind.topics) for kind in KINDS if field in kind.selectors)})"
+
 
 SETPOINT = (
     Rule(
@@ -73,10 +80,8 @@ SETPOINT = (
         "offboard_control_mode selects another setpoint than the one that is published",
         Category.SETPOINT,
         steering.find_unselected,
-        fix="Set the field of the published setpoint. PX4 takes the first field that is set, in the order position, "
-        "velocity, acceleration (all three trajectory_setpoint), attitude (vehicle_attitude_setpoint), body_rate "
-        "(vehicle_rates_setpoint), thrust_and_torque (vehicle_thrust_setpoint and vehicle_torque_setpoint), "
-        "direct_actuator (actuator_motors and actuator_servos). Leave the fields before it false.",
+        fix="Set the field of the published setpoint. PX4 takes the first field that is set, in the order "
+        f"{', '.join(map(_setpoints_of, SELECTORS))}. Leave the fields before it false.",
     ),
     Rule(
         "SETPOINT_EMPTY",

@@ -23,7 +23,7 @@ CONTROLS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {field: tuple(topic for kind in KINDS if field in kind.selectors for topic in kind.topics) for field in SELECTORS}
 )
 """The fields of OffboardControlMode, and the topics of their setpoints. PX4 takes the first field that is set."""
-SETPOINTS = tuple(dict.fromkeys(topic for topics in CONTROLS.values() for topic in topics))
+SETPOINTS = tuple(topic for kind in KINDS for topic in kind.topics)
 _OTHER_SETPOINTS = ("rover_", "fixed_wing_")
 """The starts of the names of setpoints whose choice depends on the type of the vehicle."""
 _EXTERNAL = "arming_check_reply"

@@ -16,7 +16,7 @@ from msggen.flight.errors import LimitError, NoAnswerError, UnsupportedError
 from msggen.flight.feeds import Feeds
 from msggen.flight.space import Vector
 from msggen.flight.usage import LIMITS, explained_class
-from msggen.messages.setpoints import TRAJECTORY, Kind
+from msggen.messages.setpoints import GOTO, TRAJECTORY, Kind
 
 _GAIN = 0.5
 """The speed in m/s towards a limit that is 1 m away, low enough that a multicopter does not overshoot."""
@@ -35,6 +35,8 @@ _HOME = 3.0
 _ALONG = 0.01
 """The controlled share of a direction below which the speed along it counts as not controlled."""
 _UP: Final = Vector(0.0, 0.0, -1.0)
+_LIMITED: Final = (GOTO, TRAJECTORY)
+"""The kinds of setpoints whose places, velocities and accelerations are kept within limits."""
 
 
 @explained_class(LIMITS)
@@ -103,7 +105,7 @@ class Fence:
 
     def check_kinds(self, kinds: Sequence[Kind]) -> None:
         """Raise UnsupportedError if limits cannot be enforced for a kind of setpoint."""
-        found = [each.name for each in kinds if not each.is_placed]
+        found = [each.name for each in kinds if each not in _LIMITED]
         if found and not self.limits.is_open:
             raise UnsupportedError(
                 f"limits cannot be enforced for {' and '.join(found)} setpoints: remove them from `setpoints`, "

@@ -24,7 +24,7 @@ COMMAND_NUMBER = 2048
 
 
 class Message(Protocol):
-    """What `live` needs of a message class of a generated package (docs/package.md)."""
+    """What msggen needs of a message class of a generated package (docs/package.md)."""
 
     __msg__: ClassVar[Any]
 
@@ -48,7 +48,7 @@ MessageT_co = TypeVar("MessageT_co", bound=Message, covariant=True)
 
 
 class Endpoint(Protocol[MessageT_co]):
-    """What `live` needs of an endpoint of a generated package, such as `topics.out.vehicle_status`."""
+    """What msggen needs of an endpoint of a generated package, such as `topics.out.vehicle_status`."""
 
     @property
     def direction(self) -> Literal["in", "out"]:

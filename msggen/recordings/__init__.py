@@ -1,7 +1,7 @@
-"""Recordings of vehicles: how they are written (docs/record.md) and read (docs/reading.md).
+"""Recordings of vehicles: files in, arrays, tables and messages out (docs/reading.md).
 
-`open` reads a recording in any format, as arrays, tables and messages. It needs the packages of the extra
-`recordings`. It imports base, definitions, sources, check and live.
+`open` reads a recording in any format. It needs the packages of the extra `recordings`. It imports base, definitions,
+sources, check and messages.
 """
 
 __all__ = ["Log", "Offset", "Problem", "RecordingError", "Samples", "Topic", "offset_between", "open", "plot"]

@@ -1,4 +1,5 @@
-"""What people and CI servers look at: findings as texts and documents, the table of `top`, and the server of `view`.
+"""What people and CI servers look at: findings as text, `top`, plots, and the server of `view`.
 
-In come findings, rules and a vehicle's samples. It imports base, sources, check, doctor, live and recordings.
+In come findings, rules and a vehicle's samples. It imports base, definitions, sources, check, link, messages,
+vehicle, recordings and doctor.
 """

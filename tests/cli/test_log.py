@@ -17,6 +17,7 @@ from pyarrow import parquet
 
 from msggen import recordings
 from msggen.cli import main, parser_for
+from msggen.exports.convert import TABLE_SUFFIXES, TABLES
 from msggen.exports.writer import Writer
 from msggen.recordings.log import reader
 from msggen.recordings.log.reader import Reader
@@ -510,7 +511,7 @@ def test_repair_keeps_every_whole_sample(here: Path, broken: str, capsys: pytest
         ("convert flight.mcap --format parkett", "did you mean 'parquet'?"),
         ("convert flight.mcap --format mcap", "flight.mcap: R101 there is such a file or folder already"),
         ("convert flight.mcap -o no/where", "no/where: R101 there is no folder 'no': create it first"),
-        ("convert flight.mcap -o a.mcap --field timestamp", "fields can be chosen for parquet, arrow, csv"),
+        ("convert flight.mcap -o a.mcap --field timestamp", f"fields can be chosen for {', '.join(TABLES)}"),
         ("convert flight.mcap --jobs 2", "argument --jobs: only for a folder of recordings"),
         ("cut flight.mcap", "nothing to cut: give --start, --stop or topics"),
         ("cut flight.mcap --start 2 --stop 1", "argument --stop: 1 is not after --start 2"),
@@ -539,7 +540,7 @@ def test_repair_keeps_every_whole_sample(here: Path, broken: str, capsys: pytest
         ("convert flight.mcap --format csv -o a.csv", "or write a folder 'a' in the format csv"),
         ("convert flight.mcap --format csv -o a.parquet", "-o/--output: a folder is written: --format csv -o a\n"),
         ("convert flight.mcap -o a.mcap.gz", "-o/--output: no compressed file is written: -o a.mcap\n"),
-        ("convert flight.mcap -o a.xlsx", "no .xlsx is written, expected .parquet, .arrow, .feather, .csv or .mcap"),
+        ("convert flight.mcap -o a.xlsx", f"no .xlsx is written, expected {', '.join(TABLE_SUFFIXES)} or .mcap"),
         ("convert flight.mcap -o b/a.txt", "no .txt is written"),
         ("convert flight.mcap --format csv -o a.mcap", "-o/--output: a folder is written: --format csv -o a\n"),
         ("convert flight.mcap --format mcap -o a.csv", "an MCAP file is written, not .csv: -o a.mcap\n"),

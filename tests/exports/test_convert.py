@@ -23,10 +23,12 @@ from rosbags.highlevel import AnyReader
 
 from msggen import recordings
 from msggen.exports.convert import EVERYTHING, FORMATS, TABLE_SUFFIXES, TABLES, Converted, convert, join
+from msggen.exports.convert.tables import WRITERS
 from msggen.exports.writer import Channel, Writer
 from msggen.recordings import Log
 from support.flights import TEXTS, TOPICS, same_columns, write_flight
 from support.recordings import START, read_mcap
+from support.repository import ROOT
 from support.tables import read_table
 from support.ulog import UTC, write_ulog
 
@@ -52,6 +54,13 @@ def test_a_table_for_each_topic_is_named_as_px4_names_it(log: Log, tmp_path: Pat
     assert converted.files == [str(tmp_path / "flight" / f"{name}.parquet") for name in names]
     assert converted.rows == COUNT * len(names)
     assert sorted(os.listdir(tmp_path)) == ["flight"]
+
+
+def test_each_format_has_a_writer_and_is_on_the_page() -> None:
+    assert tuple(WRITERS) == TABLES
+    assert {*TABLE_SUFFIXES.values()} == {*TABLES}
+    page = (ROOT / "docs/recordings.md").read_text(encoding="utf-8")
+    assert not [name for name in (*FORMATS, *(f"wind{each}" for each in TABLE_SUFFIXES)) if f"`{name}`" not in page]
 
 
 @pytest.mark.parametrize("format_", TABLES)

@@ -364,6 +364,15 @@ def test_attitudes_and_rates_are_refused_before_anything_is_sent(px4_types: Any)
     flown(px4_types, program)
 
 
+def test_another_kind_of_setpoint_with_places_is_refused() -> None:
+    """Limits read the fields of GotoSetpoint and TrajectorySetpoint only: another place could be beyond them."""
+    feeds: Any = Fixed((0.0, 0.0, 0.0))
+    fence = Fence(feeds, LIMITS)
+    fence.check_kinds((GOTO, TRAJECTORY))
+    with pytest.raises(UnsupportedError, match="cannot be enforced for by rail setpoints"):
+        fence.check_kinds((GOTO, TRAJECTORY._replace(name="by rail", number=99)))
+
+
 def test_a_place_without_a_home_is_an_error() -> None:
     feeds: Any = Fixed((0.0, 0.0, 0.0), is_known=False)
     with pytest.raises(NoAnswerError, match="home position"):

@@ -24,12 +24,10 @@ from pathlib import Path
 from random import Random
 from typing import Any, NamedTuple
 
-import pyarrow as pa
-import pyarrow.csv
-import pyarrow.parquet as pq
 import zstandard
 
 from fuzz.payloads import targets
+from msggen.exports.convert import TABLES
 from msggen.exports.convert.names import FACT_TABLES
 from msggen.recordings.log import opening
 from support.commands import Outcome, check_outcome, run
@@ -37,6 +35,7 @@ from support.databases import Stored, write_database
 from support.flights import TEXTS, write_flight
 from support.recordings import START, read_mcap
 from support.scratch import remove, scratch_folder
+from support.tables import read_table
 from support.ulog import write_ulog
 
 COUNT = 160
@@ -48,8 +47,7 @@ KINDS = (
 STDIN = "-"
 ACTIONS = (
     "convert {} -o made",
-    "convert {} --format arrow -o made",
-    "convert {} --format csv -o made",
+    *(f"convert {{}} --format {name} -o made" for name in TABLES[1:]),
     "convert {} -o made.mcap",
     "convert {} --format rosbag2 -o made",
     "convert {} --format rosbag2 --storage sqlite3 -o made",
@@ -207,12 +205,8 @@ def samples_in(files: Iterable[Path]) -> int:
 
 def rows_of(path: Path) -> int:
     """Return how many samples a file has, by readers other than ours. Each of them fails if the file is not whole."""
-    if path.suffix == ".parquet":
-        return int(pq.ParquetFile(path).read().num_rows)
-    if path.suffix == ".arrow":
-        return int(pa.ipc.open_file(path).read_all().num_rows)
-    if path.suffix == ".csv":
-        return int(pyarrow.csv.read_csv(path).num_rows)
+    if path.suffix[1:] in TABLES:
+        return int(read_table(str(path)).num_rows)
     if path.suffix == ".db3":
         with closing(sqlite3.connect(path)) as base:
             assert base.execute("PRAGMA integrity_check").fetchall() == [("ok",)]

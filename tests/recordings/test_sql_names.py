@@ -173,7 +173,7 @@ def test_csv_quotes_text_and_has_lists_as_json(
         ("show flight.ulg --texts --csv", "argument --csv: only for a topic"),
         ("show flight.ulg sensor_gps --sql-names", "argument --sql-names: only with --csv"),
         ("show flight.ulg sensor_gps --quote-formulas", "argument --quote-formulas: only with --csv"),
-        ("convert flight.ulg -o a.mcap --sql-names", "argument --sql-names: only for parquet, arrow, csv, not mcap"),
+        ("convert flight.ulg -o a.mcap --sql-names", f"--sql-names: only for {', '.join(TABLES)}, not mcap"),
         ("convert . --sql-names", "argument --sql-names: a folder of recordings becomes Parquet as a whole"),
     ],
 )

@@ -9,14 +9,15 @@ from collections.abc import Iterator
 import pytest
 import yaml
 
+from msggen import flight
 from msggen.base.recording_formats import FORMATS, PACKED
 from msggen.definitions.identity import PX4_WRITER
 from msggen.doctor.setpoint_rules import SETPOINT
 from msggen.doctor.setpoints import SETPOINTS as STEERED
 from msggen.link.link_types import LINK_TYPES
-from msggen.messages import commands
+from msggen.messages import commands, setpoints
 from msggen.messages.nav_states import MODE_CONSTANTS, MODE_NAMES
-from msggen.messages.setpoints import BY_NUMBER, GOTO, KINDS, OF_OTHERS, SELECTORS, SENT
+from msggen.messages.setpoints import BY_NUMBER, KINDS, OF_OTHERS, SELECTORS, SENT
 from msggen.recordings.files.rosbag2.qos import QOS
 from msggen.sim.setpoints import Setpoints
 from msggen.sources.embedded import EMBEDDED
@@ -236,8 +237,17 @@ def test_setpoints_have_the_types_and_fields_of_the_newest_release() -> None:
 def test_the_doctor_and_the_simulator_know_every_setpoint() -> None:
     assert {*STEERED} == SETPOINT_TOPICS
     fix = next(rule.fix for rule in SETPOINT if rule.id == "SETPOINT_UNSELECTED")
-    assert not [name for name in (*SELECTORS, *(SETPOINT_TOPICS - set(GOTO.topics))) if name not in fix]
+    selected = [topic for kind in KINDS if kind.selectors for topic in kind.topics]
+    assert not [name for name in (*SELECTORS, *selected) if name not in fix]
     assert Setpoints().handlers.keys() >= {topic for kind in SENT for topic in kind.topics}
+
+
+def test_flight_offers_every_kind_of_setpoint_that_its_modes_send() -> None:
+    names = {name for name, value in vars(setpoints).items() if value in SENT}
+    assert len(names) == len(SENT)
+    assert names <= {*flight.__all__}
+    page = (ROOT / "docs/flight.md").read_text(encoding="utf-8")
+    assert not [name for name in names if f"\n| `{name}` | `" not in page]
 
 
 # Depths of queues

@@ -38,6 +38,8 @@ NEWEST, *EARLIER = EMBEDDED
 ARCHIVING = [release for release in EMBEDDED if embedded_tree(release).names(ARCHIVED)]
 """The releases that keep earlier versions of messages."""
 
+UNKNOWN = f"{EMBEDDED[0]}1"
+"""A release that is not embedded, and whose name is near that of the newest one."""
 SERVICES = {release: ["VehicleCommand"] for release in EMBEDDED} | {"v1.14": []}
 
 every_release = pytest.mark.parametrize("release", EMBEDDED)
@@ -379,6 +381,8 @@ def test_a_new_release_is_embedded(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     write_definitions(tmp_path / "firmware", after)
     monkeypatch.setattr(embed, "ROOT", root)
     monkeypatch.setattr("msggen.sources.embedded.embedded_root", lambda: str(root))
+    monkeypatch.setattr("msggen.sources.embedded.EMBEDDED", ("v1.18", "v1.17"))
+    monkeypatch.setattr(embed, "EMBEDDED", ("v1.18", "v1.17"))
     older = {release: embed.files_of(embedded_tree(release)) for release in ("v1.18", "v1.17")}
 
     found = embed.files_of_firmware(str(tmp_path / "firmware"), "v1.19")
@@ -527,9 +531,9 @@ class TestNames:
         assert main(["build", "--px4", "v1.14", "-o", "out"]) == 0
         assert main(["build", "-o", "out"]) == 0
         assert "from the embedded PX4 v1.15" in capsys.readouterr().out
-        Path("../pyproject.toml").write_text('[tool.msggen]\npx4 = "v1.19"\n')
+        Path("../pyproject.toml").write_text('[tool.msggen]\npx4 = "v2.0"\n')
         assert main(["build", "-o", "out"]) == 2
-        assert capsys.readouterr().err.startswith("../pyproject.toml:2:1: S105 'v1.19': neither a folder nor an emb")
+        assert capsys.readouterr().err.startswith("../pyproject.toml:2:1: S105 'v2.0': neither a folder nor an emb")
 
     @pytest.mark.parametrize("name", ["v1.16", "v1.18"])
     def test_a_folder_of_that_name_wins(self, name: str, capsys: Capture) -> None:
@@ -551,10 +555,13 @@ class TestNames:
     @pytest.mark.parametrize(
         ("name", "told"),
         [
-            ("v1.19", "v1.19: S105 neither a folder nor an embedded release, did you mean 'v1.18'?"),
-            ("v2.0", "v2.0: S105 neither a folder nor an embedded release: expected v1.18, v1.17, v1.16, v1.15, v1.14"),
-            ("embedded:v1.19", "embedded:v1.19: S105 no such embedded release, did you mean 'v1.18'?"),
-            ("embedded:", "embedded:: S105 no such embedded release: expected v1.18, v1.17, v1.16, v1.15, v1.14"),
+            (UNKNOWN, f"{UNKNOWN}: S105 neither a folder nor an embedded release, did you mean '{EMBEDDED[0]}'?"),
+            ("v2.0", f"v2.0: S105 neither a folder nor an embedded release: expected {', '.join(EMBEDDED)}"),
+            (
+                f"embedded:{UNKNOWN}",
+                f"embedded:{UNKNOWN}: S105 no such embedded release, did you mean '{EMBEDDED[0]}'?",
+            ),
+            ("embedded:", f"embedded:: S105 no such embedded release: expected {', '.join(EMBEDDED)}"),
         ],
     )
     @pytest.mark.parametrize(
@@ -565,8 +572,9 @@ class TestNames:
         assert capsys.readouterr().err.splitlines()[0] == told
 
     def test_an_unknown_release_to_compare_with_is_an_error(self, capsys: Capture) -> None:
-        assert main(["breaking", "--px4", "v1.18", "--against", "v1.19"]) == 2
-        text = "'v1.19' is neither a folder, a revision of v1.18 nor an embedded release, did you mean 'v1.18'?"
+        assert main(["breaking", "--px4", "v1.18", "--against", UNKNOWN]) == 2
+        nor = f"nor an embedded release, did you mean '{EMBEDDED[0]}'?"
+        text = f"'{UNKNOWN}' is neither a folder, a revision of v1.18 {nor}"
         assert capsys.readouterr().err.splitlines()[0] == f"--against: S108 {text}"
 
     def test_a_release_that_is_given_rules_the_conventions(self, capsys: Capture) -> None:

@@ -7,6 +7,7 @@ import os
 from collections import defaultdict
 from contextlib import ExitStack
 from functools import partial
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from msggen.base.diagnostics import few, suggestion
@@ -242,21 +243,35 @@ class _Tables:
 
 def _writer(file: IO[bytes], format_: Format, schema: Any) -> Any:
     """Return a writer of pyarrow. All have `write_table`, and end the content at the end of their context."""
-    if format_.name == "parquet":
-        from pyarrow.parquet import ParquetWriter
+    return WRITERS[format_.name](file, format_, schema)
 
-        # dictionaries make files of measured values larger and writing slower; differences of times are small
-        times = {field.name: "DELTA_BINARY_PACKED" for field in schema if is_time(field)}
-        return ParquetWriter(file, schema, compression="zstd", use_dictionary=False, column_encoding=times)
-    if format_.name == "arrow":
-        from pyarrow import ipc
 
-        return ipc.new_file(file, schema, options=ipc.IpcWriteOptions(compression=format_.packing))
+def _parquet(file: IO[bytes], _: Format, schema: Any) -> Any:
+    from pyarrow.parquet import ParquetWriter
+
+    # dictionaries make files of measured values larger and writing slower; differences of times are small
+    times = {field.name: "DELTA_BINARY_PACKED" for field in schema if is_time(field)}
+    return ParquetWriter(file, schema, compression="zstd", use_dictionary=False, column_encoding=times)
+
+
+def _arrow(file: IO[bytes], format_: Format, schema: Any) -> Any:
+    from pyarrow import ipc
+
+    return ipc.new_file(file, schema, options=ipc.IpcWriteOptions(compression=format_.packing))
+
+
+def _csv(file: IO[bytes], _: Format, schema: Any) -> Any:
     from pyarrow.csv import CSVWriter, WriteOptions
 
     # pyarrow takes 8 bytes for each value of a batch in advance: for the usual 1,024 rows of 65,535 columns, 512 MiB
     rows = max(1, min(_CSV_ROWS, _CSV_VALUES // max(len(schema), 1)))
     return CSVWriter(file, schema, write_options=WriteOptions(batch_size=rows))
+
+
+WRITERS: Mapping[str, Callable[[IO[bytes], Format, Any], Any]] = MappingProxyType(
+    {"parquet": _parquet, "arrow": _arrow, "csv": _csv}
+)
+"""What writes each format of `TABLES`."""
 
 
 def is_time(field: Any) -> bool:

@@ -1,1 +1,1 @@
-"""The formats of recordings: a module for each, which finds where the samples are."""
+"""The formats of recordings: a folder for each, whose module `reader` finds where the samples are."""
