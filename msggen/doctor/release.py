@@ -6,8 +6,7 @@ from collections.abc import Iterator
 
 from msggen.base.diagnostics import counted
 from msggen.check.finding import Change
-from msggen.doctor import naming
-from msggen.doctor import samples as flowing
+from msggen.doctor import naming, samples
 from msggen.doctor.case import Case
 from msggen.doctor.observation import VehicleSeen
 
@@ -15,8 +14,8 @@ _MANY = 5
 """The differences from which on the release is another one."""
 _KINDS = (
     (naming.find_version, "topic", " with another version suffix"),
-    (flowing.find_unknown_types, "unknown message", ""),
-    (flowing.find_differing, "other definition", ""),
+    (samples.find_unknown_types, "unknown message", ""),
+    (samples.find_differing, "other definition", ""),
 )
 
 

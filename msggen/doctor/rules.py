@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from msggen.check.finding import Category, Rule
-from msggen.doctor import connecting, naming, release
-from msggen.doctor import samples as flowing
+from msggen.doctor import connecting, naming, release, samples
 from msggen.doctor.setpoint_rules import SETPOINT
 
 DOCTOR = (
@@ -173,7 +172,7 @@ DOCTOR = (
         "READER_RELIABLE",
         "a reader in DDS is RELIABLE, and PX4's writers are BEST_EFFORT",
         Category.NAME,
-        flowing.find_reliable,
+        samples.find_reliable,
         fix="Ask for BEST_EFFORT: `qos_profile_sensor_data` in rclpy and rclcpp, `--qos-reliability best_effort` for "
         "`ros2 topic echo`.",
     ),
@@ -190,7 +189,7 @@ DOCTOR = (
         "TYPE_UNKNOWN",
         "the vehicle has a message that the types do not have",
         Category.DEFINITION,
-        flowing.find_unknown_types,
+        samples.find_unknown_types,
         fix="Build the types from the firmware of the vehicle: `msggen build --px4 PX4-Autopilot`, and give the "
         "package as `--types`. In ROS 2, run `msggen sync` and build px4_msgs again.",
     ),
@@ -198,7 +197,7 @@ DOCTOR = (
         "DEFINITION_DIFFERS",
         "a message of the vehicle has another definition",
         Category.DEFINITION,
-        flowing.find_differing,
+        samples.find_differing,
         fix="Build the types from the firmware of the vehicle: `msggen build --px4 PX4-Autopilot`. In ROS 2, check "
         "out px4_msgs in the branch of the firmware's release, or run `msggen sync`, and build the workspace again. "
         "`msggen check` shows the fields that differ.",
@@ -207,7 +206,7 @@ DOCTOR = (
         "TIME_NOT_SYNCED",
         "timestamps are times since boot, not UTC",
         Category.TIME,
-        flowing.find_unsynchronised,
+        samples.find_unsynchronised,
         fix="Set UXRCE_DDS_SYNCT to 1 and restart PX4. In simulation with a simulated clock, PX4 may have set it to "
         "0: use the simulation's clock in all programs then.",
     ),
@@ -215,7 +214,7 @@ DOCTOR = (
         "CLOCK_WRONG",
         "timestamps differ by more than a second from the clock of this computer",
         Category.TIME,
-        flowing.find_wrong_clock,
+        samples.find_wrong_clock,
         fix="Synchronize the clocks of all computers with chrony or systemd-timesyncd. The agent's clock is the one "
         "that the vehicle follows. Restart the client after a clock was set: it follows slowly.",
     ),
@@ -223,7 +222,7 @@ DOCTOR = (
         "CLOCK_UNSETTLED",
         "timestamps are wrong by 20 ms or more, because the vehicle's estimate of the clocks has not settled",
         Category.TIME,
-        flowing.find_unsettled_clock,
+        samples.find_unsettled_clock,
         fix="Wait: PX4's estimate changes slowly, and can be wrong by 40 ms for minutes after the start. Or correct "
         "timestamps by `bridge_error` of `clock.TimeSync`, a part of the generated package. In a simulation that is "
         "slower than real time, the estimate lags behind, by 0.2 s at most: set UXRCE_DDS_SYNCT to 0 there, and use "
@@ -241,7 +240,7 @@ DOCTOR = (
         "LINE_FULL",
         "a serial line carries fewer bytes than the vehicle sends",
         Category.FLOW,
-        flowing.find_full_line,
+        samples.find_full_line,
         fix="Raise the speed of the line on both sides, SER_TEL2_BAUD and `?baud=`. Or lower `rate_limit` of the "
         "costliest topics in dds_topics.yaml, or remove them from it.",
     ),
@@ -249,7 +248,7 @@ DOCTOR = (
         "BUFFER_FULL",
         "the kernel dropped datagrams, because the receive buffer was full",
         Category.FLOW,
-        flowing.find_small_buffer,
+        samples.find_small_buffer,
         fix="Let the kernel grant larger buffers: `sudo sysctl net.core.rmem_max=4194304`, for good in "
         "`/etc/sysctl.d/60-msggen.conf`. If they are large already, other programs keep this computer busy.",
     ),
@@ -257,7 +256,7 @@ DOCTOR = (
         "SAMPLES_LOST",
         "messages with samples did not arrive, 1 % of them or more",
         Category.FLOW,
-        flowing.find_lost,
+        samples.find_lost,
         fix="On a network, use a cable, a better channel, or lower rates. On a serial line, check wires and ground. "
         "PX4 numbers the samples of all topics together, so it is not known which topics lost samples.",
     ),
@@ -265,7 +264,7 @@ DOCTOR = (
         "RATE_LOW",
         "topics arrive at less than half of the rate that dds_topics.yaml allows",
         Category.FLOW,
-        flowing.find_slow,
+        samples.find_slow,
         fix="Look at `uorb top` in PX4's shell, which shows how often a topic is published there. If that is the rate "
         "of the doctor, the vehicle's CPU is too slow, or a simulation runs slower than real time. If it is higher, "
         "the link is too slow. Only topics that PX4 publishes at 100 Hz and more are judged: those that were named, "

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from msggen.check.finding import Category, Rule
-from msggen.doctor import commands
-from msggen.doctor import not_following as arming
-from msggen.doctor import setpoints as steering
+from msggen.doctor import commands, not_following, setpoints
 from msggen.messages.setpoints import KINDS, SELECTORS
 
 
@@ -19,7 +17,7 @@ SETPOINT = (
         "INPUT_UNPUBLISHED",
         "nobody publishes a topic that was asked for and that PX4 reads",
         Category.SETPOINT,
-        steering.find_unpublished,
+        setpoints.find_unpublished,
         fix="Start the program that publishes it. Programs are heard that share the link, or that are in the domain of "
         "`--link dds://0`. A program with `direct=True` on another link, and MAVLink, are not heard.",
     ),
@@ -27,7 +25,7 @@ SETPOINT = (
         "INPUT_UNREADABLE",
         "the vehicle does not accept the samples: their type, size or encapsulation differs",
         Category.SETPOINT,
-        steering.find_unreadable,
+        setpoints.find_unreadable,
         fix="Build the program with the definitions of the vehicle's firmware: `msggen build --px4 PX4-Autopilot`, in "
         "ROS 2 the branch of px4_msgs for its release. PX4 reads CDR with little-endian numbers, as all DDS "
         "libraries write it on usual computers.",
@@ -46,7 +44,7 @@ SETPOINT = (
         "SETPOINT_CONTESTED",
         "several programs publish the same setpoint",
         Category.SETPOINT,
-        steering.find_contested,
+        setpoints.find_contested,
         fix="End all programs but one. PX4 takes the newest sample, whoever has sent it, so the vehicle is torn "
         "between them.",
     ),
@@ -54,7 +52,7 @@ SETPOINT = (
         "SETPOINT_OLD",
         "the timestamps of setpoints are those of another clock",
         Category.SETPOINT,
-        steering.find_old,
+        setpoints.find_old,
         fix="Set `timestamp` to 0, so that PX4 takes the time of arrival, or to the time of the agent's computer in "
         "us. In ROS 2, a node with `use_sim_time` has another time.",
     ),
@@ -62,7 +60,7 @@ SETPOINT = (
         "OFFBOARD_MODE_MISSING",
         "setpoints arrive without offboard_control_mode",
         Category.SETPOINT,
-        steering.find_no_mode,
+        setpoints.find_no_mode,
         fix="Publish OffboardControlMode too, with the field of the setpoint set, at 10 Hz. PX4 accepts Offboard mode "
         "only while it arrives. A mode that a program adds to PX4 does not need it.",
     ),
@@ -70,7 +68,7 @@ SETPOINT = (
         "OFFBOARD_MODE_SLOW",
         "offboard_control_mode arrives at less than 2 Hz, or with gaps of more than 1 s",
         Category.SETPOINT,
-        steering.find_slow_mode,
+        setpoints.find_slow_mode,
         fix="Publish it from a timer or a thread of its own, at 10 Hz, so that the rest of the program cannot delay "
         "it: `vehicle.every(10, message)` in msggen.live. The longest gap that PX4 accepts is the parameter "
         "COM_OF_LOSS_T, 1 s by default.",
@@ -79,7 +77,7 @@ SETPOINT = (
         "SETPOINT_UNSELECTED",
         "offboard_control_mode selects another setpoint than the one that is published",
         Category.SETPOINT,
-        steering.find_unselected,
+        setpoints.find_unselected,
         fix="Set the field of the published setpoint. PX4 takes the first field that is set, in the order "
         f"{', '.join(map(_setpoints_of, SELECTORS))}. Leave the fields before it false.",
     ),
@@ -87,7 +85,7 @@ SETPOINT = (
         "SETPOINT_EMPTY",
         "a setpoint has no number where PX4 needs one",
         Category.SETPOINT,
-        steering.find_empty,
+        setpoints.find_empty,
         fix="NaN means that a value is not controlled. A TrajectorySetpoint needs a number on each of the axes x, y "
         "and z in position, velocity or acceleration. An attitude needs a unit quaternion and a thrust.",
     ),
@@ -95,7 +93,7 @@ SETPOINT = (
         "SETPOINT_DOWNWARD",
         "a setpoint points down, probably because z was taken as upward",
         Category.SETPOINT,
-        steering.find_downward,
+        setpoints.find_downward,
         fix="PX4's world is NED and its body FRD: z points down. 5 m above the origin is z = -5, climbing is a "
         "negative velocity z, and the thrust of a multicopter is a negative `thrust_body[2]`. `px4_types.frames` "
         "converts from ENU, as ROS has it: `frames.from_ros`.",
@@ -104,7 +102,7 @@ SETPOINT = (
         "POSITION_MISSING",
         "the vehicle has no estimate of its position, and its setpoints need one",
         Category.SETPOINT,
-        arming.find_no_position,
+        not_following.find_no_position,
         fix="Wait for a GPS fix, or send visual odometry. Look at `commander check`, and at the flags of "
         "estimator_status_flags. Attitude and rates need no position.",
     ),
@@ -112,7 +110,7 @@ SETPOINT = (
         "FAILSAFE_ACTIVE",
         "the vehicle is in a failsafe",
         Category.SETPOINT,
-        arming.find_failsafe,
+        not_following.find_failsafe,
         fix="End the cause that the finding names: start the program again that sent offboard_control_mode, charge the "
         "battery, switch the remote control on. Then select Offboard mode again. Parameters such as COM_OBL_RC_ACT and "
         "NAV_RCL_ACT decide what the vehicle does meanwhile.",
@@ -121,7 +119,7 @@ SETPOINT = (
         "ARMING_REFUSED",
         "the vehicle has refused to arm",
         Category.SETPOINT,
-        arming.find_refused_arming,
+        not_following.find_refused_arming,
         fix="End what the finding names. The flags of FailsafeFlags are not all that PX4 checks: the reasons "
         "themselves are events, which do not cross the bridge. `commander check` in PX4's shell "
         "and ground stations show them.",
@@ -130,7 +128,7 @@ SETPOINT = (
         "CHECKS_FAIL",
         "the vehicle gets setpoints and could not be armed",
         Category.SETPOINT,
-        arming.find_failing_checks,
+        not_following.find_failing_checks,
         fix="End what the finding names. Without a remote control, set COM_RC_IN_MODE to 4 or COM_RCL_EXCEPT for "
         "Offboard mode. `commander check` in PX4's shell and ground stations show all reasons.",
     ),
@@ -138,7 +136,7 @@ SETPOINT = (
         "NOT_ARMED",
         "the vehicle gets setpoints and is not armed",
         Category.SETPOINT,
-        arming.find_not_armed,
+        not_following.find_not_armed,
         fix="Arm it: VehicleCommand COMPONENT_ARM_DISARM with param1 = 1, `msggen command arm`. A vehicle that does "
         "not take off within 10 s disarms itself, by the parameter COM_DISARM_PRFLT: arm it after Offboard mode "
         "is selected.",
@@ -147,7 +145,7 @@ SETPOINT = (
         "MODE_REFUSED",
         "the vehicle has refused another mode",
         Category.SETPOINT,
-        arming.find_refused_mode,
+        not_following.find_refused_mode,
         fix="Publish OffboardControlMode for 1 s before the command, and go on publishing. With the field `position` "
         "or `velocity`, the vehicle needs an estimate of its position.",
     ),
@@ -155,7 +153,7 @@ SETPOINT = (
         "MODE_OTHER",
         "the vehicle gets setpoints in a mode that does not use them",
         Category.SETPOINT,
-        arming.find_other_mode,
+        not_following.find_other_mode,
         fix="Select Offboard mode: VehicleCommand DO_SET_MODE with param1 = 1 and param2 = 6. A pilot, a ground "
         "station or a failsafe may have selected another mode since.",
     ),
