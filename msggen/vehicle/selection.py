@@ -22,7 +22,7 @@ class Selection(NamedTuple):
     def accepts(self, remote: Remote) -> bool:
         """Whether a vehicle is meant."""
         return (
-            (self.address in (None, remote.address, host_of(remote.address)))
+            self.address in (None, remote.address, host_of(remote.address))
             and self.key in (None, remote.key)
             and self.namespace in (None, remote.namespace)
         )

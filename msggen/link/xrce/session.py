@@ -98,9 +98,7 @@ class Session:
         self.journal = Journal(limits.record)
         self.recorded = self.settled = 0
         """The version of the journal of the last record, and at the last look."""
-        self._next_create = (
-            0  # the number of the reliable message in which the next CREATE of a continued session can be
-        )
+        self._next_create = 0  # the number of the reliable message in which a continued session may go on to create
         self.fast_id = -1
         """The session id, if a WRITE_DATA of stream 1 can be taken without a look at streams: the session is awake."""
         self._guid = bytes(16)
