@@ -5,9 +5,8 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-import time
 from types import ModuleType
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from msggen.base.diagnostics import InputError, input_error
 from msggen.cli.packages import import_package, topics_of
@@ -16,12 +15,6 @@ from msggen.generate.cache import package_from, package_of
 from msggen.sources.embedded import EMBEDDED
 from msggen.sources.finding import Sources, find_sources
 from msggen.sources.settings import Settings
-
-if TYPE_CHECKING:
-    from msggen.link.link import Route
-
-_LOADING = 1.0
-"""The time in s after which no further release is loaded."""
 
 
 class Types(NamedTuple):
@@ -103,27 +96,6 @@ def expected_types(options: argparse.Namespace) -> Types:
 def release_types(release: str) -> Types:
     """Return the types of an embedded release."""
     return Types(package_of(release), release)
-
-
-def routes_to_continue(options: argparse.Namespace) -> tuple[Route, ...]:
-    """Return the routes with which a process that has no types continues a session without a record.
-
-    They are those of the current folder, or else of the embedded releases, the newest first, as many as are loaded in a
-    second: a vehicle waits for an answer for 3 s, and a package that is not built yet takes about a second. Raises
-    InputError.
-    """
-    from msggen.link.known import joined
-    from msggen.messages.packages import known_routes
-
-    given = folder_types(options)
-    if given is not None:
-        return joined(known_routes((given.package,)))
-    packages, end = [package_of(EMBEDDED[0])], time.monotonic() + _LOADING
-    for release in EMBEDDED[1:]:
-        if time.monotonic() > end:
-            break
-        packages.append(package_of(release))
-    return joined(known_routes(tuple(packages)))
 
 
 def _with_topics(types: Types) -> Types:

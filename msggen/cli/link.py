@@ -40,8 +40,6 @@ _NOTICE = 3.0
 """How long to wait in s before saying so: PX4's client asks for an agent on this computer every 2 s."""
 _AT_ONCE = 0.5
 """How long to wait in s before the names in the arguments are checked with the types of a vehicle that is not there."""
-_IN_NAMESPACE = re.compile("(?!rt/fmu/)(?:rt/|/)?([^/]+(?:/.+)?)/fmu/(?:in|out)/")
-
 _CALLS = re.compile(r"[;:] [^;:]*\b(?:wait_connected|routes|encode)\(.*")
 """The end of an error that names what programs call."""
 _KEYWORDS = re.compile(r"\b(allow|key|namespace)=(?=[, ])")
@@ -53,15 +51,13 @@ class Connection(NamedTuple):
     """A connected vehicle, and the generated package with its messages.
 
     `link` is the address. `label` names the package for people: its release, or the value of --types.
-    `knows_namespace` is False in a session of an earlier program that left no record of it. `chosen` are all types that
-    the vehicle's definitions are looked for in.
+    `chosen` are all types that the vehicle's definitions are looked for in.
     """
 
     vehicle: Vehicle
     package: ModuleType
     link: str
     label: str
-    knows_namespace: bool = True
     chosen: Chosen = Chosen(())
 
     @property
@@ -127,14 +123,9 @@ def connection(
 
     With `acts`, the command changes what the vehicle does: it waits until all vehicles on the link have connected, and
     several are an error unless the options say which one is meant.
-
-    A session that an earlier program began is continued. If that left no record of the session, its topics must be
-    those of the known types, or else of the newest release, and its namespace is not known (docs/vehicle.md). If the
-    user names a topic in a namespace, that selects the vehicle then, as --namespace does.
     """
     from msggen.link.link import LinkError
     from msggen.vehicle.alone import wait_alone
-    from msggen.vehicle.selection import is_unnamed
     from msggen.vehicle.vehicle import Vehicle
 
     link, known = link_of(options), known_types(options)
@@ -154,21 +145,14 @@ def connection(
 
             first: tuple[Types, ...] = (known or release_types(EMBEDDED[0]),)
             vehicle = opened(*first)
-            named = _named_namespace(options)
-            if is_unnamed(vehicle.remote) and not vehicle.remote.namespace and named and not options.namespace:
-                vehicle.close()
-                selection["namespace"] = named
-                vehicle = opened(*first)
             chosen = Chosen((known,)) if known and is_given(options) else types_for(vehicle, known)
             if chosen.types != first:
                 before, vehicle = vehicle, opened(*chosen.types)  # on the link that is open
                 before.close()
             if acts:
                 wait_alone(vehicle, _CHOICE)
-            remote = vehicle.remote
             package, label = chosen.types[0]
-            knows_namespace = bool(remote.namespace) or not is_unnamed(remote)
-            yield Connection(vehicle, package, vehicle.url, label, knows_namespace, chosen)
+            yield Connection(vehicle, package, vehicle.url, label, chosen)
     except LinkError as error:
         raise input_error(link, "L102", f"{for_people(error)}{owner_of(link, error)}", 0) from None
 
@@ -222,13 +206,6 @@ def owner_of(link: str, error: LinkError) -> str:
 
     owners = owners_of(parse_address(link)) if is_taken(error) else ()
     return f"; {few(list(map(str, owners)))} has it" if owners else ""
-
-
-def _named_namespace(options: argparse.Namespace) -> str:
-    """Return the namespace of the first topic that the user names in one, or ""."""
-    topics = [getattr(options, "topic", None) or "", *getattr(options, "topics", ())]
-    found = filter(None, map(_IN_NAMESPACE.match, topics))
-    return next((each[1] for each in found), "")
 
 
 def link_of(options: argparse.Namespace) -> str:

@@ -12,7 +12,7 @@ from msggen.doctor.case import Case, matches, message_of, plain
 from msggen.doctor.observation import VehicleSeen
 from msggen.link.link import Route
 from msggen.messages.names import stem_of, version_of, without_namespace
-from msggen.vehicle.selection import is_unnamed, shown
+from msggen.vehicle.selection import shown
 
 _FULL = re.compile(r"(?:/(.+))?(/fmu/.+)")
 _CAPITAL = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
@@ -109,8 +109,7 @@ def find_shared_namespace(case: Case) -> Iterator[Change]:
     """Find vehicles with the same namespace. Clients of one key are another finding."""
     by_namespace: dict[str, dict[int, VehicleSeen]] = {}
     for vehicle in case.alive:
-        if not is_unnamed(vehicle.remote):
-            by_namespace.setdefault(vehicle.remote.namespace, {})[vehicle.remote.key] = vehicle
+        by_namespace.setdefault(vehicle.remote.namespace, {})[vehicle.remote.key] = vehicle
     for namespace, vehicles in by_namespace.items():
         if len(vehicles) > 1:
             what = f"the namespace '{namespace}'" if namespace else "no namespace"

@@ -12,7 +12,7 @@ import socket
 import threading
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from functools import partial
 from itertools import groupby
@@ -43,21 +43,19 @@ class AgentLink(ABC):
         *,
         allow: Callable[[Address], bool] = everybody,
         keys: Sequence[int] = (),
-        known: Iterable[Route] = (),
         records: str = "",
     ) -> None:
         """Make a link. Nothing is opened.
 
         `keys` are the keys of clients (UXRCE_DDS_KEY) that may connect, all of them if there are none. `records` is a
-        folder for the records of sessions, with which the next program continues them. `known` are the routes of the
-        expected firmware, or several sets of them: with them, a session without a record is continued.
+        folder for the records of sessions, with which the next program continues them.
         """
         self._folder = records
         self._records: Records | None = None
         self._aside: Aside | None = None
         self._warnings: SimpleQueue[str] = SimpleQueue()
         """What the records have to tell."""
-        self.agent = Agent(time.monotonic(), allow=allow, keys=frozenset(keys) or None, known=known)
+        self.agent = Agent(time.monotonic(), allow=allow, keys=frozenset(keys) or None)
         self.lock = threading.Lock()
         """Held while the agent is used, and while its datagrams are sent: they must leave in order."""
         self.sent = 0

@@ -32,8 +32,6 @@ class Route(NamedTuple):
     """`out` if PX4 publishes it, `in` if PX4 subscribes to it."""
     object_id: int
     """The number of the endpoint at the client: 12 bits (docs/xrce.md). -1 if the link has none."""
-    size: int = -1
-    """The bytes of a sample without the encapsulation. -1 if the link does not know it, or if it varies."""
 
 
 class Service(NamedTuple):
@@ -57,25 +55,18 @@ class Remote(NamedTuple):
     key: int
     """The key of the client (parameter UXRCE_DDS_KEY), 0 on DDS."""
     namespace: str
-    """The namespace without slashes at both ends: `uav_1`, or "" without one or if it is not known."""
+    """The namespace without slashes at both ends: `uav_1`, or "" without one or if it is not told."""
     continued: bool
-    """Whether the link continues a session that an earlier program began. Without a record of it, its key is 0 here."""
-    alone: bool | None = None
-    """Without a record: whether no other vehicle is on the link. None if that is not known yet, or not needed."""
+    """Whether the link continues a session that an earlier program began."""
 
     def __str__(self) -> str:
         """Return the vehicle for people: `the vehicle at 127.0.0.1:40123 (key 1, namespace uav_1)`."""
-        if self.continued and not self.key:
-            return f"the vehicle at {self.address}"
         namespace = f", namespace {self.namespace}" if self.namespace else ""
         return f"the vehicle at {self.address} (key {self.key}{namespace})"
 
 
 class Connected(NamedTuple):
-    """A vehicle has begun a session. Its routes follow.
-
-    Another one with the same number tells `Remote.alone` of a vehicle that is connected.
-    """
+    """A vehicle has begun a session. Its routes follow."""
 
     remote: Remote
 

@@ -29,7 +29,7 @@ class LinkType(NamedTuple):
     arguments: tuple[str, ...]
     """The attributes of an `Address` that are the positional arguments of the class."""
     options: tuple[str, ...]
-    """The keywords of the class, of `allow`, `keys`, `known`, `records` and `agent`."""
+    """The keywords of the class, of `allow`, `keys`, `records` and `agent`."""
     unheard: str = (
         "no client has sent anything to UDP port {port} {wait}: check that it sends to this computer "
         "(UXRCE_DDS_AG_IP) and port (UXRCE_DDS_PRT {port}), and the firewall; {status}. "
@@ -105,19 +105,17 @@ class LinkType(NamedTuple):
 
 LINK_TYPES: Mapping[str, LinkType] = MappingProxyType(
     {
-        "udp": LinkType(
-            "udp://{place}", "UdpLink", ("host", "port"), ("allow", "keys", "known", "records"), has_clients=True
-        ),
+        "udp": LinkType("udp://{place}", "UdpLink", ("host", "port"), ("allow", "keys", "records"), has_clients=True),
         "serial": LinkType(
             "serial://{path}?baud={baud}",
             "SerialLink",
             ("path", "baud"),
-            ("keys", "known", "records"),
+            ("keys", "records"),
             unheard="nothing has arrived from {link} {wait}: check the wires, that uxrce_dds_client runs on this port "
             "(UXRCE_DDS_CFG) with {baud} baud; {status}",
             has_clients=True,
         ),
-        "tap": LinkType("tap://{place}?agent={agent}", "TapLink", ("host", "port"), ("agent", "allow", "known")),
+        "tap": LinkType("tap://{place}?agent={agent}", "TapLink", ("host", "port"), ("agent", "allow")),
         "dds": LinkType(
             "dds://{domain}",
             "DdsLink",

@@ -8,7 +8,7 @@ import selectors
 import sys
 import time
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from typing import NamedTuple
 
@@ -16,7 +16,7 @@ from msggen.base.missing import installing
 from msggen.link.age import LONGEST_S, NEVER
 from msggen.link.age import now as now_ns
 from msggen.link.agent_link import SelectorLink
-from msggen.link.link import LinkError, Listener, Route
+from msggen.link.link import LinkError, Listener
 from msggen.link.xrce.framing import Deframer, pack_frame
 from msggen.link.xrce.outbox import Address
 
@@ -44,14 +44,13 @@ class SerialLink(SelectorLink):
         baud: int = 921600,
         *,
         keys: Sequence[int] = (),
-        known: Iterable[Route] = (),
         records: str = "",
     ) -> None:
         """Make a link over a device, such as /dev/ttyUSB0, with a speed: that of PX4's parameter SER_TEL2_BAUD, say.
 
-        `keys`, `known` and `records` as for AgentLink.
+        `keys` and `records` as for AgentLink.
         """
-        super().__init__(keys=keys, known=known, records=records)
+        super().__init__(keys=keys, records=records)
         self.path = path
         self.baud = baud
         self._fd = -1

@@ -20,12 +20,12 @@ from ipaddress import IPv4Address
 from types import MappingProxyType
 from typing import Any, Final
 
-from msggen.base.checked import TIME, field, fields, parsed, row, several, shortened, table, text, whole
+from msggen.base.checked import TIME, field, parsed, row, several, shortened, table, text, whole
 from msggen.base.disk.reading import read_bytes
 from msggen.link.xrce.outbox import Address
 from msggen.link.xrce.record import Record
 
-VERSION: Final = 2
+VERSION: Final = 3
 PATIENCE: Final = 7.0
 """Seconds after which a client that was not answered has left its session."""
 TOUCH: Final = 2.0
@@ -34,9 +34,7 @@ _LONGEST: Final = 1 << 20
 _FILES: Final = 1000
 """The most files of a folder that are looked at."""
 _SUFFIX: Final = ".json"
-_BITS: Final = MappingProxyType(
-    {"key": 32, "session_id": 8, "mtu": 16, "next": 16, "hash": 32, "object": 12, "port": 16}
-)
+_BITS: Final = MappingProxyType({"key": 32, "session_id": 8, "mtu": 16, "next": 16, "hash": 32, "port": 16})
 """The bits of the numbers in a record."""
 
 
@@ -150,7 +148,6 @@ def pack(link: str, record: Record, boot: str) -> bytes:
         **record._asdict(),
         "parts": [part.hex() for part in record.parts],
         "hashes": dict(record.hashes),
-        "sizes": {str(number): size for number, size in record.sizes.items()},
         "samples": {name: [payload.hex(), time] for name, (payload, time) in record.samples.items()},
     }
     return json.dumps({"version": VERSION, "digest": _digest(_canonical(content)), "record": content}).encode()
@@ -170,7 +167,6 @@ def unpack(data: bytes) -> tuple[str, Record, str]:
             address=_address(field(content, "address"), link),
             parts=tuple(several(field(content, "parts"), _bytes)),
             hashes=MappingProxyType(table(field(content, "hashes"), lambda each: _number("hash", each))),
-            sizes=MappingProxyType(dict(map(_size, fields(field(content, "sizes")).items()))),
             samples=MappingProxyType(table(content.get("samples", {}), _sample)),
             **{name: _number(name, field(content, name)) for name in ("key", "session_id", "mtu", "next")},
         )
@@ -198,11 +194,6 @@ def _bytes(value: Any) -> bytes:
 def _sample(value: Any) -> tuple[bytes, int]:
     payload, time = row(value, _bytes, lambda each: whole(each, 0, TIME))
     return payload, time
-
-
-def _size(pair: tuple[str, Any]) -> tuple[int, int]:
-    """Return an object id and the size of its samples. JSON has texts as names."""
-    return _number("object", int(pair[0])), _number("mtu", pair[1], -1)
 
 
 def _canonical(content: Any) -> str:

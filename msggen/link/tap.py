@@ -17,13 +17,13 @@ import socket
 import struct
 import sys
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from typing import NoReturn
 
 from msggen.link.age import LONGEST_NS, NEVER
 from msggen.link.agent_link import SelectorLink
-from msggen.link.link import LinkError, Listener, Remote, Route, Service
+from msggen.link.link import LinkError, Listener, Remote, Service
 from msggen.link.link_types import AGENT_PORT, PORT
 from msggen.link.udp import BATCH, LONGEST, RECEIVE_BUFFER, Bound, allowed
 from msggen.link.xrce.outbox import Address
@@ -48,8 +48,7 @@ class Shift:
     """The numbers of the best-effort stream to a client: the agent's, shifted by the samples that were added."""
 
     def __init__(self) -> None:
-        self.added: int | None = 0
-        """None until the agent's next number is known, which follows the newest one."""
+        self.added = 0
         self._newest: int | None = None
 
     def forward(self, data: bytes) -> bytes:
@@ -63,20 +62,14 @@ class Shift:
             self.added, self._newest = 0, None  # the client begins a session, and the stream begins anew
         if stream != BEST_EFFORT:
             return data
-        if self.added is None:
-            self.added = ((self._newest or 0) + 1 - sequence) & 0xFFFF
         shifted = (sequence + self.added) & 0xFFFF
         if self._newest is None or (shifted - self._newest) & 0xFFFF < HALF:
             self._newest = shifted
         return data if shifted == sequence else HEADER.pack(session, stream, shifted) + data[HEADER.size :]
 
-    def restart(self, data: bytes) -> None:
-        """Take the number of a datagram that goes to the client as it is for the newest one."""
-        self.added, self._newest = None, HEADER.unpack_from(data)[2]
-
     def add(self, data: bytes) -> bytes:
         """Return a datagram of this program as it goes to the client."""
-        self.added = None if self.added is None else (self.added + 1) & 0xFFFF
+        self.added = (self.added + 1) & 0xFFFF
         self._newest = 0 if self._newest is None else (self._newest + 1) & 0xFFFF
         session, stream, _ = HEADER.unpack_from(data)
         return HEADER.pack(session, stream, self._newest) + data[HEADER.size :]
@@ -102,14 +95,13 @@ class TapLink(SelectorLink):
         *,
         agent: tuple[str, int] = ("127.0.0.1", AGENT_PORT),
         allow: Sequence[str] = (),
-        known: Iterable[Route] = (),
     ) -> None:
         """Make a tap that listens on an address of this computer, and sends to an agent.
 
-        `allow` and `known` as for UdpLink: what others send is not forwarded. Raises LinkError.
+        `allow` as for UdpLink: what others send is not forwarded. Raises LinkError.
         """
         self._is_allowed = allowed(allow)
-        super().__init__(allow=self._is_allowed, known=known)
+        super().__init__(allow=self._is_allowed)
         self.host = host
         self.port = port
         """The port, once the link is started also if it was 0."""
@@ -183,19 +175,8 @@ class TapLink(SelectorLink):
         with self.lock:
             for data, address in received:
                 self.agent.receive(data, address, now)
-            self._answer()
+            self.agent.take_outgoing()  # the answers come from the other agent
         self.flush(listener)
-
-    def _answer(self) -> None:
-        """Throw answers away, since the agent gives them, but for the ones that continue the session of an earlier tap.
-
-        Those make the client take any number for a new one (docs/xrce.md, "Continued sessions").
-        """
-        for data, address in self.agent.take_outgoing():
-            client = self._clients.get(address)
-            if client is not None and data[1] == BEST_EFFORT:
-                client.shift.restart(data)
-                self._to_client(data, address)
 
     def _client(self, address: Address, listener: Listener) -> _Client | None:
         """Return the client at an address, or None if it may not connect."""

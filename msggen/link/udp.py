@@ -8,13 +8,13 @@ import socket
 import struct
 import sys
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import lru_cache
 
 from msggen.link.age import NEVER
 from msggen.link.agent_link import AgentLink
-from msggen.link.link import LinkError, Listener, Remote, Route, deliver
+from msggen.link.link import LinkError, Listener, deliver
 from msggen.link.link_types import PORT
 from msggen.link.xrce.outbox import Address
 
@@ -35,22 +35,21 @@ _MEMINFO = struct.Struct("9I")
 class UdpLink(AgentLink):
     """A link to all vehicles whose clients send to a UDP port."""
 
-    def __init__(  # noqa: PLR0913 - keywords, each of which has a default
+    def __init__(
         self,
         host: str = "127.0.0.1",
         port: int = PORT,
         *,
         allow: Sequence[str] = (),
         keys: Sequence[int] = (),
-        known: Iterable[Route] = (),
         records: str = "",
     ) -> None:
         """Make a link that listens on an address of this computer; 0.0.0.0 for all of them, port 0 for any free one.
 
         `allow` are IP addresses and networks (`192.168.0.0/24`) that may connect, all of them if there are none.
-        `keys`, `known` and `records` as for AgentLink. Raises LinkError.
+        `keys` and `records` as for AgentLink. Raises LinkError.
         """
-        super().__init__(allow=allowed(allow), keys=keys, known=known, records=records)
+        super().__init__(allow=allowed(allow), keys=keys, records=records)
         self.host = host
         self.port = port
         """The port, once the link is started also if it was 0."""
@@ -113,11 +112,6 @@ class UdpLink(AgentLink):
     def name(self) -> str:
         """Return the address of the link."""
         return f"udp://{self.host}:{self.port}"
-
-    def renew(self, remote: Remote) -> None:
-        """End the session of a vehicle, which then connects anew and tells its key and its namespace."""
-        with self.lock, suppress(LinkError):
-            self.agent.renew(remote.number)
 
     def dropped(self) -> int:
         """Return how many datagrams the kernel has dropped. Known on Linux."""

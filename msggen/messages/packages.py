@@ -12,15 +12,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, Protocol, 
 
 from msggen.link.link import FormatError, Route, TopicError
 from msggen.messages.names import is_named_after, stem_of, version_of
-from msggen.messages.object_ids import object_ids_of
 
 if TYPE_CHECKING:
     from typing_extensions import Self
-
-
-COMMAND_SERVICE = "/fmu/vehicle_command"
-COMMAND_NUMBER = 2048
-"""The object id of the service."""
 
 
 class Message(Protocol):
@@ -321,31 +315,6 @@ def difference(ros_name: str, theirs: int | None, own_name: str, own: int) -> st
     """Return the start of an error about two definitions of a message."""
     shown = "is not known" if theirs is None else f"has the hash {theirs:#010x}"
     return f"the vehicle's definition of '{ros_name}' {shown}, and {own_name} has {own:#010x}"
-
-
-def known_routes(packages: Packages) -> tuple[tuple[Route, ...], ...]:
-    """Return the sets of routes that a vehicle can have whose firmware has the topics of one of these packages.
-
-    A package has several, because object ids depend on the board. A route with the type of a request stands for its
-    service.
-    """
-    return tuple(
-        (*_endpoints(package, each.numbers), *_services(package))
-        for package in packages
-        for each in object_ids_of(package)
-    )
-
-
-def _endpoints(package: Any, numbers: Sequence[int]) -> Iterator[Route]:
-    for endpoint, number in zip(package.topics.ENDPOINTS, numbers, strict=True):
-        info = endpoint.message.__msg__
-        yield Route(endpoint.ros_name, info.ros_type, endpoint.direction, number, info.cdr_size or -1)
-
-
-def _services(package: Any) -> Iterator[Route]:
-    service = getattr(getattr(package, "srv", None), "VehicleCommand", None)
-    if service is not None:
-        yield Route(COMMAND_SERVICE, service.Request.__msg__.ros_type, "in", COMMAND_NUMBER)
 
 
 def check_sent(cls: type[Message], route: Route, known: int | None) -> None:

@@ -9,7 +9,6 @@ from types import ModuleType
 from typing import Any, NamedTuple
 
 from msggen.link.xrce.client_entities import Reader, Server, Settings, Writer
-from msggen.messages.object_ids import object_ids_of
 from msggen.sim.options import Options
 from msggen.sim.publishing import Publication, publication_of
 
@@ -41,8 +40,9 @@ def endpoints_of(package: ModuleType, options: Options) -> Endpoints:
     namespace = f"/{options.namespace}" if options.namespace else ""
     versions = options.misbehaviour.versions or {}
     publications, inputs, readers, writers = [], {}, [], []
-    numbers = object_ids_of(package)[0 if options.board == "most" else -1].numbers
-    for endpoint, number in zip(import_module(f"{package.__name__}.topics").ENDPOINTS, numbers, strict=True):
+    topics = import_module(f"{package.__name__}.topics")
+    numbers = object_ids_of(topics, has_all=options.board != "most")
+    for endpoint, number in zip(topics.ENDPOINTS, numbers, strict=True):
         name = namespace + _versioned(endpoint.ros_name, versions.get(endpoint.message_name))
         if endpoint.direction == "in":
             readers.append(Reader(number, f"rt{name}", endpoint.dds_type, endpoint.qos.reader.depth))
@@ -55,6 +55,23 @@ def endpoints_of(package: ModuleType, options: Options) -> Endpoints:
     servers = _servers(getattr(package, "srv", None), namespace)
     settings = Settings(readers, writers, servers, key=options.key, namespace=options.namespace, sync=options.sync)
     return Endpoints(publications, inputs, settings)
+
+
+def object_ids_of(topics: Any, *, has_all: bool = False) -> tuple[int, ...]:
+    """Return the object id of each endpoint of a package's module `topics`, in the order of `ENDPOINTS`.
+
+    They depend on the board: most have no messages with a condition (docs/wire.md, section 12), but for those whose
+    topics cross the bridge. With `has_all`, the board has all of them.
+    """
+    met = {topics.UORB[endpoint.uorb_topic].condition for endpoint in topics.ENDPOINTS} | {""}
+    built = [topic for topic in topics.UORB.values() if has_all or topic.condition in met]
+    orb_ids = {topic.name: place for place, topic in enumerate(sorted(built, key=lambda each: each.orb_id))}
+    return tuple(
+        endpoint.object_id
+        if endpoint.direction == "in"
+        else orb_ids[endpoint.uorb_topic] + (endpoint.instance or 0) * len(orb_ids)
+        for endpoint in topics.ENDPOINTS
+    )
 
 
 def _servers(services: Any, namespace: str) -> list[Server]:

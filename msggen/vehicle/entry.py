@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import TypeVar
 
 from msggen.link.link import FollowingLink, FormatError, Link, Remote, Route, Service
 from msggen.messages.firmware import Firmware, FormatCheck, identify, releases
@@ -13,13 +12,12 @@ from msggen.messages.packages import Decoding, NamedTopic, Packages, UnknownForm
 from msggen.vehicle.calls import Calls
 from msggen.vehicle.feed import Feed
 from msggen.vehicle.memory import Kept, Memory, Remembering
-from msggen.vehicle.selection import Selection, is_same, is_unnamed, may_be_meant, may_have, shown, why_unknown
+from msggen.vehicle.selection import Selection, is_same, shown
 from msggen.vehicle.watch import Watch
 
 SETTLED_S = 1.0
 """A vehicle with routes, but without a service and samples, has all of them if none was opened for this time, in s."""
 
-RouteT = TypeVar("RouteT", Route, Service)
 Row = tuple[Callable[[bytes, int, Decoding], None], Decoding]
 
 
@@ -57,10 +55,7 @@ class Entry:
 
     def has(self, topic: NamedTopic, route: Route) -> bool:
         """Whether a topic, with or without a namespace in its name, is a route of this vehicle."""
-        namespace = topic.namespace
-        if namespace is not None and may_have(self.remote, namespace):
-            namespace = self.remote.namespace
-        return is_topic(route.name, topic.stem, namespace)
+        return is_topic(route.name, topic.stem, topic.namespace)
 
     def recall(self, link: Remembering) -> None:
         """Take what the link remembers of the vehicle."""
@@ -159,25 +154,4 @@ class Member:
         if selection.is_any and own is not None and not is_same(own, remote):
             text = f"{shown(remote)} connected too and is ignored, as this Vehicle has {shown(own)}"
             return f"{text}: select one by key, namespace or address"
-        if own is None and may_be_meant(selection, remote):
-            return why_unknown(remote)
-        if own is not None and is_unnamed(own) and is_same(own, remote) and not selection.matches(remote):
-            return f"{shown(remote)} has connected again, and is not the one that was asked for"
         return ""
-
-    @property
-    def namespace(self) -> str:
-        """The namespace of the vehicle, or the one that selects it if it has not told any."""
-        own = self.entry.remote.namespace if self.entry is not None else ""
-        return own or self.selection.namespace or ""
-
-    def named(self, route: RouteT) -> RouteT:
-        """Return a route or a service with its name in this namespace."""
-        if self.entry is None or self.entry.remote.namespace or not self.namespace:
-            return route
-        return route._replace(name=f"/{self.namespace}{route.name}")
-
-    def prefers(self, remote: Remote) -> bool:
-        """Whether a vehicle is the one that was asked for, and the own one was only taken for it."""
-        own = self.entry.remote if self.entry is not None else remote
-        return is_unnamed(own) and not self.selection.matches(own) and self.selection.matches(remote)

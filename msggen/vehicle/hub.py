@@ -16,7 +16,7 @@ from msggen.vehicle.delivery import Delivery
 from msggen.vehicle.entry import Entry, Member, Row
 from msggen.vehicle.feed import Feed, Item, check_outside_callback
 from msggen.vehicle.memory import Remembering
-from msggen.vehicle.selection import may_be_meant, order, shown, why_missing
+from msggen.vehicle.selection import order, shown, why_missing
 from msggen.vehicle.watch import Watch
 
 LOGGER = getLogger("msggen.live")
@@ -48,10 +48,7 @@ class Hub:
     # the thread of the link
 
     def connected(self, remote: Remote) -> None:
-        """Give a vehicle to the members that wait for it, also when more becomes known of it."""
-        if remote.number in self.entries:
-            self._learn(remote)
-            return
+        """Give a vehicle to the members that wait for it."""
         with self.changed:
             self.thread = threading.get_ident()
             entry = self.entries[remote.number] = Entry(remote, self.link, self.evaluate)
@@ -60,18 +57,6 @@ class Hub:
             for member in self.members:
                 self._offer(member, entry)
             self.changed.notify_all()
-
-    def _learn(self, remote: Remote) -> None:
-        """Take note of whether a vehicle is alone, on which selections and namespaces in names depend."""
-        with self.changed:
-            entry = self.entries[remote.number]
-            entry.remote = remote
-            for member in self.members:
-                if member.entry is entry:
-                    member.last = remote
-                else:
-                    self._offer(member, entry)
-            self.evaluate(entry, None)
 
     def opened(self, remote: Remote, route: Route | Service) -> None:
         """Connect a route with the subscriptions of it."""
@@ -213,8 +198,7 @@ class Hub:
         """Add a member, and give it a vehicle that is connected already."""
         with self.changed:
             self.members = (*self.members, member)
-            matches = member.selection.matches
-            for entry in sorted(self.entries.values(), key=lambda each: (not matches(each.remote), order(each.remote))):
+            for entry in sorted(self.entries.values(), key=lambda each: order(each.remote)):
                 self._offer(member, entry)
 
     def leave(self, member: Member) -> None:
@@ -281,9 +265,7 @@ class Hub:
         entry = member.entry
         if self._following is None or entry is None:
             return ()
-        found = self._following.publishers(entry.remote)
-        routes = entry.routes
-        return [each._replace(topic=member.named(routes[each.topic]).name) for each in found if each.topic in routes]
+        return [each for each in self._following.publishers(entry.remote) if each.topic in entry.routes]
 
     def detach(self, member: Member, feed: Feed) -> None:
         """End a subscription. Can be repeated."""
@@ -334,14 +316,8 @@ class Hub:
         remote = entry.remote
         if member.entry is None and member.accepts(remote):
             self._take(member, entry)
-        elif member.entry is not None and member.entry is not entry and member.prefers(remote):
-            LOGGER.warning("%s is the one that was asked for, and not %s", shown(remote), shown(member.entry.remote))
-            self._release(member)
-            self._take(member, entry)
         elif member.entry is not entry:
             self._tell_of_another(member, remote)
-            if member.entry is None and may_be_meant(member.selection, remote):
-                self._renew(remote)
 
     def _take(self, member: Member, entry: Entry) -> None:
         member.entry, member.last = entry, entry.remote
@@ -363,12 +339,6 @@ class Hub:
             member.has_told_of_another = True
             LOGGER.warning("%s", text)
 
-    def _renew(self, remote: Remote) -> None:
-        """Let a vehicle tell its key and its namespace, which connects anew, if nobody uses it here."""
-        renew = getattr(self.link, "renew", None)
-        if renew is not None and all(member.entry is not self.entries[remote.number] for member in self.members):
-            renew(remote)
-
     def _is_route_of(self, topic: NamedTopic, route: Route, entry: Entry) -> bool:
         return route.direction == topic.direction and entry.has(topic, route)
 
@@ -385,7 +355,7 @@ class Hub:
                     decoding = entry.decoding(feed, route, member.packages)
                     if decoding is not None:
                         rows.append((feed.push, decoding))
-            rows += [(watch.of(member.named(route)), _NOT_DECODED) for watch in member.watches if watch.takes(route)]
+            rows += [(watch.of(route), _NOT_DECODED) for watch in member.watches if watch.takes(route)]
         entry.table = {**entry.table, route.name: tuple(rows)}
         if self._following is not None and (route.name in entry.followed) != bool(rows):
             (entry.followed.add if rows else entry.followed.remove)(route.name)

@@ -8,7 +8,7 @@ from collections.abc import Callable, Hashable, Iterable, Sequence
 from typing import NamedTuple
 
 from msggen.link.address import parse_address
-from msggen.link.link import Link, LinkError, Route
+from msggen.link.link import Link, LinkError
 from msggen.vehicle.entry import Member
 from msggen.vehicle.hub import Hub
 from msggen.vehicle.opening import open_link
@@ -17,13 +17,10 @@ _END_S = 5
 """The longest wait in s for a link to be closed by another thread."""
 
 
-def link_of(
-    url: str | Link, allow: Sequence[str | int], known: Sequence[Route], *, is_direct: bool
-) -> tuple[str, Callable[[], Link]]:
+def link_of(url: str | Link, allow: Sequence[str | int], *, is_direct: bool) -> tuple[str, Callable[[], Link]]:
     """Return the name of a link, and a function that makes it. Raises LinkError for a wrong address.
 
-    `known` are the routes with which the session of an earlier program is continued. With `is_direct`, this program
-    owns the link, and no other one can use it.
+    With `is_direct`, this program owns the link, and no other one can use it.
     """
     if not isinstance(url, str):
         link = url
@@ -31,7 +28,7 @@ def link_of(
             raise LinkError("allow= is for addresses: give it to the Link itself, such as UdpLink(allow=...)")
         return f"{type(link).__name__} {id(link):#x}", lambda: link
     address = parse_address(url)
-    return str(address), lambda: open_link(address, allow, known, is_shared=not is_direct)
+    return str(address), lambda: open_link(address, allow, is_shared=not is_direct)
 
 
 def opened_at(name: str, link: Link) -> str:

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, Literal, get_args, overload
 
 from msggen.base.diagnostics import suggestion
 from msggen.link.age import expiry
-from msggen.link.known import joined
 from msggen.link.link import (
     Link,
     LinkError,
@@ -34,7 +33,6 @@ from msggen.messages.packages import (
     decoding_of,
     find_topic,
     heard_way,
-    known_routes,
     package_of_class,
     packages_of,
     response_of,
@@ -104,9 +102,8 @@ class Vehicle:
         selection = Selection(key, None if namespace is None else namespace.strip("/"), address)
         self._member = Member(selection, self._packages)
         self._routes: dict[tuple[type, object], tuple[Entry, Route, object]] = {}
-        known = joined(known_routes(self._packages))
         allowed = (allow,) if isinstance(allow, (str, int)) else tuple(allow)
-        self._name, opened = link_of(url, allowed, known, is_direct=direct)
+        self._name, opened = link_of(url, allowed, is_direct=direct)
         self._hub = join_hub(self._name, opened, self._member, allowed)
         self.url = opened_at(self._name, self._hub.link)
         """The address of the link. With `udp://127.0.0.1:0`, it has the port that the system has chosen."""
@@ -187,11 +184,8 @@ class Vehicle:
 
     @property
     def remote(self) -> Remote:
-        """The vehicle that is connected: its address, key and namespace. Raises NotConnectedError.
-
-        If it has not told its namespace, as an earlier program began its session, this is the one that selects it.
-        """
-        return self._entry().remote._replace(namespace=self._member.namespace)
+        """The vehicle that is connected: its address, key and namespace. Raises NotConnectedError."""
+        return self._entry().remote
 
     @property
     def others(self) -> Sequence[Remote]:
@@ -210,12 +204,12 @@ class Vehicle:
     @property
     def routes(self) -> tuple[Route, ...]:
         """The topics of the vehicle that is connected. Raises NotConnectedError."""
-        return tuple(map(self._member.named, tuple(self._entry().routes.values())))
+        return tuple(self._entry().routes.values())
 
     @property
     def services(self) -> tuple[Service, ...]:
         """The services of the vehicle that is connected. Raises NotConnectedError."""
-        return tuple(map(self._member.named, tuple(self._entry().services.values())))
+        return tuple(self._entry().services.values())
 
     @property
     def firmware(self) -> Firmware:

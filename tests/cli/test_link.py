@@ -13,13 +13,11 @@ from typing import Any
 import pytest
 
 from msggen.cli import parser_for
-from msggen.cli.chosen_types import expected_types, given_types, known_types, routes_to_continue
+from msggen.cli.chosen_types import expected_types, given_types, known_types
 from msggen.cli.link import agent_of, connection, link_of
 from msggen.generate.cache import cache_folder, package_of
-from msggen.link.known import joined
 from msggen.link.link_types import DEFAULT
 from msggen.live import Vehicle
-from msggen.messages.packages import known_routes
 from msggen.sim import Options, Simulator
 from support.commands import run
 from support.ports import free_port
@@ -293,17 +291,6 @@ def test_a_package_without_topics_is_refused(working_folder: Path) -> None:
     assert outcome.stderr == "fw: L103 no topics of the bridge: no dds_topics.yaml\n1 error\n"
 
 
-def test_a_process_without_types_knows_the_topics_of_the_setting_or_of_releases(working_folder: Path) -> None:
-    words = ["link", "serve"]
-    own = given_types(options("--types", TYPES))
-    assert own is not None
-    newest = known_routes((package_of("v1.18"),))
-    found = routes_to_continue(parser_for(words).parse_args(words))
-    assert found[: len(joined(newest))] == joined(newest)
-    (working_folder / "pyproject.toml").write_text(f'[tool.msggen]\ntypes = "{TYPES}"\n')
-    assert routes_to_continue(parser_for(words).parse_args(words)) == joined(known_routes((own.package,)))
-
-
 # Sessions of earlier commands
 
 
@@ -316,7 +303,6 @@ def test_a_command_continues_the_session_of_an_earlier_one(url: str, px4_types: 
             with connection(given) as found:
                 assert (found.package, found.label) == (package_of("v1.18"), "v1.18")
                 assert (found.vehicle.remote.continued, found.vehicle.remote.key) == (is_continued, 1)
-                assert found.knows_namespace
                 assert found.vehicle.wait_firmware(20).release == "v1.18"
 
 
@@ -328,36 +314,22 @@ def test_a_record_has_the_key_and_the_namespace_of_a_vehicle(words: list[str], u
             with connection(options("--link", url, *words)) as found:
                 remote, routes = found.vehicle.remote, found.vehicle.routes
                 assert (remote.namespace, remote.key, remote.continued) == ("uav/one", 5, is_continued)
-                assert found.knows_namespace
                 assert all(route.name.startswith("/uav/one/fmu/") for route in routes)
 
 
 @pytest.mark.usefixtures("cache")
-@pytest.mark.parametrize(
-    "case",
-    [
-        ("", "vehicle_status"),
-        ("uav_1", "vehicle_status"),
-        ("uav_1", "/uav_1/fmu/out/vehicle_status_v4"),
-        ("uav_1", "uav_1/fmu/out/vehicle_status"),
-    ],
-)
-def test_without_a_record_a_session_is_continued_whatever_its_namespace_is(
-    case: tuple[str, str], url: str, state: Path, px4_types: Any
+def test_without_a_record_a_vehicle_connects_anew_and_a_line_says_so(
+    url: str, state: Path, px4_types: Any, caplog: pytest.LogCaptureFixture
 ) -> None:
-    namespace, topic = case
-    words = ["topic", "echo", topic, "--link", url]
-    with Simulator(px4_types, url, [SHORT._replace(namespace=namespace)]):
+    with Simulator(px4_types, url, [SHORT._replace(namespace="uav_1")]):
         with Vehicle(url, px4_types) as earlier:
             earlier.wait_connected(20)
         shutil.rmtree(state / "msggen", ignore_errors=True)
-        with connection(parser_for(words).parse_args(words)) as found:
-            is_named = "/" in topic
-            assert (found.vehicle.remote.continued, found.knows_namespace) == (True, is_named)
-            assert found.vehicle.remote.namespace == (namespace if is_named else "")
-            assert all(route.name.startswith("/uav_1/") == is_named for route in found.vehicle.routes)
-            name = f"/{topic.strip('/')}" if "/" in topic else topic
-            assert found.vehicle.subscribe(name).wait_for(bool, 20)
+        outcome = run(["topic", "echo", "/uav_1/fmu/out/vehicle_status_v4", "--link", url, "-n", "1"])
+    assert outcome.code == 0
+    assert outcome.stdout.count("nav_state") > 0
+    (told,) = [text for text in caplog.messages if "has a session with an earlier program" in text]
+    assert told.endswith("of which there is no record: it connects anew, which takes about 10 s")
 
 
 def test_a_folder_of_records_that_cannot_be_written_is_not_needed(

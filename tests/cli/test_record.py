@@ -21,8 +21,8 @@ from msggen.cli import main
 from msggen.exports.writer import Channel, Writer
 from msggen.link.xrce import client
 from msggen.link.xrce.wire import ENCAPSULATION
-from msggen.messages.object_ids import object_ids_of
 from msggen.sim import Misbehaviour, Options, Simulator
+from msggen.sim.endpoints import object_ids_of
 from support.ports import free_port
 from support.recordings import START, Found, check_decoded, check_read, read_mcap
 from support.repository import ROOT
@@ -65,7 +65,7 @@ def record(address: str, *words: str, types: str = PACKAGE) -> int:
 
 def check_complete(found: Sequence[Found], sent: Sequence[tuple[int, bytes]], package: Any) -> None:
     """Check that each topic has a stretch of what was sent, without a gap, and that all have been recorded together."""
-    ids = object_ids_of(package)[0].numbers  # of most boards
+    ids = object_ids_of(package.topics)
     numbers = {each.ros_name: number for each, number in zip(package.topics.ENDPOINTS, ids, strict=True)}
     for name in {each.topic for each in found}:
         ours = [each.payload for each in found if each.topic == name]

@@ -731,9 +731,7 @@ VEHICLES = st.builds(
         key=st.integers(0, 3),
         namespace=st.sampled_from(["", "a"]),
     ),
-    routes=st.lists(
-        st.builds(Route, NAMES, NAMES, st.sampled_from(["in", "out"]), st.just(-1), st.just(-1)), max_size=4
-    ).map(tuple)
+    routes=st.lists(st.builds(Route, NAMES, NAMES, st.sampled_from(["in", "out"]), st.just(-1)), max_size=4).map(tuple)
     | st.just(STEERED.seen.vehicles[0].routes),
     topics=st.dictionaries(
         NAMES,

@@ -155,7 +155,7 @@ class _Told:
             yield self._chance.randbytes(100)
 
     def answer(self, number: int, what: str) -> bytes:
-        vehicle = {"number": 1, "address": "a", "key": 1, "namespace": "", "continued": False, "alone": None}
+        vehicle = {"number": 1, "address": "a", "key": 1, "namespace": "", "continued": False}
         answers: dict[str, Any] = {
             "statistics": [0, 1, 2, 3, 4, 5, 6],
             "state": {

@@ -27,9 +27,9 @@ from msggen.link.link import Opened
 from msggen.link.session_files import Records, pack
 from msggen.link.xrce import wire
 from msggen.link.xrce.agent import Agent
-from msggen.link.xrce.creations import creations
 from msggen.link.xrce.record import Record
 from msggen.vehicle.owned.records import event_of
+from support.creations import creations
 from support.fake_link import routes_of
 from support.scratch import scratch_folder
 
@@ -74,8 +74,8 @@ def _check_session(case: Case, folder: str) -> None:
     routes = routes_of(px4_types)
     samples = {routes[0].name: (b"\0\1\0\0" + bytes(40), 5)}
     parts = tuple(creations("", routes))
-    maps: tuple[Mapping[str, int], Mapping[int, int], Mapping[str, tuple[bytes, int]]]
-    maps = MappingProxyType({"px4_msgs/msg/A": 7}), MappingProxyType({1: 8}), MappingProxyType(samples)
+    maps: tuple[Mapping[str, int], Mapping[str, tuple[bytes, int]]]
+    maps = MappingProxyType({"px4_msgs/msg/A": 7}), MappingProxyType(samples)
     record = Record(ADDRESS, SETTINGS.key, 0x81, 508, 71, parts, *maps)
     Records(folder, LINK, told.append).write([(ADDRESS, record)])
     (path,) = Path(folder).iterdir()

@@ -24,7 +24,7 @@ from msggen.link.serial import SerialLink
 from msggen.link.tap import TapLink
 from msggen.link.udp import Bound, UdpLink
 from support.link_records import Records, nothing_is_left
-from support.replay import DATA, DELETE, GET_INFO, WRITE_DATA, Client, creation, kind, known_routes, sample, sent
+from support.replay import DATA, DELETE, GET_INFO, WRITE_DATA, Client, creation, kind, sample, sent
 from support.repository import ROOT
 from support.xrce_captures import expected
 
@@ -488,15 +488,17 @@ def test_a_link_that_is_killed_frees_its_port_for_the_next() -> None:
             process.kill()
 
 
-def test_a_session_of_an_earlier_program_goes_on() -> None:
-    """With the object ids that the registry knows, the samples of a running session have topics at once."""
+def test_a_session_without_a_record_is_told_and_refused() -> None:
     running = [data for data in sent("session-udp") if kind(data) in {GET_INFO, WRITE_DATA} and data[0] == 0x81]
-    with linked(known=known_routes()) as (link, records), Client(link.port) as client:
+    with linked() as (link, records), Client(link.port) as client:
         client.play(running)
-        records.wait(lambda: len(records.samples) >= 490)
-        (remote,) = records.remotes
-        assert remote.continued
-        assert len(link.routes(remote)) == 65
+        records.wait(lambda: records.warnings)
+        records.wait(lambda: link.statistics().refused >= 490)
+        (warning,) = records.warnings
+        assert warning.startswith(
+            f"{client.address} has a session with an earlier program, of which there is no record"
+        )
+        assert records.remotes == []
 
 
 def test_the_socket_says_nothing_by_itself() -> None:

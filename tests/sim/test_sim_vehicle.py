@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 from msggen.link.link import Sample
 from msggen.link.xrce import wire
 from msggen.link.xrce.agent import Agent
-from msggen.messages.object_ids import object_ids_of
 from msggen.sim import Misbehaviour, Options, SimulatedVehicle
 from msggen.sim.alone import INSIDE
+from msggen.sim.endpoints import object_ids_of
 from msggen.sim.line import Line
 from msggen.sim.options import Board
 from msggen.sim.parts import PARTS
@@ -82,11 +82,11 @@ def test_a_flight_with_the_types_of_every_release(types: Any) -> None:
     assert not bench.vehicle.refused
 
 
-@pytest.mark.parametrize(("board", "place"), [("most", 0), ("sitl", -1)])
-def test_topics_have_the_names_types_and_ids_of_the_board(types: Any, board: Board, place: int) -> None:
+@pytest.mark.parametrize("board", ["most", "sitl"])
+def test_topics_have_the_names_types_and_ids_of_the_board(types: Any, board: Board) -> None:
     bench = Bench(types, Options(sync="off", namespace="uav_1", board=board))
     bench.run(0.1)
-    numbers = object_ids_of(types)[place].numbers
+    numbers = object_ids_of(topics_of(types), has_all=board == "sitl")
     expected = {
         (number << 4 | (5 if endpoint.direction == "out" else 6)).to_bytes(2, "big"): "rt/uav_1" + endpoint.ros_name
         for number, endpoint in zip(numbers, topics_of(types).ENDPOINTS, strict=True)

@@ -34,7 +34,6 @@ class FakeLink:
         self.published: list[tuple[Remote, Route, bytes]] = []
         self.calls: list[tuple[Remote, Service, int, bytes]] = []
         self.called = threading.Event()
-        self.renewed: list[Remote] = []
         self.sent = threading.Event()
         self.closed = threading.Event()
         self.error: LinkError | None = None
@@ -70,9 +69,6 @@ class FakeLink:
     def routes(self, remote: Remote) -> Sequence[Route | Service]:
         return tuple(self.opened[remote.number])
 
-    def renew(self, remote: Remote) -> None:
-        self.renewed.append(remote)
-
     def statistics(self) -> Statistics:
         return Statistics(0, len(self.published), 0, 0, 0, 0)
 
@@ -93,13 +89,12 @@ class FakeLink:
         address: str = "127.0.0.1:40000",
         *,
         continued: bool = False,
-        alone: bool | None = None,
         routes: Iterable[Route] | None = None,
         is_open: bool = True,
     ) -> Remote:
         """Let a vehicle connect and open the routes, by default those of the package, and the service."""
         self._numbers += 1
-        remote = Remote(self._numbers, address, key, namespace, continued, alone)
+        remote = Remote(self._numbers, address, key, namespace, continued)
         self.opened[remote.number] = []
         self.remotes[remote.number] = remote
         self.user().connected(remote)

@@ -8,9 +8,8 @@ import time
 from collections.abc import Sequence
 from contextlib import suppress
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from msggen.link.link import Route
 from support import xrce_captures
 
 if TYPE_CHECKING:
@@ -44,20 +43,6 @@ def creation(name: str) -> Sequence[bytes]:
 def writer() -> bytes:
     """Return the object id of a writer of `session-udp`."""
     return next(data for data in sent("session-udp") if kind(data) == WRITE_DATA)[10:12]
-
-
-def known_routes() -> Sequence[Route]:
-    """Return the routes of the firmware of `session-udp`, as a registry knows them."""
-    entities = xrce_captures.expected()["entities"]
-    topics = {entity["object_id"][:3]: entity for entity in entities if entity["kind"] == "topic"}
-    known = []
-    for entity in entities:
-        if entity["kind"] in {"datawriter", "datareader"}:
-            topic = topics[entity["object_id"][:3]]
-            ros_type = topic["type"].replace("::dds_::", "::").rstrip("_").replace("::", "/")
-            direction: Any = "out" if entity["kind"] == "datawriter" else "in"
-            known.append(Route(topic["name"].removeprefix("rt"), ros_type, direction, entity["id"]))
-    return known
 
 
 def sample(number: int, cdr: bytes) -> bytes:

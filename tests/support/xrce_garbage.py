@@ -15,7 +15,6 @@ if __name__ == "__main__":
 
     sys.path[0:1] = [str(Path(__file__).resolve().parents[1]), str(Path(__file__).resolve().parents[2])]
 
-from msggen.link.link import Route
 from msggen.link.xrce import wire
 from msggen.link.xrce.agent import Agent
 from msggen.link.xrce.limits import Limits
@@ -24,7 +23,6 @@ from support.xrce_captures import SESSIONS, sent
 
 SPECIAL = (0, 1, 2, 3, 4, 5, 7, 8, 0x0D, 0x7F, 0x80, 0x81, 0xFF)
 ADDRESSES = 50
-KNOWN = [Route("/fmu/out/a", "px4_msgs/msg/A", "out", number) for number in range(0, 0x100, 8)]
 
 
 def mutated(random: Random, data: bytes) -> bytes:
@@ -67,8 +65,7 @@ def datagrams(random: Random) -> Iterator[tuple[bytes, tuple[str, int]]]:
 def check(agent: Agent, limits: Limits) -> None:
     """Check that the state of an agent is within its limits."""
     assert len(agent._sessions) <= limits.clients
-    assert len(agent._continuation._ended) <= limits.clients
-    assert len(agent._continuation._strangers) <= limits.clients
+    assert len(agent._ended) <= limits.clients
     assert len(agent._dropped) <= limits.clients
     assert len(agent._connected) <= limits.clients
     assert all(len(told) <= 20 for _, told in agent._warned.values())
@@ -76,7 +73,7 @@ def check(agent: Agent, limits: Limits) -> None:
     for session in agent._sessions.values():
         inventory = session.inventory
         assert len(inventory) <= limits.entities
-        assert len(inventory._readers) + len(inventory.writers) <= limits.entities + len(KNOWN)
+        assert len(inventory._readers) + len(inventory.writers) <= limits.entities
         assert len(inventory.readings) <= limits.entities
         assert sum(map(len, session.journal.parts or ())) <= limits.record
         assert len(session._waiting or ()) <= OUTPUT_WINDOW
@@ -89,7 +86,7 @@ def attack(count: int, seed: int = 1) -> Counter[str]:
     """Give an agent datagrams; return the refusals, and under `accepted` and `events` how much went through."""
     random = Random(seed)  # noqa: S311
     limits = Limits(clients=20, entities=100, outgoing=50, fragments=5000)
-    agent = Agent(0.0, known=KNOWN, limits=limits)
+    agent = Agent(0.0, limits=limits)
     now = 0.0
     events = 0
     for number, (data, address) in zip(range(count), datagrams(random), strict=False):

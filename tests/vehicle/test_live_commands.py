@@ -24,10 +24,9 @@ from msggen.cli import main
 from msggen.link.link import Remote, Route
 from msggen.link.udp import UdpLink
 from msggen.live import LinkTimeoutError, Vehicle
-from msggen.messages.packages import known_routes
 from msggen.sim import Misbehaviour, Options, Simulator
 from msggen.vehicle.command import acknowledges, address_of, send_command
-from support.fake_link import FakeLink
+from support.fake_link import FakeLink, routes_of
 from support.ports import free_port
 from support.repository import ROOT
 
@@ -372,7 +371,7 @@ def test_a_command_without_an_answer_is_an_error(px4_types: Any, monkeypatch: py
 def test_a_vehicle_may_publish_no_acknowledgements(px4_types: Any) -> None:
     link = AnsweringLink(px4_types)
     with Vehicle(link, px4_types) as vehicle:
-        link.connect(routes=[each for each in known_routes((px4_types,))[0] if "command_ack" not in each.name])
+        link.connect(routes=[each for each in routes_of(px4_types) if "command_ack" not in each.name])
         assert not acknowledges(vehicle)
 
 

@@ -117,7 +117,6 @@ def test_a_vehicle_is_printed_for_people() -> None:
     remote = Remote(1, "127.0.0.1:40123", 7, "uav_1", continued=False)
     assert str(remote) == "the vehicle at 127.0.0.1:40123 (key 7, namespace uav_1)"
     assert str(remote._replace(namespace="")) == "the vehicle at 127.0.0.1:40123 (key 7)"
-    assert str(remote._replace(key=0, namespace="", continued=True)) == "the vehicle at 127.0.0.1:40123"
 
 
 def test_asyncio(px4_types: ModuleType, address: str, run: type[Program]) -> None:

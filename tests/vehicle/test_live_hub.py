@@ -15,7 +15,7 @@ import pytest
 
 from msggen.link.link import deliver
 from msggen.link.xrce.agent import Agent
-from msggen.live import LinkError, LinkTimeoutError, NotConnectedError, Vehicle
+from msggen.live import LinkError, LinkTimeoutError, Vehicle
 from msggen.sim import Options, Simulator
 from msggen.vehicle import vehicle as vehicle_module
 from support.fake_link import FakeLink
@@ -191,18 +191,7 @@ def give(world: World, link: FakeLink) -> None:
     world.events.clear()
 
 
-def test_a_continued_session_belongs_to_a_vehicle_by_its_address(link: FakeLink) -> None:
-    with Vehicle(link, key=1) as by_key, Vehicle(link, address="127.0.0.1") as by_address, Vehicle(link) as by_any:
-        remote = link.connect(0, continued=True)
-        assert [by_address.remote, by_any.remote] == [remote, remote]
-        with pytest.raises(NotConnectedError):
-            _ = by_key.remote
-        link.disconnect(remote)
-        again = link.connect(1)
-        assert [vehicle.remote for vehicle in (by_key, by_address, by_any)] == [again] * 3
-
-
-def test_a_continued_session_with_a_record_is_selected_by_its_key_and_namespace(link: FakeLink) -> None:
+def test_a_continued_session_is_selected_by_its_key_and_namespace(link: FakeLink) -> None:
     with Vehicle(link, key=2) as by_key, Vehicle(link, namespace="uav_1") as by_name, Vehicle(link, key=3) as other:
         remote = link.connect(2, namespace="uav_1", continued=True)
         assert [by_key.remote, by_name.remote] == [remote, remote]
@@ -210,73 +199,6 @@ def test_a_continued_session_with_a_record_is_selected_by_its_key_and_namespace(
         link.disconnect(remote)
         other_one, again = link.connect(3, namespace="uav_1"), link.connect(2, namespace="uav_1")
         assert [by_key.remote, by_name.remote, other.remote] == [again, again, other_one]
-
-
-def test_a_continued_session_that_no_selection_accepts_is_told(
-    link: FakeLink, caplog: pytest.LogCaptureFixture
-) -> None:
-    with Vehicle(link, key=1), Vehicle(link, namespace="uav_1"):
-        remote = link.connect(0, continued=True)
-        assert link.renewed == []
-        link.user().connected(remote._replace(alone=False))
-    assert "continues an earlier session" in caplog.text
-    assert {each.number for each in link.renewed} == {remote.number}
-
-
-def test_a_vehicle_that_others_use_is_not_renewed(link: FakeLink) -> None:
-    with Vehicle(link), Vehicle(link, key=1):
-        link.connect(0, continued=True, alone=False)
-        assert link.renewed == []
-
-
-@pytest.mark.parametrize("selection", [{"key": 5}, {"namespace": "uav_1"}, {"key": 5, "namespace": "uav_1"}])
-def test_a_continued_session_is_taken_for_the_one_asked_for_if_it_is_alone(
-    selection: dict[str, Any], link: FakeLink, px4_types: Any, caplog: pytest.LogCaptureFixture
-) -> None:
-    with Vehicle(link, px4_types, **selection) as vehicle:
-        status = vehicle.subscribe("/uav_1/fmu/out/vehicle_status")
-        remote = link.connect(0, continued=True)
-        assert not vehicle.is_connected
-        link.user().connected(remote._replace(alone=True))
-        assert vehicle.remote == remote._replace(alone=True, namespace=selection.get("namespace", ""))
-        front = "/uav_1/fmu/" if "namespace" in selection else "/fmu/"
-        assert all(route.name.startswith(front) for route in vehicle.routes)
-        assert all(service.name.startswith(front) for service in vehicle.services)
-        link.sample(remote, px4_types.VehicleStatus(timestamp=1))
-        assert [message.timestamp for message, _ in status.arrived()] == [1]
-        vehicle.publish(px4_types.TrajectorySetpoint(), "/uav_1/fmu/in/trajectory_setpoint")
-        link.disconnect(remote)
-        other = link.connect(6, "uav_2")
-        assert not vehicle.is_connected
-        assert "is not the one that was asked for" in caplog.text
-        link.disconnect(other)
-        again = link.connect(5, "uav_1")
-        assert vehicle.remote == again
-    assert link.renewed == []
-
-
-def test_the_vehicle_that_was_asked_for_replaces_one_that_was_taken_for_it(
-    link: FakeLink, px4_types: Any, caplog: pytest.LogCaptureFixture
-) -> None:
-    with Vehicle(link, px4_types, key=5) as vehicle, Vehicle(link, px4_types) as any_one:
-        status = vehicle.subscribe("vehicle_status")
-        first = link.connect(0, continued=True, alone=True)
-        assert [vehicle.remote, any_one.remote] == [first, first]
-        second = link.connect(5, address="127.0.0.2:40000")
-        assert [vehicle.remote, any_one.remote] == [second, first]
-        link.sample(first, px4_types.VehicleStatus(timestamp=1))
-        link.sample(second, px4_types.VehicleStatus(timestamp=2))
-        assert [message.timestamp for message, _ in status.arrived()] == [2]
-        with Vehicle(link, key=5) as late:
-            assert late.remote == second
-    assert "is the one that was asked for" in caplog.text
-
-
-def test_a_continued_session_of_another_namespace_is_not_taken(link: FakeLink) -> None:
-    with Vehicle(link, namespace="uav_1") as vehicle, Vehicle(link, key=3) as by_key:
-        remote = link.connect(0, "uav_2", continued=True, alone=True)
-        assert not vehicle.is_connected
-        assert by_key.remote == remote
 
 
 def test_a_wrong_selection_is_told(link: FakeLink) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -12,7 +13,6 @@ from msggen.link.link import Link, LinkError, Remote, Route, Service
 from msggen.link.serial import SerialLink
 from msggen.link.tap import TapLink
 from msggen.link.udp import UdpLink
-from msggen.messages.object_ids import object_ids_of
 from msggen.sim import Misbehaviour, Options, Simulator
 from support.lines import joined
 from support.link_records import Records, nothing_is_left
@@ -34,15 +34,15 @@ def started(link: Any) -> Iterator[Records]:
 
 
 @contextmanager
-def line(kind: str) -> Iterator[tuple[Link, str]]:
-    """Return a link that is not started, and the address for the vehicle once it is."""
+def line(kind: str, state: str = "") -> Iterator[tuple[Link, str]]:
+    """Return a link that is not started, and the address for the vehicle once it is. `state` is for its records."""
     if kind == "serial":
         with joined() as (ours, theirs):
-            yield SerialLink(ours, 115200), f"serial://{theirs}?baud=115200"
+            yield SerialLink(ours, 115200, records=state), f"serial://{theirs}?baud=115200"
         return
     port = free_port()
     if kind == "udp":
-        yield UdpLink(port=port), f"udp://127.0.0.1:{port}"
+        yield UdpLink(port=port, records=state), f"udp://127.0.0.1:{port}"
         return
     agent = UdpLink(port=0)
     with started(agent):
@@ -107,12 +107,35 @@ def test_a_vehicle_that_restarts_is_another_remote(px4_types: Any) -> None:
         assert len(records.remotes) >= 3
 
 
+def again(link: Link, address: str, state: str = "") -> Link:
+    """Return another link with the address of one that is closed."""
+    if isinstance(link, SerialLink):
+        return SerialLink(link.path, 115200, records=state)
+    return UdpLink(port=int(address.rpartition(":")[2]), records=state)
+
+
 @pytest.mark.parametrize("kind", ["udp", "serial"])
-def test_a_link_that_is_opened_again_goes_on_with_the_session(kind: str, px4_types: Any) -> None:
-    known = [
-        Route(each.ros_name, f"px4_msgs/msg/{each.message_name}", each.direction, number)
-        for each, number in zip(px4_types.topics.ENDPOINTS, object_ids_of(px4_types)[0].numbers, strict=True)
-    ]
+def test_a_link_that_is_opened_again_goes_on_with_the_session(kind: str, tmp_path: Path, px4_types: Any) -> None:
+    state = str(tmp_path)
+    with (
+        line(kind, state) as (link, address),
+        started(link) as records,
+        Simulator(px4_types, address, [FEW]),
+    ):
+        records.wait(lambda: records.samples)
+        link.close()
+        with started(other := again(link, address, state)) as others:
+            others.wait(lambda: others.samples)
+            (remote,) = others.remotes
+            assert (remote.continued, remote.key) == (True, 1)
+            records.samples.clear()
+            arm(other, others, px4_types, remote)
+            assert [found.number for found in others.remotes] == [1], "the vehicle did not connect again"
+            assert others.warnings == []
+
+
+@pytest.mark.parametrize("kind", ["udp", "serial", "tap"])
+def test_without_a_record_of_its_session_a_vehicle_connects_anew(kind: str, px4_types: Any) -> None:
     with (
         line(kind) as (link, address),
         started(link) as records,
@@ -120,17 +143,14 @@ def test_a_link_that_is_opened_again_goes_on_with_the_session(kind: str, px4_typ
     ):
         records.wait(lambda: records.samples)
         link.close()
-        if isinstance(link, SerialLink):
-            again: Link = SerialLink(link.path, 115200, known=known)
-        else:
-            again = UdpLink(port=int(address.rpartition(":")[2]), known=known)
-        with started(again) as others:
+        after = TapLink(port=link.port, agent=link.agent_address) if isinstance(link, TapLink) else again(link, address)
+        with started(after) as others:
             others.wait(lambda: others.samples)
             (remote,) = others.remotes
-            assert remote.continued
-            records.samples.clear()
-            arm(again, others, px4_types, remote._replace(key=1))
-            assert [found.number for found in others.remotes] == [1], "the vehicle did not connect again"
+            assert (remote.continued, remote.key) == (False, 1)
+            arm(after, others, px4_types, remote)
+            (warning,) = others.warnings
+            assert "has a session with an earlier program, of which there is no record: it connects anew" in warning
 
 
 def test_several_vehicles_share_a_port(px4_types: Any) -> None:

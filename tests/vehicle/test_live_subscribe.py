@@ -536,10 +536,6 @@ def test_a_topic_that_the_vehicle_does_not_have_is_told(
     [
         ({"namespace": "uav_1"}, "its namespace is 'uav_1'"),
         ({}, "it has no namespace"),
-        (
-            {"key": 0, "continued": True},
-            "its namespace is not known, as an earlier program began its session: leave it out of the name",
-        ),
     ],
 )
 def test_a_topic_in_another_namespace_is_told(

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 from msggen.base.diagnostics import counted, few, input_error
 from msggen.base.exit_codes import DONE
-from msggen.cli.chosen_types import routes_to_continue
 from msggen.cli.link import add_address, add_allowed, for_people, link_of
 from msggen.cli.options import Commands, add_command, add_group, add_shared
 from msggen.cli.table import RED, YELLOW, Column, objects_of, print_table
@@ -98,7 +97,6 @@ def _serve(options: argparse.Namespace) -> int:
     from msggen.vehicle.owned.joining import start_owner
 
     place, wanted = _wanted(options)
-    wanted = wanted._replace(known=routes_to_continue(options))
     try:
         if options.background:
             start_owner(place, wanted, stays=True)
@@ -128,7 +126,7 @@ def _own(place: Place, wanted: Wanted) -> None:
             events.follow(owner)
 
         starting.enter_context(alone(place))  # a program that starts now waits, and joins this process
-        serve(place, wanted.address, wanted.allow, wanted.known, idle=never, ready=ready)
+        serve(place, wanted.address, wanted.allow, idle=never, ready=ready)
 
 
 def _list(options: argparse.Namespace) -> int:

@@ -132,9 +132,6 @@ def _record(options: argparse.Namespace) -> int:
         _check_topics(options, choice, rows)
 
     with connection(options, check, needs_types=False) as found:
-        if not found.knows_namespace:
-            text = "topics are recorded without a namespace, because an earlier program began the session"
-            print(f"warning: {text}: name it with --namespace", file=sys.stderr)
         if options.direction != "out" and not found.vehicle.is_shared:
             options.parser.error(f"argument --direction: {not_shared(found.link)}")
         _check_topics(options, choice, ((each.direction, each.name, each.ros_type) for each in found.vehicle.routes))

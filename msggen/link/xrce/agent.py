@@ -21,17 +21,8 @@ from typing import Final, NamedTuple
 
 from msggen.link.age import NEVER
 from msggen.link.age import now as now_ns
-from msggen.link.link import (
-    Connected,
-    Event,
-    LinkError,
-    Route,
-    Sample,
-    Service,
-    Warned,
-)
+from msggen.link.link import Event, LinkError, Route, Sample, Service, Warned
 from msggen.link.xrce import wire
-from msggen.link.xrce.continuation import Continuation
 from msggen.link.xrce.entities import RefusedError
 from msggen.link.xrce.limits import Limits
 from msggen.link.xrce.outbox import Address, Datagram, Outbox, host
@@ -54,6 +45,9 @@ _WARNINGS = 20  # of a kind in a minute: a hostile sender can provoke any number
 _MINUTE = 60.0
 _SETTLED = 2.5  # seconds in which each client has begun a session: PX4's asks every 1 s, or 2 s if it was refused
 _LISTEN = 1.2  # seconds in which each client of PX4 is heard that has a session: it pings every 1.01 s
+_REMEMBERED = 10.0  # seconds in which a client whose session has ended here may still send in it
+_OF_SESSIONS = frozenset({wire.GET_INFO, wire.TIMESTAMP, wire.WRITE_DATA, wire.CREATE})
+"""What PX4's client sends in a session without being asked."""
 
 
 def everybody(address: Address) -> bool:  # noqa: ARG001
@@ -66,7 +60,7 @@ class Client(NamedTuple):
 
     address: str
     key: int
-    """UXRCE_DDS_KEY, 0 in a session that an earlier program began."""
+    """UXRCE_DDS_KEY."""
     number: int
     """`Remote.number`, 0 while it is not reported as connected."""
     age: float
@@ -86,7 +80,6 @@ class Agent:
         *,
         allow: Callable[[Address], bool] = everybody,
         keys: Container[int] | None = None,
-        known: Iterable[Route] = (),
         records: Iterable[Record] = (),
         limits: Limits = DEFAULTS,
         clock: Callable[[], int] = now_ns,
@@ -98,15 +91,13 @@ class Agent:
         `allow` tells whether an address may talk to this agent. Other senders get no answer. `keys` are the keys of
         clients that may begin a session, None for all of them.
 
-        `records` are those of sessions that an earlier program began, and has not ended: they are continued. With
-        `known`, other sessions are continued too (docs/xrce.md, 10), unless `keys` are given: a running session tells
-        no key. These are the routes that a client of the expected firmware has, or several such sets: `joined`.
+        `records` are those of sessions that an earlier program began, and has not ended: they are continued. A client
+        in any other session has to connect anew (docs/xrce.md, 10).
 
         `clock` is asked before a message is sent that may have expired.
         """
         self._allow = allow
         self._keys = keys
-        self._continuation = Continuation(known if keys is None else (), limits.clients)
         self._limits = limits
         self._time = clock
         self._outbox = Outbox(limits.outgoing)
@@ -118,6 +109,7 @@ class Agent:
         self._clock = 0.0  # the sum of steps, so that jumps of `now` do no harm
         self._warned: dict[str, tuple[float, set[str]]] = {}  # by kind, the texts since a time
         self._dropped: dict[Address, None] = {}  # those whose record is of no use any more
+        self._ended: dict[Address, float] = {}  # those whose session has ended here or was refused, and when
         self.resume(records)
 
     @property
@@ -159,12 +151,7 @@ class Agent:
                 route = session.writers.get(object_id)
                 best_effort = session.best_effort
                 missing = (sequence - best_effort.last - 1) & 0xFFFF
-                if (
-                    route is not None
-                    and missing < _MOST_MISSING
-                    and 4 <= length <= len(data) - 8
-                    and (route.size < 0 or route.size == length - 4)
-                ):
+                if route is not None and missing < _MOST_MISSING and 4 <= length <= len(data) - 8:
                     outbox = self._outbox
                     if len(data) - 8 < length + 4:  # one submessage
                         if missing:
@@ -204,20 +191,7 @@ class Agent:
                 self._disconnect(session, f"the vehicle has sent nothing for {self._limits.silence:g} s")
             elif not self._replace_silent(session):
                 session.tick(self._clock)
-        self._continuation.tick(self._clock)
-        if self._clock >= _LISTEN:
-            self._tell_alone()
-
-    def _tell_alone(self) -> None:
-        """Report whether a vehicle whose key is not known is the only one: only then can its user select it."""
-        for session in self._connected.values():
-            remote = session.remote
-            if remote is not None and session.continued and not session.create.key:
-                others = (each for each in self._sessions.values() if each is not session and not each.is_unheard)
-                alone = not any(others) and self._continuation.is_alone(session.address)
-                if alone != remote.alone:
-                    session.remote = remote._replace(alone=alone)
-                    self._outbox.events.append(Connected(session.remote))
+        self._ended = {address: at for address, at in self._ended.items() if self._clock - at < _REMEMBERED}
 
     def take_events(self) -> list[Event]:
         """Return the events since the last call."""
@@ -288,13 +262,6 @@ class Agent:
         if kept != session.samples:
             session.samples = MappingProxyType(kept)
             session.journal.version += 1
-
-    def renew(self, number: int) -> None:
-        """End the session of vehicle `Remote.number`: it connects anew, and tells its key and its namespace.
-
-        Raises LinkError if it is not connected.
-        """
-        self._forget(self._find(number), "the vehicle has to connect again, to tell its key and its namespace")
 
     def publish(self, number: int, object_id: int, payload: bytes, until: int = NEVER) -> None:
         """Send a sample to vehicle `Remote.number`, to its route of direction `in` with this `Route.object_id`.
@@ -377,7 +344,7 @@ class Agent:
         if header.session_id in (wire.NO_SESSION, wire.NO_SESSION_WITH_KEY):
             self._without_session(header, body, address, session)
         elif session is None:
-            self._stranger(header, body, address, time)
+            self._stranger(header, body, address)
         elif header.session_id != session.session_id or header.key != session.key:
             raise WireError("wrong session id or key")
         else:
@@ -408,70 +375,27 @@ class Agent:
             raise WireError("submessage that needs a session")
         self._outbox.received += 1
 
-    def _stranger(self, header: wire.Header, body: bytes, address: Address, time: int) -> None:
-        """Take a message of a session that this agent has not begun."""
+    def _stranger(self, header: wire.Header, body: bytes, address: Address) -> None:
+        """Take a message of a session that this agent has not begun: its client has to connect anew."""
         submessage = _first(body)
+        if submessage.id in _OF_SESSIONS and header.session_id > wire.NO_SESSION and address not in self._ended:
+            text = f"{_name(address)} has a session with an earlier program, of which there is no record"
+            self._warn("session", f"{text}: it connects anew, which takes about 10 s")
         if submessage.id == wire.GET_INFO:
-            known = self._is_plausible(header) and self._continuation.greet(address, self._clock)
-            self._send(header, wire.answer_info(submessage.payload, known=known), address)
-            self._outbox.received += 1
+            self._send(header, wire.answer_info(submessage.payload, known=False), address)
         elif submessage.id == wire.DELETE and submessage.payload[2:4] == wire.CLIENT_ID:
-            self._continuation.end(address, self._clock)
+            self._note_end(address)
             self._send(header, wire.Status(submessage.payload[:2], wire.CLIENT_ID).pack(), address)
-            self._outbox.received += 1
-        elif not self._is_plausible(header) or self._continuation.has_refused(address):
-            raise WireError("message of an unknown session")
-        elif submessage.id == wire.TIMESTAMP:
-            self._send(header, wire.answer_timestamp(submessage.payload, time), address)
-            self._outbox.received += 1
-        elif submessage.id == wire.WRITE_DATA and header.stream == wire.BEST_EFFORT:
-            self._observe(header, body, address, time)
-        elif submessage.id == wire.CREATE and header.stream == wire.RELIABLE:
-            self._grant(header, body, address, time)
         else:
             raise WireError("message of an unknown session")
+        self._outbox.received += 1
 
-    def _is_plausible(self, header: wire.Header) -> bool:
-        """Whether a message can be of a session that is continued without a record, which tells no key."""
-        return self._continuation.is_enabled and header.session_id > wire.NO_SESSION
-
-    def _observe(self, header: wire.Header, body: bytes, address: Address, time: int) -> None:
-        """Take samples of a session that an earlier program began, and continue the session if that is safe."""
-        observed = self._continuation
-        samples = [
-            wire.Sample.unpack(each.payload, each.flags)
-            for each in wire.submessages(body)
-            if each.id == wire.WRITE_DATA
-        ]
-        if not observed.greet(address, self._clock):
-            observed.end(address, self._clock)
-            raise WireError("message of an unknown session")
-        if not observed.observe(header.sequence, samples, address):
-            observed.end(address, self._clock)
-            self._warn(
-                "session",
-                f"{host(address)} has a session of an earlier program whose topics are not those of types=: "
-                "it is not continued, and the vehicle connects again in a few seconds",
-            )
-            raise WireError("sample of another firmware than the expected one")
-        candidate = observed.proved(address)
-        if candidate is not None and self._has_room(address):
-            session = self._begin(wire.CreateClient(0, header.session_id), address)
-            session.learn(candidate.routes)
-            self._connect(session)
-            session.receive(header, body, time)
-
-    def _grant(self, header: wire.Header, body: bytes, address: Address, time: int) -> None:
-        """Take a CREATE after the time synchronization: the client has created its participant before."""
-        submessage = _first(body)
-        create = wire.Create.unpack(submessage.payload, submessage.flags)
-        if not self._continuation.may_create(header, create, address):
-            self._continuation.end(address, self._clock)
-            raise WireError("message of an unknown session")
-        if self._has_room(address):
-            session = self._begin(wire.CreateClient(0, header.session_id), address)
-            session.grant(header.sequence)
-            session.receive(header, body, time)
+    def _note_end(self, address: Address) -> None:
+        """Take note of a session that has ended here, or was refused: what its client still sends in it is not told."""
+        self._ended.pop(address, None)
+        if len(self._ended) >= self._limits.clients:
+            del self._ended[next(iter(self._ended))]
+        self._ended[address] = self._clock
 
     def _resume(self, record: Record) -> None:
         is_allowed = self._allow(record.address) and (self._keys is None or record.key in self._keys)
@@ -498,6 +422,7 @@ class Agent:
         if self._keys is not None and create.key not in self._keys:
             text = f"refused {host(address)}: key {create.key} is not allowed; add it to the keys in allow="
             self._warn("key", text)
+            self._note_end(address)
             raise WireError("key that is not allowed")
         if create.session_id in (wire.NO_SESSION, wire.NO_SESSION_WITH_KEY):
             raise WireError("wrong session id or key")
@@ -509,7 +434,7 @@ class Agent:
                 self._begin(create, address)
             else:
                 status = wire.ERR_RESOURCES
-                self._continuation.end(address, self._clock)
+                self._note_end(address)
                 self._outbox.refuse("too many clients")
                 self._warn(
                     "room",
@@ -596,7 +521,7 @@ class Agent:
     def _forget(self, session: Session, reason: str) -> None:
         self._disconnect(session, reason)
         del self._sessions[session.address]
-        self._continuation.end(session.address, self._clock)
+        self._note_end(session.address)
         self._drop(session)
 
     def _drop(self, session: Session) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 from msggen.link.link import Route, Service
@@ -24,8 +23,6 @@ _PARENTS = {
 
 PARTICIPANT = entities.object_id(1, entities.PARTICIPANT)
 """The participant of PX4's client."""
-
-_REQUEST, _RESPONSE = "_Request", "_Response"
 
 ROUNDS = 4
 """How often a client may create all its entities in one session. PX4's client creates each once. The routes of deleted
@@ -67,35 +64,6 @@ class Inventory:
     def routes(self) -> list[Route | Service]:
         """Return what the client publishes, and what it has asked for."""
         return [*self.writers.values(), *(reading.route for reading in self.readings.values())]
-
-    def continue_with(self, known: Iterable[Route]) -> None:
-        """Take routes for those of a client that has created them before. Their names tell its namespace."""
-        self.namespace = ""
-        for route in known:
-            self.namespace = self.namespace or namespace_of(route.name)
-            if route.direction == "out":
-                self.writers[entities.object_id(route.object_id, entities.WRITER)] = route
-            elif route.ros_type.endswith(_REQUEST):
-                replier = entities.object_id(route.object_id, entities.REPLIER)
-                reply_type = route.ros_type.removesuffix(_REQUEST) + _RESPONSE
-                service = self.services[replier] = Service(route.name, route.ros_type, reply_type, route.object_id)
-                self.readings[replier] = Reading(service, wire.NO_REQUEST, wire.RELIABLE)
-            else:
-                reader = entities.object_id(route.object_id, entities.READER)
-                self.readings[reader] = Reading(route, wire.NO_REQUEST, wire.BEST_EFFORT)
-
-    def sizes(self) -> Mapping[int, int]:
-        """Return the known sizes of samples, by the numbers of their topics."""
-        return {route.object_id: route.size for route in self.writers.values() if route.size >= 0}
-
-    def limit(self, sizes: Mapping[int, int]) -> None:
-        """Take the sizes of samples, by the numbers of their topics."""
-        for object_id, route in self.writers.items():
-            self.writers[object_id] = route._replace(size=sizes.get(route.object_id, route.size))
-
-    def grant_participant(self) -> None:
-        """Take for granted that the client has created its participant. Its first topic tells the namespace."""
-        self._entities[PARTICIPANT] = Participant("")
 
     def create(self, create: wire.Create) -> Route | None:
         """Make an entity; return the route that it opens. Raises RefusedError and WireError."""
@@ -156,8 +124,6 @@ class Inventory:
                 self.namespace = _namespace(entity.name[: self._longest])
         elif isinstance(entity, TopicEntity):
             self._check(entity.name, entity.type)
-            if self.namespace is None:  # the participant was granted
-                self.namespace = namespace_of(_ros_name(entity.name))
         elif isinstance(entity, Replier):
             self._check(*entity[:5])
             self.services[object_id] = _service(object_id, entity)
@@ -197,11 +163,6 @@ def _namespace(name: str) -> str:
     """Return the namespace in the name of a participant, `uav_1/px4_micro_xrce_dds`, or "" if it has none."""
     namespace, _, rest = name.rpartition("px4_micro_xrce_dds")
     return namespace.strip("/") if not rest and _NAMESPACE.fullmatch(namespace) else ""
-
-
-def namespace_of(name: str) -> str:
-    """Return the namespace in the name of a topic in ROS 2, `/uav_1/fmu/out/vehicle_status`."""
-    return name.rpartition("/fmu/")[0].strip("/")
 
 
 def _service(object_id: bytes, replier: Replier) -> Service:

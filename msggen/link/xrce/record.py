@@ -10,9 +10,6 @@ from msggen.link.xrce import wire
 from msggen.link.xrce.outbox import Address
 
 _NOTHING: Mapping[str, int] = MappingProxyType({})
-
-
-_NO_SIZES: Mapping[int, int] = MappingProxyType({})
 _NO_SAMPLES: Mapping[str, tuple[bytes, int]] = MappingProxyType({})
 
 
@@ -21,7 +18,7 @@ class Record(NamedTuple):
 
     address: Address
     key: int
-    """UXRCE_DDS_KEY, 0 if it is not known."""
+    """UXRCE_DDS_KEY."""
     session_id: int
     mtu: int
     next: int
@@ -31,8 +28,6 @@ class Record(NamedTuple):
     """The CREATE and READ_DATA of the client, as submessages in their order. They tell the namespace, too."""
     hashes: Mapping[str, int] = _NOTHING
     """The `message_hash` of the vehicle's definitions by ROS type, as far as they are known."""
-    sizes: Mapping[int, int] = _NO_SIZES
-    """The sizes of samples by the object ids of topics, of a session whose topics were learnt from its samples."""
     samples: Mapping[str, tuple[bytes, int]] = _NO_SAMPLES
     """The last samples of topics that the vehicle publishes on change only, each with the time of its arrival in ns, by
     the names of their routes."""

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import struct
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from typing import ClassVar, Final
 
 from msggen.link.age import NEVER
 from msggen.link.link import Connected, Disconnected, LinkError, Lost, Opened, Remote, Replied, Route, Sample, Service
 from msggen.link.xrce import entities, wire
-from msggen.link.xrce.creations import creations
 from msggen.link.xrce.entities import RefusedError
-from msggen.link.xrce.inventory import PARTICIPANT, Inventory, Reading
+from msggen.link.xrce.inventory import Inventory, Reading
 from msggen.link.xrce.limits import (
     ABSENCE,
     HEARTBEAT_PERIOD,
@@ -99,8 +98,7 @@ class Session:
         self.journal = Journal(limits.record)
         self.recorded = self.settled = 0
         """The version of the journal of the last record, and at the last look."""
-        self._is_learnt = self._is_granted = False  # how the entities of a continued session are known without a record
-        self._next_create = 0  # the number of the reliable message in which the next CREATE of such a session can be
+        self._next_create = 0  # the number of the reliable message in which a continued session may go on to create
         self.fast_id = -1
         """The session id, if a WRITE_DATA of stream 1 can be taken without a look at streams: the session is awake."""
         self._guid = bytes(16)
@@ -150,7 +148,7 @@ class Session:
     @property
     def is_vehicle(self) -> bool:
         """Whether the client has the entities of a vehicle."""
-        return self._is_learnt or len(self.inventory) >= VEHICLE
+        return len(self.inventory) >= VEHICLE
 
     @property
     def is_unheard(self) -> bool:
@@ -191,7 +189,6 @@ class Session:
                 self.journal.add(submessage)
         if self.inventory.namespace is None:
             raise WireError("record without a participant")
-        self.inventory.limit(record.sizes)
         self.hashes = record.hashes
         names = {each.name for each in self.inventory.routes() if isinstance(each, Route) and each.direction == "out"}
         self.samples = {name: sample for name, sample in record.samples.items() if name in names}
@@ -201,35 +198,13 @@ class Session:
         self._send(wire.NO_STREAM, wire.Info(_PING, known=True).pack())
         self._ask_numbers()
 
-    def learn(self, routes: Iterable[Route]) -> None:
-        """Continue a session whose samples have shown what the client has created."""
-        self.inventory.continue_with(routes)
-        for part in creations(self.inventory.namespace or "", self.inventory.routes()):
-            for submessage in wire.submessages(part):
-                self.journal.add(submessage)
-        self._is_learnt = True
-        self._continue()
-        self._ask_numbers()
-
-    def grant(self, number: int) -> None:
-        """Continue a session in which the client has created its participant only. `number` is that of its message."""
-        self.inventory.grant_participant()
-        self._is_granted = True
-        self._next_create = number
-        self._continue()
-        self._ask_numbers()
-
     def record(self) -> Record | None:
         """Return what another program needs to continue the session, or None if that is not known."""
         parts = self.journal.parts
         if parts is None or self.inventory.namespace is None:
             return None
-        if self._is_granted:
-            name = f"{self.inventory.namespace}/px4_micro_xrce_dds"
-            parts = (wire.Create(wire.NO_REQUEST, PARTICIPANT, entities.Participant(name).pack()).pack(), *parts)
         create, following = self.create, self.input.expected or 0
-        sizes = self.inventory.sizes()
-        told = self.hashes, sizes, self.samples
+        told = self.hashes, self.samples
         return Record(self.address, create.key, self.session_id, create.mtu, following, parts, *told)
 
     def _continue(self) -> None:
@@ -245,9 +220,6 @@ class Session:
         Whatever it is, the number after the last one of these is newer, even if one or two of them are lost.
         """
         self._questions += 1
-        if self._is_granted:  # nothing was sent on this stream, as there were no readers
-            self._send(BEST_EFFORT, _QUESTION)
-            return
         for number in range(0, 0x10000, 0x2000):
             self._next = number
             self._send(BEST_EFFORT, _QUESTION)
@@ -427,8 +399,6 @@ class Session:
             route, stop = writers.get(object_id), at + 4 + length
             if route is None or kind != wire.WRITE_DATA or flags != wire.LITTLE_ENDIAN or length < 4 or stop > end:
                 return []
-            if route.size not in (-1, length - 4):
-                return []
             found.append(Sample(remote, route, wire.ENCAPSULATION + data[at + 8 : stop], time))  # type: ignore[arg-type]
             at = stop + (-stop & 3)
         return found if end - at < 4 else []
@@ -492,9 +462,8 @@ class Session:
         sample = wire.Sample.unpack(submessage.payload, submessage.flags)
         route = self.writers.get(sample.object_id)
         service = self.inventory.services.get(sample.object_id)
-        if self.continued and service is None and (route is None or route.size not in {-1, len(sample.data)}):
-            known = "types=" if self._is_learnt else "the record of its session"
-            self.ended = f"its topics are not those of {known}, so it has to connect again"
+        if self.continued and service is None and route is None:
+            self.ended = "its topics are not those of the record of its session, so it has to connect again"
             return
         if self.remote is None or (route is None and service is None):
             raise WireError("data of an unknown entity")
@@ -513,7 +482,7 @@ class Session:
 
     def _create(self, submessage: Submessage) -> None:
         create = wire.Create.unpack(submessage.payload, submessage.flags)
-        if self.continued and (self._is_learnt or self._next_create < 0):
+        if self.continued and self._next_create < 0:
             self.ended = "the vehicle had not created all of its topics, so it has to connect again"
             return
         status = self._try(lambda: self._open(self.inventory.create(create)))

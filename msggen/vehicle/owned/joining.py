@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from msggen.base.interpreter import command_of
 from msggen.link.address import Address
-from msggen.link.link import LinkError, Route
+from msggen.link.link import LinkError
 from msggen.vehicle.owned.greeting import LeavingError, connected, greeted
 from msggen.vehicle.owned.places import Place, place_of
 from msggen.vehicle.owned.unix import UnixLink
@@ -34,20 +34,16 @@ class Wanted(NamedTuple):
 
     address: Address
     allow: tuple[str | int, ...] = ()
-    known: tuple[Route, ...] = ()
 
 
 class SharedLink(UnixLink):
     """The link of an address, owned by a process of its own. If that ends, it is joined or started again."""
 
-    def __init__(self, address: Address, allow: Sequence[str | int] = (), known: Sequence[Route] = ()) -> None:
-        """Make a link. `known` are the routes with which an owner that has to be started continues a session.
-
-        Raises LinkError if there is no place for its socket.
-        """
+    def __init__(self, address: Address, allow: Sequence[str | int] = ()) -> None:
+        """Make a link. Raises LinkError if there is no place for its socket."""
         self._place = place_of(address)
         super().__init__(self._place.socket)
-        self._wanted = Wanted(address, tuple(allow), tuple(known))
+        self._wanted = Wanted(address, tuple(allow))
 
     def open(self) -> socket.socket:
         """Join the owner, or start one. Raises LinkError."""
@@ -106,7 +102,6 @@ def start_owner(place: Place, wanted: Wanted, *, stays: bool = False) -> None:
     setup = {
         "address": str(wanted.address),
         "allow": list(wanted.allow),
-        "known": list(wanted.known),
         "place": list(place),
         "stays": stays,
     }

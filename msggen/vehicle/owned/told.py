@@ -47,10 +47,6 @@ def _one_of(*names: str) -> Check:
     return check
 
 
-def _maybe(part: Check) -> Check:
-    return lambda value: None if value is None else part(value)
-
-
 def _row(*parts: Check) -> Check:
     return lambda value: row(value, *parts)
 
@@ -71,8 +67,8 @@ def _any(value: object) -> object:
     return value
 
 
-_REMOTE: Final = _row(_NUMBER, _message, _KEY, text, truth, _maybe(truth))
-_ROUTE: Final = _row(_name, _name, _one_of("out", "in"), _OBJECT, _SIZE)
+_REMOTE: Final = _row(_NUMBER, _message, _KEY, text, truth)
+_ROUTE: Final = _row(_name, _name, _one_of("out", "in"), _OBJECT)
 _SERVICE: Final = _row(_name, _name, _name, _OBJECT)
 
 _EVENTS: Final[Mapping[str, tuple[Check, ...]]] = MappingProxyType(
@@ -100,7 +96,6 @@ _VEHICLE: Final = _object(
     key=_KEY,
     namespace=_message,
     continued=truth,
-    alone=_maybe(truth),
     release=_message,
     lost=_COUNT,
     samples=_COUNT,

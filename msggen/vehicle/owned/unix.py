@@ -110,12 +110,6 @@ class UnixLink(Asking):
             own, _ = self._find(remote)
             self._send(event_of("cancel", own, number))
 
-    def renew(self, remote: Remote) -> None:
-        """End the session of a vehicle, which then connects anew, unless other programs use the link."""
-        with suppress(LinkError):
-            number, _ = self._find(remote)
-            self._send(event_of("renew", number))
-
     def follow(self, remote: Remote, route: Route, *, is_followed: bool) -> None:
         """Begin or end to take the samples of a route."""
         with suppress(LinkError, KeyError):

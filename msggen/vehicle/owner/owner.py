@@ -29,6 +29,8 @@ _MANY = 4000
 _WINDOW_NS = 100_000_000
 _WARNINGS = 100
 """The most different warnings for a program, and of the link."""
+_LATELY = 15.0
+"""The time in s after a warning in which a program that joins is told, too, while no vehicle is connected."""
 
 
 class Sent(NamedTuple):
@@ -83,8 +85,8 @@ class Owner(Hub):
         """Guards the programs and the vehicles. Taken after `changed`, and before the lock of the link."""
         self.programs: dict[Program, None] = {}
         self.vehicles: dict[int, Carried] = {}
-        self.warnings: dict[str, None] = {}
-        """What the programs were warned of, for those that join later and ask."""
+        self.warnings: dict[str, float] = {}
+        """What the programs were warned of, for those that join later, and when, of the monotonic clock."""
         self.is_gathering = False
         """Whether so many samples arrive that the thread of the sockets sends them."""
         self._wake = wake
@@ -98,13 +100,8 @@ class Owner(Hub):
     # --- What happens on the link, in its thread
 
     def connected(self, remote: Remote) -> None:
-        """Tell the programs of a vehicle, or what has become known of one."""
+        """Tell the programs of a vehicle."""
         with self.lock:
-            found = self.vehicles.get(remote.number)
-            if found is not None:
-                found.known = found.known._replace(remote=remote)
-                self._tell("connected", list(remote))
-                return
             calls = CallQueue(
                 lambda number, call: self._send_call(remote, number, call),
                 lambda call, problem: self._refuse_call(remote, call, problem),
@@ -181,9 +178,14 @@ class Owner(Hub):
         """Tell the programs, and the log."""
         LOGGER.warning("%s", text)
         with self.lock:
-            if len(self.warnings) < _WARNINGS:
-                self.warnings[text] = None
+            if text in self.warnings or len(self.warnings) < _WARNINGS:
+                self.warnings[text] = clock.monotonic()
             self._tell("warned", text)
+
+    def missed(self) -> list[str]:
+        """Return what a program that joins has missed, and may explain why it waits: nothing if a vehicle is there."""
+        since = clock.monotonic() - _LATELY
+        return [] if self.vehicles else [text for text, at in self.warnings.items() if at > since]
 
     def failed(self, reason: str) -> None:
         """Tell the programs that the link has ended, and end."""

@@ -15,7 +15,7 @@ from logging.handlers import RotatingFileHandler
 from msggen.base.foreign import escaped
 from msggen.link.address import Address, parse_address
 from msggen.link.aside import Aside
-from msggen.link.link import LinkError, Route
+from msggen.link.link import LinkError
 from msggen.vehicle.opening import open_link
 from msggen.vehicle.owned.places import Place
 from msggen.vehicle.owner.owner import LOGGER, Owner
@@ -57,8 +57,7 @@ def main() -> None:
 
     try:
         address = parse_address(setup["address"])
-        known = [Route(*row) for row in setup["known"]]
-        serve(place, address, setup["allow"], known, idle=never if setup["stays"] else idle, ready=lambda _: tell())
+        serve(place, address, setup["allow"], idle=never if setup["stays"] else idle, ready=lambda _: tell())
     except LinkError as error:
         LOGGER.error("%s", error)
         cause = error.__cause__
@@ -69,11 +68,10 @@ def main() -> None:
         raise
 
 
-def serve(  # noqa: PLR0913 - keywords
+def serve(
     place: Place,
     address: Address,
     allow: Sequence[str | int] = (),
-    known: Sequence[Route] = (),
     *,
     idle: Callable[[bool], float],
     ready: Callable[[Owner], None],
@@ -84,7 +82,7 @@ def serve(  # noqa: PLR0913 - keywords
     cannot be opened.
     """
     with _owned(place):
-        link = open_link(address, allow, known)
+        link = open_link(address, allow)
         server = Server(link, address, allow, idle)
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, lambda *_: server.end())

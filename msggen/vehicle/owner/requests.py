@@ -101,6 +101,8 @@ def _hello(owner: Owner, program: Program, hello: Mapping[str, Any]) -> None:
     program.put(event_of("welcome", str(owner.address), os.getpid()))
     if program.has_joined:
         program.tell_taken(time.monotonic())
+    for text in owner.missed() if program.has_joined else ():
+        program.put(event_of("warned", text))
     found = sorted(owner.vehicles.items(), key=lambda each: order(each[1].known.remote))
     for number, vehicle in found if program.has_joined else ():
         _introduce(owner, program, number, vehicle)
@@ -170,14 +172,6 @@ def _cancel(owner: Owner, program: Program, number: int, call: int) -> None:
     vehicle = owner.vehicles.get(number)
     if vehicle is not None:
         vehicle.calls.cancel(program, call)
-
-
-def _renew(owner: Owner, program: Program, number: int) -> None:
-    vehicle = owner.vehicles.get(number)
-    renew = getattr(owner.link, "renew", None)
-    is_only = not any(each.has_joined and not each.is_gone and each is not program for each in owner.programs)
-    if vehicle is not None and renew is not None and program.has_joined and is_only:
-        renew(vehicle.known.remote)
 
 
 def _ask(owner: Owner, program: Program, question: int, what: str) -> None:
@@ -266,7 +260,6 @@ _REQUESTS: Mapping[str, Callable[..., None]] = {
     "hello": _hello,
     "follow": _follow,
     "cancel": _cancel,
-    "renew": _renew,
     "ask": _ask,
     "stop": _stop,
 }

@@ -268,7 +268,7 @@ def test_a_client_that_restarts_fifty_times_leaves_nothing() -> None:
     assert [event.remote.number for event in world.all(Disconnected)] == list(range(1, 51))
     assert list(world.agent._connected) == [51]
     world.run(70)
-    assert (world.agent._sessions, world.agent._connected, world.agent._continuation._ended) == ({}, {}, {})
+    assert (world.agent._sessions, world.agent._connected, world.agent._ended) == ({}, {}, {})
     assert world.all(Warned) == []
 
 
@@ -474,12 +474,8 @@ def test_a_burst_is_counted_as_a_whole_when_the_vehicle_goes_on(gap: int, is_fas
 
 
 @pytest.mark.parametrize("steps", [(1022,), (30000, 0), (1022, 0, 0)])
-@pytest.mark.parametrize("is_continued", [True, False])
-def test_forged_numbers_count_for_little_more_than_what_was_sent(
-    steps: tuple[int, ...],
-    is_continued: bool,  # noqa: FBT001
-) -> None:
-    world, client = newcomer() if is_continued else connected()
+def test_forged_numbers_count_for_little_more_than_what_was_sent(steps: tuple[int, ...]) -> None:
+    world, client = connected()
     for number in (1, 2, 3, 4, 5):
         client.write(number, bytes(4 * number))
     for number in range(3000):
@@ -1099,28 +1095,6 @@ def test_a_vehicle_finds_a_place_among_forged_ones_that_only_keep_their_sessions
     assert len(vehicle.all(wire.TIMESTAMP_REPLY)) == 100
 
 
-def test_a_vehicle_finds_a_place_among_continued_sessions_that_send_little() -> None:
-    forged = [Client(40000 + number) for number in range(64)]
-    world = World(Agent(0.0, known=FIVE), *forged)
-    for client in forged:
-        for number in (1, 2, 3, 4, 5):
-            client.write(number, bytes(4 * number))
-    world.settle()
-    assert len(world.all(Connected)) == 64
-    world.run(1)
-    vehicle = Client(50001)
-    vehicle.begin()
-    world.clients = [vehicle]
-    world.settle()
-    world.clients = [*forged, vehicle]
-    for time in range(100):
-        vehicle.send(wire.NO_STREAM, wire.Timestamp(1).pack())
-        for client in forged if time % 20 == 0 else ():
-            client.write(1, bytes(4))
-        world.run(0.1)
-    assert len(vehicle.all(wire.TIMESTAMP_REPLY)) == 100
-
-
 def test_a_host_leaves_eight_places_to_others() -> None:
     world = crowd(64, "10.0.0.1")
     forged = world.clients
@@ -1301,192 +1275,5 @@ def test_a_stranger_that_is_malformed_is_refused_with_a_reason(text: str, reason
     agent = Agent(0.0)
     agent.receive(bytes.fromhex(text), ("127.0.0.1", 1), 0)
     assert agent.refused == {reason: 1}
-    assert (agent.take_events(), agent.take_outgoing(), agent._sessions) == ([], [], {})
-
-
-# --- continued sessions
-
-
-def running(**options: object) -> tuple[World, Client]:
-    """Return a client in the middle of a session, and an agent that knows nothing of it."""
-    _, client = connected()
-    for _ in range(3):
-        client.write(1, b"old")
-    client.outgoing.clear()
-    client.received.clear()
-    served = Route(SERVED.name, SERVED.request_type, "in", SERVICE)
-    return World(Agent(0.0, known=[ROUTE, READ, served], **options), client), client  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize("last", [0, 1, 5, 0x1FFF, 0x2000, 0x7FFF, 0x8000, 0xBFFF, 0xC001, 0xFFFE, 0xFFFF])
-def test_a_session_is_taken_over(last: int) -> None:
-    world, client = running()
-    client.best_effort.last = last
-    client.write(1, b"new")
-    client.ping(in_session=True)
-    world.settle()
-    remote = Remote(1, "127.0.0.1:50001", 0, "", continued=True)
-    sample = Sample(remote, ROUTE, LE + b"new", 0)
-    opened = [Opened(remote, route) for route in (ROUTE, READ, SERVED)]
-    assert world.events == [Connected(remote), *opened, sample]
-    assert [wire.Info.unpack(payload).known for payload in client.all(wire.INFO)] == [True]
-    client.received.clear()
-    for number in range(10):
-        world.agent.publish(1, 2, LE + bytes([number]))
-    world.settle()
-    assert client.samples() == [bytes([number]) for number in range(10)]
-    world.agent.call(1, SERVICE, 1, LE + b"request!")
-    world.settle()
-    assert [request[24:] for request in client.samples()[10:]] == [b"request!"]
-    assert world.agent.lost == 0
-
-
-@pytest.mark.parametrize("last", [0, 1, 0x1FFF, 0x8000, 0xE000, 0xFFFF])
-@pytest.mark.parametrize("loss", range(8))
-def test_a_take_over_survives_the_loss_of_a_datagram(last: int, loss: int) -> None:
-    world, client = running()
-    client.best_effort.last = last
-    world.agent.receive(b"\x81\x01\x09\x00\x07\x01\x04\x00\x00\x01\x00\x15", client.address, 0)
-    outgoing = [data for data, _ in world.agent.take_outgoing()]
-    assert len(outgoing) == 8
-    for data in outgoing[:loss] + outgoing[loss + 1 :]:
-        client.receive(data)
-    client.received.clear()
-    world.agent.publish(1, 2, LE + b"x")
-    world.settle()
-    assert client.samples() == [b"x"]
-
-
-def test_the_reliable_stream_of_a_session_that_was_taken_over_is_acknowledged() -> None:
-    world, client = running()
-    client.write(1, b"new")
-    world.settle()
-    client.read(entities.object_id(SERVICE, entities.REPLIER), wire.RELIABLE)
-    world.settle()
-    assert client.output.heartbeat() is None
-
-
-def test_a_client_in_the_middle_of_creation_is_not_taken_over() -> None:
-    world, client = running()
-    client.ping(in_session=True)
-    client.publish(7)
-    client.ping(in_session=True)
-    client.send(0, wire.Timestamp(1).pack())
-    client.write(9, b"not known")
-    world.settle()
-    assert world.events == []
-    assert [wire.Info.unpack(payload).known for payload in client.all(wire.INFO)] == [True, False]
-    assert (client.statuses(), client.all(wire.TIMESTAMP_REPLY)) == ([], [])
-
-
-FIVE = [Route(f"/fmu/out/a{number}", "px4_msgs/msg/A", "out", number, 4 * number) for number in range(1, 7)]
-
-
-def newcomer() -> tuple[World, Client]:
-    """Return a client in the middle of a session, and an agent that knows six topics, whose samples have a size."""
-    _, client = connected()
-    client.outgoing.clear()
-    client.received.clear()
-    return World(Agent(0.0, known=[*FIVE, READ]), client), client
-
-
-def test_five_topics_of_the_right_size_prove_the_firmware() -> None:
-    world, client = newcomer()
-    for number in (1, 2, 1, 3, 4):
-        client.write(number, bytes(4 * number))
-        world.settle()
-    assert (world.events, client.received) == ([], [])
-    client.write(5, bytes(20))
-    world.settle()
-    assert [type(event) for event in world.events] == [Connected, *[Opened] * 7, Sample]
-
-
-@pytest.mark.parametrize(("writer", "size"), [(5, 24), (5, 16), (6, 20), (7, 20)])
-def test_one_sample_of_another_firmware_ends_the_attempt_before_anything_is_sent(writer: int, size: int) -> None:
-    world, client = newcomer()
-    for number, length in ((1, 4), (2, 8), (3, 12), (4, 16), (writer, size), (5, 20), (6, 24)):
-        client.write(number, bytes(length))
-    client.ping(in_session=True)
-    world.settle()
-    assert [type(event) for event in world.events] == [Warned]
-    assert client.all(wire.DATA) == []
-    assert [wire.Info.unpack(payload).known for payload in client.all(wire.INFO)] == [False]
-
-
-def test_a_further_topic_ends_a_session_that_was_taken_over() -> None:
-    world, client = newcomer()
-    for number in range(1, 6):
-        client.write(number, bytes(4 * number))
-    client.write(7, bytes(4))
-    client.write(1, bytes(4))
-    world.settle()
-    (ended,) = [event for event in world.events if isinstance(event, Disconnected)]
-    assert ended.reason == "its topics are not those of types=, so it has to connect again"
-    assert world.events[-1] == ended
-
-
-@pytest.mark.parametrize("is_fast", [True, False])
-@pytest.mark.parametrize(("writer", "size"), [(5, 24), (5, 16), (6, 20)])
-def test_a_later_sample_of_another_size_ends_a_session_that_was_taken_over(
-    writer: int,
-    size: int,
-    is_fast: bool,  # noqa: FBT001
-) -> None:
-    world, client = newcomer()
-    for number in range(1, 6):
-        client.write(number, bytes(4 * number))
-    world.settle()
-    assert len(world.all(Connected)) == 1
-    if not is_fast:
-        world.agent._sessions[client.address].fast_id = -1
-    client.write(writer, bytes(size))
-    world.settle()
-    (gone,) = world.all(Disconnected)
-    assert gone.reason == "its topics are not those of types=, so it has to connect again"
-
-
-def test_a_session_that_turns_out_to_be_incomplete_is_given_up() -> None:
-    world, client = running()
-    client.write(1, b"new")
-    client.publish(7)
-    client.write(1, b"late")
-    client.ping(in_session=True)
-    world.settle()
-    assert [type(event).__name__ for event in world.events] == [
-        "Connected",
-        "Opened",
-        "Opened",
-        "Opened",
-        "Sample",
-        "Disconnected",
-    ]
-    assert "has to connect again" in world.all(Disconnected)[0].reason
-    assert [wire.Info.unpack(payload).known for payload in client.all(wire.INFO)] == [False]
-
-
-def test_a_session_that_has_ended_is_not_taken_over_by_late_samples() -> None:
-    world, client = running()
-    client.write(1, b"new")
-    client.delete()
-    client.write(1, b"late")
-    world.settle()
-    assert [type(event).__name__ for event in world.events][-2:] == ["Sample", "Disconnected"]
-
-
-def test_a_key_that_cannot_be_checked_prevents_a_continued_session() -> None:
-    world, client = running(keys={1})
-    client.write(1, b"new")
-    world.settle()
-    assert world.events == []
-
-
-def test_a_client_that_was_taken_over_may_begin_a_session() -> None:
-    world, client = running()
-    client.write(1, b"new")
-    world.settle()
-    client = Client(50002)
-    world.clients.append(client)
-    start(client)
-    world.settle()
-    assert [event.remote.continued for event in world.all(Connected)] == [True, False]
-    assert len(world.all(Opened)) == 6
+    is_told = reason == "message of an unknown session"
+    assert (len(agent.take_events()), agent.take_outgoing(), agent._sessions) == (is_told, [], {})

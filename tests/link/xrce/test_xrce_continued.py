@@ -2,37 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from random import Random
 from typing import Any
 
 import pytest
 
-from msggen.generate.cache import package_of
 from msggen.link.link import (
     Connected,
     Disconnected,
     Event,
-    LinkError,
     Lost,
     Opened,
     Remote,
     Replied,
     Route,
     Sample,
-    Service,
+    Warned,
 )
 from msggen.link.xrce import entities, wire
 from msggen.link.xrce.agent import Agent
-from msggen.link.xrce.continuation import Continuation, joined
 from msggen.link.xrce.limits import QUESTIONS, Limits
 from msggen.link.xrce.outbox import Address
 from msggen.link.xrce.record import Record
-from msggen.messages.object_ids import object_ids_of
-from msggen.messages.packages import known_routes
-from msggen.sources.embedded import EMBEDDED
 from support.xrce_captures import Row, load
-from support.xrce_client import PARTICIPANT, SERVICE, Client, Network, World, connected
+from support.xrce_client import PARTICIPANT, SERVICE, Client, Network, World, connected, start
 
 LE = b"\0\1\0\0"
 PORT: Address = ("127.0.0.1", 50001)
@@ -319,46 +312,6 @@ def test_a_record_that_does_not_make_sense_is_dropped(change: str) -> None:
 # --- without one
 
 
-def test_a_client_in_its_time_synchronization_goes_on() -> None:
-    client = Client(namespace="uav_1", key=3)
-    first = World(Agent(0.0), client)
-    client.begin()
-    client.participate()
-    first.settle()
-    client.received.clear()
-    after = World(Agent(0.0, known=KNOWN), client)
-    client.send(0, wire.Timestamp(1).pack())
-    after.settle()
-    assert len(client.all(wire.TIMESTAMP_REPLY)) == 1
-    client.subscribe(2, "uav_1/fmu/in/b")
-    client.publish(1, "uav_1/fmu/out/a")
-    after.settle()
-    client.write(1, b"x")
-    after.settle()
-    remote = Remote(1, "127.0.0.1:50001", 0, "uav_1", continued=True)
-    assert [event.remote for event in after.all(Connected)] == [remote]
-    assert client.statuses() == [wire.OK] * 6
-    assert [event.route.name for event in after.all(Opened)] == ["/uav_1/fmu/in/b", "/uav_1/fmu/out/a"]
-    assert [event.payload for event in after.all(Sample)] == [LE + b"x"]
-    again = successor(after)
-    client.write(1, b"y")
-    again.settle()
-    assert [event.remote for event in again.all(Connected)] == [remote]
-
-
-def routes(*numbers: tuple[int, int]) -> list[Route]:
-    """Return the routes of writers with numbers and sizes. Names tell the place, so that sets differ in their ids."""
-    return [
-        Route(f"/fmu/out/t{place}", "px4_msgs/msg/A", "out", number, size)
-        for place, (number, size) in enumerate(numbers)
-    ]
-
-
-DEFAULT = routes((1, 8), (2, 16), (3, 8), (4, 24), (5, 8), (6, 32))
-SHIFTED = routes((1, 8), (3, 16), (4, 8), (5, 24), (6, 8), (7, 32))
-KNOWN = joined([DEFAULT, SHIFTED])
-
-
 def several(client: Client, *samples: tuple[int, int]) -> None:
     """Send samples of writers with some sizes in one message."""
     parts = [
@@ -368,153 +321,121 @@ def several(client: Client, *samples: tuple[int, int]) -> None:
     client.send(wire.BEST_EFFORT, *parts)
 
 
-def stranger(known: Iterable[Route] = KNOWN) -> tuple[World, Client]:
-    client = Client()
-    client.next = 700
-    return World(Agent(0.0, known=known), client), client
+def told(port: int = 50001) -> Warned:
+    """Return what the user is told of a client in a session without a record."""
+    text = f"127.0.0.1:{port} has a session with an earlier program, of which there is no record"
+    return Warned(f"{text}: it connects anew, which takes about 10 s")
 
 
-@pytest.mark.parametrize("own", [DEFAULT, SHIFTED])
-def test_the_samples_show_which_ids_a_client_has(own: list[Route]) -> None:
+def stranger(**options: Any) -> tuple[World, Client]:
+    """Return a client in a session, and an agent that has no record of it."""
+    _, client = connected()
+    client.received.clear()
+    return World(Agent(0.0, **options), client), client
+
+
+def test_a_client_without_a_record_has_to_connect_anew() -> None:
     world, client = stranger()
-    several(client, *((route.object_id, route.size) for route in own))
-    world.settle()
-    assert [event.route for event in world.all(Opened)] == own
-    assert [event.route for event in world.all(Sample)] == own
-    assert world.agent.lost == 0
-
-
-def test_a_session_without_a_record_leaves_one() -> None:
-    request = "px4_msgs/srv/VehicleCommand_Request"
-    others = [Route("/fmu/in/b", "px4_msgs/msg/B", "in", 9), Route("/fmu/vehicle_command", request, "in", SERVICE)]
-    world, client = stranger(joined([[*DEFAULT, *others], SHIFTED]))
-    several(client, *((route.object_id, route.size) for route in DEFAULT))
-    world.settle()
-    assert len(world.all(Opened)) == len(DEFAULT) + 2
-    world.agent.remember(1, {"px4_msgs/msg/A": 5})
-    record = record_of(world.agent)
-    for _ in range(2):
-        after = World(Agent(0.0, records=[record]), client)
-        several(client, *((route.object_id, route.size) for route in DEFAULT))
-        after.settle()
-        assert after.all(Connected) == world.all(Connected)
-        assert {event.route for event in after.all(Opened)} == {event.route for event in world.all(Opened)}
-        assert [event.route for event in after.all(Sample)] == DEFAULT
-        assert after.agent.hashes(1) == {"px4_msgs/msg/A": 5}
-        client.received.clear()
-        assert after.agent._sessions[client.address].record() == record
-        after.agent.publish(1, 9, LE + b"sample")
-        after.agent.call(1, SERVICE, 1, LE + b"request")
-        after.settle()
-        assert [each[-6:] for each in client.samples()] == [b"sample", b"equest"]
-    several(client, (1, 9))
-    after.settle()
-    assert isinstance(after.events[-1], Disconnected), "its topics are others than those that were learnt"
-    assert records_of(after.agent) == {client.address: None}
-
-
-@pytest.mark.parametrize("other", ["none", "ping", "late ping", "session", "record"])
-def test_a_vehicle_without_a_record_is_alone_if_no_other_one_is_heard(other: str) -> None:
-    world, client = stranger()
-    second = Client(50002)
-    second.next = 900
-    if other != "record":
-        world.clients.append(second)
-    else:
-        world.agent.resume([Record(second.address, 7, 0x81, 508, 0, record_of(connected()[0].agent).parts)])
-    if other == "ping":
-        second.ping(in_session=True)
-    for step in range(40):
-        several(client, *((route.object_id, route.size) for route in DEFAULT))
+    for _ in range(3):
         client.ping(in_session=True)
-        if step == 20:
-            {"late ping": lambda: second.ping(in_session=True), "session": second.begin}.get(other, lambda: None)()
-        world.run(0.1)
-    remotes = [event.remote for event in world.all(Connected) if event.remote.address.endswith("50001")]
-    alone = [None, other != "ping"] + [False] * (other in {"late ping", "session"})
-    assert [each.alone for each in remotes] == alone
-    assert {each._replace(alone=None) for each in remotes} == {Remote(1, "127.0.0.1:50001", 0, "", continued=True)}
-
-
-def test_a_vehicle_that_is_renewed_connects_again_and_tells_its_names() -> None:
-    world, client = stranger()
-    several(client, *((route.object_id, route.size) for route in DEFAULT))
+        several(client, *((number, 8) for number in range(1, 9)))
+        client.send(0, wire.Timestamp(1).pack())
+        client.publish(7)
+    world.run(3.0)
+    assert world.events == [told()]
+    assert [wire.Info.unpack(payload).known for payload in client.all(wire.INFO)] == [False] * 3
+    assert len(client.received) == 3, "it gets no other answer"
+    assert world.agent.refused.keys() == {"message of an unknown session"}
+    client.delete()
+    again = Client(50002)
+    world.clients.append(again)
+    start(again)
     world.settle()
-    world.agent.renew(1)
-    client.ping(in_session=True)
-    several(client, *((route.object_id, route.size) for route in DEFAULT))
-    world.settle()
-    assert [type(event) for event in world.events if not isinstance(event, (Opened, Sample))] == [
-        Connected,
-        Disconnected,
-    ]
-    assert not wire.Info.unpack(client.all(wire.INFO)[-1]).known
-    with pytest.raises(LinkError, match="not connected"):
-        world.agent.renew(1)
+    assert [event.remote for event in world.all(Connected)] == [Remote(1, "127.0.0.1:50002", 1, "", continued=False)]
+    assert world.all(Warned) == [told()]
 
 
-@pytest.mark.parametrize("own", [routes((1, 8), (2, 16), (4, 8)), routes((9, 8)), routes((1, 9))])
-def test_a_set_that_does_not_fit_is_never_continued(own: list[Route]) -> None:
+@pytest.mark.parametrize("what", ["ping", "sample", "time", "creation"])
+def test_whatever_a_client_without_a_record_sends_is_told(what: str) -> None:
     world, client = stranger()
-    client.ping(in_session=True)
-    several(client, *((route.object_id, route.size) for route in own))
-    several(client, *((route.object_id, route.size) for route in DEFAULT))
-    client.ping(in_session=True)
-    client.send(0, wire.Timestamp(1).pack())
+    {
+        "ping": lambda: client.ping(in_session=True),
+        "sample": lambda: client.write(1, b"x"),
+        "time": lambda: client.send(0, wire.Timestamp(1).pack()),
+        "creation": lambda: client.publish(7),
+    }[what]()
     world.settle()
-    assert world.all(Connected) == []
-    assert [wire.Info.unpack(payload).known for payload in client.all(wire.INFO)] == [True, False]
-    assert client.all(wire.TIMESTAMP_REPLY) == []
+    assert world.events == [told()]
 
 
-def test_a_client_that_does_not_show_its_topics_is_given_up() -> None:
+@pytest.mark.parametrize("what", ["delete", "begin", "ping"])
+def test_a_client_that_begins_or_ends_a_session_is_not_told(what: str) -> None:
     world, client = stranger()
-    for _ in range(40):
+    getattr(client, what)()
+    world.settle()
+    assert world.events == []
+
+
+def test_each_client_without_a_record_is_told_once() -> None:
+    world, client = stranger()
+    other = Client(50002)
+    world.clients.append(other)
+    for _ in range(20):
+        client.ping(in_session=True)
+        other.ping(in_session=True)
+        world.run(0.5)
+    assert world.events == [told(), told(50002)]
+
+
+@pytest.mark.parametrize("how", ["ended", "ended before", "refused"])
+def test_what_a_client_sends_late_in_a_session_that_has_ended_is_not_told(how: str) -> None:
+    world, client = {"ended": connected, "ended before": stranger, "refused": lambda: connected(keys={7})}[how]()
+    client.delete()
+    world.run(2.0)
+    client.write(1, b"late")
+    client.ping(in_session=True)
+    world.run(5.0)
+    assert [event for event in world.all(Warned) if "earlier program" in event.text] == []
+
+
+def test_a_client_that_comes_back_after_its_session_was_forgotten_is_told() -> None:
+    world, client = connected()
+    world.run(Limits().memory + 20)
+    client.write(1, b"x")
+    world.settle()
+    assert world.all(Warned) == [told()]
+
+
+@pytest.mark.parametrize("options", [{"keys": {1}}, {"allow": lambda address: address[0] == "127.0.0.1"}])
+def test_a_client_that_may_connect_does_so_anew(options: dict[str, Any]) -> None:
+    world, client = stranger(**options)
+    client.write(1, b"x")
+    world.settle()
+    assert world.events == [told()]
+
+
+def test_strangers_are_bounded_and_get_little_more_than_they_send() -> None:
+    agent = Agent(0.0)
+    asked = answered = 0
+    for port in range(1, 1000):
+        client = Client(port)
         client.ping(in_session=True)
         client.write(1, bytes(8))
-        world.run(0.1)
-    known = [wire.Info.unpack(payload).known for payload in client.all(wire.INFO)]
-    assert sum(known) in (30, 31)
-    assert known == sorted(known, reverse=True)
-    assert world.all(Connected) == []
-
-
-def test_a_stranger_gets_little_more_than_it_sends() -> None:
-    world, client = stranger()
-    client.ping(in_session=True)
-    client.send(0, wire.Timestamp(1).pack())
-    for route in DEFAULT[:4]:
-        client.write(route.object_id, bytes(route.size))
-    asked = sum(map(len, client.outgoing))
-    world.clients = []
-    for data in client.outgoing:
-        world.agent.receive(data, client.address, 0)
-    assert sum(len(data) for data, _ in world.agent.take_outgoing()) < asked
-    assert world.agent._sessions == {}
-
-
-def test_a_forged_creation_gets_little_more_than_it_sends() -> None:
-    world, client = stranger()
-    client.subscribe(2)
-    world.clients = []
-    asked = sum(map(len, client.outgoing))
-    for data in client.outgoing:
-        world.agent.receive(data, client.address, 0)
-    sent = world.agent.take_outgoing()
-    for step in range(50):
-        world.agent.tick(step / 10)
-        sent += world.agent.take_outgoing()
-    assert sum(len(data) for data, _ in sent) < asked
-
-
-def test_strangers_are_bounded() -> None:
-    world = World(Agent(0.0, known=KNOWN))
-    for port in range(1000):
-        for data in (wire.pack_message(0x81, 0, 0, wire.GetInfo(b"\0\1").pack()), b"\x81\x01\0\0\7\1\4\0\0\1\x09\x95"):
-            world.agent.receive(data, ("10.0.0.1", port), 0)
-            world.agent.receive(data, ("10.0.0.2", port), 0)
-    assert len(world.agent._continuation._strangers) <= Limits().clients
-    assert len(world.agent._continuation._ended) <= Limits().clients
+        client.send(0, wire.Timestamp(1).pack())
+        client.publish(7)
+        client.delete()
+        for data in client.outgoing:
+            agent.receive(data, client.address, 0)
+            asked += len(data)
+        answered += sum(len(data) for data, _ in agent.take_outgoing())
+    assert answered < asked
+    assert (agent._sessions, agent._dropped) == ({}, {})
+    assert len(agent._ended) <= Limits().clients
+    assert len(agent.take_events()) <= 20
+    agent.tick(1.0)
+    for _ in range(100):
+        agent.tick(agent._last_tick + 0.2)
+    assert agent._ended == {}
 
 
 # --- messages of several samples
@@ -666,78 +587,37 @@ def test_px4_is_woken_and_goes_on_with_a_record(record: Record) -> None:
     assert done.agent.refused == {"reply to a request of another program": 2}
 
 
-def test_px4_is_continued_without_a_record(px4_types: Any) -> None:
-    default, *others = known_routes((px4_types,))
-    assert len(others) == 1
-    done = Replay("learnt", known=joined([default, *others])).run()
-    remote = Remote(1, "127.0.0.1:50001", 0, "", continued=True)
-    assert [event.remote for event in done.all(Connected)] == [remote, remote._replace(alone=True)]
-    assert len(done.all(Sample)) == len(done.written()), "13 topics in the first datagram"
-    assert [(event.route.object_id, event.payload[4:]) for event in done.all(Sample)] == done.written()
-    request, reply = (f"px4_msgs/srv/VehicleCommand_{end}" for end in ("Request", "Response"))
-    service = Service("/fmu/vehicle_command", request, reply, SERVICE)
-    assert {event.route for event in done.all(Opened)} == {*default[:-1], service}
-    assert done.all(Disconnected) == []
-    left = done.agent._sessions[PORT].record()
-    assert left is not None
-    again = Agent(0.0, records=[left])
-    routes, expected = (each._sessions[PORT].inventory.routes() for each in (again, done.agent))
-    assert [route[:4] for route in routes] == [route[:4] for route in expected]
-    assert routes[:31] == expected[:31], "the sizes of what the vehicle publishes, too"
-    assert again._sessions[PORT].record() == left
+@pytest.mark.parametrize("name", ["learnt", "running", "continued"])
+def test_px4_without_a_record_is_refused_whatever_it_sends(name: str) -> None:
+    done = Replay(name).run()
+    assert done.events == [told()]
+    pings = [row for row in done.rows if row.data[4] == wire.GET_INFO]
+    assert [wire.Info.unpack(data[8:]).known for data in done.answers(wire.INFO)] == [False] * len(pings)
+    assert len(done.sent) == len(pings), "it gets no other answer"
+    assert len(done.written()) > 100
 
 
-@pytest.mark.slow  # it loads all releases
-def test_the_samples_of_a_release_rule_out_all_others() -> None:
-    known = {release: known_routes((package_of(release),)) for release in EMBEDDED}
-    continuation = Continuation(joined(each for sets in known.values() for each in sets), 64)
-    for sets in known.values():
-        for own in sets:
-            written = [route for route in own if route.direction == "out"]
-            samples = [
-                wire.Sample(b"\0\0", entities.object_id(route.object_id, entities.WRITER), bytes(max(0, route.size)))
-                for route in written
-            ]
-            continuation.greet(PORT, 0.0)
-            continuation.observe(0, samples, PORT)
-            found = continuation.proved(PORT)
-            assert found is not None
-            assert found.routes == tuple(own)
-            continuation.end(PORT, 0.0)
-            continuation.tick(100.0)
+def test_px4_without_a_record_ends_its_session_after_three_answers() -> None:
+    """Where the other agent of the capture gave the same answers, 2.7 s after its start."""
+    rows = [Row(row[0], row[1], bytes.fromhex(row[2]), row[3]) for row in load("gap-info-no")["datagrams"]]
+    start = load("gap-info-no")["events"][1][0]
+    agent = Agent(start)
+    sent = []
+    for row in rows:
+        if row.sender == "client" and row.time > start and len(row.data) > 4:
+            agent.receive(row.data, ("127.0.0.1", 50001 + row.port), 0)
+            sent += [data for data, _ in agent.take_outgoing() if data[4] == wire.INFO]
+    assert sent == [row.data for row in rows if row.sender == "agent" and row.time > start and row.data[4] == wire.INFO]
+    assert [data[0] for data in sent] == [0x81, 0x81, 0x81, 0x80], "the last one is before the next session"
+    assert ("127.0.0.1", 50002) in agent._sessions
+    assert agent.take_events() == [told()]
 
 
-def test_px4_is_not_continued_with_the_ids_of_another_board(px4_types: Any) -> None:
-    """All samples of 1.5 s, in any order of the sets: none is taken for another topic."""
-    default, others = known_routes((px4_types,))
-    done = Replay("learnt", known=others).run()
-    assert (done.all(Connected), done.all(Sample)) == ([], [])
-    assert len(done.answers(wire.HEARTBEAT)) == 0
-    assert len(object_ids_of(px4_types)) == 2
-    assert default != others
-
-
-def test_a_running_px4_shows_its_ids_soon(px4_types: Any) -> None:
-    """From each datagram on."""
-    known = joined(known_routes((px4_types,)))
-    for first in range(0, 150, 7):
-        done = Replay("running", known=known)
-        done.rows = done.rows[first:]
-        done.run()
-        begun = next(at for at, event in zip(done.at, done.events, strict=True) if isinstance(event, Connected))
-        assert begun - done.rows[0].time < 0.03
-        names = {route.object_id: route.name for route in known_routes((px4_types,))[0]}
-        assert all(event.route.name == names[event.route.object_id] for event in done.all(Sample))
-
-
-@pytest.mark.parametrize("has_record", [True, False])
-def test_px4_goes_on_after_its_time_synchronization(has_record: bool, record: Record, px4_types: Any) -> None:  # noqa: FBT001
+def test_px4_goes_on_after_its_time_synchronization(record: Record) -> None:
     early = record._replace(parts=record.parts[:1], next=1)
-    given: dict[str, Any] = {"records": [early]} if has_record else {"known": joined(known_routes((px4_types,)))}
-    done = Replay("sync", **given).run()
-    connection, *further = done.all(Connected)
-    assert connection.remote == Remote(1, "127.0.0.1:50001", int(has_record), "", continued=True)
-    assert [event.remote for event in further] == [connection.remote._replace(alone=True)] * (not has_record)
+    done = Replay("sync", records=[early]).run()
+    (connection,) = done.all(Connected)
+    assert connection.remote == Remote(1, "127.0.0.1:50001", 1, "", continued=True)
     asked = [row for row in done.rows if row.data[4] == wire.TIMESTAMP]
     assert len(done.answers(wire.TIMESTAMP_REPLY)) == len(asked) > 250
     assert len(done.all(Opened)) == 31 + 38 + 1

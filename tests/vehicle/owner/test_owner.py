@@ -219,25 +219,22 @@ def test_the_owner_asks_for_definitions_once_for_all_programs(link: FakeLink, pa
         assert len(asked) == len({*asked}) == len(early.firmware.hashes)
 
 
-def test_only_a_program_that_is_alone_lets_a_vehicle_connect_again(link: FakeLink, path: Path, server: Server) -> None:
-    remote = link.connect(0, continued=True)
-    unknown = remote._replace(alone=False)
-    with Vehicle(UnixLink(str(path))) as other:
-        other.wait_connected(WAIT)
-        with Vehicle(own := UnixLink(str(path)), key=5) as vehicle:
-            hub = vehicle._hub
-            until(lambda: hub.entries)
-            link.user().connected(unknown)
-            until(lambda: [entry.remote for entry in hub.entries.values()] == [unknown])
-            with hub.changed:  # the thread of the link has asked for what it wants
-                pass
-            assert own.ask("state")["vehicles"][0]["alone"] is False
-            assert link.renewed == []
-        assert other.remote == unknown
-    until(lambda: not server.owner.programs)
-    with Vehicle(UnixLink(str(path)), key=5):
-        until(lambda: link.renewed)
-    assert link.renewed == [unknown]
+def test_a_program_that_joins_a_moment_later_is_told_why_it_waits(
+    link: FakeLink, path: Path, server: Server, caplog: pytest.LogCaptureFixture
+) -> None:
+    link.user().warned("the vehicle connects anew")
+    caplog.clear()
+    with Vehicle(own := UnixLink(str(path))):
+        until(lambda: "the vehicle connects anew" in caplog.messages)
+        link.connect()
+        caplog.clear()
+        with Vehicle(UnixLink(str(path))) as late:
+            late.wait_connected(WAIT)
+            assert caplog.messages == [], "a vehicle is there"
+        assert own.warnings() == ["the vehicle connects anew"]
+    with server.owner.lock:
+        server.owner.warnings["the vehicle connects anew"] -= 20.0
+        assert server.owner.missed() == []
 
 
 def test_a_program_is_told_nothing_before_it_is_welcome(link: FakeLink, path: Path, server: Server) -> None:
@@ -434,7 +431,7 @@ def test_random_frames_end_the_connection_of_their_program_only(
     frames: int, link: FakeLink, path: Path, px4_types: Any
 ) -> None:
     choose = random.Random(28)  # noqa: S311 - no secret
-    names = ("hello", "follow", "cancel", "ask", "renew", "connected", "x")
+    names = ("hello", "follow", "cancel", "ask", "connected", "x")
     values: tuple[object, ...] = (0, 1, -1, 2**40, "", "state", "clients", None, True, [], {}, [1], hello(), 1.5)
 
     def frame() -> bytes:

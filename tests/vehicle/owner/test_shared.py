@@ -184,29 +184,28 @@ def leave_unrecorded(url: str, types: Any, count: int, *, is_direct: bool) -> No
     shutil.rmtree(records_folder())
 
 
-@pytest.mark.parametrize("is_direct", [True, False])
-def test_a_selected_vehicle_is_continued_without_a_record(url: str, is_direct: bool, px4_types: Any) -> None:  # noqa: FBT001
-    with Simulator(px4_types, url, [Options(sync="off", rate=50.0, key=1, namespace="uav_1")]):
-        leave_unrecorded(url, px4_types, 1, is_direct=is_direct)
-        with Vehicle(url, px4_types, key=1, namespace="uav_1", direct=is_direct) as vehicle:
-            remote = vehicle.wait_connected(WAIT)
-            assert (remote.continued, remote.alone) == (True, True)
-            assert vehicle.subscribe("/uav_1/fmu/out/vehicle_status").wait_for(bool, WAIT)
-            command = px4_types.VehicleCommand(command=400, param1=1.0, target_system=1)
-            assert vehicle.call(px4_types.srv.VehicleCommand.Request(request=command), WAIT).reply.command == 400
-            with Vehicle(url, px4_types, namespace="uav_1", direct=is_direct) as late:
-                assert late.wait_connected(WAIT) == remote
+NO_RECORD = (
+    "has a session with an earlier program, of which there is no record: it connects anew, which takes about 10 s"
+)
 
 
 @pytest.mark.parametrize("is_direct", [True, False])
-def test_one_of_several_vehicles_without_a_record_connects_again(url: str, is_direct: bool, px4_types: Any) -> None:  # noqa: FBT001
-    both = [Options(sync="off", rate=50.0, key=key) for key in (1, 2)]
+def test_vehicles_without_a_record_connect_anew_and_are_told(
+    is_direct: bool,  # noqa: FBT001
+    url: str,
+    px4_types: Any,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    both = [Options(sync="off", rate=50.0, key=key, namespace=f"uav_{key}") for key in (1, 2)]
     with Simulator(px4_types, url, both):
         leave_unrecorded(url, px4_types, 2, is_direct=is_direct)
+        assert NO_RECORD not in caplog.text
         with Vehicle(url, px4_types, key=2, direct=is_direct) as vehicle:
             remote = vehicle.wait_connected(WAIT)
-            assert (remote.continued, remote.key) == (False, 2)
-            assert vehicle.subscribe("vehicle_status").wait_for(bool, WAIT)
+            assert (remote.continued, remote.key, remote.namespace) == (False, 2, "uav_2")
+            assert vehicle.subscribe("/uav_2/fmu/out/vehicle_status").wait_for(bool, WAIT)
+        told = [text for text in caplog.messages if NO_RECORD in text]
+        assert len({*told}) == len(told) == 2
 
 
 def test_a_socket_of_a_killed_owner_is_replaced(url: str, runtime: Path, px4_types: Any) -> None:
@@ -397,7 +396,7 @@ def test_the_command_lists_and_stops_owners(url: str, px4_types: Any, capsys: py
     assert owners() == []
 
 
-def test_serving_continues_a_session_without_a_record(url: str, px4_types: Any) -> None:
+def test_serving_tells_of_a_vehicle_without_a_record(url: str, px4_types: Any) -> None:
     with Simulator(px4_types, url, [Options(sync="off", rate=50.0, key=1)]):
         leave_unrecorded(url, px4_types, 1, is_direct=True)
         command = [sys.executable, "-m", "msggen", "link", "serve", "--link", url]
@@ -406,9 +405,9 @@ def test_serving_continues_a_session_without_a_record(url: str, px4_types: Any) 
             assert process.stdout
             assert f"{url} is open" in process.stdout.readline()
             with Vehicle(url) as vehicle:
-                assert vehicle.wait_connected(WAIT).continued
+                assert not vehicle.wait_connected(WAIT).continued
             process.send_signal(signal.SIGINT)
-            process.stdout.read()
+            assert process.stdout.read().count(NO_RECORD) == 1
 
 
 def test_serving_in_the_foreground_tells_what_happens(url: str, px4_types: Any) -> None:

@@ -1,4 +1,4 @@
-"""The CREATE and READ_DATA of routes that are known without them, as PX4's client sends them. docs/xrce.md, 10."""
+"""The CREATE and READ_DATA of routes that are known without them, as PX4's client sends them. docs/xrce.md, 4."""
 
 from __future__ import annotations
 
