@@ -207,7 +207,7 @@ def test_tab_imports_no_package_without_names(project: Path, marks: Path) -> Non
 # Commands that import the package of the settings
 
 IMPORTING = {
-    *("call", "command", "doctor", "link serve", "record", "relay", "sim", "top", "view"),
+    *("call", "command", "doctor", "record", "relay", "sim", "top", "view"),
     *("topic bw", "topic delay", "topic echo", "topic find", "topic hz", "topic info", "topic list"),
     *("topic plot", "topic pub", "topic type"),
 }

@@ -15,6 +15,8 @@ from support.pages import check_outputs, outputs_of, reading, steps_of, variable
 from support.repository import ROOT
 
 FILE = re.compile(r"# (\w+\.py)\n")
+LONG = re.compile(r"(?<=s) \(\d+:\d\d:\d\d\)")
+"""What pytest adds to a time of more than a minute."""
 MEASURED = re.compile(r"(?<![\w.])-?\d+\.\d+(?= s\b|s$| m\b)", re.MULTILINE)
 
 
@@ -44,7 +46,7 @@ def test_a_reader_who_copies_the_page_gets_what_it_shows(tmp_path: Path) -> None
 
 def _plain(text: str) -> str:
     """Return an output without times, places and the folders of a user."""
-    return re.sub(r"/\S+/pytest-of-\w+/pytest-\d+/", "FOLDER/", MEASURED.sub("N", text))
+    return re.sub(r"/\S+/pytest-of-\w+/pytest-\d+/", "FOLDER/", MEASURED.sub("N", LONG.sub("", text)))
 
 
 def test_the_page_has_all_faults_and_answers() -> None:

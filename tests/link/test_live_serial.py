@@ -229,8 +229,11 @@ def test_a_request_that_is_sent_again_waits_no_longer_for_the_line(
 ) -> None:
     with linked(vehicle) as (link, records):
         connect(vehicle, link, records)
-        soon = age.now() + 50_000_000
+        with reading(vehicle):
+            while link._queue.size:
+                time.sleep(0.01)
         with link.lock:
+            soon = age.now() + 50_000_000
             monkeypatch.setattr(os, "write", _refuse)
             link.agent._outbox.send(bytes(20), vehicle.path, soon)
             link.settle()
