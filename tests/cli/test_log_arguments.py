@@ -257,3 +257,9 @@ def test_numbers_that_are_not_finite_are_null(here: Path, capsys: pytest.Capture
     assert run("show odd.ulg --params --json") == DONE
     lines = [json.loads(line, parse_constant=no_constant) for line in capsys.readouterr().out.splitlines()]
     assert [each["value"] for each in lines] == [None, None]
+
+
+def test_a_module_that_is_no_generated_package_is_an_error(capsys: pytest.CaptureFixture[str]) -> None:
+    for words in ("info flight.ulg", "convert flight.ulg -o made"):
+        assert run(f"{words} --types json") == FAILED
+        assert capsys.readouterr().err.startswith("json: L103 not a package")

@@ -18,7 +18,7 @@ from msggen.cli.commands.log.arguments import asked_time, refuse_files, swapped_
 from msggen.cli.commands.log.progress import busy_bar, progress_bar
 from msggen.cli.commands.log.targets import STDIN
 from msggen.cli.options import check_parent
-from msggen.cli.packages import check_reading, import_package, missing_extra
+from msggen.cli.packages import check_reading, import_package, missing_extra, topics_of
 from msggen.cli.printing import number_of_bytes
 from msggen.cli.reading import store_errors, store_failed
 from msggen.show.report.json import dump
@@ -92,7 +92,9 @@ def _definitions(options: argparse.Namespace) -> list[Definitions | Nearby]:
 
     found: list[Definitions | Nearby] = [*(getattr(options, "msg_dir", None) or [])]
     if getattr(options, "types", None):
-        found.append(import_package(options.types))
+        package = import_package(options.types)
+        topics_of(package)  # an error for another package
+        found.append(package)
     find: Callable[[argparse.Namespace], tuple[ModuleType, str] | None] | None = getattr(options, "nearby", None)
     return found if find is None else [*found, Nearby(lambda: find(options))]
 
