@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from contextlib import suppress
 from types import ModuleType
 
 from msggen.base.diagnostics import InputError, input_error
@@ -55,10 +56,11 @@ def topics_of(package: ModuleType) -> ModuleType:
     """Return the module `topics` of a generated package. Raises InputError for another package."""
     from importlib import import_module
 
-    try:
-        return import_module(f"{package.__name__}.topics")
-    except ImportError:
-        raise input_error(package.__name__, "L103", "not a package that msggen has generated", 0) from None
+    with suppress(ImportError):
+        topics = import_module(f"{package.__name__}.topics")
+        if hasattr(package, "by_type"):
+            return topics
+    raise input_error(package.__name__, "L103", "not a package that msggen has generated", 0)
 
 
 def check_reading(code: str, extra: str = "recordings") -> None:

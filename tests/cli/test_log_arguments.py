@@ -259,7 +259,10 @@ def test_numbers_that_are_not_finite_are_null(here: Path, capsys: pytest.Capture
     assert [each["value"] for each in lines] == [None, None]
 
 
-def test_a_module_that_is_no_generated_package_is_an_error(capsys: pytest.CaptureFixture[str]) -> None:
-    for words in ("info flight.ulg", "convert flight.ulg -o made"):
-        assert run(f"{words} --types json") == FAILED
-        assert capsys.readouterr().err.startswith("json: L103 not a package")
+def test_a_module_that_is_no_generated_package_is_an_error(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (here / "some_types").mkdir()
+    for name in ("__init__", "topics"):
+        (here / "some_types" / f"{name}.py").write_text("")
+    for words in ("info flight.ulg --types json", "convert flight.ulg -o made --types ./some_types"):
+        assert run(words) == FAILED
+        assert " L103 not a package that msggen has generated" in capsys.readouterr().err

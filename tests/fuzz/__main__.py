@@ -16,7 +16,7 @@ from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
 
-sys.path[0:0] = [str(Path(__file__).resolve().parents[2] / folder) for folder in ("tests", "")]
+sys.path[0:0] = [str(Path(__file__).resolve().parents[2] / folder) for folder in ("tests", "", "generated")]
 
 from fuzz.runner import NAMES, SEED, Failure, find, indices_of, run  # noqa: E402
 from support.scratch import scratch_root  # noqa: E402

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import importlib
 import mmap
-import sys
 import tempfile
 from array import array
 from collections.abc import Callable
@@ -26,7 +25,6 @@ from support.catalogs import import_package
 from support.other_codecs import Generated, everything
 from support.random_definitions import random_catalog, values_of
 from support.reference import HEADERS, MalformedError, deserialize, serialize
-from support.repository import ROOT
 from support.samples import plain
 
 COUNT = 6000
@@ -53,8 +51,6 @@ class Target(NamedTuple):
 @cache
 def targets() -> dict[str, Target]:
     """Return the messages of the committed package, and random ones with strings and sequences, by name."""
-    if str(ROOT / "generated") not in sys.path:
-        sys.path.insert(0, str(ROOT / "generated"))
     embedded = Generated(read_catalog(find_sources(None)), importlib.import_module("px4_types"))
     folder = Path(tempfile.mkdtemp())
     catalog = random_catalog(folder, Random(0), 60, 5)  # noqa: S311 - not used for security
