@@ -42,7 +42,8 @@ else:
 
 def expiry(waited: float = 0.0) -> int:
     """Return the time until which a message may be sent that is published now, and has waited for some s already."""
-    return now() + LONGEST_NS - round(max(0.0, waited) * 1e9)
+    until = now() + LONGEST_NS
+    return until - round(waited * 1e9) if waited > 0.0 else until
 
 
 def is_over(until: int) -> bool:
