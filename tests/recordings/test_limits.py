@@ -21,11 +21,10 @@ from msggen.exports.convert.selection import Selection
 from msggen.recordings.decode.decoder import Decoder
 from msggen.recordings.decode.layouts import layout_of
 from msggen.recordings.decode.schemas import read_schema
-from msggen.recordings.files import compression
+from msggen.recordings.files import compression, frames
 from msggen.recordings.files.compression import CompressionError
 from msggen.recordings.files.mcap import reader as mcap
 from msggen.recordings.files.mcap.records import Chunk
-from msggen.recordings.files.rosbag2 import frames
 from msggen.recordings.log import opening
 from msggen.recordings.source.source import Channel, RecordingError, SchemaError
 from support.commands import run

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from msggen.recordings.files.compression import Room
+from msggen.recordings.files.frames import Frames
 from msggen.recordings.files.mapped import MappedFile
 from msggen.recordings.files.mcap.channels import Described
 from msggen.recordings.files.mcap.checksums import Checks
@@ -35,7 +36,6 @@ from msggen.recordings.files.mcap.records import (
 )
 from msggen.recordings.files.mcap.scan import scan
 from msggen.recordings.files.mcap.summary import Summary, differing_sections, read_summary
-from msggen.recordings.files.rosbag2.frames import Frames
 from msggen.recordings.source.facts import Facts
 from msggen.recordings.source.memory import drop_pages
 from msggen.recordings.source.source import (

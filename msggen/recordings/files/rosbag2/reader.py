@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from msggen.recordings.files.compression import Room
+from msggen.recordings.files.frames import Frames
 from msggen.recordings.files.mapped import MappedFile
 from msggen.recordings.files.mcap.channels import definition_in, ros_type_of, type_hash_in
-from msggen.recordings.files.rosbag2.frames import Frames
 from msggen.recordings.files.rosbag2.sqlite import ERRORS, Column, Messages, Statements, columns_of, has_log, settle
 from msggen.recordings.files.rosbag2.sqlite_pages import Pages, Rows, is_integer, sizes_of
 from msggen.recordings.source.gather import groups
