@@ -87,11 +87,12 @@ class Memory:
             self._tell(error)
             return None
 
-    def is_younger(self, age: float) -> bool:
-        """Whether a program was alive less than `age` s ago, at any vehicle."""
+    def is_interrupted(self, age: float) -> bool:
+        """Whether a program was alive less than `age` s ago that has not ended its modes of this vehicle."""
         now = time.monotonic()
         with suppress(OSError), os.scandir(self._folder) as entries:
-            return any(now - each.stat().st_mtime < age for each in entries if each.name.endswith(_SUFFIX))
+            recent = [each.path for each in entries if each.name.endswith(_SUFFIX) and now - each.stat().st_mtime < age]
+            return any(self._is_unfinished(path) for path in recent)
         return False
 
     def write(self, ids: Ids, status: Any, *, is_over: bool = False) -> None:
@@ -170,6 +171,12 @@ class Memory:
             state = "were damaged and set aside" if set_aside(path, error) else "cannot be read"
             LOGGER.warning("the ids of mode %r from an earlier program %s: %s: %s", name, state, path, error)
             return None
+
+    def _is_unfinished(self, path: str) -> bool:
+        with suppress(OSError, UnexpectedError):  # `claim` tells what is wrong with it
+            content = parsed(read_bytes(path, follow=False))
+            return bool(field(content, "vehicle") == self._vehicle and not truth(field(content, "is_over")))
+        return False
 
     def _replace(self, path: str, data: bytes) -> None:
         handle, temporary = tempfile.mkstemp(dir=self._folder, prefix=".")  # mode 0600

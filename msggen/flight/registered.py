@@ -154,8 +154,8 @@ class Parts:
 
     @property
     def is_urgent(self) -> bool:
-        """Whether an earlier program may have been killed just now. Then this one must answer at once."""
-        return self._memory is not None and self._memory.is_younger(FRESH)
+        """Whether a program may have been killed just now at this vehicle. Then this one must answer at once."""
+        return self._memory is not None and self._memory.is_interrupted(FRESH)
 
     def find(self, mode: type[Mode] | Mode) -> ActiveMode:
         """Return a registered mode. Raises FlightError if it is not registered."""

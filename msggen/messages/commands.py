@@ -51,6 +51,9 @@ RESULTS: Final[Mapping[int, str]] = MappingProxyType(
         4: "failed",
         IN_PROGRESS: "in progress",
         6: "cancelled",
+        7: "command long only",
+        8: "command int only",
+        9: "unsupported mav frame",
     }
 )
 """The results of VehicleCommandAck, for people."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import json
+import math
 import os
 import time
 from collections.abc import Iterator
@@ -60,6 +61,26 @@ def test_the_next_program_finds_what_one_has_left(clock: Any) -> None:
     assert found.booted == pytest.approx(4900.0)
     assert Memory("udp 8889 0 1").claim(IDS.name) is None, "another vehicle"
     assert Memory(VEHICLE).claim("Circle") is None
+
+
+def test_only_a_program_that_left_modes_of_this_vehicle_makes_the_next_one_hurry(clock: Any) -> None:
+    memory = left(status(100.0))
+    clock.seconds += 1.0
+    assert Memory(VEHICLE).is_interrupted(FRESH)
+    assert not Memory("udp 8889 0 1").is_interrupted(FRESH), "another vehicle"
+    memory.write(IDS, status(101.0), is_over=True)
+    assert not Memory(VEHICLE).is_interrupted(FRESH), "it has ended its mode"
+    memory.write(IDS, status(102.0))
+    clock.seconds += FRESH
+    assert not Memory(VEHICLE).is_interrupted(FRESH), "it ended too long ago"
+
+
+@pytest.mark.parametrize("data", [b"", b"[]", b'{"vehicle": "udp 8888 0 1"}', b'{"vehicle": 1, "is_over": 0}'])
+def test_damaged_ids_make_nobody_hurry(data: bytes, folder: Path) -> None:
+    memory = left(status(100.0))
+    for path in folder.glob("*.json"):
+        path.write_bytes(data)
+    assert not memory.is_interrupted(math.inf)
 
 
 def test_a_mode_that_a_program_flies_is_locked() -> None:

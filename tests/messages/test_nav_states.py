@@ -70,7 +70,7 @@ def test_commands_and_results_have_their_numbers_in_a_release(messages: Any) -> 
     }.items()
     if "VehicleCommandAck" in messages:
         results = constants(messages["VehicleCommandAck"], "VEHICLE_CMD_RESULT_")
-        assert {number: text.upper().replace(" ", "_") for number, text in RESULTS.items()}.items() <= results.items()
+        assert {number: text.upper().replace(" ", "_") for number, text in RESULTS.items()} == results
     executors = constants(messages["VehicleCommand"], "COMPONENT_MODE_EXECUTOR_START")
     assert executors.keys() <= {commands.EXECUTOR}
 
