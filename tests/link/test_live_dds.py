@@ -13,7 +13,8 @@ from typing import Any
 
 import pytest
 
-from msggen.link.dds import DdsLink, Endpoint, endpoint_of
+from msggen.link.age import LONGEST_NS
+from msggen.link.dds import LOOPBACK, DdsLink, Endpoint, endpoint_of
 from msggen.link.link import LinkError, Remote, Route, Service
 from support.commands import run
 from support.dds_vehicle import domains, vehicle
@@ -255,3 +256,24 @@ def test_topics_are_listed_and_printed_over_dds() -> None:
         outcome = run(["topic", "echo", "vehicle_status", "--field", "nav_state", "--once", *link])
         assert (outcome.code, outcome.stdout) == (0, "14 (OFFBOARD)\n---\n")
         assert "/uav_1/fmu/out/vehicle_status_v4\n" in run(["topic", "list", *link]).stdout
+
+
+@pytest.mark.parametrize("is_reliable", [False, True], ids=["topic", "service"])
+def test_a_sample_that_waited_too_long_is_not_delivered(is_reliable: bool) -> None:  # noqa: FBT001
+    cyclone = pytest.importorskip("msggen.link.cyclone")
+    lifespan = cyclone.REQUEST_LIFESPAN if is_reliable else LONGEST_NS
+    type_name = "px4_msgs::msg::dds_::Wind_"
+    participant = cyclone.Participant(next(DOMAINS), LOOPBACK)
+    try:
+        reader = participant.reader("rt/fmu/in/wind", type_name, is_reliable=is_reliable)
+        writer = participant.writer("rt/fmu/in/wind", type_name, is_reliable=is_reliable)
+        for number in range(5):
+            writer.write(bytes([0, 1, 0, 0, number, 0, 0, 0]))
+        assert participant.wait(10.0)[1] == [reader]
+        assert [data[4] for data in reader.take()] == [0, 1, 2, 3, 4]
+        writer.write(bytes([0, 1, 0, 0, 5, 0, 0, 0]))
+        time.sleep(lifespan / 1e9 + 0.2)  # more than that only makes it older
+        writer.write(bytes([0, 1, 0, 0, 6, 0, 0, 0]))
+        assert [data[4] for data in reader.take()] == [6]
+    finally:
+        participant.close()
