@@ -14,7 +14,6 @@ from link import Meter, wait
 from msggen.link.address import parse_address
 from msggen.link.link import Link, Remote, Route, Service
 from msggen.vehicle.opening import open_link
-from msggen.vehicle.owned.unix import UnixLink
 
 
 class Follower(Meter):
@@ -25,7 +24,7 @@ class Follower(Meter):
     def opened(self, remote: Remote, route: Route | Service) -> None:
         """Keep a route, and follow it."""
         super().opened(remote, route)
-        if isinstance(self.link, UnixLink) and isinstance(route, Route) and route.direction == "out":
+        if isinstance(route, Route) and route.direction == "out":
             self.link.follow(remote, route, is_followed=True)
 
 

@@ -10,8 +10,7 @@ from msggen.base.location import Location
 from msggen.check.finding import Change
 from msggen.doctor.expected import Expected
 from msggen.doctor.observation import Observation, VehicleSeen
-from msggen.link.link import Route
-from msggen.link.xrce.agent import Client
+from msggen.link.link import Client, Route
 from msggen.messages.names import is_named_after, stem_of
 from msggen.vehicle.selection import Selection, shown
 

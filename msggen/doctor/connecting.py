@@ -8,8 +8,8 @@ from msggen.base.diagnostics import counted, few
 from msggen.check.finding import Change
 from msggen.doctor.case import SILENT, Case
 from msggen.doctor.observation import INTACT, OWNER, SIM, Observation
+from msggen.link.link import Client
 from msggen.link.link_types import AGENT_PORT, PORT
-from msggen.link.xrce.agent import Client
 from msggen.vehicle.selection import shown
 
 _STATUS = "`uxrce_dds_client status` in PX4's shell shows where it sends"

@@ -22,8 +22,7 @@ from msggen.doctor.observation import (
     TopicSeen,
     VehicleSeen,
 )
-from msggen.link.link import Remote, Route, Statistics
-from msggen.link.xrce.agent import Client
+from msggen.link.link import Client, Remote, Route, Statistics
 from msggen.messages.commands import ARM_DISARM, SET_MODE, TEMPORARILY_REJECTED
 from msggen.messages.names import uorb_name
 from msggen.messages.nav_states import ARMED, DISARMED, HOLD, LAND, OFFBOARD, ROTARY_WING

@@ -8,14 +8,11 @@ from collections.abc import Mapping
 
 from msggen.doctor.inputs import KEPT, Inputs, age_of, programs_of
 from msggen.doctor.observation import InputSeen, SampleSeen, TopicSeen, VehicleSeen
-from msggen.link.agent_link import AgentLink
-from msggen.link.link import Link, Remote, Route, Service, Statistics
-from msggen.link.xrce.agent import Client
+from msggen.link.link import Client, Link, Remote, Route, Service, Statistics
 from msggen.messages.names import uorb_name
 from msggen.vehicle.entry import Entry
 from msggen.vehicle.hub import Hub
 from msggen.vehicle.meter import Meter
-from msggen.vehicle.owned.unix import UnixLink
 
 _MARGIN_S = 1.0
 """How long before the watch a client may have been heard last. PX4's client sends once a second at least."""
@@ -58,14 +55,14 @@ class Observer(Hub):
     def begin(self) -> None:
         """Count from now on: the link may have an owner that is older than this program. Its warnings still hold."""
         self._begun = time.time_ns()
-        if isinstance(self.link, UnixLink):
+        if self.link.is_shared:
             self._before, self._refused = self.link.statistics(), self.link.refusals()
             self.warnings = list(dict.fromkeys([*self.link.warnings(), *self.warnings]))
 
     def watch(self) -> None:
         """Count from now on what programs send."""
         self._watched = time.time_ns()
-        if isinstance(self.link, UnixLink):
+        if self.link.is_shared:
             for number, entry in tuple(self.entries.items()):
                 self._inputs[number] = Inputs()
                 publishers = self.link.publishers(entry.remote)
@@ -83,7 +80,7 @@ class Observer(Hub):
 
     def refusals(self) -> dict[str, int]:
         """Return how many datagrams were refused since `begin`, by reason."""
-        counts = {reason: count - self._refused.get(reason, 0) for reason, count in _refusals(self.link).items()}
+        counts = {reason: count - self._refused.get(reason, 0) for reason, count in self.link.refusals().items()}
         return {reason: count for reason, count in counts.items() if count > 0}
 
     def clients(self) -> tuple[Client, ...]:
@@ -98,7 +95,7 @@ class Observer(Hub):
     def look(self) -> tuple[Client, ...]:
         """Return the clients that the link knows, and keep those that have begun another session since."""
         now = time.monotonic()
-        found = clients_of(self.link)
+        found = tuple(self.link.clients())
         current = {each.address: each for each in found}
         for client, at in self._clients:
             later = current.get(client.address)
@@ -109,7 +106,7 @@ class Observer(Hub):
 
     def catch_up(self) -> None:
         """Count the samples that arrived at the owner of the link before it knew that this program follows them."""
-        if not isinstance(self.link, UnixLink):
+        if not self.link.is_shared:
             return
         for number, entry in tuple(self.entries.items()):
             heard = {flow.route.name for flow in self._meters[number].flows(0)}
@@ -125,7 +122,7 @@ class Observer(Hub):
         super().opened(remote, route)
         if isinstance(route, Route) and route.direction == "out" and uorb_name(route.name) in _STATES:
             self._states[remote.number][route.name] = deque(maxlen=KEPT)
-        if isinstance(self.link, UnixLink) and isinstance(route, Route):
+        if isinstance(route, Route):
             self.link.follow(remote, route, is_followed=True)
 
     def connected(self, remote: Remote) -> None:
@@ -191,7 +188,7 @@ class Observer(Hub):
 
     def _inputs_of(self, entry: Entry) -> dict[str, InputSeen]:
         number, now = entry.remote.number, time.time_ns()
-        if not isinstance(self.link, UnixLink) or number not in self.entries:
+        if not self.link.is_shared or number not in self.entries:
             return {}
         seconds = (now - (self._watched or self._begun)) / 1e9
         programs = programs_of(self.link.publishers(entry.remote), self._published.get(number, {}), seconds)
@@ -208,18 +205,9 @@ class Observer(Hub):
 
     def _last(self, entry: Entry, route: Route) -> SampleSeen | None:
         """Return the last sample of a route that the owner of the link has, also from before the doctor looks."""
-        found = self.link.last(entry.remote, route) if isinstance(self.link, UnixLink) else None
+        found = self.link.last(entry.remote, route)
         return SampleSeen(found.time, found.payload.hex()) if found else None
 
     def vehicles(self) -> tuple[VehicleSeen, ...]:
         """Return all sessions, those that have ended first."""
         return (*self.past, *map(self.vehicle, tuple(self.entries.values())))
-
-
-def clients_of(link: Link) -> tuple[Client, ...]:
-    """Return the clients that a link knows."""
-    return tuple(link.clients()) if isinstance(link, (AgentLink, UnixLink)) else ()
-
-
-def _refusals(link: Link) -> Mapping[str, int]:
-    return link.refusals() if isinstance(link, (AgentLink, UnixLink)) else {}

@@ -6,9 +6,8 @@ import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from msggen.link.link import NOTHING, Remote, Route, Statistics
+from msggen.link.link import NOTHING, Client, Remote, Route, Statistics
 from msggen.link.link_types import LINK_TYPES, LinkType
-from msggen.link.xrce.agent import Client
 from msggen.messages.names import uorb_name
 
 INTACT = frozenset(

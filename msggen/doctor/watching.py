@@ -16,7 +16,6 @@ from msggen.link.address import Address, parse_address
 from msggen.link.link import LinkError
 from msggen.link.link_types import AGENT_PORT, PORT
 from msggen.vehicle.opening import open_link
-from msggen.vehicle.owned.unix import UnixLink
 
 if TYPE_CHECKING:
     from msggen.doctor.discovery import Discovery
@@ -66,7 +65,7 @@ def observe(address: Address, plan: Plan = Plan(), told: Callable[[Address], Non
     with ExitStack() as stack:
         stack.callback(link.close)
         if address.has_free_port:
-            address = address._replace(port=getattr(link, "port", 0))
+            address = address._replace(port=link.port)
             told(address)
             told = _nothing
         observer.begin()
@@ -214,13 +213,13 @@ def _seen(observer: Observer | None, address: Address, waited: float, seconds: f
         statistics=observer.counters(),
         refused=observer.refusals(),
         warnings=tuple(observer.warnings),
-        hears_programs=isinstance(observer.link, UnixLink),
+        hears_programs=observer.link.is_shared,
     )
 
 
 def _place(observer: Observer | None, address: Address) -> Address:
     """Return the address at which vehicles connect: that of the owner if `address` is its socket."""
-    if observer is not None and isinstance(observer.link, UnixLink) and address.link_type.is_socket:
+    if observer is not None and observer.link.is_shared and address.link_type.is_socket:
         told = observer.link.address()
         return parse_address(told) if told else address
     return address

@@ -11,7 +11,7 @@ import selectors
 import socket
 import threading
 import time
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from functools import partial
@@ -22,9 +22,22 @@ from queue import Empty, SimpleQueue
 from msggen.link.age import LATE, NEVER, expiry, is_over, now
 from msggen.link.aside import Aside
 from msggen.link.guard import guarded
-from msggen.link.link import Event, LinkError, Listener, Remote, Route, Service, StaleError, Statistics, deliver
+from msggen.link.link import (
+    Client,
+    Event,
+    Kept,
+    Link,
+    LinkError,
+    Listener,
+    Remote,
+    Route,
+    Service,
+    StaleError,
+    Statistics,
+    deliver,
+)
 from msggen.link.session_files import Records
-from msggen.link.xrce.agent import Agent, Client, everybody
+from msggen.link.xrce.agent import Agent, everybody
 from msggen.link.xrce.outbox import Address
 from msggen.link.xrce.record import Record
 
@@ -35,7 +48,7 @@ TICK = 0.1
 """The time in s between two calls of `Agent.tick`."""
 
 
-class AgentLink(ABC):
+class AgentLink(Link):
     """A link with an agent of its own. One thread receives, and calls the listener; any thread sends."""
 
     def __init__(
@@ -86,7 +99,7 @@ class AgentLink(ABC):
     def transmit(self, datagrams: list[tuple[bytes, Address]], until: int = NEVER) -> None:
         """Send datagrams, or drop what cannot be sent until a time. Never raises. The caller holds the lock."""
 
-    def look(self, now: float, listener: Listener) -> None:  # noqa: B027 - not every transport has something to do
+    def look(self, now: float, listener: Listener) -> None:
         """Do what time demands in the transport, every TICK seconds. `now` is of the monotonic clock."""
 
     def name(self) -> str:
@@ -165,7 +178,7 @@ class AgentLink(ABC):
         with self.lock, suppress(LinkError):
             self.agent.remember(remote.number, hashes)
 
-    def samples(self, remote: Remote) -> Mapping[str, tuple[bytes, int]]:
+    def samples(self, remote: Remote) -> Mapping[str, Kept]:
         """Return the samples that the record of a session has, each with the time of its arrival, by route."""
         with self.lock:
             try:
@@ -173,7 +186,7 @@ class AgentLink(ABC):
             except LinkError:
                 return {}
 
-    def keep(self, remote: Remote, samples: Mapping[str, tuple[bytes, int]]) -> None:
+    def keep(self, remote: Remote, samples: Mapping[str, Kept]) -> None:
         """Write samples into the record of a session."""
         with self.lock, suppress(LinkError):
             self.agent.keep(remote.number, samples)

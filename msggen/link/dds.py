@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 from msggen.base.missing import installing
 from msggen.link.age import LATE, NEVER, is_over, now
 from msggen.link.guard import guarded
-from msggen.link.link import LinkError, Listener, Remote, Route, Service, StaleError, Statistics
+from msggen.link.link import Link, LinkError, Listener, Remote, Route, Service, StaleError, Statistics
 
 if TYPE_CHECKING:
     from msggen.link.cyclone import Found, Participant, Reader, Writer
@@ -110,7 +110,7 @@ class _Vehicle:
         return {event.participant for endpoint, event in self.found.values() if endpoint.role == "out"}
 
 
-class DdsLink:
+class DdsLink(Link):
     """A link to all vehicles of a DDS domain."""
 
     def __init__(self, domain: int = 0, *, configuration: str = LOOPBACK) -> None:

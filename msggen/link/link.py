@@ -6,6 +6,7 @@ names, types and bytes. Which class a sample belongs to, and what happens with i
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Literal, NamedTuple, Protocol, TypeAlias, get_args
@@ -220,34 +221,20 @@ NOTHING = Statistics(0, 0, 0, 0, 0, 0)
 """The counters of a link that has seen nothing."""
 
 
-class Link(Protocol):
-    """A connection to one or more vehicles."""
+class Client(NamedTuple):
+    """A client that has begun a session, connected or not."""
 
-    def start(self, listener: Listener) -> None:
-        """Open the link and start its thread. Raises LinkError."""
-
-    def publish(self, remote: Remote, route: Route, payload: bytes, until: int = 0) -> None:
-        """Send a sample to a route of direction `in`. `payload` as for `Listener.sample`. From any thread.
-
-        `until` is the time of `age.now` until which it may be sent: by default `age.expiry()`. Raises LinkError if the
-        vehicle is no longer connected, and StaleError if that time has passed.
-        """
-
-    def call(self, remote: Remote, service: Service, number: int, payload: bytes, until: int = NEVER) -> None:
-        """Send a request with a number that is unique for this remote. From any thread.
-
-        `until` is the time of `age.now` until which the caller waits. Raises LinkError, and StaleError if it has
-        passed.
-        """
-
-    def routes(self, remote: Remote) -> Sequence[Route | Service]:
-        """Return the routes and services of a connected vehicle."""
-
-    def statistics(self) -> Statistics:
-        """Return the counters."""
-
-    def close(self) -> None:
-        """End the sessions and the thread, and release socket or device. Returns when all is done. Can be repeated."""
+    address: str
+    key: int
+    """UXRCE_DDS_KEY."""
+    number: int
+    """`Remote.number`, 0 while it is not reported as connected."""
+    age: float
+    """The time in s since the session began."""
+    silence: float
+    """The time in s since the client was last heard."""
+    timestamps: int
+    """How often the client has asked for the time."""
 
 
 class Publisher(NamedTuple):
@@ -265,30 +252,114 @@ class Publisher(NamedTuple):
     """How many others were dropped, because they had waited for too long."""
 
 
-class FollowingLink(Link, Protocol):
-    """A link of another process: only what its user follows crosses to this one.
+Kept: TypeAlias = tuple[bytes, int]
+"""A sample that is kept: its payload, and the time of its arrival in ns."""
+
+
+class Link(ABC):
+    """A connection to one or more vehicles. Any thread calls it. What only some links can do has a default."""
+
+    port = 0
+    """The UDP port at which vehicles connect, once the link is started. 0 if there is none."""
+    is_shared = False
+    """Whether another process owns the link: only what its user follows crosses to this one.
 
     On a route of direction `in`, that is what all programs send to the vehicle.
     """
 
-    def follow(self, remote: Remote, route: Route, *, is_followed: bool) -> None:
-        """Begin or end to take the samples of a route. From any thread. Never raises."""
+    @abstractmethod
+    def start(self, listener: Listener) -> None:
+        """Open the link and start its thread. Raises LinkError."""
 
-    def last(self, remote: Remote, route: Route) -> Sample | None:
+    @abstractmethod
+    def publish(self, remote: Remote, route: Route, payload: bytes, until: int = 0) -> None:
+        """Send a sample to a route of direction `in`. `payload` as for `Listener.sample`.
+
+        `until` is the time of `age.now` until which it may be sent: by default `age.expiry()`. Raises LinkError if the
+        vehicle is no longer connected, and StaleError if that time has passed.
+        """
+
+    @abstractmethod
+    def call(self, remote: Remote, service: Service, number: int, payload: bytes, until: int = NEVER) -> None:
+        """Send a request with a number that is unique for this remote.
+
+        `until` is the time of `age.now` until which the caller waits. Raises LinkError, and StaleError if it has
+        passed.
+        """
+
+    @abstractmethod
+    def routes(self, remote: Remote) -> Sequence[Route | Service]:
+        """Return the routes and services of a connected vehicle."""
+
+    @abstractmethod
+    def statistics(self) -> Statistics:
+        """Return the counters."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """End the sessions and the thread, and release socket or device. Returns when all is done. Can be repeated."""
+
+    # --- Links that know the clients of vehicles
+
+    def clients(self) -> Sequence[Client]:
+        """Return all clients that have begun a session, also those that are silent by now."""
+        return ()
+
+    def is_settled(self) -> bool:
+        """Whether all clients that send to the link have connected, as far as it is known."""
+        return True
+
+    def refusals(self) -> Mapping[str, int]:
+        """Return how many datagrams were refused, by reason."""
+        return {}
+
+    # --- Links with records: the next program needs not ask the vehicle again for what this one knows of it
+
+    def hashes(self, remote: Remote) -> Mapping[str, int]:  # noqa: ARG002 - of those with records
+        """Return the hashes of definitions that the record of a session has, by ROS type."""
+        return {}
+
+    def remember(self, remote: Remote, hashes: Mapping[str, int]) -> None:  # noqa: B027 - a default
+        """Write hashes of definitions into the record of a session."""
+
+    def samples(self, remote: Remote) -> Mapping[str, Kept]:  # noqa: ARG002
+        """Return the samples that the record of a session has, by the names of their routes."""
+        return {}
+
+    def keep(self, remote: Remote, samples: Mapping[str, Kept]) -> None:  # noqa: B027
+        """Write samples into the record of a session, by the names of their routes."""
+
+    # --- Links that are shared. These methods never raise
+
+    def follow(self, remote: Remote, route: Route, *, is_followed: bool) -> None:  # noqa: B027
+        """Begin or end to take the samples of a route."""
+
+    def last(self, remote: Remote, route: Route) -> Sample | None:  # noqa: ARG002
         """Return the last sample of a route, also one from before this program began. None if there is none."""
+        return None
 
-    def cancel(self, remote: Remote, number: int) -> None:
-        """Forget a call whose reply nobody waits for any more. Never raises."""
+    def cancel(self, remote: Remote, number: int) -> None:  # noqa: B027
+        """Forget a call whose reply nobody waits for any more: calls of other programs may wait for it."""
 
     def problem(self) -> str:
-        """Return why what is published does not get through, "" if it does. From any thread. Never raises."""
+        """Return why what is published does not get through, "" if it does, as far as it is known."""
+        return ""
 
-    @property
-    def dropped(self) -> int:
-        """The messages of this program that were dropped, because they had waited for too long."""
+    def late(self) -> int:
+        """Return how many messages of this program were dropped on the way, because they had waited for too long."""
+        return 0
 
-    def publishers(self, remote: Remote) -> Sequence[Publisher]:
-        """Return the running programs that have published to a vehicle. From any thread. Never raises."""
+    def publishers(self, remote: Remote) -> Sequence[Publisher]:  # noqa: ARG002
+        """Return the running programs that have published to a vehicle."""
+        return ()
+
+    def warnings(self) -> Sequence[str]:
+        """Return what the owner has warned of, also before this program has joined."""
+        return ()
+
+    def address(self) -> str:
+        """Return the address at which the owner listens, "" if it does not answer."""
+        return ""
 
 
 class NotConnectedError(LinkError):

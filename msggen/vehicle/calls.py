@@ -6,10 +6,9 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from typing import cast
 
 from msggen.link.age import now
-from msggen.link.link import FollowingLink, Link, LinkError, LinkTimeoutError, NotConnectedError, Remote, Service
+from msggen.link.link import Link, LinkError, LinkTimeoutError, NotConnectedError, Remote, Service
 from msggen.vehicle.feed import check_outside_callback
 
 WAITING = 16
@@ -66,16 +65,11 @@ class Calls:
                 raise LinkError(call.problem)
         finally:
             if call.number > 0 and not call.is_over:
-                self._cancel(call.number)
+                self._link.cancel(self._remote, call.number)
             with self._changed:
                 self._queue.remove(call)
                 self._changed.notify_all()
         return call.reply or b""
-
-    def _cancel(self, number: int) -> None:
-        """Tell the owner of the link that nobody waits for a reply any more: calls of other programs may."""
-        if hasattr(self._link, "cancel"):
-            cast("FollowingLink", self._link).cancel(self._remote, number)
 
     def replied(self, number: int, payload: bytes) -> None:
         """Take a reply. One to an earlier call, which no longer waits, is ignored."""

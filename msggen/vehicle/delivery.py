@@ -6,7 +6,7 @@ from logging import getLogger
 
 from msggen.base.diagnostics import counted
 from msggen.link.age import LATE
-from msggen.link.link import FollowingLink, Link, Remote, Route, StaleError
+from msggen.link.link import Link, Remote, Route, StaleError
 
 LOGGER = getLogger("msggen.live")
 
@@ -14,9 +14,8 @@ LOGGER = getLogger("msggen.live")
 class Delivery:
     """Publishes on a link. Tells when messages begin not to get through, and when they get through again."""
 
-    def __init__(self, link: Link, following: FollowingLink | None) -> None:
-        """Take a link, once more as `following` if another process owns it."""
-        self._link, self._following = link, following
+    def __init__(self, link: Link) -> None:
+        self._link = link
         self._late = 0
         """Messages that the link has dropped at once."""
         self._problem = ""
@@ -30,14 +29,7 @@ class Delivery:
         except StaleError as error:
             problem = str(error)
             self._late += 1
-        if self._following is None:
-            self.take(problem, self._late)
-        else:
-            self.take(problem or self._following.problem(), self._late + self._following.dropped)
-
-    def problem(self) -> str:
-        """Return why messages do not get through, "" if they do, as far as it is known."""
-        return self._following.problem() if self._following is not None else ""
+        self.take(problem or self._link.problem(), self._late + self._link.late())
 
     def take(self, problem: str, dropped: int) -> None:
         """Take why messages do not get through, "" if they do, and how many were dropped so far."""

@@ -5,13 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from msggen.link.link import FollowingLink, FormatError, Link, Remote, Route, Service
+from msggen.link.link import FormatError, Kept, Link, Remote, Route, Service
 from msggen.messages.firmware import Firmware, FormatCheck, identify, releases
 from msggen.messages.names import is_topic
 from msggen.messages.packages import Decoding, NamedTopic, Packages, UnknownFormatError, decoding_of
 from msggen.vehicle.calls import Calls
 from msggen.vehicle.feed import Feed
-from msggen.vehicle.memory import Kept, Memory, Remembering
+from msggen.vehicle.memory import Memory
 from msggen.vehicle.selection import Selection, is_same, shown
 from msggen.vehicle.watch import Watch
 
@@ -31,7 +31,7 @@ class Entry:
         self.services: dict[str, Service] = {}
         self.table: dict[str, tuple[Row, ...]] = {}
         self.followed: set[str] = set()
-        """The routes whose samples cross to this process, if another one owns the link."""
+        """The routes whose samples cross to this process, also if another one owns the link."""
         self.last: dict[str, Kept] = {}
         """The last sample of each route that crosses to this process, by name."""
         self.memory = Memory()
@@ -57,14 +57,14 @@ class Entry:
         """Whether a topic, with or without a namespace in its name, is a route of this vehicle."""
         return is_topic(route.name, topic.stem, topic.namespace)
 
-    def recall(self, link: Remembering) -> None:
+    def recall(self, link: Link) -> None:
         """Take what the link remembers of the vehicle."""
         self.check.recall(link.hashes(self.remote))
         samples = link.samples(self.remote)
         self.last.update(samples)
         self.memory.recall(samples)
 
-    def remember(self, link: Remembering, now: int) -> None:
+    def remember(self, link: Link, now: int) -> None:
         """Let the link remember the samples that are not followed by others soon, without those of programs."""
         last = {name: each for name, each in tuple(self.last.items()) if self._is_out(name)}
         changed = self.memory.look(last, now)
@@ -75,11 +75,11 @@ class Entry:
         route = self.routes.get(name)
         return route is not None and route.direction == "out"
 
-    def last_of(self, route: Route, owner: FollowingLink | None) -> Kept | None:
+    def last_of(self, route: Route, link: Link) -> Kept | None:
         """Return the last sample of a route. The owner of the link has also those that do not cross to this process."""
-        if owner is None:
+        if not link.is_shared:
             return self.last.get(route.name)
-        found = owner.last(self.remote, route)
+        found = link.last(self.remote, route)
         return (found.payload, found.time) if found is not None else None
 
     def decoding(self, feed: Feed, route: Route, packages: Packages) -> Decoding | None:

@@ -6,16 +6,14 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from logging import getLogger
-from typing import cast
 
-from msggen.link.link import FollowingLink, Link, Publisher, Remote, Route, Service
+from msggen.link.link import Link, Publisher, Remote, Route, Service
 from msggen.messages.firmware import RESPONSE, RETRY_NS
 from msggen.messages.names import stem_of
 from msggen.messages.packages import Decoding, NamedTopic
 from msggen.vehicle.delivery import Delivery
 from msggen.vehicle.entry import Entry, Member, Row
 from msggen.vehicle.feed import Feed, Item, check_outside_callback
-from msggen.vehicle.memory import Remembering
 from msggen.vehicle.selection import order, shown, why_missing
 from msggen.vehicle.watch import Watch
 
@@ -31,9 +29,6 @@ class Hub:
 
     def __init__(self, link: Link) -> None:
         self.link = link
-        self._following = cast("FollowingLink", link) if hasattr(link, "follow") else None
-        """The link, if another process owns it, which asks the vehicle for its definitions."""
-        self._remembering = link if isinstance(link, Remembering) else None
         self.changed = threading.Condition(threading.RLock())
         """Guards everything except `table` of an entry, which is replaced as a whole."""
         self.entries: dict[int, Entry] = {}
@@ -41,7 +36,7 @@ class Hub:
         self.thread: int | None = None
         self.failure = ""
         """The error that has ended the link."""
-        self.delivery = Delivery(link, self._following)
+        self.delivery = Delivery(link)
         self.closed = threading.Event()
         """Set when the link was closed after the last member has left."""
 
@@ -52,8 +47,7 @@ class Hub:
         with self.changed:
             self.thread = threading.get_ident()
             entry = self.entries[remote.number] = Entry(remote, self.link, self.evaluate)
-            if self._remembering is not None:
-                entry.recall(self._remembering)
+            entry.recall(self.link)
             for member in self.members:
                 self._offer(member, entry)
             self.changed.notify_all()
@@ -101,8 +95,8 @@ class Hub:
             push(payload, time, decoding)
         if not entry.ticked_ns <= time < entry.due_ns:  # also if the clock was set back
             self.tick(entry, time)
-        if self._remembering is not None and not entry.memory.looked_ns <= time < entry.memory.due_ns:
-            entry.remember(self._remembering, time)
+        if not entry.memory.looked_ns <= time < entry.memory.due_ns:
+            entry.remember(self.link, time)
 
     def replied(self, remote: Remote, service: Service, number: int, payload: bytes) -> None:  # noqa: ARG002
         """Give a reply to the call that waits for it."""
@@ -155,7 +149,7 @@ class Hub:
         """
         with self.changed:
             self.thread = threading.get_ident()
-            if self._following is not None:  # its owner does all that
+            if self.link.is_shared:  # its owner does all that
                 entry.ticked_ns, entry.due_ns = 0, _IDLE
                 return
             if not entry.is_started:
@@ -169,8 +163,7 @@ class Hub:
                 entry.is_checked = False
             elif not entry.is_checked:
                 entry.is_checked = True
-                if self._remembering is not None:
-                    self._remembering.remember(entry.remote, dict(entry.check.hashes))
+                self.link.remember(entry.remote, dict(entry.check.hashes))
                 entry.due_ns = now + _MISSING_NS
                 self.evaluate(entry, None)
             else:
@@ -225,7 +218,7 @@ class Hub:
             for route in tuple(entry.routes.values()):
                 if self._is_route_of(feed.topic, route, entry):
                     self._connect(entry, route)
-            if self._following is not None and entry.check.is_complete:
+            if self.link.is_shared and entry.check.is_complete:
                 self._tell_missing(member, entry)
             elif entry.due_ns == _IDLE:
                 entry.due_ns = entry.heard_ns + _MISSING_NS
@@ -238,15 +231,10 @@ class Hub:
         for route in tuple(entry.routes.values()):
             if self._is_route_of(feed.topic, route, entry):
                 rows = [decoding for push, decoding in entry.table.get(route.name, ()) if push == feed.push]
-                sample = entry.last_of(route, self._following) if rows else None
+                sample = entry.last_of(route, self.link) if rows else None
                 if sample is not None:
                     return *sample, rows[0]
         return None
-
-    @property
-    def is_shared(self) -> bool:
-        """Whether another process owns the link, for several programs."""
-        return self._following is not None
 
     def others(self, member: Member) -> Sequence[Remote]:
         """Return the further vehicles on the link that a member without a selection could have, in their order."""
@@ -257,15 +245,13 @@ class Hub:
 
     def is_settled(self, member: Member) -> bool:
         """Whether no further vehicle that a member without a selection could have is about to connect."""
-        is_settled = getattr(self.link, "is_settled", None)
-        return not member.selection.is_any or is_settled is None or bool(is_settled())
+        return not member.selection.is_any or self.link.is_settled()
 
     def publishers(self, member: Member) -> Sequence[Publisher]:
         """Return the programs that publish to the vehicle of a member."""
         entry = member.entry
-        if self._following is None or entry is None:
-            return ()
-        return [each for each in self._following.publishers(entry.remote) if each.topic in entry.routes]
+        found = self.link.publishers(entry.remote) if entry is not None else ()
+        return [each for each in found if entry is not None and each.topic in entry.routes]
 
     def detach(self, member: Member, feed: Feed) -> None:
         """End a subscription. Can be repeated."""
@@ -345,7 +331,7 @@ class Hub:
     def _connect(self, entry: Entry, route: Route) -> None:
         """Decide for each subscription of a route how its samples are decoded, or that it fails."""
         rows: list[Row] = []
-        if self._following is None and route.direction == "out" and stem_of(route.name).endswith(RESPONSE):
+        if not self.link.is_shared and route.direction == "out" and stem_of(route.name).endswith(RESPONSE):
             rows.append((lambda payload, now, _: self._answered(entry, payload, now), _NOT_DECODED))
         for member in self.members:
             if member.entry is not entry:
@@ -357,9 +343,9 @@ class Hub:
                         rows.append((feed.push, decoding))
             rows += [(watch.of(route), _NOT_DECODED) for watch in member.watches if watch.takes(route)]
         entry.table = {**entry.table, route.name: tuple(rows)}
-        if self._following is not None and (route.name in entry.followed) != bool(rows):
+        if (route.name in entry.followed) != bool(rows):
             (entry.followed.add if rows else entry.followed.remove)(route.name)
-            self._following.follow(entry.remote, route, is_followed=bool(rows))
+            self.link.follow(entry.remote, route, is_followed=bool(rows))
 
     def _rebuild(self, entry: Entry) -> None:
         for route in tuple(entry.routes.values()):

@@ -3,34 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Final, Protocol, TypeAlias, runtime_checkable
+from typing import Final
 
-from msggen.link.link import Remote
-
-Kept: TypeAlias = tuple[bytes, int]
-"""A sample that is kept: its payload, and the time of its arrival in ns."""
+from msggen.link.link import Kept
 
 PERIOD_NS: Final = 1_000_000_000
 """The time between two looks for samples to remember."""
 _RARE_NS: Final = 3_000_000_000
 """The time without a further sample after which a sample is remembered. What PX4 repeats, it repeats every 1 s."""
-
-
-@runtime_checkable
-class Remembering(Protocol):
-    """A link whose next program needs not ask the vehicle again for what this one knows of it."""
-
-    def hashes(self, remote: Remote) -> Mapping[str, int]:
-        """Return the hashes of definitions that an earlier program has learnt, by ROS type."""
-
-    def remember(self, remote: Remote, hashes: Mapping[str, int]) -> None:
-        """Keep the hashes of definitions for the next program."""
-
-    def samples(self, remote: Remote) -> Mapping[str, Kept]:
-        """Return the samples that an earlier program has kept, by the names of their routes."""
-
-    def keep(self, remote: Remote, samples: Mapping[str, Kept]) -> None:
-        """Keep samples for the next program, by the names of their routes."""
 
 
 class Memory:

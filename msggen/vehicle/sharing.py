@@ -33,7 +33,7 @@ def link_of(url: str | Link, allow: Sequence[str | int], *, is_direct: bool) -> 
 
 def opened_at(name: str, link: Link) -> str:
     """Return the address of a link that is open: with the port that the system has chosen if `name` has port 0."""
-    return f"{name.removesuffix('0')}{getattr(link, 'port', 0)}" if name.endswith(":0") else name
+    return f"{name.removesuffix('0')}{link.port}" if name.endswith(":0") else name
 
 
 class _Shared(NamedTuple):

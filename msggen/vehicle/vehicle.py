@@ -91,7 +91,7 @@ class Vehicle:
         queue: int = QUEUE,
         direct: bool = False,
     ) -> None:
-        if not isinstance(url, str) and not hasattr(url, "start"):
+        if not isinstance(url, (str, Link)):
             raise TypeError(f"expected an address such as '{DEFAULT}', or a Link, got {url!r}")
         if key is not None and not (isinstance(key, int) and 0 < key < 1 << 32):
             raise ValueError(f"expected a key from 1 to {(1 << 32) - 1} (UXRCE_DDS_KEY), got {key!r}")
@@ -256,12 +256,12 @@ class Vehicle:
         member = self._member
         if self._hub.failure or (member.entry is None and member.last is not None):
             return self._hub.failure or f"the vehicle has disconnected: {member.reason}"
-        return self._hub.delivery.problem()
+        return self._hub.link.problem()
 
     @property
     def is_shared(self) -> bool:
         """Whether another process owns the link, for all programs of the user."""
-        return self._hub.is_shared
+        return self._hub.link.is_shared
 
     @property
     def publishers(self) -> tuple[Publisher, ...]:
@@ -367,7 +367,7 @@ class Vehicle:
             lambda feed: hub.detach(member, feed),
             lambda feed: hub.last(member, feed),
             self._tell_absence,
-            is_shared=hub.is_shared,
+            is_shared=hub.link.is_shared,
         )
         attach(feed)
         return subscription
@@ -496,7 +496,7 @@ class Vehicle:
 
     def _check_heard(self, way: Way, what: str) -> None:
         """Raise TopicError for what is published to PX4, if other programs cannot use the link."""
-        if way == "in" and not self._hub.is_shared:
+        if way == "in" and not self._hub.link.is_shared:
             text = f"{what} is read by PX4: use publish, or name a topic of '/fmu/out'; what other programs send can"
             raise TopicError(f"{text} be read on a link that they share, and this program owns its link")
 

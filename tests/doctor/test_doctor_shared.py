@@ -24,9 +24,8 @@ from msggen.doctor.expected import Expected, expected_of
 from msggen.doctor.listener import Observer
 from msggen.doctor.observation import Observation, TopicSeen, VehicleSeen
 from msggen.link.address import parse_address
-from msggen.link.link import Link, Remote, Route, Sample, Statistics
+from msggen.link.link import Client, Link, Remote, Route, Sample, Statistics
 from msggen.link.udp import UdpLink
-from msggen.link.xrce.agent import Client
 from msggen.sim import Misbehaviour, Options, Simulator
 from msggen.vehicle.owned.places import CAN_SHARE
 from msggen.vehicle.owned.unix import UnixLink

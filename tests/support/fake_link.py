@@ -9,7 +9,7 @@ from types import ModuleType
 from typing import Any
 
 from msggen.link.age import NEVER, is_over
-from msggen.link.link import LinkError, Listener, Remote, Route, Service, StaleError, Statistics
+from msggen.link.link import Link, LinkError, Listener, Remote, Route, Service, StaleError, Statistics
 
 SERVICE = Service(
     "/fmu/vehicle_command", "px4_msgs/srv/VehicleCommand_Request", "px4_msgs/srv/VehicleCommand_Response", 2048
@@ -25,7 +25,7 @@ def routes_of(package: ModuleType, namespace: str = "") -> tuple[Route, ...]:
     )
 
 
-class FakeLink:
+class FakeLink(Link):
     """A link whose vehicles are simulated by the thread of the test."""
 
     def __init__(self, package: ModuleType | None = None) -> None:

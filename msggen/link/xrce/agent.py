@@ -17,11 +17,11 @@ import struct
 from collections import Counter
 from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from types import MappingProxyType
-from typing import Final, NamedTuple
+from typing import Final
 
 from msggen.link.age import NEVER
 from msggen.link.age import now as now_ns
-from msggen.link.link import Event, LinkError, Route, Sample, Service, Warned
+from msggen.link.link import Client, Event, LinkError, Route, Sample, Service, Warned
 from msggen.link.xrce import wire
 from msggen.link.xrce.entities import RefusedError
 from msggen.link.xrce.limits import Limits
@@ -53,22 +53,6 @@ _OF_SESSIONS = frozenset({wire.GET_INFO, wire.TIMESTAMP, wire.WRITE_DATA, wire.C
 def everybody(address: Address) -> bool:  # noqa: ARG001
     """Allow every address."""
     return True
-
-
-class Client(NamedTuple):
-    """A client that has begun a session, connected or not."""
-
-    address: str
-    key: int
-    """UXRCE_DDS_KEY."""
-    number: int
-    """`Remote.number`, 0 while it is not reported as connected."""
-    age: float
-    """The time in s since the session began."""
-    silence: float
-    """The time in s since the client was last heard."""
-    timestamps: int
-    """How often the client has asked for the time."""
 
 
 class Agent:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from typing import Any
 
-from msggen.link.link import NOTHING, Publisher, Remote, Statistics
-from msggen.link.xrce.agent import Client
+from msggen.link.link import NOTHING, Client, Link, Publisher, Remote, Statistics
 
 
-class Asking(ABC):
+class Asking(Link):
     """The questions of a link to its owner."""
+
+    is_shared = True
 
     def __init__(self) -> None:
         self._offset = 0

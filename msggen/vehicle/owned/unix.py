@@ -99,9 +99,8 @@ class UnixLink(Asking):
         """Return why what is published does not get through, "" if it does."""
         return self._outgoing.problem()
 
-    @property
-    def dropped(self) -> int:
-        """The messages of this program that were dropped, because they had waited for too long."""
+    def late(self) -> int:
+        """Return how many messages of this program were dropped, because they had waited for too long."""
         return self._outgoing.dropped
 
     def cancel(self, remote: Remote, number: int) -> None:

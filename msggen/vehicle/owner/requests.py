@@ -226,18 +226,15 @@ def _vehicle(owner: Owner, number: int, vehicle: Carried) -> dict[str, object]:
 
 
 def _clients(owner: Owner, _program: Program) -> list[list[object]]:
-    clients = getattr(owner.link, "clients", None)
-    return [list(each) for each in clients()] if clients is not None else []
+    return [list(each) for each in owner.link.clients()]
 
 
 def _settled(owner: Owner, _program: Program) -> bool:
-    is_settled = getattr(owner.link, "is_settled", None)
-    return is_settled is None or bool(is_settled())
+    return owner.link.is_settled()
 
 
 def _refusals(owner: Owner, _program: Program) -> dict[str, int]:
-    refusals = getattr(owner.link, "refusals", None)
-    return dict(refusals()) if refusals is not None else {}
+    return dict(owner.link.refusals())
 
 
 def _publishers(owner: Owner, _program: Program) -> dict[int, list[Publisher]]:

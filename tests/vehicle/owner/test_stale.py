@@ -184,8 +184,7 @@ def test_a_program_whose_socket_is_full_goes_on(link: FakeLink, path: Path, serv
             for _ in range(2000):
                 vehicle.publish(px4_types.TrajectorySetpoint())
             assert time.monotonic() - begun < WAIT
-            assert vehicle._hub._following is not None
-            assert vehicle._hub._following.dropped > 0
+            assert vehicle._hub.link.late() > 0
             time.sleep(LONGEST_S + 0.1)
         until(lambda: vehicle.statistics.unsent)
         arrives(vehicle, px4_types.TrajectorySetpoint(timestamp=5), link)
@@ -408,7 +407,7 @@ def test_news_that_are_faster_than_the_call_that_sends_are_not_lost(monkeypatch:
 
 
 def test_the_user_is_told_once_when_it_begins_and_ends(caplog: pytest.LogCaptureFixture) -> None:
-    delivery = Delivery(FakeLink(), None)
+    delivery = Delivery(FakeLink())
     for problem, dropped in (("", 0), ("it stands still", 0), ("it stands still", 3), ("", 7), ("", 7), ("", 8)):
         delivery.take(problem, dropped)
     assert [each.message for each in caplog.records] == [
