@@ -33,7 +33,7 @@ from msggen.sources.finding import find_sources, with_archived
 from msggen.sources.translation_check import Version, lost_values
 from support.catalogs import import_package, write_definitions
 from support.checkers import mypy
-from support.examples import examples
+from support.examples import by_day, examples
 from support.samples import plain
 from support.translations import HEADERS, class_of
 
@@ -589,7 +589,7 @@ HOSTILE = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", HOSTILE)
+@by_day("kind", HOSTILE, 3)
 def test_no_header_hangs_or_fails(kind: str, tmp_path: Path) -> None:
     started = time.process_time()
     files = tree({"Lamp": ("uint8 x\n", "uint8 y\nuint8[20000] z\n")}, HOSTILE[kind])

@@ -16,6 +16,7 @@ from msggen.exports.convert import convert, join
 from msggen.exports.convert.selection import Selection
 from msggen.messages.firmware import releases
 from msggen.sources.embedded import EMBEDDED, Releases
+from support.examples import by_day
 from support.log_files import definition_in, write_ulog_of
 from support.ulog import UTC, UlogWriter, formats_of, size_of, snake
 
@@ -34,7 +35,7 @@ def converted(path: str, target: Path) -> list[str]:
         return list(convert(log, str(target), format="mcap").notes)
 
 
-@pytest.mark.parametrize("release", EMBEDDED)
+@by_day("release", EMBEDDED, 4)
 def test_a_release_reads_the_samples_of_its_logs(
     release: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

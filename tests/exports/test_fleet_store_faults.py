@@ -20,11 +20,10 @@ from msggen.recordings.stores import limits
 from msggen.recordings.stores.errors import StoreError
 from support.fleet_logs import write_small
 from support.fleet_recordings import rows_of
-from support.fleet_stores import FLEET, Bucket, both
+from support.fleet_stores import FAULTS, FLEET, Bucket, both
 from support.repository import ROOT
-from support.store_proxy import FAULTS
 
-pytest_plugins = ["support.fleet_fixtures"]
+pytest_plugins = ["support.fleet_stores"]
 pytestmark = pytest.mark.timeout(600)
 
 
@@ -41,9 +40,9 @@ def a_change(bucket: Bucket, logs: Path, folder: Path) -> tuple[dict[str, bytes]
     write_small(logs / "1.ulg", 3)
     write_small(logs / "2.ulg", 2)
     shutil.copy(logs / "0.ulg", logs / "copy.ulg")
-    bucket.proxy.begin()
+    bucket.server.begin()
     both(str(logs))
-    return saved, len(bucket.proxy.requests), bucket.rows(folder)
+    return saved, len(bucket.server.requests), bucket.rows(folder)
 
 
 def fails(fault: str, number: int, each: int, _: str, *, lasts: bool) -> str:
@@ -64,12 +63,12 @@ def test_a_store_that_fails_at_any_request(
     for index, number in enumerate(range(step - 1, count, step)):
         fault, lasts = faults[index % len(faults)]
         bucket.load(saved)
-        bucket.proxy.begin(partial(fails, fault, number, lasts=lasts))
+        bucket.server.begin(partial(fails, fault, number, lasts=lasts))
         try:
             both(str(logs))
         except (StoreError, FleetError) as error:
             failures.append((fault, error))
-        bucket.proxy.begin()
+        bucket.server.begin()
         for key, data in bucket.save().items():
             assert not key.endswith(".parquet") or data[:4] == data[-4:] == b"PAR1", f"{key} is in part"
         both(str(logs))
@@ -99,10 +98,10 @@ def test_a_kill_at_any_request_loses_nothing(bucket: Bucket, tmp_path: Path, ste
                 process.kill()
             return "" if each < number or (each == number and number % 2) else "500"
 
-        bucket.proxy.begin(kill)
+        bucket.server.begin(kill)
         assert process.wait(timeout=60) == -signal.SIGKILL
         time.sleep(0.05)  # what was sent before is done
-        bucket.proxy.begin()
+        bucket.server.begin()
         both(str(logs))
         assert bucket.rows(tmp_path / f"copy-{number}") == whole, f"request {number}"
         bucket.check_whole()
@@ -111,16 +110,16 @@ def test_a_kill_at_any_request_loses_nothing(bucket: Bucket, tmp_path: Path, ste
 def test_a_store_of_recordings_that_fails_ends_the_run(bucket: Bucket, logs: Path, tmp_path: Path) -> None:
     """A recording that may not be read is listed, and the others are converted."""
     bucket.put(logs, "logs")
-    bucket.proxy.begin(lambda _, request: "500" if "15_47" in request else "")
+    bucket.server.begin(lambda _, request: "500" if "15_47" in request else "")
     with pytest.raises(StoreError, match=r"^s3://bucket/logs/2026-11-21/15_47_03.ulg: the server answers") as error:
         update("s3://bucket/logs", FLEET)
     assert error.value.is_lasting
-    bucket.proxy.begin(lambda _, request: "403" if "15_47" in request else "")
+    bucket.server.begin(lambda _, request: "403" if "15_47" in request else "")
     found = update("s3://bucket/logs", FLEET)
     assert [each.error for each in found.failed if "15_47" in each.path] == [
         "cannot be read: access is forbidden (403): these credentials may not do this"
     ]
-    bucket.proxy.begin()
+    bucket.server.begin()
     assert len(update("s3://bucket/logs", FLEET).converted) == 1
     update(str(logs), str(tmp_path / "fleet"))
     assert bucket.rows(tmp_path / "copy") == rows_of(tmp_path / "fleet")

@@ -1,4 +1,4 @@
-"""Tests of fleets in an object store, against moto's server of S3: as in a folder, whatever fails or is killed."""
+"""Tests of fleets in an object store, as in a folder, whatever fails or is killed."""
 
 from __future__ import annotations
 
@@ -22,10 +22,11 @@ from support.fleet_recordings import rows_of
 from support.fleet_stores import FLEET, Bucket, change
 from support.recordings import START
 
-pytest_plugins = ["support.fleet_fixtures"]
+pytest_plugins = ["support.fleet_stores"]
 pytestmark = pytest.mark.timeout(600)
 
 LOGS = "s3://bucket/logs"
+LIST = "/bucket/fleets/own/_logs.parquet"
 
 
 def without_paths(document: dict[str, Any]) -> dict[str, Any]:
@@ -64,9 +65,9 @@ def test_recordings_in_a_store_become_a_fleet_in_a_folder(bucket: Bucket, logs: 
         each.path.replace(str(logs), LOGS).replace(os.sep, "/") for each in expected.outcomes
     ]
     assert "msggen-" not in str(found.document())
-    bucket.proxy.begin()
+    bucket.server.begin()
     assert update(LOGS + "/", str(tmp_path / "two")).unchanged == 6
-    assert not any("notes" not in each for each in bucket.proxy.requests if "ulg" in each)
+    assert not [each for each in bucket.server.requests if "ulg" in each.path and "notes" not in each.path]
 
 
 def test_the_log_of_a_database_that_was_not_closed_is_read_in_a_fleet_from_a_store(
@@ -100,7 +101,7 @@ def test_a_folder_of_rosbag2_in_a_store_is_one_recording(bucket: Bucket, px4_typ
 def test_a_fleet_among_the_recordings_is_left_out(bucket: Bucket, logs: Path) -> None:
     bucket.put(logs, "logs")
     update(LOGS, f"{LOGS}/fleet")
-    bucket.client.copy_object(Bucket="bucket", Key="logs/fleet/x.ulg", CopySource="bucket/logs/hangar/sess001.ulg")
+    bucket.server.files["/bucket/logs/fleet/x.ulg"] = bucket.server.files["/bucket/logs/hangar/sess001.ulg"]
     assert update(LOGS, f"{LOGS}/fleet").unchanged == 6
 
 
@@ -146,12 +147,11 @@ def test_readers_of_the_list_see_one_state_or_the_other(bucket: Bucket, logs: Pa
 
     def rows(key: str) -> int:
         if key not in sizes:
-            body = bucket.client.get_object(Bucket="bucket", Key=key)["Body"].read()
-            sizes[key] = pq.read_metadata(io.BytesIO(body)).num_rows
+            sizes[key] = pq.read_metadata(io.BytesIO(bucket.server.files[f"/bucket/{key}"])).num_rows
         return sizes[key]
 
     def counts() -> tuple[int, int]:
-        records = decoded(bucket.client.get_object(Bucket="bucket", Key="fleets/own/_logs.parquet")["Body"].read())
+        records = decoded(bucket.server.files[LIST])
         places = {place for record in records.records for place in record.files}
         there = [key for key in bucket.names("fleets/own/") if key.endswith(".parquet") and "/_" not in key]
         return sum(rows(f"fleets/own/{place}") for place in places), sum(map(rows, there))
@@ -163,9 +163,9 @@ def test_readers_of_the_list_see_one_state_or_the_other(bucket: Bucket, logs: Pa
             seen.append(counts())
         return ""
 
-    bucket.proxy.begin(look)
+    bucket.server.begin(look)
     compact(FLEET)
-    bucket.proxy.begin()
+    bucket.server.begin()
     assert all(listed == expected for listed, _ in seen)
     assert all(there >= expected for _, there in seen)
     assert any(there > expected for _, there in seen)
@@ -177,14 +177,14 @@ def test_readers_of_the_list_see_one_state_or_the_other(bucket: Bucket, logs: Pa
 def test_a_store_without_conditional_puts_is_refused(bucket: Bucket, logs: Path, header: str, status: str) -> None:
     text = rf"^{FLEET}: the store refuses conditional puts, .*: " + ("the server answers .*501" if status else "it ign")
     for kept in ([], ["fleets/own/_logs.parquet"]):
-        bucket.proxy.begin()
-        bucket.proxy.unfit = {header: status}
+        bucket.server.begin()
+        bucket.server.unfit = {header: status}
         before = {key: data for key, data in bucket.save().items() if "stage" not in key}
         with pytest.raises(StoreError, match=text):
             update(str(logs), FLEET)
         assert {key: data for key, data in bucket.save().items() if "stage" not in key} == before
         assert [key for key in before if key in kept] == kept
-        bucket.proxy.begin()
+        bucket.server.begin()
         update(str(logs / "2026-11-20"), FLEET)
         change(logs)
     bucket.check_whole()
@@ -209,12 +209,12 @@ def test_of_two_runs_at_once_one_ends_with_an_error(bucket: Bucket, logs: Path, 
 def test_a_damaged_list_is_an_error(bucket: Bucket, logs: Path) -> None:
     update(str(logs), FLEET)
     for data in (b"", b"[" * 1000):
-        bucket.client.put_object(Bucket="bucket", Key="fleets/own/_logs.parquet", Body=data)
+        bucket.server.files[LIST] = data
         before = bucket.save()
         with pytest.raises(FleetError, match=r"_logs\.parquet is not the list of a fleet, or is damaged"):
             update(str(logs), FLEET)
         assert bucket.save() == before
-    bucket.client.delete_object(Bucket="bucket", Key="fleets/own/_logs.parquet")
+    del bucket.server.files[LIST]
     with pytest.raises(FleetError, match=r"_logs\.parquet, the list of this fleet, is missing"):
         update(str(logs), FLEET)
 

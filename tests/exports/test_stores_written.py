@@ -198,12 +198,7 @@ def test_who_may_only_write_writes(source: Path, monkeypatch: pytest.MonkeyPatch
     hasten(monkeypatch)
     with object_server() as server:
         set_credentials(monkeypatch, server.url)
-        server.fault = "403"
-
-        def allow(number: int) -> None:
-            server.fault = "403" if number < 2 else ""
-
-        server.before = allow
+        server.fails = lambda number, _: "403" if number < 2 else ""
         converted(source, "s3://bucket/a.mcap", "mcap")
         assert list(server.files) == ["/bucket/a.mcap"]
         with pytest.raises(FileExistsError):

@@ -19,9 +19,8 @@ import pytest
 from fuzz.conversions import NAMED
 from support.commands import check_outcome, run
 from support.fleet_logs import write_logs
-from support.fleet_stores import FLEET, Bucket, both, bucket, change
+from support.fleet_stores import FAULTS, FLEET, Bucket, both, bucket_of, change
 from support.scratch import scratch_folder
-from support.store_proxy import FAULTS
 
 COUNT = 12
 MEMORY = 1 << 33
@@ -67,14 +66,14 @@ def check(case: Case) -> None:
     own.load(start.saved)
     if case.damaged:
         _damage(own, case.damaged, Random(case.seed))  # noqa: S311 - no secret
-    own.proxy.begin(lambda each, _: case.fault if each == first or (case.lasts and each > first) else "")
+    own.server.begin(lambda each, _: case.fault if each == first or (case.lasts and each > first) else "")
     for words in (["convert", start.logs, "-o", FLEET, "--jobs", "1"], ["compact", FLEET]):
         outcome = run(["log", *words])
         check_outcome(outcome)
         assert outcome.code != 2 or (NAMED.search(outcome.stderr) and FLEET in outcome.stderr), outcome
-    own.proxy.begin()
+    own.server.begin()
     if "_logs" in case.damaged:
-        own.client.put_object(Bucket="bucket", Key=_LIST, Body=start.saved[_LIST])
+        own.server.files[f"/bucket/{_LIST}"] = start.saved[_LIST]
     both(start.logs)
     with scratch_folder() as folder:
         assert own.rows(folder) == start.rows
@@ -87,15 +86,15 @@ def check(case: Case) -> None:
 def begin(*, is_changed: bool) -> Start:
     """Make a fleet, and let recordings change then. Return what there is."""
     own = _bucket()
-    own.clear()
+    own.load({})
     logs = write_logs(Path(mkdtemp()) / "logs")
     both(str(logs))
     saved = {**own.save(), **_MINE}
     if is_changed:
         change(logs)
-    own.proxy.begin()
+    own.server.begin()
     both(str(logs))
-    count = len(own.proxy.requests)
+    count = len(own.server.requests)
     return Start(own, str(logs), saved, count, own.rows(Path(mkdtemp())))
 
 
@@ -104,15 +103,15 @@ def _bucket() -> Bucket:
     end = ExitStack()
     atexit.register(end.close)
     patch = end.enter_context(pytest.MonkeyPatch.context())
-    return end.enter_context(bucket(patch))
+    return end.enter_context(bucket_of(patch))
 
 
 def _damage(own: Bucket, name: str, chance: Random) -> None:
     """Remove an object of the fleet, cut it, or replace it."""
-    key = f"fleets/own/{name}"
-    data = own.save()[key]
+    path = f"/bucket/fleets/own/{name}"
+    data = own.server.files[path]
     content = chance.choice((None, b"", data[: chance.randrange(len(data))], b"\xff\0", b"[" * 100_000))
     if content is None:
-        own.client.delete_object(Bucket="bucket", Key=key)
+        del own.server.files[path]
     else:
-        own.client.put_object(Bucket="bucket", Key=key, Body=content)
+        own.server.files[path] = content

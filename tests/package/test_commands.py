@@ -18,6 +18,7 @@ from msggen.definitions.model import Comment, Constant, FieldType
 from msggen.definitions.parse.definition import parse_message
 from msggen.definitions.parse.parameters import parameters
 from msggen.generate.python.package import render_package
+from support.examples import by_day
 from support.repository import shared
 
 
@@ -196,7 +197,7 @@ def test_tags_of_parameters_stay_with_them() -> None:
     assert [parameter.comment.tag("range") for parameter in parameters(constant)] == ["2, 3", "4, 5"]
 
 
-@pytest.mark.parametrize("tree", ["v1.14", "v1.16", "v1.18", "main-2026-03"])
+@by_day("tree", ["v1.14", "v1.16", "v1.18", "main-2026-03"], 3)
 def test_every_firmware_has_commands(tree: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     package = f"commands_{tree.replace('.', '_').replace('-', '_')}"
     for name, text in render_package(read(shared(f"firmware/{tree}")), package).items():

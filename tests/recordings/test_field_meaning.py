@@ -19,6 +19,7 @@ from msggen.recordings.columns.text import Printer
 from msggen.recordings.decode.schemas import content_of, read_schema
 from msggen.recordings.log import plot
 from msggen.sources.embedded import EMBEDDED, Releases, nearest_first
+from support.examples import by_day
 from support.log_files import definition_in
 from support.ulog import UlogWriter, formats_of
 
@@ -61,7 +62,7 @@ def test_names_of_values_are_those_of_the_firmware(release: str) -> None:
     assert count > 80
 
 
-@pytest.mark.parametrize("release", EMBEDDED[1:])
+@by_day("release", EMBEDDED[1:], 3)
 def test_without_a_firmware_names_are_those_of_the_newest_release_with_the_same_fields(release: str) -> None:
     definitions = {each: {name: text for name, text, _ in messages_of(each)} for each in EMBEDDED}
     differing = 0

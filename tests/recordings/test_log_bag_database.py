@@ -489,7 +489,7 @@ def check_mutations(folder: Path, count: int, seed: int) -> tuple[int, int, int]
 
 
 def test_mutated_files_raise_named_errors_only(tmp_path: Path) -> None:
-    refused, with_problems, clean = check_mutations(tmp_path, 1000, 17)
+    refused, with_problems, clean = check_mutations(tmp_path, examples(1000), 17)
     assert refused
     assert with_problems
     assert clean

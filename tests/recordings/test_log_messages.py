@@ -18,6 +18,7 @@ from msggen.sources.embedded import EMBEDDED, Releases
 from msggen.sources.finding import find_sources, with_archived
 from msggen.sources.released import released_as
 from support.catalogs import catalog_of, import_package
+from support.examples import by_day
 from support.log_files import Written, definition_in, write_log
 from support.written import write_recording
 
@@ -191,7 +192,7 @@ def test_another_version_is_converted(archived: Any, tmp_path: Path) -> None:
 # comparison
 
 
-@pytest.mark.parametrize("release", EMBEDDED)
+@by_day("release", EMBEDDED, 4)
 def test_topics_are_compared_by_the_rules_of_check(px4_types: Any, release: str, tmp_path: Path) -> None:
     names = [name for name in px4_types.msg.__all__ if Releases().file(release, f"{name}.msg")[0]]
     topics = [Written(f"/{name}", f"px4_msgs/msg/{name}", definition_in(release, name)) for name in names]

@@ -22,7 +22,7 @@ from matplotlib.text import Text
 from msggen import recordings
 from msggen.recordings.columns.annotations import Annotation
 from msggen.recordings.log import plot, series
-from support.examples import examples
+from support.examples import by_day, examples
 from support.ulog import UlogWriter
 from support.written import write_recording
 
@@ -397,6 +397,8 @@ HOSTILE = (
     "x" * 10_000,
 )
 """Names and units of strangers."""
+PLACES = [(name, each) for index, name in enumerate(HOSTILE) for each in ((4, 40), (40, 4))[index % 2]]
+"""These, with few and with many changes of the mode: each has one of both first."""
 
 
 def drawn(name: str, log: recordings.Log, monkeypatch: pytest.MonkeyPatch, changes: int) -> Any:
@@ -412,8 +414,7 @@ def drawn(name: str, log: recordings.Log, monkeypatch: pytest.MonkeyPatch, chang
 
 
 @pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize("changes", [4, 40])
-@pytest.mark.parametrize("name", HOSTILE)
+@by_day(("name", "changes"), PLACES, 2)
 def test_names_of_strangers_are_drawn_as_they_are(
     name: str, changes: int, log: recordings.Log, monkeypatch: pytest.MonkeyPatch
 ) -> None:

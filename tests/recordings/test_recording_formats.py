@@ -17,6 +17,7 @@ from msggen.base.exit_codes import DONE
 from msggen.base.recording_formats import FOREIGN, FORMATS, PACKED, format_named, unpacked
 from msggen.cli import main
 from msggen.recordings.files.paths import is_always_whole, is_bag
+from support.examples import by_day
 from support.fleet_recordings import write_flight
 from support.repository import ROOT
 
@@ -85,8 +86,10 @@ RECORDINGS = {
 }
 
 
-@pytest.mark.parametrize("kind", RECORDINGS)
-@pytest.mark.parametrize("words", ["check v1.18 --px4 {}", "check {} v1.18", "check v1.18 {}", "log info {} --json"])
+COMMANDS = ("check v1.18 --px4 {}", "check {} v1.18", "check v1.18 {}", "log info {} --json")
+
+
+@by_day(("words", "kind"), [(words, kind) for kind in RECORDINGS for words in COMMANDS], 3)
 def test_every_command_knows_every_form(
     words: str, kind: str, tmp_path: Path, px4_types: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,4 +1,4 @@
-"""A bucket behind a proxy, with recordings and fleets, and what there is in them."""
+"""A bucket with recordings and fleets, and what there is in it. Tests name this module in `pytest_plugins`."""
 
 from __future__ import annotations
 
@@ -6,64 +6,60 @@ import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
-from botocore.session import Session
+import pytest
 
 from msggen.exports.fleet import compact, files, update
-from support.fleet_logs import VEHICLES, flight
+from msggen.recordings.stores import limits
+from support.fleet_logs import VEHICLES, flight, write_logs
 from support.fleet_recordings import rows_of
-from support.moto import moto_server
-from support.object_server import hasten, set_credentials
-from support.store_proxy import Proxy, store_proxy
-
-if TYPE_CHECKING:
-    import pytest
+from support.object_server import ObjectServer, hasten, object_server, set_credentials
 
 FLEET = "s3://bucket/fleets/own"
 
+FAULTS = {
+    "500": r"the server answers with an error \(500\)",
+    "lost": r"the server answers with an error \(500\)|the object changed|another run",
+    "403": r"access is forbidden \(403\)",
+    "507": r"the server answers with an error \(507\)",
+    "half": r"the connection broke off before the end of the answer",
+    "stall": r"the server does not answer in time",
+}
+"""What is told of faults."""
+
 
 class Bucket(NamedTuple):
-    """The bucket `bucket`: a client without the proxy, and the proxy."""
+    """The bucket `bucket` of a server."""
 
-    client: Any
-    proxy: Proxy
+    server: ObjectServer
 
-    def clear(self) -> None:
-        """Remove everything."""
-        for key in self.names():
-            self.client.delete_object(Bucket="bucket", Key=key)
+    def save(self) -> dict[str, bytes]:
+        """Return all objects by their names, in their order."""
+        return {path.removeprefix("/bucket/"): data for path, data in sorted(self.server.files.items())}
+
+    def load(self, saved: dict[str, bytes]) -> None:
+        """Put everything as it was, without faults."""
+        self.server.begin()
+        self.server.files.clear()
+        self.server.files.update({f"/bucket/{key}": data for key, data in saved.items()})
 
     def names(self, front: str = "") -> list[str]:
         """Return the names of objects."""
-        pages = self.client.get_paginator("list_objects_v2").paginate(Bucket="bucket", Prefix=front)
-        return [each["Key"] for page in pages for each in page.get("Contents", ())]
+        return [key for key in self.save() if key.startswith(front)]
 
     def put(self, folder: Path, front: str) -> None:
         """Put the files of a folder."""
-        for path in sorted(folder.rglob("*")):
-            if path.is_file():
-                key = f"{front}/{path.relative_to(folder).as_posix()}"
-                self.client.put_object(Bucket="bucket", Key=key, Body=path.read_bytes())
+        own = {path.relative_to(folder).as_posix(): path for path in folder.rglob("*") if path.is_file()}
+        self.server.files.update({f"/bucket/{front}/{name}": path.read_bytes() for name, path in own.items()})
 
     def get(self, front: str, folder: Path) -> Path:
         """Copy objects to a folder."""
         for key in self.names(f"{front}/"):
             path = folder / key[len(front) + 1 :]
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(self.client.get_object(Bucket="bucket", Key=key)["Body"].read())
+            path.write_bytes(self.server.files[f"/bucket/{key}"])
         return folder
-
-    def save(self) -> dict[str, bytes]:
-        """Return everything."""
-        return {key: self.client.get_object(Bucket="bucket", Key=key)["Body"].read() for key in self.names()}
-
-    def load(self, saved: dict[str, bytes]) -> None:
-        """Put everything as it was."""
-        self.proxy.begin()
-        self.clear()
-        for key, data in saved.items():
-            self.client.put_object(Bucket="bucket", Key=key, Body=data)
 
     def rows(self, folder: Path, fleet: str = FLEET) -> dict[str, list[dict[str, Any]]]:
         """Return all rows of a fleet, as an engine sees them that lists the files."""
@@ -91,14 +87,29 @@ def both(source: str, fleet: str = FLEET) -> None:
 
 
 @contextmanager
-def bucket(patch: pytest.MonkeyPatch) -> Iterator[Bucket]:
-    """Run a server with an empty bucket, and let this process use it through a proxy."""
-    from msggen.recordings.stores import limits
-
+def bucket_of(patch: pytest.MonkeyPatch) -> Iterator[Bucket]:
+    """Run a server with an empty bucket, and let this process use it."""
     hasten(patch)
     patch.setattr(limits, "LIMITS", limits.LIMITS._replace(read=5))
-    with moto_server() as url, store_proxy(url) as proxy:
-        set_credentials(patch, proxy.url)
-        own = Session().create_client("s3", region_name="us-east-1", endpoint_url=url)
-        own.create_bucket(Bucket="bucket")
-        yield Bucket(own, proxy)
+    with object_server() as server:
+        set_credentials(patch, server.url)
+        yield Bucket(server)
+
+
+@pytest.fixture(scope="module")
+def _shared() -> Iterator[Bucket]:
+    with pytest.MonkeyPatch.context() as patch, bucket_of(patch) as found:
+        yield found
+
+
+@pytest.fixture
+def bucket(_shared: Bucket) -> Bucket:
+    """A bucket that is empty and without faults, on a server that the tests of a file share."""
+    _shared.load({})
+    return _shared
+
+
+@pytest.fixture
+def logs(tmp_path: Path) -> Path:
+    """A folder with the recordings of `write_logs`."""
+    return write_logs(tmp_path / "logs")

@@ -1,17 +1,20 @@
 """A server of HTTP on the loopback interface that has files, counts what it sends, and fails on request.
 
-To clients of S3, `/bucket/key` is an object, and lists have no folders; those of moto do.
+To clients of S3, `/bucket/key` is an object, and there is no bucket `nobucket`. `tests/exports/test_stores_written.py`
+compares it with moto's server.
 """
 
 from __future__ import annotations
 
+import re
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from hashlib import md5
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
-from urllib.parse import unquote
+from urllib.parse import parse_qs, unquote
 
 if TYPE_CHECKING:
     import pytest
@@ -42,18 +45,34 @@ class ObjectServer:
         self.files: dict[str, bytes] = {}
         self.requests: list[Request] = []
         self.fault = ""
-        """`half`, `stall`, `no range`, `wrong range`, `longer`, or the status of an error, such as `500`."""
+        """`half`, `stall`, `lost`, `no range`, `wrong range`, or the status of an error, such as `500`.
+
+        `lost` is a request that is done, and whose answer is an error.
+        """
         self.code = ""
         """The code of S3 in the body of an error."""
         self.after = 0
         """How many requests are answered before the fault."""
+        self.fails: Callable[[int, str], str] | None = None
+        """Returns the fault of a request by its number and its method and path, in place of `fault` and `after`."""
+        self.unfit: dict[str, str] = {}
+        """What the server does not do by headers: a status such as `501`, or "" if it ignores them."""
         self.tags = True
         """Whether files have ETags, and these are compared."""
-        self.before: Callable[[int], None] = lambda _: None
-        """Called before each request with the number of those before."""
         self.ended = threading.Event()
         self.lock = threading.Lock()
         self.url = ""
+
+    def fault_of(self, number: int, request: str) -> str:
+        """Return the fault of a request."""
+        if self.fails is not None:
+            return self.fails(number, request)
+        return self.fault if number >= self.after else ""
+
+    def begin(self, fails: Callable[[int, str], str] | None = None) -> None:
+        """Count requests from 0, and let some fail."""
+        self.requests.clear()
+        self.fails, self.unfit = fails, {}
 
     @property
     def sent(self) -> int:
@@ -70,100 +89,122 @@ class QuietHandler(BaseHTTPRequestHandler):
         """Print nothing."""
 
 
+class _Answer(NamedTuple):
+    status: int
+    body: bytes = b""
+    headers: Mapping[str, str] = MappingProxyType({})
+
+
 class _Handler(QuietHandler):
+    disable_nagle_algorithm = True
     has: ObjectServer
 
-    def do_HEAD(self) -> None:
-        self._answer()
-
-    def do_GET(self) -> None:
-        self._answer()
-
-    def do_PUT(self) -> None:
-        data = self.rfile.read(int(self.headers["Content-Length"]))
-        if self._fails() or not self._put(data):
-            self._error(self._status() or 412)
-            return
-        self._send(200, b"", {"ETag": _tag(data)})
-
-    def _put(self, data: bytes) -> bool:
+    def _take(self) -> None:
+        body = self.rfile.read(int(self.headers.get("Content-Length") or 0))
         with self.has.lock:
-            if self.headers.get("If-None-Match") and self.path in self.has.files:
-                return False
-            self.has.files[self.path] = data
-            return True
-
-    def _fails(self) -> str:
-        has = self.has
-        number = len(has.requests)
-        has.before(number)
-        has.requests.append(Request(self.command, self.path, 0, 0))
-        return has.fault if number >= has.after else ""
-
-    def _status(self) -> int:
-        return int(self.has.fault) if self.has.fault.isdecimal() else 0
-
-    def _answer(self) -> None:
-        fault = self._fails()
-        if "list-type=2" in self.path and not fault.isdecimal():
-            self._send(200, self._listed(), {})
-            return
-        data = self.has.files.get(self.path.partition("?")[0])
-        if fault.isdecimal() or data is None:
-            self._error(int(fault) if fault.isdecimal() else 404)
-            return
+            number = len(self.has.requests)
+            self.has.requests.append(Request(self.command, self.path, 0, 0))
+        fault = self.has.fault_of(number, f"{self.command} {self.path}")
+        for name, status in self.has.unfit.items():
+            if self.headers.get(name) and self.command == "PUT":
+                fault = status or fault
+                del self.headers[name]
         if fault == "stall":
             self.has.ended.wait(20)
             self.close_connection = True
             return
+        with self.has.lock:
+            answer = self._error(int(fault)) if fault.isdecimal() else self._done(body, fault, number)
+        if fault == "half" and not answer.body:
+            self.close_connection = True  # without a word
+            return
+        self._send(self._error(500) if fault == "lost" else answer, is_half=fault == "half")
+
+    do_GET = do_HEAD = do_PUT = do_POST = do_DELETE = _take  # noqa: N815 - as http.server calls them
+
+    def _done(self, body: bytes, fault: str, number: int) -> _Answer:
+        """Do what is asked."""
+        path, _, query = self.path.partition("?")
+        if path.split("/")[1] == "nobucket":
+            return self._error(404, "NoSuchBucket")
+        if self.command == "PUT":
+            return self._put(path, body)
+        if self.command in {"DELETE", "POST"}:
+            keys = re.findall(rb"<Key>(.*?)</Key>", body)
+            for gone in [f"{path}/{key.decode()}" for key in keys] or [path]:
+                self.has.files.pop(gone, None)
+            told = b"".join(b"<Deleted><Key>%b</Key></Deleted>" % key for key in keys)
+            return _Answer(200, b"<DeleteResult>%b</DeleteResult>" % told) if keys else _Answer(204)
+        if "list-type=2" in query:
+            return _Answer(200, self._listed(f"{path}/", parse_qs(query)))
+        return self._file(path, fault, number)
+
+    def _put(self, path: str, body: bytes) -> _Answer:
+        found, files = self.has.files.get(path), self.has.files
+        is_new, expected = self.headers.get("If-None-Match"), self.headers.get("If-Match")
+        if (is_new and found is not None) or (expected and found is not None and expected != _tag(found)):
+            return self._error(412)
+        if expected and found is None:
+            return self._error(404)
+        source = self.headers.get("x-amz-copy-source")
+        files[path] = files[f"/{unquote(source).lstrip('/')}"] if source else body
+        tag = _tag(files[path])
+        return _Answer(
+            200, f"<CopyObjectResult><ETag>{tag}</ETag></CopyObjectResult>".encode() if source else b"", {"ETag": tag}
+        )
+
+    def _listed(self, bucket: str, query: Mapping[str, list[str]]) -> bytes:
+        prefix, stop = query.get("prefix", [""])[0], query.get("delimiter", [""])[0]
+        told, folders = [], set()
+        for path, data in sorted(self.has.files.items()):
+            key = path.removeprefix(bucket)
+            if path.startswith(bucket + prefix):
+                if stop and stop in key[len(prefix) :]:
+                    folders.add(prefix + key[len(prefix) :].partition(stop)[0] + stop)
+                else:
+                    told.append(
+                        f"<Contents><Key>{key}</Key><LastModified>2026-11-27T02:33:02.000Z</LastModified>"
+                        f"<ETag>{_tag(data)}</ETag><Size>{len(data)}</Size></Contents>"
+                    )
+        told += [f"<CommonPrefixes><Prefix>{each}</Prefix></CommonPrefixes>" for each in sorted(folders)]
+        return f"<ListBucketResult><IsTruncated>false</IsTruncated>{''.join(told)}</ListBucketResult>".encode()
+
+    def _file(self, path: str, fault: str, number: int) -> _Answer:
+        data = self.has.files.get(path)
+        if data is None:
+            return self._error(404)
         headers = {"ETag": _tag(data)} if self.has.tags else {}
         expected = self.headers.get("If-Match")
         if self.has.tags and expected not in (None, _tag(data)):
-            self._error(412)
-            return
-        self._send_range(data, headers, fault)
-
-    def _listed(self) -> bytes:
-        prefix = unquote(self.path.partition("prefix=")[2].partition("&")[0])
-        own = {path.removeprefix("/bucket/"): data for path, data in self.has.files.items()}
-        entries = [
-            f"<Contents><Key>{key}</Key><LastModified>2026-11-27T02:33:02.000Z</LastModified><ETag>{_tag(data)}</ETag>"
-            f"<Size>{len(data)}</Size></Contents>"
-            for key, data in own.items()
-            if key.startswith(prefix)
-        ]
-        return f"<ListBucketResult><IsTruncated>false</IsTruncated>{''.join(entries)}</ListBucketResult>".encode()
-
-    def _send_range(self, data: bytes, headers: dict[str, str], fault: str) -> None:
+            return self._error(412)
         text = self.headers.get("Range")
         if text is None or fault == "no range":
-            self._send(200, data, headers)
-            return
+            return _Answer(200, data, headers)
         first, _, last = text.removeprefix("bytes=").partition("-")
         start, stop = int(first), min(int(last or len(data)) + 1, len(data))
         if start >= len(data):
-            self._error(416)
-            return
+            return self._error(416)
         body = data[start:stop]
-        self.has.requests[-1] = Request(self.command, self.path, start, len(body))
+        self.has.requests[number] = Request(self.command, self.path, start, len(body))
         told = start + 1 if fault == "wrong range" else start
         headers["Content-Range"] = f"bytes {told}-{told + len(body) - 1}/{len(data)}"
-        self._send(206, body, headers, half=fault == "half")
+        return _Answer(206, body, headers)
 
-    def _send(self, status: int, body: bytes, headers: dict[str, str], *, half: bool = False) -> None:
-        self.send_response(status)
-        for name, value in headers.items():
+    def _send(self, answer: _Answer, *, is_half: bool) -> None:
+        self.send_response(answer.status)
+        for name, value in answer.headers.items():
             self.send_header(name, value)
         self.send_header("Last-Modified", "Fri, 27 Nov 2026 02:33:02 GMT")
-        self.send_header("Content-Length", str(len(body)))
+        if answer.status != 204:
+            self.send_header("Content-Length", str(len(answer.body)))
         self.end_headers()
         if self.command != "HEAD":
-            self.wfile.write(body[: len(body) // 2] if half else body)
-        self.close_connection = self.close_connection or half
+            self.wfile.write(answer.body[: len(answer.body) // 2] if is_half else answer.body)
+        self.close_connection = self.close_connection or is_half
 
-    def _error(self, status: int) -> None:
-        body = f"<Error><Code>{self.has.code}</Code><Message>no</Message></Error>".encode() if self.has.code else b""
-        self._send(status, body, {})
+    def _error(self, status: int, code: str = "") -> _Answer:
+        code = code or self.has.code
+        return _Answer(status, f"<Error><Code>{code}</Code><Message>no</Message></Error>".encode() if code else b"")
 
 
 def _tag(data: bytes) -> str:
