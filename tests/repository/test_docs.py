@@ -71,8 +71,6 @@ PAGES_OF_CODE = (
     "connect.md",
     "frames.md",
     "meaning.md",
-    "precautions.md",
-    "showing.md",
     "time.md",
     "wire.md",
 )
