@@ -32,8 +32,8 @@ GROUPS = {
         *("docs/benchmarks", "CHANGELOG"),
     ),
     "Inside": (
-        *("docs/design", "docs/design_package", "docs/design_inside", "docs/backend", "docs/fuzz", "docs/libraries"),
-        *("docs/flight_compared", "CONTRIBUTING", "SECURITY"),
+        *("docs/design", "docs/design_package", "docs/design_inside", "docs/fuzz", "docs/libraries"),
+        *("CONTRIBUTING", "SECURITY"),
     ),
 }
 """The pages of each group, in the order in which they are read. `commands` and `api` are made from the program."""
