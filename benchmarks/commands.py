@@ -1,6 +1,6 @@
 """Measure the commands that watch a running vehicle: the part of a core that they need.
 
-    python benchmarks/commands.py            two minutes; docs/topic.md and docs/top.md show the figures
+    python benchmarks/commands.py            two minutes; docs/topic.md and docs/topic.md show the figures
     python benchmarks/commands.py --quick    checks in a few seconds that it works
 
 The vehicle is `msggen sim` on this computer. CPU time is that of the command, with its part of the kernel. It is the

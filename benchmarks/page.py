@@ -20,6 +20,13 @@ from tables import NONE, Table
 WIDTH = 180
 """Width of printed tables if the terminal does not have one: the tables have many columns."""
 
+SHOWN = ("SensorCombined", "VehicleLocalPosition", "EscStatus")
+"""The messages with a row on the page, if a table has means of more: a small, a large and a nested one."""
+
+RATIOS = """\
+A ratio is the time of another package divided by the time of msggen, unless the column head says otherwise. Means are
+over all messages, of which the charts have a dot each. The terminal prints all rows."""
+
 HOW = f"""\
 Contestants take turns of about {FULL.turn * 1e3:g} ms, in {FULL.rounds} rounds, and the minimum of each counts, because
 other work on a machine can only make a turn longer. Ratios of minima are similar on other machines; times are not. The
@@ -53,15 +60,20 @@ def page(summary: Table, sections: Sequence[Section]) -> str:
         f"```console\n$ python benchmarks/run.py\n...\n{printed(summary)}\n```",
         "This sets up all packages in an environment of their own, measures for some minutes, and writes this page.",
         f"Last run: {today}, on {machine()}, with {versions}.",
-        "A ratio is the time of another package divided by the time of msggen, unless the column head says otherwise.",
+        RATIOS,
     ]
     for section in sections:
         parts.append(f"## {section.title}")
         if section.chart:
             parts.append(f"![{section.says}](benchmarks/{section.chart}.svg)")
         for table in section.tables:
-            parts += [f"{table.title[:1].upper()}{table.title[1:]}:", table.markdown()]
+            parts += [f"{table.title[:1].upper()}{table.title[1:]}:", _short(table).markdown()]
     return "\n\n".join([*parts, "## How it was measured", HOW]) + "\n"
+
+
+def _short(table: Table) -> Table:
+    rows = [row for row in table.rows if row[0] in SHOWN]
+    return table._replace(rows=rows) if table.means else table
 
 
 def printed(table: Table) -> str:

@@ -1,6 +1,6 @@
 """Measure `msggen record`: CPU time of a sample from the socket to the file, and whether all of them are in the file.
 
-    python benchmarks/recording.py            half a minute; docs/record.md shows the table
+    python benchmarks/recording.py            half a minute; docs/recordings.md shows the table
     python benchmarks/recording.py --quick    checks in a few seconds that it works
 
 The sender is another process on this computer. CPU time is that of the recording process, with its part of the kernel.

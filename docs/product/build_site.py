@@ -19,6 +19,7 @@ from site_flow import with_drawings
 from site_front import front_page
 from site_library import library_pages
 from site_pages import ROOT, pages, pictures
+from site_tables import with_tables
 
 PRODUCT = Path(__file__).resolve().parent
 ENVIRONMENT = {**os.environ, "MSGGEN_SITE": str(PRODUCT), "PYTHONPATH": str(ROOT)}
@@ -29,7 +30,7 @@ def stage(folder: Path) -> None:
     for path in pictures():
         (folder / path).parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(ROOT / path, folder / path)
-    ours = {page: with_drawings((ROOT / f"{page}.md").read_text(encoding="utf-8")) for page in pages()}
+    ours = {page: with_tables(with_drawings((ROOT / f"{page}.md").read_text(encoding="utf-8"))) for page in pages()}
     for name, text in {"index": front_page(), **ours, **command_pages(), **library_pages()}.items():
         (folder / name).parent.mkdir(exist_ok=True)
         (folder / f"{name}.md").write_text(text, encoding="utf-8")

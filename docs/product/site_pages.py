@@ -9,19 +9,17 @@ ROOT = Path(__file__).resolve().parents[2]
 GROUPS = {
     "Start": ("README", "docs/first-flight"),
     "Types": (
-        *("docs/build", "docs/package", "docs/meaning", "docs/showing", "docs/batches", "docs/precautions"),
-        *("docs/frames", "docs/time", "docs/versions", "docs/cmake", "docs/render"),
+        *("docs/build", "docs/package", "docs/meaning", "docs/batches", "docs/frames", "docs/time", "docs/versions"),
+        *("docs/cmake", "docs/render"),
     ),
     "Firmware in step": (
         *("docs/sync", "docs/check", "docs/lint", "docs/bump", "docs/ci", "docs/px4_generate", "docs/site"),
     ),
     "Vehicle": (
-        *("docs/vehicle", "docs/connect", "docs/flight", "docs/flight_safety", "docs/flight_tests", "docs/sim"),
-        *("docs/topic", "docs/top", "docs/command", "docs/doctor"),
-        *("docs/links", "docs/link", "docs/beyond", "docs/ros2", "docs/view"),
+        *("docs/vehicle", "docs/topic", "docs/doctor", "docs/flight", "docs/flight_safety", "docs/flight_tests"),
+        *("docs/sim", "docs/links", "docs/connect", "docs/ros2"),
     ),
     "Recordings": (
-        "docs/record",
         "docs/recordings",
         "docs/report",
         "docs/reading",
@@ -34,8 +32,8 @@ GROUPS = {
         *("docs/benchmarks", "CHANGELOG"),
     ),
     "Inside": (
-        *("docs/design", "docs/design_package", "docs/design_inside", "docs/backend", "docs/fuzz", "docs/libraries"),
-        *("docs/flight_compared", "CONTRIBUTING", "SECURITY"),
+        *("docs/design", "docs/design_package", "docs/design_inside", "docs/fuzz", "docs/libraries"),
+        *("CONTRIBUTING", "SECURITY"),
     ),
 }
 """The pages of each group, in the order in which they are read. `commands` and `api` are made from the program."""

@@ -336,7 +336,7 @@ class Vehicle:
         `topic` is a message class, an endpoint such as `topics.out.vehicle_status`, or a name, with or without
         namespace and version: "vehicle_status", "/fmu/out/vehicle_status_v1". A name with a version means that version.
         A name with "/fmu/in/", or an endpoint such as `topics.in_.offboard_control_mode`, gives what all programs on a
-        shared link publish to the vehicle (docs/link.md).
+        shared link publish to the vehicle (docs/links.md).
 
         The thread of the link calls `callback` for each message; it must return at once. Without it, samples wait in a
         queue of `queue` samples, which drops the oldest. With `raw`, the values are the bytes of CDR samples with their
@@ -376,7 +376,7 @@ class Vehicle:
         """Call `watcher(route, payload, time)` for each sample of all topics, also of unknown ones, undecoded.
 
         `direction` is "out" for what PX4 publishes, "in" for what all programs on a shared link publish to PX4
-        (docs/link.md), or "both".
+        (docs/links.md), or "both".
 
         The thread of the link calls it; it must return at once. `payload` are the bytes of a CDR sample with its
         header, and `time` is that of its arrival in ns, of the clock `time.time_ns`. Goes on when the vehicle connects

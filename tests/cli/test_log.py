@@ -29,8 +29,8 @@ from support.ulog import UlogWriter, write_ulog
 
 COUNT = 300
 WHOLE = (ROOT / "docs" / "recordings.md").read_text(encoding="utf-8")
-PAGE = "".join(each for each in re.split(r"(?m)^(?=## )", WHOLE) if not each.startswith("## Plot"))
-"""The page without its section on plots, which has tests of its own."""
+PAGE = "".join(each for each in re.split(r"(?m)^(?=## )", WHOLE) if not each.startswith(("## Plot", "## Record ")))
+"""The page without its sections on plots and on recording a vehicle, which have tests of their own."""
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""Tests of `msggen record` and `msggen play` with simulated vehicles: sockets, errors, and docs/record.md."""
+"""Tests of `msggen record` and `msggen play` with simulated vehicles: sockets, errors, and docs/recordings.md."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the tests of px4-ros2-interface-lib check, flown with `msggen.flight`. See docs/flight_compared.md."""
+"""What the tests of px4-ros2-interface-lib check, flown with `msggen.flight`. See tests/flight/compared.md."""
 
 from __future__ import annotations
 
@@ -264,8 +264,8 @@ def test_home_is_set_here_or_there(types: Any) -> None:
 
 
 def test_the_page_names_tests_that_exist() -> None:
-    page = (ROOT / "docs" / "flight_compared.md").read_text(encoding="utf-8")
     folder = ROOT / "tests" / "flight"
+    page = (folder / "compared.md").read_text(encoding="utf-8")
     texts = {path.name: path.read_text(encoding="utf-8") for path in folder.glob("*.py")}
     rows = [line for line in page.splitlines() if "test_flight_" in line]
     assert len(rows) >= 10

@@ -13,7 +13,7 @@ import shlex
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -43,8 +43,8 @@ else:
 
 _SITE = runpy.run_path(str(ROOT / "docs" / "product" / "site_pages.py"))
 PAGES = [page.removeprefix("docs/") for page in _SITE["GROUPS"]["Recordings"]]
-LIVE = {"record"}
-"""The pages of a running vehicle, whose numbers differ from run to run."""
+LIVE = {"recordings": "Record a vehicle"}
+"""The sections of pages with a running vehicle, whose numbers differ from run to run."""
 TOOLS = {"stores": ("curl",)}
 """Programs that pages need and not every system has."""
 DEAR = {"stores"}
@@ -74,9 +74,15 @@ def test_a_reader_gets_what_the_page_shows(page: str, tmp_path: Path, home: Path
     variables = {**variables_of(Path(sys.executable).parent, home), "PYTHONPATH": str(ROOT)}
     with reading(tmp_path, variables, ports) as reader:
         try:
-            check_outputs(outputs_of(steps_of(page), reader), is_live=page in LIVE)
+            _check(page, outputs_of(steps_of(page), reader))
         finally:
             reader.run(Step("console", "msggen link stop", ""))
+
+
+def _check(page: str, outputs: Iterable[tuple[Step, str]]) -> None:
+    live = steps_of(page, LIVE[page]) if page in LIVE else []
+    for step, output in outputs:
+        check_outputs([(step, output)], is_live=step in live)
 
 
 def requirements(page: str) -> list[str]:
@@ -143,7 +149,7 @@ def test_a_page_needs_only_what_it_names(page: str, wheel: Path, tmp_path: Path,
     assert done.returncode == 0, done.stderr
     rows = [json.loads(line) for line in done.stdout.splitlines()]
     assert len(rows) > 1
-    check_outputs(((Step(*step), output) for *step, output in rows), is_live=page in LIVE)
+    _check(page, ((Step(*step), output) for *step, output in rows))
 
 
 # --- what checks them

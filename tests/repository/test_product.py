@@ -23,6 +23,7 @@ from site_flow import arrows, places, with_drawings
 from site_front import SHOWN, tall_picture, wide_picture
 from site_library import FACADES, PUBLIC, as_rst, library_pages
 from site_pages import pages, session
+from site_tables import ADDED, MARK, with_tables
 
 from msggen.cli import parser_for
 from support.browser import complaints, prefer, resize, wait_for
@@ -103,6 +104,24 @@ def test_no_flowchart_stays_text_in_the_site() -> None:
     texts = [with_drawings((ROOT / f"{page}.md").read_text(encoding="utf-8")) for page in pages()]
     assert sum('<div class="flow"' in text for text in texts) == 1
     assert not any("```mermaid" in text for text in texts)
+
+
+@pytest.mark.parametrize("name", ADDED)
+def test_what_the_site_adds_has_links_that_lead_somewhere(name: str) -> None:
+    texts = {path.name: path.read_text(encoding="utf-8") for path in (ROOT / "docs").glob("*.md")}
+    [page] = [page for page, text in texts.items() if name in MARK.findall(text)]
+    text = with_tables(texts[page])
+    assert MARK.findall(text) == []
+    for target, anchor in re.findall(r"\]\(([\w-]+\.md)?#?([\w-]+)?\)", text):
+        headings = re.findall(r"(?m)^#+ (.+)$", with_tables(texts[target or page]))
+        anchors = {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+        assert not anchor or anchor in anchors, (page, target, anchor)
+
+
+def test_the_site_links_codes_to_their_entries() -> None:
+    assert with_tables("see [M108](errors.md) and [errors](errors.md)") == (
+        "see [M108](errors.md#m108) and [errors](errors.md)"
+    )
 
 
 # --- The references

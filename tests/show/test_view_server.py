@@ -1,4 +1,4 @@
-"""Tests of what the server of `msggen view` lets a client do, as the page says: docs/view.md."""
+"""Tests of what the server of `msggen view` lets a client do, as the page says: docs/topic.md."""
 
 from __future__ import annotations
 

@@ -1,15 +1,10 @@
-"""The faults that tests of the doctor provoke, and what it finds: `python tests/support/faults.py` writes the table."""
+"""The faults that tests of the doctor provoke, and what it finds."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple
-
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "doctor.md"
-BEGIN = "<!-- tests/support/faults.py writes what follows, from the faults that tests provoke -->\n"
-END = "<!-- the end of what tests/support/faults.py writes -->\n"
 
 
 class Fault(NamedTuple):
@@ -170,22 +165,3 @@ FAULTS: Mapping[str, Fault] = MappingProxyType(
 def rules_of(name: str) -> list[str]:
     """Return the rules that find something in a fault."""
     return [*FAULTS[name].rules]
-
-
-def table() -> str:
-    """Return the table of the page."""
-    rows = [
-        f"| {what} | {provoked} | {', '.join(f'`{rule}`' for rule in rules)} |\n"
-        for what, provoked, rules in FAULTS.values()
-    ]
-    return "".join(["| fault | how a test provokes it | found |\n|---|---|---|\n", *rows])
-
-
-def page(current: str) -> str:
-    """Return the page: `current` with the table of today's faults."""
-    before, _, rest = current.partition(BEGIN)
-    return f"{before}{BEGIN}\n{table()}\n{END}{rest.partition(END)[2]}"
-
-
-if __name__ == "__main__":
-    PAGE.write_text(page(PAGE.read_text(encoding="utf-8")), encoding="utf-8")

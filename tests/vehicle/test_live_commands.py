@@ -484,8 +484,8 @@ def test_a_command_that_reads_tells_of_another_vehicle(
 
 # --- the page
 
-PAGE = (ROOT / "docs" / "command.md").read_text(encoding="utf-8")
-SESSIONS = "".join(re.findall(r"```console\n(.*?)```", PAGE, re.DOTALL))
+PAGE = (ROOT / "docs" / "topic.md").read_text(encoding="utf-8").partition("\n## Publish\n")[2]
+SESSIONS = "".join(re.findall(r"```console\n(.*?)```", PAGE.partition("\n## In Foxglove\n")[0], re.DOTALL))
 STEPS = re.findall(r"^\$ (msggen .*)\n((?:(?!\$ ).*\n)*)", SESSIONS, re.MULTILINE)
 
 

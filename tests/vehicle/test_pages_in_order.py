@@ -21,7 +21,7 @@ from support.page_code import PAGES
 from support.ports import free_port
 from support.repository import ROOT
 
-ORDER = ("README.md", "first-flight.md", "vehicle.md", "topic.md", "command.md", "flight.md")
+ORDER = ("README.md", "first-flight.md", "vehicle.md", "topic.md", "flight.md")
 """The pages, as README.md and first-flight.md lead through them."""
 _BLOCK = re.compile(r"^```(console|sh)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 _COMMAND = re.compile(r"(?:PYTHONPATH=\S+ )?(msggen (?:topic|command|call|record|doctor)\b.*|python \S*examples/.+)")

@@ -15,7 +15,8 @@ from support.commands import run
 from support.ports import free_port
 from support.repository import ROOT
 
-PAGE = (ROOT / "docs" / "topic.md").read_text()
+PAGE = (ROOT / "docs" / "topic.md").read_text().partition("\n## Publish\n")[0]
+"""The page up to the commands that send, which `test_live_commands.py` runs."""
 SESSIONS = re.findall(r"```console\n\$ (msggen topic .*)\n((?:.*\n)*?)```", PAGE)
 
 
