@@ -5,14 +5,18 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Mapping
+from logging import getLogger
+from threading import RLock
 
 from msggen.doctor.inputs import KEPT, Inputs, age_of, programs_of
 from msggen.doctor.observation import InputSeen, SampleSeen, TopicSeen, VehicleSeen
 from msggen.link.link import Client, Link, Remote, Route, Service, Statistics
 from msggen.messages.names import uorb_name
+from msggen.vehicle.entries import Entries
 from msggen.vehicle.entry import Entry
-from msggen.vehicle.hub import Hub
 from msggen.vehicle.meter import Meter
+
+LOGGER = getLogger("msggen.live")
 
 _MARGIN_S = 1.0
 """How long before the watch a client may have been heard last. PX4's client sends once a second at least."""
@@ -30,11 +34,12 @@ _ANSWER = "vehicle_command_ack"
 """The one that tells of what happened before the doctor looks."""
 
 
-class Observer(Hub):
-    """A hub without members that keeps what it is told. It asks vehicles for their definitions, as every hub does."""
+class Observer:
+    """A listener that keeps what it is told. It asks vehicles for their definitions."""
 
     def __init__(self, link: Link) -> None:
-        super().__init__(link)
+        self.link = link
+        self.entries = Entries(link, RLock(), lambda _entry, _type: None)
         self.past: list[VehicleSeen] = []
         self.warnings: list[str] = []
         self._meters: dict[int, Meter] = {}
@@ -119,7 +124,7 @@ class Observer(Hub):
 
     def opened(self, remote: Remote, route: Route | Service) -> None:
         """Follow a route."""
-        super().opened(remote, route)
+        self.entries.opened(remote, route)
         if isinstance(route, Route) and route.direction == "out" and uorb_name(route.name) in _STATES:
             self._states[remote.number][route.name] = deque(maxlen=KEPT)
         if isinstance(route, Route):
@@ -132,7 +137,7 @@ class Observer(Hub):
             self._meters[number], self._ages[number] = Meter(), {}
             self._since[number] = time.time_ns()
             self._inputs[number], self._states[number] = Inputs(), {}
-        super().connected(remote)
+        self.entries.connected(remote)
 
     def sample(self, remote: Remote, route: Route, payload: bytes, time: int) -> None:
         """Count a sample of a vehicle, or of a program."""
@@ -140,7 +145,7 @@ class Observer(Hub):
             self._inputs[remote.number].add(route.name, payload, time)
             return
         self._count(remote, route, payload, time)
-        super().sample(remote, route, payload, time)
+        self.entries.sample(remote, route, payload, time)
 
     def _count(self, remote: Remote, route: Route, payload: bytes, time: int) -> None:
         self._meters[remote.number](route, payload, time)
@@ -156,7 +161,25 @@ class Observer(Hub):
         entry = self.entries.get(remote.number)
         if entry is not None:
             self.past.append(self.vehicle(entry)._replace(ended=reason))
-        super().disconnected(remote, reason)
+            del self.entries[remote.number]
+
+    def lost(self, remote: Remote, missing: int) -> None:
+        """Count lost samples."""
+        self.entries.lost(remote, missing)
+
+    def identified(self, remote: Remote, hashes: Mapping[str, int], is_complete: bool) -> None:  # noqa: FBT001
+        """Take definitions of a vehicle that the owner of the link knows."""
+        self.entries.identified(remote, hashes, is_complete=is_complete)
+
+    def replied(self, remote: Remote, service: Service, number: int, payload: bytes) -> None:
+        """Do nothing: the doctor calls no services."""
+
+    def refused(self, remote: Remote, number: int, problem: str) -> None:
+        """Do nothing."""
+
+    def failed(self, reason: str) -> None:
+        """Tell the user."""
+        LOGGER.error("%s", reason)
 
     def warned(self, text: str) -> None:
         """Keep a warning."""

@@ -17,7 +17,8 @@ from __future__ import annotations
 import os
 import sys
 import time
-from functools import cache
+from collections.abc import Callable
+from functools import cache, partial
 from typing import Final
 
 LONGEST_S: Final = 0.5
@@ -29,15 +30,10 @@ NEVER: Final = (1 << 63) - 1
 _DRIFT: Final = 2e-4
 """By how much of the elapsed time two clocks may drift apart. Quartz clocks do by less than 1e-4."""
 
-if sys.platform == "linux":
-    _clock, _BOOT = time.clock_gettime_ns, time.CLOCK_BOOTTIME
-
-    def now() -> int:
-        """Return the time in ns since some moment. The clock goes on while the computer sleeps."""
-        return _clock(_BOOT)
-
-else:
-    now = time.monotonic_ns
+now: Final[Callable[[], int]] = (
+    partial(time.clock_gettime_ns, time.CLOCK_BOOTTIME) if sys.platform == "linux" else time.monotonic_ns
+)
+"""Returns the time in ns since some moment. The clock goes on while the computer sleeps."""
 
 
 def expiry(waited: float = 0.0) -> int:

@@ -60,7 +60,7 @@ class SerialLink(SelectorLink):
         self._bytes = 0
         self._next_try = 0.0
         self._queue = LineQueue()
-        self._unsent = 0
+        self._unsent = self._expired = 0
         self._has_told_of_speed = self._has_told_of_space = False
 
     def open(self, listener: Listener) -> None:
@@ -132,7 +132,7 @@ class SerialLink(SelectorLink):
         """Open the device again if it was unplugged. Drop what has expired. Tell if it is too slow."""
         with self.lock:
             self._write()
-        if (self._unsent or self.unsent) and not self._has_told_of_space:
+        if (self._unsent or self.overdue or self._expired) and not self._has_told_of_space:
             self._has_told_of_space = True
             listener.warned(f"{self.path} is too slow for what is sent: samples to the vehicle were dropped")
         if self._fd < 0 and now >= self._next_try:
@@ -162,7 +162,9 @@ class SerialLink(SelectorLink):
         """Write what waits, and watch for space if something is left. The caller holds the lock."""
         if self._fd < 0:
             return
-        self.unsent += self._queue.write(self._fd)
+        expired = self._queue.write(self._fd)
+        self._expired += expired
+        self.unsent += expired
         events = selectors.EVENT_READ | (selectors.EVENT_WRITE if self._queue.size else 0)
         if self.selector.get_key(self._fd).events != events:
             self.selector.modify(self._fd, events, self._ready)

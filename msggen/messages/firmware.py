@@ -141,14 +141,15 @@ class FormatCheck:
         self._request: Route | None = None
         self._has_response = False
         self._waiting: deque[tuple[str, str]] = deque()  # ROS types, and the names to ask for
+        self._first: dict[str, None] = {}
         self._known: set[str] = set()
         self._asked: tuple[str, str] | None = None
         self._tries = 0
         self.hashes: dict[str, int] = {}
         self.is_complete = False
 
-    def add(self, routes: Iterable[Route], namespace: str, first: Iterable[str] = ()) -> None:
-        """Ask for the types of these routes too, beginning with the types `first`."""
+    def add(self, routes: Iterable[Route], namespace: str) -> None:
+        """Ask for the types of these routes too, beginning with those that are preferred."""
         names: dict[str, str] = {}
         for route in routes:
             name = without_namespace(route.name, namespace)
@@ -156,7 +157,7 @@ class FormatCheck:
                 self._request = route
             self._has_response |= name == RESPONSE
             names.setdefault(route.ros_type, _request_name(name))
-        preferred = [ros_type for ros_type in first if ros_type in names]
+        preferred = [ros_type for ros_type in self._first if ros_type in names]
         for ros_type in dict.fromkeys((*preferred, *names)):
             if ros_type not in self._known:
                 self._known.add(ros_type)
@@ -169,7 +170,8 @@ class FormatCheck:
         self._known |= hashes.keys()
 
     def prefer(self, ros_type: str) -> None:
-        """Ask for this type next."""
+        """Ask for this type first, or next if others were asked for already."""
+        self._first[ros_type] = None
         for row in tuple(self._waiting):
             if row[0] == ros_type:
                 self._waiting.remove(row)

@@ -19,12 +19,23 @@ REQUIREMENTS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
         "global_position": ("global_position_invalid", "there is no global position"),
         "global_position_relaxed": ("global_position_invalid_relaxed", "there is no global position"),
         "mission": ("auto_mission_missing", "there is no mission"),
-        "offboard_signal": ("offboard_control_signal_lost", "OffboardControlMode does not arrive at 2 Hz"),
+        "offboard_signal": (
+            "offboard_control_signal_lost",
+            "OffboardControlMode does not arrive at 2 Hz",
+        ),
         "home_position": ("home_position_invalid", "there is no home position"),
         "manual_control": ("manual_control_signal_lost", "there are no sticks"),
     }
 )
 """The flag of FailsafeFlags that says that a requirement `mode_req_...` is not met, and what it means."""
+MEANINGS: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        **{name: text for name, (_, text) in REQUIREMENTS.items()},
+        "other": "the mode is not registered, does not answer, or says that it cannot run",
+        "prevent_arming": "the mode does not allow arming",
+    }
+)
+"""What it means that a requirement is not met, also of those without a flag."""
 ALWAYS: Final = (
     "battery_unhealthy",
     "fd_critical_failure",
@@ -40,8 +51,6 @@ ALWAYS: Final = (
 )
 """The flags of FailsafeFlags that count in every mode. `remote_id_unhealthy` does not: it is set on every vehicle
 without a remote id, also where COM_ARM_ODID does not ask for one."""
-_OTHER = "the mode is not registered, does not answer, or says that it cannot run"
-_PREVENTED = "the mode does not allow arming"
 _LOW = 1
 
 
@@ -67,7 +76,7 @@ def reasons_for_command(
 
 def _reasons_for_arming(flags: Any, status: Any, cure: str) -> Iterator[str]:
     mode = status.nav_state
-    found = [*_lacking(flags, mode), *([_PREVENTED] if _has(flags, "prevent_arming", mode) else ())]
+    found = [*_lacking(flags, mode), *([MEANINGS["prevent_arming"]] if _has(flags, "prevent_arming", mode) else ())]
     yield from found
     if mode != HOLD and not {*found} <= {*_lacking(flags, HOLD)}:
         name = MODE_NAMES.get(mode, str(mode))
@@ -84,7 +93,7 @@ def _lacking(flags: Any, mode: int) -> Iterator[str]:
         if _has(flags, name, mode) and getattr(flags, flag, False):
             yield text
     if _has(flags, "other", mode):
-        yield _OTHER
+        yield MEANINGS["other"]
 
 
 def _has(flags: Any, requirement: str, mode: int) -> bool:

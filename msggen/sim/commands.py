@@ -23,6 +23,7 @@ from msggen.messages.commands import (
     TEMPORARILY_REJECTED,
     UNSUPPORTED,
 )
+from msggen.messages.refusals import MEANINGS
 from msggen.sim.autopilot import Autopilot
 from msggen.sim.commander.commander import Commander
 from msggen.sim.places import Home
@@ -149,7 +150,7 @@ class Order:
         elif not place.is_possible:
             return self.refuse(DENIED, "param5 to param7 are not a latitude, longitude and altitude")
         if not world.has_position:
-            return self.refuse(TEMPORARILY_REJECTED, "there is no position")
+            return self.refuse(TEMPORARILY_REJECTED, MEANINGS["local_position"])
         world.set_home(place, is_manual=not is_here)
         return ACCEPTED
 

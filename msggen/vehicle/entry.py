@@ -38,8 +38,10 @@ class Entry:
         self.opened_at = time.monotonic()
         self.heard_ns = 0
         self.ticked_ns = self.due_ns = 0
-        """When `Hub.tick` has something to do, of the clock of the samples: at once, for the first one."""
+        """When `Entries` has something to do, of the clock of the samples: at once, for the first one."""
         self.is_started = self.is_checked = False
+        self.answers: frozenset[str] = frozenset()
+        """The routes with answers to requests for definitions, if this process asks."""
         self.check = FormatCheck(
             lambda route, payload: link.publish(remote, route, payload),
             lambda ros_type: told(self, ros_type),
@@ -56,13 +58,6 @@ class Entry:
     def has(self, topic: NamedTopic, route: Route) -> bool:
         """Whether a topic, with or without a namespace in its name, is a route of this vehicle."""
         return is_topic(route.name, topic.stem, topic.namespace)
-
-    def recall(self, link: Link) -> None:
-        """Take what the link remembers of the vehicle."""
-        self.check.recall(link.hashes(self.remote))
-        samples = link.samples(self.remote)
-        self.last.update(samples)
-        self.memory.recall(samples)
 
     def remember(self, link: Link, now: int) -> None:
         """Let the link remember the samples that are not followed by others soon, without those of programs."""

@@ -8,20 +8,15 @@ from collections.abc import Callable, Mapping, Sequence
 from logging import getLogger
 
 from msggen.link.link import Link, Publisher, Remote, Route, Service
-from msggen.messages.firmware import RESPONSE, RETRY_NS
-from msggen.messages.names import stem_of
 from msggen.messages.packages import Decoding, NamedTopic
 from msggen.vehicle.delivery import Delivery
+from msggen.vehicle.entries import Entries
 from msggen.vehicle.entry import Entry, Member, Row
 from msggen.vehicle.feed import Feed, Item, check_outside_callback
 from msggen.vehicle.selection import order, shown, why_missing
 from msggen.vehicle.watch import Watch
 
 LOGGER = getLogger("msggen.live")
-
-_IDLE = 1 << 63
-_MISSING_NS = 2_000_000_000
-"""How long after the first sample a subscribed topic must have a route before the user is told that it has none."""
 
 
 class Hub:
@@ -31,7 +26,7 @@ class Hub:
         self.link = link
         self.changed = threading.Condition(threading.RLock())
         """Guards everything except `table` of an entry, which is replaced as a whole."""
-        self.entries: dict[int, Entry] = {}
+        self.entries = Entries(link, self.changed, self.evaluate, self._tell_all_missing)
         self.members: tuple[Member, ...] = ()
         self.thread: int | None = None
         self.failure = ""
@@ -46,8 +41,7 @@ class Hub:
         """Give a vehicle to the members that wait for it."""
         with self.changed:
             self.thread = threading.get_ident()
-            entry = self.entries[remote.number] = Entry(remote, self.link, self.evaluate)
-            entry.recall(self.link)
+            entry = self.entries.connected(remote)
             for member in self.members:
                 self._offer(member, entry)
             self.changed.notify_all()
@@ -55,18 +49,9 @@ class Hub:
     def opened(self, remote: Remote, route: Route | Service) -> None:
         """Connect a route with the subscriptions of it."""
         with self.changed:
-            entry = self.entries.get(remote.number)
-            if entry is None:
-                return
-            entry.opened_at = time.monotonic()
-            if isinstance(route, Service):
-                entry.services[route.request_type] = route
-            else:
-                entry.routes[route.name] = route
+            entry = self.entries.opened(remote, route)
+            if entry is not None and isinstance(route, Route):
                 self._connect(entry, route)
-                if entry.is_started:
-                    entry.check.add([route], remote.namespace)
-                    entry.due_ns = min(entry.due_ns, entry.heard_ns + RETRY_NS)
             self.changed.notify_all()
 
     def disconnected(self, remote: Remote, reason: str) -> None:
@@ -86,17 +71,7 @@ class Hub:
 
     def sample(self, remote: Remote, route: Route, payload: bytes, time: int) -> None:
         """Give a sample to the subscriptions."""
-        entry = self.entries.get(remote.number)
-        if entry is None:
-            return
-        entry.heard_ns = time
-        entry.last[route.name] = payload, time
-        for push, decoding in entry.table.get(route.name, ()):
-            push(payload, time, decoding)
-        if not entry.ticked_ns <= time < entry.due_ns:  # also if the clock was set back
-            self.tick(entry, time)
-        if not entry.memory.looked_ns <= time < entry.memory.due_ns:
-            entry.remember(self.link, time)
+        self.entries.sample(remote, route, payload, time)
 
     def replied(self, remote: Remote, service: Service, number: int, payload: bytes) -> None:  # noqa: ARG002
         """Give a reply to the call that waits for it."""
@@ -112,21 +87,14 @@ class Hub:
 
     def lost(self, remote: Remote, missing: int) -> None:
         """Count lost samples."""
-        entry = self.entries.get(remote.number)
-        if entry is not None:
-            entry.lost += missing
+        self.entries.lost(remote, missing)
 
     def identified(self, remote: Remote, hashes: Mapping[str, int], is_complete: bool) -> None:  # noqa: FBT001
         """Take definitions of a vehicle that the owner of the link knows."""
         with self.changed:
-            entry = self.entries.get(remote.number)
-            if entry is None:
-                return
-            entry.check.learn(hashes, is_complete=is_complete)
-            self.evaluate(entry, next(iter(hashes)) if len(hashes) == 1 else None)
-            for member in self.members if is_complete else ():
-                if member.entry is entry:
-                    self._tell_missing(member, entry)
+            entry = self.entries.identified(remote, hashes, is_complete=is_complete)
+            if entry is not None and is_complete:
+                self._tell_all_missing(entry)
 
     def warned(self, text: str) -> None:
         """Tell the user."""
@@ -142,40 +110,10 @@ class Hub:
                     feed.close(reason)
             self.changed.notify_all()
 
-    def tick(self, entry: Entry, now: int) -> None:
-        """Do what is due: ask for definitions, and tell of topics that the vehicle does not have.
-
-        The samples of the vehicle drive this, so no timer is needed. `now` is the time of a sample.
-        """
-        with self.changed:
-            self.thread = threading.get_ident()
-            if self.link.is_shared:  # its owner does all that
-                entry.ticked_ns, entry.due_ns = 0, _IDLE
-                return
-            if not entry.is_started:
-                entry.is_started = True
-                feeds = [feed for member in self.members if member.entry is entry for feed in member.feeds]
-                first = [feed.topic.message.__msg__.ros_type for feed in feeds]
-                entry.check.add(entry.routes.values(), entry.remote.namespace, first)
-            entry.check.ask()
-            entry.ticked_ns, entry.due_ns = now, now + RETRY_NS
-            if not entry.check.is_complete:
-                entry.is_checked = False
-            elif not entry.is_checked:
-                entry.is_checked = True
-                self.link.remember(entry.remote, dict(entry.check.hashes))
-                entry.due_ns = now + _MISSING_NS
-                self.evaluate(entry, None)
-            else:
-                entry.ticked_ns, entry.due_ns = 0, _IDLE
-                for member in self.members:
-                    if member.entry is entry:
-                        self._tell_missing(member, entry)
-
-    def _answered(self, entry: Entry, payload: bytes, now: int) -> None:
-        """Take an answer about a definition, and ask for the next one."""
-        if entry.is_started and entry.check.receive(payload):
-            self.tick(entry, now)
+    def _tell_all_missing(self, entry: Entry) -> None:
+        for member in self.members:
+            if member.entry is entry:
+                self._tell_missing(member, entry)
 
     def _tell_missing(self, member: Member, entry: Entry) -> None:
         for feed in member.feeds:
@@ -220,8 +158,8 @@ class Hub:
                     self._connect(entry, route)
             if self.link.is_shared and entry.check.is_complete:
                 self._tell_missing(member, entry)
-            elif entry.due_ns == _IDLE:
-                entry.due_ns = entry.heard_ns + _MISSING_NS
+            else:
+                self.entries.settle_again(entry)
 
     def last(self, member: Member, feed: Feed) -> Item | None:
         """Return the last sample of a topic, also one from before the subscription or the program, if it is known."""
@@ -310,6 +248,7 @@ class Hub:
         LOGGER.info("%s connected", shown(entry.remote))
         for feed in member.feeds:
             feed.error = None
+            entry.check.prefer(feed.topic.message.__msg__.ros_type)
         for route in tuple(entry.routes.values()):
             self._connect(entry, route)
 
@@ -331,8 +270,6 @@ class Hub:
     def _connect(self, entry: Entry, route: Route) -> None:
         """Decide for each subscription of a route how its samples are decoded, or that it fails."""
         rows: list[Row] = []
-        if not self.link.is_shared and route.direction == "out" and stem_of(route.name).endswith(RESPONSE):
-            rows.append((lambda payload, now, _: self._answered(entry, payload, now), _NOT_DECODED))
         for member in self.members:
             if member.entry is not entry:
                 continue

@@ -159,7 +159,7 @@ def test_without_a_position_the_vehicle_descends_until_it_has_one() -> None:
         assert (driver.commander.mode, driver.commander.executor_in_charge) == (mode, executor)
         if not is_there:
             assert driver.commander.select(nav_states.HOLD) == TEMPORARILY_REJECTED
-            assert driver.commander.reason == "there is no position, there is no global position"
+            assert driver.commander.reason == "there is no local position, there is no global position"
 
 
 @pytest.mark.parametrize(
@@ -312,7 +312,7 @@ def test_in_the_air_only_force_disarms() -> None:
         ({}, nav_states.LAND, "the mode does not allow arming"),
         ({}, nav_states.POSITION, "there are no sticks"),
         ({}, 23, "the mode is not registered, does not answer, or says that it cannot run"),
-        ({"local_position": False}, nav_states.HOLD, "there is no position"),
+        ({"local_position": False}, nav_states.HOLD, "there is no local position"),
         ({"battery": 2}, nav_states.HOLD, "the battery is empty"),
         ({}, nav_states.MISSION, "there is no mission"),
     ],

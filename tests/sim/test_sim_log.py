@@ -133,7 +133,7 @@ def test_a_vehicle_without_a_position_stays_on_the_ground(px4_types: Any) -> Non
     kept = _flown(px4_types, Options(misbehaviour=Misbehaviour(no_position=True)))
     assert [line.partition(" ")[2] for line in kept.lines] == [
         "disarmed, takeoff",
-        "command 400 refused: there is no position",
+        "command 400 refused: there is no local position",
     ]
     assert kept.messages[-1][0] < BOOT + 10_000_000
 

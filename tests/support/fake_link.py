@@ -42,7 +42,7 @@ class FakeLink(Link):
         self.opened: dict[int, list[Route | Service]] = {}
         self.remotes: dict[int, Remote] = {}
         self._numbers = 0
-        self.starts = 0
+        self.starts = self.unsent = 0
 
     # Link
 
@@ -54,6 +54,7 @@ class FakeLink(Link):
 
     def publish(self, remote: Remote, route: Route, payload: bytes, until: int = 0) -> None:
         if until and is_over(until):
+            self.unsent += 1
             raise StaleError("late")
         if remote.number not in self.opened:
             raise LinkError("the vehicle is no longer connected")
@@ -70,7 +71,7 @@ class FakeLink(Link):
         return tuple(self.opened[remote.number])
 
     def statistics(self) -> Statistics:
-        return Statistics(0, len(self.published), 0, 0, 0, 0)
+        return Statistics(0, len(self.published), 0, 0, 0, 0, unsent=self.unsent)
 
     def close(self) -> None:
         self.closed.set()

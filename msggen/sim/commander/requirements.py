@@ -10,6 +10,7 @@ from types import MappingProxyType
 from typing import Final, NamedTuple
 
 from msggen.messages.nav_states import EXTERNAL
+from msggen.messages.refusals import MEANINGS
 from msggen.sim.commander.checks import Reply
 
 OTHER: Final = "other"
@@ -123,15 +124,7 @@ class Requirements:
 
 
 _TEXTS: Mapping[str, str] = {
-    "local_position": "there is no position",
-    "local_position_relaxed": "there is no position",
-    "global_position": "there is no global position",
-    "home_position": "there is no home position",
-    "manual_control": "there are no sticks",
-    "mission": "there is no mission",
-    "offboard_signal": "offboard_control_mode does not arrive at 2 Hz, or is too old",
-    "other": "the mode is not registered, does not answer, or says that it cannot run",
-    "prevent_arming": "the mode does not allow arming",
+    **MEANINGS,
     "arming_check": "an arming check of a program says no, or has not answered yet",
     "battery": "the battery is empty",
 }
@@ -140,4 +133,4 @@ _TEXTS: Mapping[str, str] = {
 
 def texts_of(missing: Iterable[str]) -> str:
     """Return what is missing, for people."""
-    return ", ".join(dict.fromkeys(_TEXTS.get(each, f"there is no {each}") for each in missing))
+    return ", ".join(dict.fromkeys(_TEXTS[each] for each in missing))

@@ -68,15 +68,15 @@ class Outgoing:
 
     def offer(self, record: bytes, until: int) -> None:
         """Send the record of a message that expires, or drop it if the socket does not take it. Raises LinkError."""
-        own, begin = self._own_socket(), now()
+        own = self._own_socket()
         with _errors(), self._lock:
             earlier = self._last
             self._last = until  # before it is sent, because the news of it can be fast
-            self._since = begin if self._since is None else self._since
+            self._since = now() if self._since is None else self._since
             if not _is_taken(own, record):
                 self._last = earlier
                 self._own += 1
-                self._grown = begin
+                self._grown = now()
 
     def _own_socket(self) -> socket.socket:
         if self._socket is None:

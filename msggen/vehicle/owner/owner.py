@@ -8,15 +8,15 @@ from __future__ import annotations
 
 import threading
 import time as clock
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from logging import getLogger
 from typing import NamedTuple
 
 from msggen.link.address import Address
 from msggen.link.age import is_over
 from msggen.link.link import Link, LinkError, Remote, Route, Service, StaleError
+from msggen.vehicle.entries import Entries
 from msggen.vehicle.entry import Entry
-from msggen.vehicle.hub import Hub
 from msggen.vehicle.owned.places import found_at
 from msggen.vehicle.owned.records import CALL, HEADER, SAMPLE, KnownVehicle, event_of, record_of
 from msggen.vehicle.owner.calls import Call, CallQueue
@@ -71,18 +71,21 @@ class Carried:
         self.lost = 0
 
 
-class Owner(Hub):
-    """The hub of a link without members: its programs have hubs of their own."""
+class Owner:
+    """The listener of a link that programs share. They have hubs of their own."""
 
     def __init__(self, link: Link, address: Address, allow: Sequence[str | int], wake: Callable[[], None]) -> None:
         """Make an owner. `wake` lets the thread of the sockets look around."""
-        super().__init__(link)
+        self.link = link
+        self.failure = ""
+        """The error that has ended the link."""
         self.address, self.allow = address, tuple(allow)
         self.found = found_at(address)
         """The device or the IP address of the link."""
         self.begun = clock.time()
         self.lock = threading.RLock()
-        """Guards the programs and the vehicles. Taken after `changed`, and before the lock of the link."""
+        """Guards the programs and the vehicles. Taken before the lock of the link."""
+        self.entries = Entries(link, self.lock, self.evaluate)
         self.programs: dict[Program, None] = {}
         self.vehicles: dict[int, Carried] = {}
         self.warnings: dict[str, float] = {}
@@ -95,7 +98,7 @@ class Owner(Hub):
         self._samples, self._rated_at = 0, clock.monotonic()
         self._count = self._since = 0
         self.unsent = 0
-        """The messages of programs that were dropped here: they had waited for too long, or the vehicle was gone."""
+        """The messages of programs to vehicles that were gone."""
 
     # --- What happens on the link, in its thread
 
@@ -109,7 +112,7 @@ class Owner(Hub):
             self.vehicles[remote.number] = Carried(remote, calls)
             self._tell("connected", list(remote))
         LOGGER.info("%s connected", remote.address)
-        super().connected(remote)
+        self.entries.connected(remote)
 
     def opened(self, remote: Remote, route: Route | Service) -> None:
         """Tell the programs of a route or a service."""
@@ -119,15 +122,15 @@ class Owner(Hub):
             if isinstance(route, Route):
                 vehicle.rows.setdefault(route.name, Row(vehicle.known.indexes[route.name]))
             self._tell("opened", remote.number, type(route).__name__, list(route))
-        super().opened(remote, route)
+        self.entries.opened(remote, route)
 
     def disconnected(self, remote: Remote, reason: str) -> None:
         """Tell the programs that a vehicle is gone."""
         with self.lock:
             self.vehicles.pop(remote.number, None)
+            self.entries.pop(remote.number, None)
             self._tell("disconnected", remote.number, reason)
         LOGGER.info("%s disconnected: %s", remote.address, reason)
-        super().disconnected(remote, reason)
 
     def sample(self, remote: Remote, route: Route, payload: bytes, time: int) -> None:
         """Give a sample to the programs that follow its route."""
@@ -138,7 +141,7 @@ class Owner(Hub):
             self._samples += 1
             if row.programs:
                 self.give(row, remote.number, payload, time)
-        super().sample(remote, route, payload, time)
+        self.entries.sample(remote, route, payload, time)
 
     def give(self, row: Row, number: int, payload: bytes, time: int) -> None:
         """Send a sample to the programs that follow its route."""
@@ -165,6 +168,12 @@ class Owner(Hub):
             if call is not None:
                 self.send(call.program, record_of(CALL, payload, remote.number, call.service, call.number))
 
+    def refused(self, remote: Remote, number: int, problem: str) -> None:
+        """Do nothing: this process owns the link, and `call` raises the error."""
+
+    def identified(self, remote: Remote, hashes: Mapping[str, int], is_complete: bool) -> None:  # noqa: FBT001
+        """Do nothing: this process asks for definitions."""
+
     def lost(self, remote: Remote, missing: int) -> None:
         """Tell the programs of samples that did not arrive."""
         with self.lock:
@@ -172,7 +181,6 @@ class Owner(Hub):
             if vehicle is not None:
                 vehicle.lost += missing
             self._tell("lost", remote.number, missing)
-        super().lost(remote, missing)
 
     def warned(self, text: str) -> None:
         """Tell the programs, and the log."""
@@ -222,20 +230,17 @@ class Owner(Hub):
     def publish(self, program: Program, vehicle: Carried, index: int, payload: bytes, until: int) -> None:
         """Send a sample of a program to a vehicle and to those who follow its route. The caller holds the lock.
 
-        One that has waited for too long is dropped.
+        The link drops one that has waited for too long, and counts it.
         """
         route = vehicle.known.routes[index]
         row = vehicle.rows[route.name]
-        if is_over(until):
-            self.drop(program)
-            row.miss(program)
-            return
         try:
-            self.link.publish(vehicle.known.remote, route, payload, until)
-        except StaleError as error:  # the link has counted it
+            self.link.publish(vehicle.known.remote, route, payload, until or -1)  # 0 would be a time from now
+        except StaleError as error:
             program.unsent += 1
             row.miss(program)
-            self._warn(program, str(error))
+            if not is_over(until):  # the line is too slow
+                self._warn(program, str(error))
             return
         except LinkError as error:
             self._warn(program, str(error))
@@ -249,11 +254,6 @@ class Owner(Hub):
         row.publishers[program] = Sent(sent.samples + 1, now, sent.dropped)
         if row.programs:
             self.give(row, vehicle.known.remote.number, payload, now)
-
-    def drop(self, program: Program) -> None:
-        """Count a message of a program that came too late."""
-        program.unsent += 1
-        self.unsent += 1
 
     def _warn(self, program: Program, text: str) -> None:
         if text not in program.warnings and len(program.warnings) < _WARNINGS:

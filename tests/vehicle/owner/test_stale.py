@@ -222,10 +222,9 @@ def test_a_message_to_a_vehicle_that_is_gone_is_counted(link: FakeLink, path: Pa
         assert vehicle.problem == ""
 
 
+@pytest.mark.usefixtures("server")
 @pytest.mark.parametrize("stamp", [0, 1, -1, -(1 << 63), (1 << 63) - 1, "late", "early"])
-def test_a_time_that_cannot_be_right_is_not_taken(
-    link: FakeLink, path: Path, server: Server, px4_types: Any, stamp: int | str
-) -> None:
+def test_a_time_that_cannot_be_right_is_not_taken(link: FakeLink, path: Path, px4_types: Any, stamp: int | str) -> None:
     remote = link.connect()
     index = link.opened[1].index(link.route(remote, "in/trajectory_setpoint"))
     told = stamp if isinstance(stamp, int) else now() + {"late": -1, "early": 2 * LONGEST_NS}[stamp]
@@ -233,7 +232,7 @@ def test_a_time_that_cannot_be_right_is_not_taken(
         vehicle.wait_connected(WAIT)
         assert isinstance(vehicle._hub.link, UnixLink)
         vehicle._hub.link._send(record_of(SAMPLE, px4_types.TrajectorySetpoint().encode(), 1, index, told))
-        until(lambda: server.owner.unsent == 1)
+        until(lambda: link.unsent == 1)
         assert setpoints(link) == []
 
 
@@ -246,16 +245,17 @@ def test_a_program_of_another_computer_has_another_clock(
     monkeypatch.setattr(program_module, "clock_name", lambda: "another computer")
     monkeypatch.setattr(program_module, "now", lambda: now() - year)
     monkeypatch.setattr(owner_module, "is_over", lambda until: is_over(until + year))
-    monkeypatch.setattr(link, "publish", lambda *given: link.published.append(given[:3]))
+    publish = link.publish
+    monkeypatch.setattr(link, "publish", lambda *given: publish(given[0], given[1], given[2], given[3] + year))
     with Vehicle(UnixLink(str(path)), px4_types) as vehicle:
         vehicle.wait_connected(WAIT)
         for number in range(1, 6):
             arrives(vehicle, px4_types.TrajectorySetpoint(timestamp=number), link)
-        before = server.owner.unsent
+        before = link.unsent
         with server.owner.lock:
             vehicle.publish(px4_types.TrajectorySetpoint(timestamp=77))
             time.sleep(LONGEST_S + 0.1)
-        until(lambda: server.owner.unsent == before + 1)
+        until(lambda: link.unsent == before + 1)
     assert set(setpoints(link)) == {1, 2, 3, 4, 5}
 
 
