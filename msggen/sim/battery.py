@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+_WARNINGS = (0.15, 0.07, 0.05)
+"""The remaining charge below which each warning begins: low, critical, emergency."""
+
 
 class Battery:
     """A battery of four cells that drains with the thrust."""
@@ -32,7 +35,8 @@ class Battery:
     @property
     def warning(self) -> int:
         """WARNING_NONE, _LOW, _CRITICAL or _EMERGENCY, at PX4's thresholds."""
-        return sum(self.remaining < limit for limit in (0.15, 0.07, 0.05))
+        remaining = self.remaining
+        return 0 if remaining >= _WARNINGS[0] else sum(remaining < limit for limit in _WARNINGS)
 
     def drain(self, seconds: float, thrust: float) -> None:
         """Take the current of a short time. `thrust` is 1 in hover, 0 with the motors off."""

@@ -9,6 +9,7 @@ defaults of PX4's parameters, which msggen.sim.parameters lists.
 from __future__ import annotations
 
 import math
+from math import isnan
 from typing import NamedTuple
 
 from msggen.sim.attitude import (
@@ -99,6 +100,10 @@ class Flight:
         """The part of the acceleration that is not thrust or gravity."""
         self._thrust: float | None = None
         """The acceleration by the motors under setpoints of attitude or rates."""
+        self._rested = ZERO
+        """Where the vehicle last came to rest."""
+        self._rests = 0
+        """How many steps before the last one it has stood there."""
 
     def step(self, seconds: float, target: Target | Push | None, climb: float = math.inf) -> None:
         """Move on by a short time. Without a target the motors are off. `climb` is the limit of a takeoff."""
@@ -118,8 +123,8 @@ class Flight:
             return
         self.is_on_ground = False
         share = 1.0 if target is None else min(1.0, seconds / _LAG)
-        acceleration = [now + (goal - now) * share for now, goal in zip(self.acceleration, wanted, strict=True)]
-        self._move(seconds, acceleration[0], acceleration[1], acceleration[2])
+        (x, y, z), (a, b, c) = self.acceleration, wanted
+        self._move(seconds, x + (a - x) * share, y + (b - y) * share, z + (c - z) * share)
         if self._is_down():
             self._rest(seconds)
         else:
@@ -147,12 +152,15 @@ class Flight:
         x, y, z = self.acceleration
         if self._thrust is not None:
             return to_body(self.quaternion, (x, y, z - GRAVITY))
-        return (0.0, 0.0, -math.sqrt(x * x + y * y + (z - GRAVITY) ** 2))
+        return (0.0, 0.0, -self.thrust)
 
     @property
     def thrust(self) -> float:
         """The acceleration by the motors, in m/s^2."""
-        return -self.specific_force[2] if self._thrust is None else self._thrust
+        if self._thrust is not None:
+            return self._thrust
+        x, y, z = self.acceleration
+        return math.sqrt(x * x + y * y + (z - GRAVITY) ** 2)
 
     @property
     def heading(self) -> float:
@@ -160,10 +168,15 @@ class Flight:
         return wrapped(self.yaw)
 
     def _rest(self, seconds: float) -> None:
+        """Stand on the ground. What has stood there for two steps does not change any more."""
         self.is_on_ground = True
-        self.position = (self.position[0], self.position[1], self.ground)
-        self._drag = ZERO
-        self.velocity = self.acceleration = ZERO
+        stays = self.acceleration is ZERO and self.position is self._rested and self.position[2] == self.ground
+        self._rests = self._rests + 1 if stays else 0
+        if self._rests > 1:
+            return
+        if not stays:
+            self.position = self._rested = (self.position[0], self.position[1], self.ground)
+        self.velocity = self.acceleration = self._drag = ZERO
         self._turn(seconds, None)
 
     def _turn(self, seconds: float, target: Target | None) -> None:
@@ -175,8 +188,9 @@ class Flight:
         size = math.sqrt(x * x + y * y + down * down)
         roll, pitch = self.roll, self.pitch
         if size > 1.0:  # in free fall there is no thrust to give a direction
-            forward = x * math.cos(yaw) + y * math.sin(yaw)
-            right = y * math.cos(yaw) - x * math.sin(yaw)
+            sin_yaw, cos_yaw = math.sin(yaw), math.cos(yaw)
+            forward = x * cos_yaw + y * sin_yaw
+            right = y * cos_yaw - x * sin_yaw
             roll, pitch = math.asin(right / size), math.atan2(-forward, down)
         roll_rate, pitch_rate = (roll - self.roll) / seconds, (pitch - self.pitch) / seconds
         sin_roll, cos_roll, cos_pitch = math.sin(roll), math.cos(roll), math.cos(pitch)
@@ -219,16 +233,13 @@ class Flight:
 
     def _wanted(self, target: Target, climb: float) -> Vector:
         """Return the acceleration that leads to the target, within the limits."""
-        goals, feeds, here = target.position, target.velocity, self.position
-        x, y = _speed(goals[0] - here[0], feeds[0]), _speed(goals[1] - here[1], feeds[1])
-        z = _speed(goals[2] - here[2], feeds[2])
-        x, y = _limited(x, y, target.speed)
-        z = max(-min(target.climb, climb), min(target.sink, z)) if not math.isnan(z) else z
-        feeds, here = target.acceleration, self.velocity
-        x, y = _pull(x, feeds[0], here[0]), _pull(y, feeds[1], here[1])
-        x, y = _limited(x, y, _MAX_ACCELERATION)
-        z = _pull(z, feeds[2], here[2])
-        return x, y, max(-_MAX_CLIMB_ACCELERATION, min(_MAX_SINK_ACCELERATION, z))
+        (north, east, down), (x, y, z), (a, b, c) = self.position, target.position, target.velocity
+        x, y = _limited(_speed(x - north, a), _speed(y - east, b), target.speed)
+        z = _speed(z - down, c)
+        z = max(-min(target.climb, climb), min(target.sink, z)) if not isnan(z) else z
+        (vx, vy, vz), (a, b, c) = self.velocity, target.acceleration
+        x, y = _limited(_pull(x, a, vx), _pull(y, b, vy), _MAX_ACCELERATION)
+        return x, y, max(-_MAX_CLIMB_ACCELERATION, min(_MAX_SINK_ACCELERATION, _pull(z, c, vz)))
 
 
 def wrapped(angle: float) -> float:
@@ -238,10 +249,8 @@ def wrapped(angle: float) -> float:
 
 def _speed(error: float, feed: float) -> float:
     """Return the speed for a distance to go, or NaN if neither position nor velocity is controlled."""
-    if math.isnan(error):
-        return feed
-    if not math.isnan(feed):
-        return _POSITION_GAIN * error + feed
+    if not isnan(feed):
+        return feed if isnan(error) else _POSITION_GAIN * error + feed
     distance = abs(error)
     speed = min(_POSITION_GAIN * distance, math.sqrt(_MAX_SINK_ACCELERATION * distance))  # so that braking suffices
     return math.copysign(speed, error)
@@ -249,19 +258,21 @@ def _speed(error: float, feed: float) -> float:
 
 def _pull(speed: float, feed: float, here: float) -> float:
     """Return the acceleration for a speed. What is not controlled at all comes to rest."""
-    if math.isnan(speed):
-        return -VELOCITY_GAIN * here if math.isnan(feed) else feed
-    return VELOCITY_GAIN * (speed - here) + (0.0 if math.isnan(feed) else feed)
+    if isnan(speed):
+        return -VELOCITY_GAIN * here if isnan(feed) else feed
+    return VELOCITY_GAIN * (speed - here) + (0.0 if isnan(feed) else feed)
 
 
 def _limited(x: float, y: float, most: float) -> tuple[float, float]:
     """Return a horizontal vector of limited length. A component that is not controlled is NaN, and stays so."""
-    size = math.hypot(0.0 if math.isnan(x) else x, 0.0 if math.isnan(y) else y)
+    size = math.hypot(x, y)
+    if isnan(size):
+        size = math.hypot(0.0 if isnan(x) else x, 0.0 if isnan(y) else y)
     return (x * most / size, y * most / size) if size > most else (x, y)
 
 
 def _yaw_rate(target: Target, yaw: float) -> float:
-    rate = 0.0 if math.isnan(target.yaw_rate) else target.yaw_rate
-    if not math.isnan(target.yaw):
+    rate = 0.0 if isnan(target.yaw_rate) else target.yaw_rate
+    if not isnan(target.yaw):
         rate += _YAW_GAIN * wrapped(target.yaw - yaw)
     return max(-target.turn, min(target.turn, rate))

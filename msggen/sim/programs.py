@@ -87,7 +87,9 @@ class Programs:
         """Read what waits, if a loop begins."""
         if now < self._loop_time + LOOP:
             return
-        self._loop_time, self._is_waiting = now - now % LOOP, False
+        self._loop_time, was_waiting, self._is_waiting = now - now % LOOP, self._is_waiting, False
+        if not was_waiting:
+            return
         for topic, take in self._read.items():
             queue = self._queues.get(topic)
             while queue:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import re
 import struct
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from importlib import import_module
 from operator import attrgetter
@@ -36,8 +36,10 @@ class _Part(NamedTuple):
 
     text: str
     code: str
-    values: Callable[[Any], list[Any]] | None
-    """Returns its values in a message, None for padding."""
+    attribute: str = ""
+    """Its name in messages, "" for padding."""
+    spread: Callable[[Any], Iterable[Any]] | None = None
+    """Returns the values for `struct` of the value in a message, None if they are the same."""
 
 
 class _Format(NamedTuple):
@@ -47,6 +49,8 @@ class _Format(NamedTuple):
     parts: tuple[_Part, ...]
     size: int
     nested: tuple[_Format, ...]
+    values: Callable[[Any], Sequence[Any]]
+    """Returns the values of a message, without padding."""
 
     @property
     def text(self) -> str:
@@ -57,10 +61,6 @@ class _Format(NamedTuple):
     def code(self) -> str:
         """The codes for `struct`."""
         return "".join(part.code for part in self.parts)
-
-    def values(self, message: Any) -> list[Any]:
-        """Return the values of a message, without padding."""
-        return [value for part in self.parts if part.values is not None for value in part.values(message)]
 
     def all(self) -> Iterator[_Format]:
         """Yield the format and those that it nests."""
@@ -180,15 +180,16 @@ def _format_of(cls: Any) -> _Format:
         if field.base in PRIMITIVES:
             type_ = PRIMITIVES[field.base]
             text = _spelled(type_.cpp_type.removeprefix("std::"), count, field.name)
-            part = _Part(text, _code_of(type_, count), _plain(field.attribute, type_, count))
+            part = _Part(text, _code_of(type_, count), field.attribute, _spread_of(type_, count))
             fields.append((type_.size, type_.size * (count or 1), part))
         else:
             inner = _format_of(nested_class(cls, field.base))
             nested.append(inner)
             text = _spelled(inner.name, count, field.name)
-            part = _Part(text, inner.code * (count or 1), _of_messages(field.attribute, inner, count))
+            part = _Part(text, inner.code * (count or 1), field.attribute, _spread_messages(inner, count))
             fields.append((0, inner.size * (count or 1), part))
-    return _Format(snake_case(cls.__name__), *_in_struct(fields), tuple(nested))
+    parts, size = _in_struct(fields)
+    return _Format(snake_case(cls.__name__), parts, size, tuple(nested), _values_of(parts))
 
 
 def _in_struct(fields: list[tuple[int, int, _Part]]) -> tuple[tuple[_Part, ...], int]:
@@ -201,7 +202,7 @@ def _in_struct(fields: list[tuple[int, int, _Part]]) -> tuple[tuple[_Part, ...],
     for alignment, size, part in [*sorted(fields, key=lambda each: -each[0]), (0, 0, None)]:
         padding = -offset % (alignment or 8)
         if padding:
-            parts.append(_Part(f"uint8_t[{padding}] _padding{len(parts)}", f"{padding}x", None))
+            parts.append(_Part(f"uint8_t[{padding}] _padding{len(parts)}", f"{padding}x"))
         if part is not None:
             parts.append(part)
         offset += padding + size
@@ -211,7 +212,7 @@ def _in_struct(fields: list[tuple[int, int, _Part]]) -> tuple[tuple[_Part, ...],
 def _without_end(layout: _Format) -> str:
     """Return the codes of a format without the padding at its end, which PX4 does not write."""
     parts = layout.parts
-    return "".join(part.code for part in (parts[:-1] if parts and parts[-1].values is None else parts))
+    return "".join(part.code for part in (parts[:-1] if parts and not parts[-1].attribute else parts))
 
 
 def _spelled(type_: str, count: int, name: str) -> str:
@@ -223,27 +224,36 @@ def _code_of(type_: Primitive, count: int) -> str:
     return f"{count or 1}s" if type_.name == _CHARACTER else type_.code * (count or 1)
 
 
-def _plain(attribute: str, type_: Primitive, count: int) -> Callable[[Any], list[Any]]:
-    """Return what takes the values of a field of a primitive type out of a message."""
-    get = attrgetter(attribute)
+def _values_of(parts: Iterable[_Part]) -> Callable[[Any], Sequence[Any]]:
+    """Return what takes the values of all fields out of a message."""
+    fields = [part for part in parts if part.attribute]
+    if not fields:
+        return lambda _: ()
+    get = attrgetter(*[part.attribute for part in fields])
+    is_many = len(fields) > 1
+    spread = [(place, part.spread) for place, part in enumerate(fields) if part.spread is not None][::-1]
+
+    def values(message: Any) -> Sequence[Any]:
+        found = [*get(message)] if is_many else [get(message)]
+        for place, each in spread:  # from the last one, so that places stay
+            found[place : place + 1] = each(found[place])
+        return found
+
+    return values
+
+
+def _spread_of(type_: Primitive, count: int) -> Callable[[Any], Iterable[Any]] | None:
+    """Return `_Part.spread` of a field of a primitive type."""
     if type_.name == _CHARACTER:
-        return lambda message: [_characters(get(message))]
+        return lambda value: [bytes((value,)) if isinstance(value, int) else bytes(value)]  # one can be a number
+    return list if count else None
+
+
+def _spread_messages(inner: _Format, count: int) -> Callable[[Any], Iterable[Any]]:
+    """Return `_Part.spread` of a nested message, or of an array of them."""
     if count:
-        return lambda message: list(get(message))
-    return lambda message: [get(message)]
-
-
-def _characters(value: Any) -> bytes:
-    """Return characters as bytes: a single one can be a number."""
-    return bytes((value,)) if isinstance(value, int) else bytes(value)
-
-
-def _of_messages(attribute: str, inner: _Format, count: int) -> Callable[[Any], list[Any]]:
-    """Return what takes the values of a nested message, or of an array of them."""
-    get = attrgetter(attribute)
-    if count:
-        return lambda message: [value for each in get(message) for value in inner.values(each)]
-    return lambda message: inner.values(get(message))
+        return lambda messages: [value for each in messages for value in inner.values(each)]
+    return inner.values
 
 
 def _number_of(release: str) -> int | None:

@@ -80,6 +80,7 @@ class World:
         self._gps_time = 0
         """When GPS and position were last both there or both gone."""
         self._setpoint: Target | Push | None = None
+        self._senses = Senses()
 
     # Time
 
@@ -145,9 +146,9 @@ class World:
 
     @property
     def senses(self) -> Senses:
-        """What the commander is told."""
+        """What the commander is told: the same object while it is the same."""
         known, setpoints = self.has_position, self.setpoints
-        return Senses(
+        found = Senses(
             local_position=known,
             local_position_relaxed=known,
             global_position=known,
@@ -160,6 +161,9 @@ class World:
             is_landed=self.landing.landed,
             is_done=self.autopilot.is_done(is_landed=self.landing.landed),
         )
+        if found != self._senses:
+            self._senses = found
+        return self._senses
 
     # State
 

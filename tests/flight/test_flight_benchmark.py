@@ -8,6 +8,7 @@ import sys
 import pytest
 
 import setpoints
+from support.examples import by_day
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="asks Linux for the times of datagrams")
 pytest_plugins = ["support.owned_links"]
@@ -15,7 +16,7 @@ pytest_plugins = ["support.owned_links"]
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("owned")
-@pytest.mark.parametrize("way", setpoints.WAYS)
+@by_day("way", setpoints.WAYS, 2)
 def test_setpoints_are_measured_at_each_rate(way: str) -> None:
     found = [*setpoints.steadiness(way, setpoints.ALONE, [(50.0, 0.3), (100.0, 0.3)])]
     assert len(found) == 2

@@ -12,6 +12,7 @@ from msggen.flight.errors import FlightError, NotReachedError
 from msggen.flight.executor import Executor, Start
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
+from support.examples import by_day
 from support.flown import EXTERNAL, Flown, Line, fly
 
 pytest_plugins = ["support.flight_releases"]
@@ -218,8 +219,14 @@ class Swallows(Awaits):
             await super().run()
 
 
-@pytest.mark.parametrize("kind", [Stays, Awaits, Raises, Swallows])
-@pytest.mark.parametrize("pause", [0.2, 1.0])
+@by_day(
+    ("kind", "pause"),
+    [
+        *((Stays, 0.2), (Stays, 1.0), (Awaits, 1.0), (Awaits, 0.2)),
+        *((Raises, 0.2), (Raises, 1.0), (Swallows, 1.0), (Swallows, 0.2)),
+    ],
+    2,
+)
 def test_the_next_run_of_an_executor_is_not_disturbed_by_the_cleanup_of_the_one_before(
     px4_types: Any, caplog: pytest.LogCaptureFixture, kind: type[Stays], pause: float
 ) -> None:

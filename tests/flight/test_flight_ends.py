@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from support.examples import by_day
 from support.flying import LONG, QUICK, RETURN, FlyingProgram, commander, fly, ready, until, wait_long_for_replies
 from support.ports import free_port
 
@@ -38,8 +39,12 @@ def test_an_exception_and_the_end_of_the_interpreter_unregister(way: str, url: s
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("way", ["await", "computes"])
-@pytest.mark.parametrize("parameters", [{}, {"COM_MODE_ARM_CHK": 1.0}], ids=["later", "in flight"])
+@by_day(
+    ("parameters", "way"),
+    [({}, "computes"), ({}, "await"), ({"COM_MODE_ARM_CHK": 1.0}, "await"), ({"COM_MODE_ARM_CHK": 1.0}, "computes")],
+    2,
+    ids=["later-computes", "later-await", "in flight-await", "in flight-computes"],
+)
 def test_a_signal_in_flight_lets_px4_return_although_the_program_computes(
     way: str, parameters: dict[str, float], url: str, px4_types: Any
 ) -> None:

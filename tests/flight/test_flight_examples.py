@@ -16,6 +16,7 @@ from msggen.flight import Flight, Limits
 from msggen.sim import Options
 from msggen.sim.disturbances import DISTURBANCES, WIND
 from msggen.sim.loop import run
+from support.examples import by_day
 from support.flown import Flown
 from support.repository import ROOT
 
@@ -152,7 +153,7 @@ def test_inspection_is_refused_with_little_charge() -> None:
     assert [each.event for each in part.problems()] == ["inspection_low_battery"]
 
 
-@pytest.mark.parametrize("velocity", [(0.5, 0.3), (0.0, 0.0), (-0.6, 0.8)])
+@by_day("velocity", [(0.5, 0.3), (-0.6, 0.8), (0.0, 0.0)], 2)
 def test_precision_landing(
     vehicle: Tracked, disturbances: tuple[str, ...], velocity: tuple[float, float], record_property: Any
 ) -> None:

@@ -73,9 +73,11 @@ class Mission(Executor):
 
 
 async def in_mode(flight: Flight, vehicle: Flown, mode: type[Mode]) -> None:
-    """Register a mode, take off as a user does, and select it."""
+    """Register a mode, take off as a user does, and select it. The times depend on when PX4 has asked last."""
     await flight.add(mode)
-    await vehicle.in_air(flight)
+    await flight.arm()
+    await flight.takeoff(10.0)
+    await vehicle.until(lambda: vehicle.world.mode == HOLD, 2.0)
     await flight.set_mode(mode)
     await asyncio.sleep(1.0)
     assert vehicle.world.mode == EXTERNAL

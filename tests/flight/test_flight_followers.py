@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from msggen.sim import Simulator
+from support.examples import by_day
 from support.flying import (
     EXTERNAL,
     LONG,
@@ -33,10 +34,11 @@ def url() -> str:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
+@by_day(
     ("is_lost", "way"),
-    [(False, "await"), (False, "executes"), (True, "await"), (True, "resumes")],
-    ids=["soon-await", "soon-executes", "late-await", "late-resumes"],
+    [(False, "executes"), (False, "await"), (True, "resumes"), (True, "await")],
+    2,
+    ids=["soon-executes", "soon-await", "late-resumes", "late-await"],
 )
 def test_a_program_that_is_back_soon_goes_on(way: str, url: str, px4_types: Any, *, is_lost: bool) -> None:
     with ready(url, px4_types, way) as (simulator, program):
@@ -46,7 +48,7 @@ def test_a_program_that_is_back_soon_goes_on(way: str, url: str, px4_types: Any,
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("owned")
-@pytest.mark.parametrize("way", ["await", "limits"])
+@by_day("way", ["limits", "await"], 2)
 def test_a_program_on_a_shared_link_that_is_back_soon_goes_on(way: str, url: str, px4_types: Any) -> None:
     """With limits, it needs the home position at once, which PX4 does not repeat."""
     with ready(url, px4_types, way) as (simulator, program):
@@ -54,7 +56,7 @@ def test_a_program_on_a_shared_link_that_is_back_soon_goes_on(way: str, url: str
         assert simulator.vehicles[0].world.flight.velocity[0] > 1.0
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_a_program_for_an_older_vehicle_that_is_back_soon_goes_on(url: str, tmp_path: Path) -> None:
     types = built("v1.16", tmp_path)
     with ready(url, types) as (simulator, program):

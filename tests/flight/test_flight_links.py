@@ -35,6 +35,7 @@ from msggen.sim.commander.components import Registration
 from msggen.sources.catalog import read_catalog
 from msggen.sources.finding import find_sources
 from support.catalogs import write_definitions
+from support.examples import by_day
 from support.flying import (
     EXTERNAL,
     LONG,
@@ -116,7 +117,7 @@ async def enters(flight: Flight, *parts: Any) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("release", ["v1.18", "v1.16"])
+@by_day("release", ["v1.18", "v1.16"], 2)
 def test_a_flight_over_an_own_link(release: str, url: str, px4_types: Any, tmp_path: Path) -> None:
     types = px4_types if release == "v1.18" else built(release, tmp_path)
     with nothing_is_left(), simulated(types, url, speed=2.0) as simulator:
@@ -255,7 +256,7 @@ def test_a_link_that_is_lost_keeps_the_modes(url: str, px4_types: Any) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("release", ["v1.18", "v1.16"])
+@by_day("release", ["v1.18", "v1.16"], 2)
 def test_a_vehicle_that_restarts_gets_all_modes_again(
     release: str, url: str, px4_types: Any, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:

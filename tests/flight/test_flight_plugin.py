@@ -24,7 +24,7 @@ from msggen.flight import BlockingFlight, Flight, Mode
 
 async def up(flight):
     await flight.arm()
-    await flight.takeoff(5)
+    await flight.takeoff(4)
 
 """
 PASSES = """
@@ -152,7 +152,7 @@ async def test_alone(sim_vehicle):
     begin = time.monotonic()
     async with Flight(sim_vehicle) as flight:
         await flight.arm()
-        await flight.takeoff(5)
+        await flight.takeoff(2)
         await flight.land()
         await flight.wait_disarmed()
     assert sim_vehicle.modes[-1] == "land"
@@ -163,7 +163,7 @@ def mine(sim_vehicle):
     return sim_vehicle
 
 class TestThem:
-    @pytest.mark.parametrize("seconds", [10, 30])
+    @pytest.mark.parametrize("seconds", [5, 10])
     async def test_through_a_fixture(self, mine, seconds):
         assert isinstance(self, TestThem)
         await asyncio.sleep(seconds)
@@ -180,13 +180,13 @@ async def test_fails(sim_vehicle):
     await asyncio.sleep(1)
     assert not sim_vehicle
 
-@pytest.mark.sim_vehicle(limit=30)
+@pytest.mark.sim_vehicle(limit=10)
 async def test_hangs(sim_vehicle):
     await asyncio.Event().wait()
 """
     result = run(tests)
     result.assert_outcomes(passed=4, failed=2)
-    result.stdout.fnmatch_lines(["E*TimeoutError: the program has not ended after 30 s of flight"])
+    result.stdout.fnmatch_lines(["E*TimeoutError: the program has not ended after 10 s of flight"])
     assert len(recorded(result)) == 2
 
 

@@ -13,6 +13,7 @@ from msggen.flight.flight import Flight
 from msggen.flight.limits import Fence
 from msggen.flight.mode import Mode
 from msggen.flight.running_mode import ActiveMode
+from support.examples import by_day
 from support.flown import EXTERNAL, Flown, Line, Short, fly
 
 pytest_plugins = ["support.flight_releases"]
@@ -188,8 +189,14 @@ class Swallows(Turns):
 CLEANUPS: list[type[Turns]] = [Turns, Awaits, Sends, Raises, Swallows]
 
 
-@pytest.mark.parametrize("kind", CLEANUPS)
-@pytest.mark.parametrize("pause", [0.0, 0.3, 2.0])
+PAUSES = (0.0, 0.3, 2.0)
+
+
+@by_day(
+    ("kind", "pause"),
+    [(kind, PAUSES[(place + turn) % 3]) for place, kind in enumerate(CLEANUPS) for turn in range(3)],
+    3,
+)
 def test_the_next_run_is_not_disturbed_by_the_cleanup_of_the_one_before(
     px4_types: Any, caplog: pytest.LogCaptureFixture, kind: type[Turns], pause: float
 ) -> None:

@@ -55,13 +55,13 @@ async def in_mode(flight: Flight, vehicle: SimVehicle) -> None:
     """Fly a mode that does not end soon."""
     await flight.add(Waits)
     await flight.arm()
-    await flight.takeoff(10.0)
+    await flight.takeoff(5.0)
     await flight.set_mode(Waits)
     await asyncio.sleep(1.0)
     assert vehicle.mode == "Waits"
 
 
-def left_mode(vehicle: SimVehicle, fault: Any, seconds: float = 10.0) -> list[str]:
+def left_mode(vehicle: SimVehicle, fault: Any, seconds: float = 7.0) -> list[str]:
     """Let something go wrong in a mode, and return the modes that follow it."""
 
     async def program(flight: Flight) -> None:
@@ -238,13 +238,13 @@ def test_a_fault_is_the_same_as_that_of_msggen_sim(px4_types: Any, name: str) ->
 
         async def program(flight: Flight, vehicle: SimVehicle = vehicle, found: list[Any] = found) -> None:
             await flight.arm()
-            await flight.takeoff(5.0)
+            await flight.takeoff(3.0)
             begin = texts[:1] if name.endswith("again") else texts
             if vehicle is ours:
                 call(vehicle.faults)
             else:
                 happen(vehicle, begin)
-            for step in range(16):
+            for step in range(14 if name.startswith("gps") else 6):  # the position is lost 5 s after GPS
                 await asyncio.sleep(0.5)
                 if vehicle is theirs and step == 1:
                     happen(vehicle, texts[len(begin) :])

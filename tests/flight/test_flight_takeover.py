@@ -197,7 +197,7 @@ def test_setpoints_of_a_mode_stop_when_the_vehicle_is_not_heard(types: Any, lost
         silent = vehicle.time / 1e6
         if is_taken:
             vehicle.choose(LAND)
-        await asyncio.sleep(20.0)
+        await asyncio.sleep(10.0)
         assert setpoints(vehicle, silent)
         assert setpoints(vehicle, silent + 1.6 + 0.05) == []
         if is_taken:

@@ -61,30 +61,32 @@ def test_no_call_takes_numbers_that_must_be_guessed(owner: type) -> None:
     assert {name: each for name, each in found.items() if each and each != known.get(name)} == {}
 
 
+UNNAMED: list[tuple[tuple[Any, ...], dict[str, float]]] = [
+    ((5, 0, -5), {}),
+    ((47.4, 8.5), {}),
+    ((47.4,), {}),
+    (((47.4, 8.5, 500.0),), {}),
+    ((GlobalPlace(47.4, 8.5, 500.0), 3.0), {}),
+    ((GlobalPlace(47.4, 8.5, 500.0),), {"altitude": 3.0}),
+    ((), {"latitude": 47.4}),
+]
+
+
 @pytest.mark.parametrize("name", ["goto", "set_home", "set_origin"])
-@pytest.mark.parametrize(
-    ("arguments", "options"),
-    [
-        ((5, 0, -5), {}),
-        ((47.4, 8.5), {}),
-        ((47.4,), {}),
-        (((47.4, 8.5, 500.0),), {}),
-        ((GlobalPlace(47.4, 8.5, 500.0), 3.0), {}),
-        ((GlobalPlace(47.4, 8.5, 500.0),), {"altitude": 3.0}),
-        ((), {"latitude": 47.4}),
-    ],
-)
-def test_a_place_on_earth_is_named(name: str, arguments: Any, options: Any, px4_types: Any) -> None:
+def test_a_place_on_earth_is_named(name: str, px4_types: Any) -> None:
     async def program(flight: Flight, vehicle: Flown) -> None:
         await vehicle.in_air(flight)
         before = len(vehicle.sent)
-        with pytest.raises(TypeError, match=re.escape(BOTH.format(name))):
-            await getattr(flight, name)(*arguments, **options)
+        for arguments, options in UNNAMED:
+            with pytest.raises(TypeError, match=re.escape(BOTH.format(name))):
+                await getattr(flight, name)(*arguments, **options)
         assert len(vehicle.sent) == before
 
     fly(px4_types, program)
-    with BlockingFlight(SimVehicle(px4_types)) as flight, pytest.raises(TypeError, match=re.escape(BOTH.format(name))):
-        getattr(flight, name)(*arguments, **options)
+    with BlockingFlight(SimVehicle(px4_types)) as flight:
+        for arguments, options in UNNAMED:
+            with pytest.raises(TypeError, match=re.escape(BOTH.format(name))):
+                getattr(flight, name)(*arguments, **options)
 
 
 def test_both_ways_to_name_a_place_lead_there(px4_types: Any) -> None:
@@ -112,24 +114,23 @@ WRONG: dict[str, tuple[Callable[[Any], Any], str]] = {
 }
 
 
-@pytest.mark.parametrize("name", WRONG)
-def test_wrong_arguments_of_a_setpoint_are_explained(name: str, px4_types: Any) -> None:
-    call, text = WRONG[name]
-    owners: list[Any] = []
+def test_wrong_arguments_of_a_setpoint_are_explained(px4_types: Any) -> None:
+    explained: set[str] = set()
 
     async def program(flight: Flight, vehicle: Flown) -> None:
         await vehicle.in_air(flight)
         async with flight.offboard() as setpoint:
-            if hasattr(setpoint, name.partition(" ")[0]):
-                owners.append(setpoint)
-            if name != "goto of a number":  # of a mode, this is told once it flies
-                owners.append(Mode())
-            for each in owners:
-                with pytest.raises(TypeError, match=text):
-                    await call(each)
+            for name, (call, text) in WRONG.items():
+                owners: list[Any] = [setpoint] if hasattr(setpoint, name.partition(" ")[0]) else []
+                if name != "goto of a number":  # of a mode, this is told once it flies
+                    owners.append(Mode())
+                for each in owners:
+                    with pytest.raises(TypeError, match=text):
+                        await call(each)
+                    explained.add(name)
 
     fly(px4_types, program)
-    assert owners
+    assert explained == WRONG.keys()
 
 
 def test_limits_are_named() -> None:
@@ -212,8 +213,12 @@ def test_a_place_that_is_not_meant_is_refused_unless_limits_allow_it(
 ) -> None:
     with pytest.raises(LimitError, match=re.escape(text)):
         flown(px4_types, WAYS[way], goal)
+
+    async def shortly(*arguments: Any) -> None:
+        await asyncio.wait_for(WAYS[way](*arguments), 6.0)
+
     with pytest.raises((TimeoutError, NotReachedError)):  # under way, or at the ground
-        flown(px4_types, WAYS[way], goal, limits)
+        flown(px4_types, shortly, goal, limits)
 
 
 def flown(

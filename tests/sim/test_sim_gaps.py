@@ -6,6 +6,7 @@ in the same order, but for clocks, request ids of replies, and padding. Samples 
 
 from __future__ import annotations
 
+from functools import cache
 from itertools import groupby, pairwise
 from typing import Any, NamedTuple
 
@@ -82,6 +83,7 @@ def _steps(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(module, "_PERIOD", SECOND + 1000)
 
 
+@cache
 def replayed(case: Case, package: Any) -> Replay:
     replay = Replay(package, case.name, case.history)
     replay.run()

@@ -25,6 +25,7 @@ from msggen.sim.parameters import PARAMETERS
 from msggen.sim.runner import Runner
 from msggen.sim.transport import Udp, read_address
 from msggen.sim.ulog import UlogError, UlogWriter, Vehicle
+from support.examples import by_day
 from support.link_records import Records
 from support.repository import ROOT
 
@@ -139,7 +140,7 @@ def test_a_vehicle_without_a_position_stays_on_the_ground(px4_types: Any) -> Non
 
 
 @pytest.mark.usefixtures("working_folder")
-@pytest.mark.parametrize("release", ["v1.14", "v1.16", "v1.18"])
+@by_day("release", ["v1.18", "v1.16", "v1.14"], 2)
 def test_the_command_writes_a_flight(release: str, capsys: Any) -> None:
     assert main(["sim", "--log", "flight.ulg", "--px4", release]) == 0
     shown = capsys.readouterr().out

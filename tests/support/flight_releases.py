@@ -1,6 +1,6 @@
 """A fixture with the types of each release that has flight modes. Tests name this module in `pytest_plugins`.
 
-By day, a test flies the newest release and one of the others, which its name draws; at night, it flies all of them.
+By day, a test flies one release, which its name draws: the newest one as often as all others. At night, it flies all.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from support.simulation import built
 
 NEWEST, *OTHERS = (release for release in EMBEDDED if release != "v1.14")
 RELEASES = [*OTHERS[::-1], NEWEST]
+_DRAWN = [*OTHERS, *[NEWEST] * len(OTHERS)]
 
 
 @pytest.fixture(scope="module", params=RELEASES)
@@ -33,10 +34,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             if isinstance(item, pytest.Function) and hasattr(item, "callspec")
             else None
         )
-        if release in OTHERS and release != drawn(item.nodeid):
+        if release in RELEASES and release != drawn(item.nodeid):
             item.add_marker("night")
 
 
 def drawn(test: str) -> str:
-    """Return the older release that a test flies by day, the same one for all of its releases."""
-    return OTHERS[crc32(re.sub(r"v1\.\d+", "", test).encode()) % len(OTHERS)]
+    """Return the release that a test flies by day, the same one for all of its releases."""
+    return _DRAWN[crc32(re.sub(r"v1\.\d+", "", test).encode()) % len(_DRAWN)]

@@ -12,6 +12,7 @@ pytest.importorskip("termios")
 import commands
 
 
+@pytest.mark.night  # it measures for seconds
 def test_the_time_of_a_command_is_measured(tmp_path: Path) -> None:
     types = commands.build(tmp_path)
     case = commands.CASES[0]

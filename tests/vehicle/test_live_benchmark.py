@@ -46,6 +46,7 @@ def test_a_row_shows_loss_latency_and_cpu_time() -> None:
     assert len(link.HEAD) == len(result.row("name"))
 
 
+@pytest.mark.night
 @pytest.mark.skipif(sys.platform != "linux", reason="asks Linux for the time of a process")
 def test_programs_share_a_link_and_are_measured(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("MSGGEN_DIRECT")

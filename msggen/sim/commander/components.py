@@ -125,7 +125,7 @@ class Components:
 
     def replacement(self, mode: int) -> int | None:
         """Return the mode that replaces an internal one, None if none does."""
-        return next((each for each, own in sorted(self._modes.items()) if own.replaces == mode), None)
+        return min([each for each, own in self._modes.items() if own.replaces == mode], default=None)
 
     def replaced_by(self, mode: int) -> int:
         """Return the internal mode that a mode replaces, or the mode itself."""

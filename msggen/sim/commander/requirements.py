@@ -78,6 +78,8 @@ class Requirements:
         self.masks = dict(OF_PX4)
         self._needed: dict[tuple[int, bool], tuple[str, ...]] = {}
         """The requirements of modes that have been asked for."""
+        self._missing: dict[tuple[int, bool], tuple[Senses, tuple[str, ...]]] = {}
+        """What was missing when it was last asked for."""
         self.blocks_arming = False
         """Whether a check that belongs to no mode does not let the vehicle arm."""
         self.masks[OTHER] &= ~sum(1 << mode for mode in registered)
@@ -109,9 +111,14 @@ class Requirements:
         PX4's failsafes go `with_sticks` False: they deal with lost sticks by themselves.
         """
         key = mode, with_sticks
+        last = self._missing.get(key)
+        if last is not None and last[0] is senses:
+            return last[1]
         if key not in self._needed:
             self._needed[key] = self._needs(mode, with_sticks=with_sticks)
-        return tuple([name for name in self._needed[key] if name == OTHER or not getattr(senses, name)])
+        found = tuple([name for name in self._needed[key] if name == OTHER or not getattr(senses, name)])
+        self._missing[key] = senses, found
+        return found
 
     def _needs(self, mode: int, *, with_sticks: bool) -> tuple[str, ...]:
         """Return the requirements of a mode that can be missing."""

@@ -12,7 +12,7 @@ from support.xrce_client import Client, connected, start
 from support.xrce_garbage import attack, datagrams, mutated
 
 
-@pytest.mark.parametrize("count", [10_000, pytest.param(100_000, marks=pytest.mark.slow)])  # 100,000 take 5 s
+@pytest.mark.parametrize("count", [10_000, pytest.param(100_000, marks=pytest.mark.night)])
 def test_garbage_is_refused_and_bounded(count: int) -> None:
     result = attack(count)
     assert result["accepted"] > count // 10
