@@ -43,6 +43,12 @@ FACTOR, OVERHEAD = 100, 100_000
 """Bytes of memory per byte of a sample, plus a constant, since even a message of one byte becomes an object."""
 
 
+PARAMS = [
+    pytest.param(each, marks=[pytest.mark.night] * (place in (0, 3))) for place, each in enumerate(sorted(HEADERS))
+]
+"""Each byte order and each version by day, and all pairs of them at night."""
+
+
 @pytest.fixture(scope="module")
 def ours(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Generated]:
     folder = tmp_path_factory.mktemp("everything")
@@ -50,7 +56,7 @@ def ours(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Generated]:
         yield made
 
 
-@pytest.fixture(params=sorted(HEADERS), ids=lambda encoding: f"XCDR{encoding[1]}-{encoding[0]}")
+@pytest.fixture(params=PARAMS, ids=lambda encoding: f"XCDR{encoding[1]}-{encoding[0]}")
 def encoding(request: pytest.FixtureRequest) -> Any:
     return request.param
 
