@@ -11,7 +11,7 @@ from msggen.base.diagnostics import InputError
 from msggen.cli import DONE, FAILED, main
 from msggen.definitions.parse.bridge import parse_bridge
 from msggen.definitions.parse.yaml_nodes import read_yaml, value_of
-from support.examples import by_day
+from support.examples import by_day, examples
 
 ENTRY = "topic: /fmu/out/gripper, type: 'px4_msgs::msg::Gripper'"
 VALUES = (
@@ -122,7 +122,9 @@ flow = st.recursive(
 )
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@settings(
+    max_examples=examples(100, by_day=15), suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None
+)
 @given(
     st.lists(st.dictionaries(keys, flow, max_size=3), min_size=1, max_size=4),
     st.lists(st.integers(0, 3), max_size=3),

@@ -19,6 +19,7 @@ import tracemalloc
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 import numpy as np
 import pytest
@@ -767,7 +768,8 @@ def test_samples_of_other_messages_are_read_as_decode_does_or_refused(
     name: str, vectors: dict[str, Samples], px4_types: Any
 ) -> None:
     cls = getattr(px4_types, name)
-    for samples in vectors.values():
+    step = 1 if examples(100) == 100 else 3  # a third by day
+    for samples in [*vectors.values()][crc32(name.encode()) % step :: step]:
         alone = outcome(cls.decode, samples[USUAL][1])
         expected = numbered(alone, 0) if isinstance(alone, str) else [alone] * 2
         assert outcome(cls.decode_batch, [samples[USUAL][1]] * 2) == expected

@@ -17,6 +17,7 @@ import pytest
 
 from msggen.definitions.model import Catalog, Message
 from support.catalogs import catalog_of
+from support.examples import by_day
 from support.other_codecs import Generated, everything, generated
 from support.random_definitions import TOLERATED, random_catalog, values_of
 from support.reference import HEADERS, MalformedError, deserialize, serialize
@@ -182,7 +183,7 @@ def test_what_is_beyond_a_bound_is_neither_read_nor_written(type_: str, tmp_path
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(2))
+@by_day("seed", range(2), 2)
 def test_random_messages_changed_by_chance_give_an_error_or_what_the_reference_reads(seed: int, tmp_path: Path) -> None:
     chance = Random(seed)  # noqa: S311 - not used for security
     catalog = random_catalog(tmp_path, chance, 60, 5)
