@@ -27,6 +27,7 @@ from msggen.show.report import FORMATS, render
 from msggen.show.report.table import RULES
 from msggen.sources.finding import find_sources
 from support.catalogs import write_definitions
+from support.examples import by_day
 from support.repository import shared
 
 RULE = {rule.id: rule for rule in RULES}
@@ -535,7 +536,7 @@ def test_the_nearest_command_is_suggested(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
+@by_day(
     ("arguments", "code"),
     [
         ("build --msg-dir a -v", 0),
@@ -546,6 +547,7 @@ def test_the_nearest_command_is_suggested(
         ("rules", 1),
         ("check a nowhere --output-format github", 2),
     ],
+    3,
 )
 def test_a_reader_that_leaves_does_not_undo_what_is_written(arguments: str, code: int, tmp_path: Path) -> None:
     write_definitions(tmp_path, {"a/Rpm.msg": "uint64 timestamp\n"})
@@ -764,7 +766,7 @@ def test_documents_are_the_same_in_every_encoding_and_keep_their_letters(format_
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("format_", FORMATS)
+@by_day("format_", FORMATS, 3)
 def test_a_folder_whose_name_is_no_text_breaks_no_format(format_: str, tmp_path: Path) -> None:
     """A process is needed, because its output is bytes."""
     folder = os.fsencode(tmp_path) + b"/a\xff"
