@@ -200,7 +200,7 @@ def definition_of(lines: Iterable[str]) -> Message:
     return parse_message("\n".join(["uint64 timestamp", *lines, ""]), "A.msg", "A", "p")[0]
 
 
-MANY = 8000
+MANY = 4000
 
 
 @pytest.mark.parametrize("tag", [" # [@enum A{}]", ""])

@@ -11,6 +11,7 @@ from msggen.base.diagnostics import InputError
 from msggen.cli import DONE, FAILED, main
 from msggen.definitions.parse.bridge import parse_bridge
 from msggen.definitions.parse.yaml_nodes import read_yaml, value_of
+from support.examples import by_day, examples
 
 ENTRY = "topic: /fmu/out/gripper, type: 'px4_msgs::msg::Gripper'"
 VALUES = (
@@ -42,6 +43,9 @@ CHAIN = "a0: &a0 [x]\n" + "".join(f"a{n}: &a{n} [*a{n - 1}]\n" for n in range(1,
 DOCUMENTS = (MERGES, LAUGHS, CHAIN, "<<: 1", "&a {<<: *a}", "&a [*a]", "a: &a {<<: *a}", "? *a", "%YAML 9.9\n---\n")
 
 
+KEYS = ("rate_limit", "instance", "options", "other", "topic", "'<<'", "<<")
+
+
 @pytest.fixture(autouse=True)
 def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
@@ -51,8 +55,7 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     Path("generate_dds_topics.py").write_text("")
 
 
-@pytest.mark.parametrize("value", VALUES)
-@pytest.mark.parametrize("key", ["rate_limit", "instance", "options", "other", "topic", "'<<'", "<<"])
+@by_day(("value", "key"), [(value, key) for key in KEYS for value in VALUES], 3)
 def test_no_value_is_a_trace(key: str, value: str, capsys: pytest.CaptureFixture[str]) -> None:
     Path("dds_topics.yaml").write_text(f"publications:\n- {{{ENTRY}, {key}: {value}}}\n")
     assert_told(capsys)
@@ -119,7 +122,9 @@ flow = st.recursive(
 )
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@settings(
+    max_examples=examples(100, by_day=15), suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None
+)
 @given(
     st.lists(st.dictionaries(keys, flow, max_size=3), min_size=1, max_size=4),
     st.lists(st.integers(0, 3), max_size=3),

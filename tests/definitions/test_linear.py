@@ -27,6 +27,12 @@ ENOUGH = 60
 """Seconds of processor time after which a reader counts as one that does not end. The slowest takes about 3."""
 
 CASES = [(name, kind) for name in READERS for kind in READERS[name].inputs]
+BY_DAY = [
+    pytest.param(name, kind, marks=[pytest.mark.night] * (place % 2))
+    for name in READERS
+    for place, kind in enumerate(READERS[name].inputs)
+]
+"""Of each reader, the first input and every other one are for each run."""
 
 
 def steps_of(name: str, kind: str, size: int) -> int:
@@ -48,7 +54,7 @@ def steps_of(name: str, kind: str, size: int) -> int:
     return steps
 
 
-@pytest.mark.parametrize(("name", "kind"), CASES)
+@pytest.mark.parametrize(("name", "kind"), BY_DAY)
 def test_the_number_of_steps_is_linear(name: str, kind: str) -> None:
     small, large = steps_of(name, kind, SMALL), steps_of(name, kind, LARGE)
     assert large <= MOST * max(FEW, small)

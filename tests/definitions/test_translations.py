@@ -606,7 +606,7 @@ def speed(tmp_path_factory: pytest.TempPathFactory) -> Catalog:
 
 
 @pytest.mark.slow
-@settings(max_examples=examples(300))
+@settings(max_examples=examples(300, by_day=40))
 @given(data=st.data())
 def test_a_header_that_is_cut_or_garbled_gives_rules_that_python_reads(data: st.DataObject, speed: Catalog) -> None:
     start = data.draw(st.integers(0, len(WHOLE)))

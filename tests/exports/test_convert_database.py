@@ -18,6 +18,7 @@ from msggen.base.recording_formats import STORAGES
 from msggen.cli import main
 from msggen.exports.convert import convert, join
 from msggen.exports.convert import db3 as module
+from support.examples import by_day
 from support.flights import TEXTS, TOPICS, same_columns, write_flight
 from support.recordings import START, read_ours, read_rosbags
 from support.ulog import write_ulog
@@ -42,7 +43,7 @@ def rows(path: Path, query: str) -> list[Any]:
         return base.execute(query).fetchall()
 
 
-@pytest.mark.parametrize("waiting", [1, 10_000, 10_000_000])
+@by_day("waiting", [10_000, 1, 10_000_000], 3)
 def test_rosbags_reads_the_same_as_in_the_original(
     flight: Path, tmp_path: Path, waiting: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -15,7 +15,7 @@ from msggen.cli import main
 from msggen.exports.convert import convert, join
 from msggen.exports.convert.selection import Selection
 from msggen.messages.firmware import releases
-from msggen.sources.embedded import EMBEDDED, Releases
+from msggen.sources.embedded import EMBEDDED
 from support.examples import by_day
 from support.log_files import definition_in, write_ulog_of
 from support.ulog import UTC, UlogWriter, formats_of, size_of, snake
@@ -45,11 +45,9 @@ def test_a_release_reads_the_samples_of_its_logs(
     ulog = write_ulog_of(release, names, tmp_path / "flight.ulg", version=f"{release}.0")
     assert converted(ulog, tmp_path / "flight.mcap") == []
     store = get_typestore(Stores.EMPTY)
-    texts = Releases()
-    for file in texts.names(release):
-        place, text = texts.file(release, file)
-        if place.endswith(".msg") and "px4_msgs_old" not in place:
-            store.register(get_types_from_msg(text, f"px4_msgs/msg/{file[:-4]}"))
+    for name in names:
+        types = get_types_from_msg(definition_in(release, name), f"px4_msgs/msg/{name}")
+        store.register({each: fields for each, fields in types.items() if each not in store.fielddefs})
     with recordings.open(ulog) as log, recordings.open(tmp_path / "flight.mcap") as copy:
         for name in names:
             topic = copy.topic(f"/fmu/out/{snake(name)}")

@@ -11,12 +11,13 @@ from tempfile import TemporaryDirectory, mkdtemp
 
 import pyarrow.parquet as pq
 import pytest
-from hypothesis import example, given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from msggen import recordings
 from msggen.exports.convert import convert
 from msggen.exports.fleet import Keys, compact, files, update
+from support.examples import examples
 from support.fleet_logs import VEHICLES, flight
 from support.fleet_recordings import parquet_in
 
@@ -54,6 +55,7 @@ ACTION = st.tuples(
 
 
 @pytest.mark.slow
+@settings(max_examples=examples(100, by_day=12))
 @given(st.lists(ACTION, min_size=2, max_size=10))
 @example([("write", "a.ulg", 0), UPDATE, ("write", "a.ulg", 1), UPDATE])
 @example([("write", "a.ulg", 0), ("copy", "a.ulg", 1), UPDATE, ("delete", "a.ulg", 0), ("lose", "", 0)])

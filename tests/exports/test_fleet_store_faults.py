@@ -23,7 +23,7 @@ from support.fleet_recordings import rows_of
 from support.fleet_stores import FAULTS, FLEET, Bucket, both
 from support.repository import ROOT
 
-pytest_plugins = ["support.fleet_stores"]
+pytest_plugins = ["support.fleet_fixtures"]
 pytestmark = pytest.mark.timeout(600)
 
 

@@ -22,7 +22,7 @@ from support.fleet_recordings import rows_of
 from support.fleet_stores import FLEET, Bucket, change
 from support.recordings import START
 
-pytest_plugins = ["support.fleet_stores"]
+pytest_plugins = ["support.fleet_fixtures"]
 pytestmark = pytest.mark.timeout(600)
 
 LOGS = "s3://bucket/logs"

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from msggen.definitions.model import ArrayKind, Catalog, Message
 from msggen.definitions.primitives import PRIMITIVES
 from support.catalogs import catalog_of, import_package
-from support.examples import examples
+from support.examples import by_day, examples
 from support.reference import HEADERS, serialize, to_object, to_values
 from support.repository import VECTORS
 from support.strategies import definitions, values_of
@@ -63,8 +63,7 @@ def test_every_embedded_message_decodes_from_every_encoding(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("order", "version"), ENCODINGS)
-@pytest.mark.parametrize("surplus", [0, 1, 2, 3])
+@by_day(("surplus", "order", "version"), [(surplus, *each) for surplus in range(4) for each in ENCODINGS], 3)
 def test_padding_is_ignored_whatever_stands_in_it(
     order: str, version: int, surplus: int, embedded: Catalog, px4_types: Any
 ) -> None:

@@ -17,6 +17,7 @@ import pytest
 
 from msggen.definitions.model import Catalog, Message
 from support.catalogs import catalog_of
+from support.examples import by_day
 from support.other_codecs import Generated, everything, generated
 from support.random_definitions import TOLERATED, random_catalog, values_of
 from support.reference import HEADERS, MalformedError, deserialize, serialize
@@ -43,6 +44,12 @@ FACTOR, OVERHEAD = 100, 100_000
 """Bytes of memory per byte of a sample, plus a constant, since even a message of one byte becomes an object."""
 
 
+PARAMS = [
+    pytest.param(each, marks=[pytest.mark.night] * (place in (0, 3))) for place, each in enumerate(sorted(HEADERS))
+]
+"""Each byte order and each version by day, and all pairs of them at night."""
+
+
 @pytest.fixture(scope="module")
 def ours(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Generated]:
     folder = tmp_path_factory.mktemp("everything")
@@ -50,7 +57,7 @@ def ours(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Generated]:
         yield made
 
 
-@pytest.fixture(params=sorted(HEADERS), ids=lambda encoding: f"XCDR{encoding[1]}-{encoding[0]}")
+@pytest.fixture(params=PARAMS, ids=lambda encoding: f"XCDR{encoding[1]}-{encoding[0]}")
 def encoding(request: pytest.FixtureRequest) -> Any:
     return request.param
 
@@ -176,7 +183,7 @@ def test_what_is_beyond_a_bound_is_neither_read_nor_written(type_: str, tmp_path
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(2))
+@by_day("seed", range(2), 2)
 def test_random_messages_changed_by_chance_give_an_error_or_what_the_reference_reads(seed: int, tmp_path: Path) -> None:
     chance = Random(seed)  # noqa: S311 - not used for security
     catalog = random_catalog(tmp_path, chance, 60, 5)

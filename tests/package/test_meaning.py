@@ -25,7 +25,7 @@ from msggen.definitions.unit import normalized_range
 from msggen.sources.catalog import read_catalog
 from msggen.sources.finding import find_sources, with_archived
 from support.catalogs import catalog_of, import_package
-from support.examples import by_day
+from support.examples import by_day, examples
 from support.repository import ROOT, every_message, shared
 
 NAN = math.nan
@@ -263,7 +263,7 @@ def random_message(cls: Any, random: Random) -> Any:
 @every_message
 def test_problems_are_those_of_the_reference(px4_types: Any, name: str) -> None:
     cls, random = getattr(px4_types, name), Random(name)  # noqa: S311 - not used for security
-    for number in range(20):
+    for number in range(examples(20)):
         message = random_message(cls, random)
         for each in (message, cls.lazy(message.encode()) if number % 2 else cls.decode(message.encode())):
             found = px4_types.meaning.problems(each)

@@ -17,6 +17,7 @@ from support.catalogs import import_package
 from support.examples import by_day
 from support.reference import deserialize, serialize, to_object, to_values
 from support.repository import VECTORS, shared
+from support.samples import USUAL, plain, samples_of_vectors
 
 HEADER = b"\0\1\0\0"
 
@@ -31,7 +32,14 @@ def test_the_embedded_set_reads_and_writes_the_bytes_of_the_firmware(embedded: C
 def test_a_release_reads_and_writes_the_bytes_of_its_firmware(release: str, tmp_path: Path) -> None:
     vectors = shared(f"oracles/cdr-{release}.json")
     catalog = read_catalog(find_sources(str(shared(f"firmware/{release}"))))
-    assert check(catalog, import_package(catalog, tmp_path), vectors) == 5 * len(catalog.messages)
+    package = import_package(catalog, tmp_path)
+    assert check(catalog, package, vectors) == 5 * len(catalog.messages)
+    for name, samples in samples_of_vectors(catalog, vectors).items():
+        cls = getattr(package, name)
+        messages = [cls.decode(sample) for sample in samples[USUAL]]
+        array = cls.decode_batch(samples[USUAL])
+        assert plain(array) == plain(messages) == plain([cls.lazy(sample) for sample in samples[USUAL]]), name
+        assert cls.encode_batch(array) == [message.encode() for message in messages], name
 
 
 def check(catalog: Catalog, package: Any, path: Path) -> int:

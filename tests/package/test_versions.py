@@ -33,6 +33,7 @@ from msggen.sources.catalog import read_catalog
 from msggen.sources.finding import Sources, find_sources, with_archived
 from support.catalogs import import_package, write_definitions
 from support.checkers import mypy
+from support.examples import by_day
 from support.imports import HEAVY
 from support.random_definitions import values_of
 from support.reference import HEADERS, serialize, to_object, to_values
@@ -593,7 +594,7 @@ def random_pairs(tmp_path_factory: pytest.TempPathFactory) -> tuple[Catalog, Any
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", range(PAIRS))
+@by_day("number", range(PAIRS), 3)
 def test_random_versions_convert_as_an_obvious_way_does(number: int, random_pairs: tuple[Catalog, Any]) -> None:
     catalog, package = random_pairs
     chance = Random(number)  # noqa: S311 - not used for security

@@ -52,7 +52,7 @@ def names_in(ros_type: str, definition: str, firmware: str = "") -> dict[str, Ma
     return {name: each.members for name, each in found.items() if each.members}
 
 
-@pytest.mark.parametrize("release", EMBEDDED)
+@by_day("release", EMBEDDED, 4)
 def test_names_of_values_are_those_of_the_firmware(release: str) -> None:
     count = 0
     for ros_type, definition, bare in messages_of(release):

@@ -14,6 +14,7 @@ import pytest
 from msggen import recordings
 from msggen.cli import main
 from msggen.messages.firmware import releases
+from support.examples import by_day
 from support.log_files import Written, definition_in, write_log, write_ulog_of
 from support.repository import ROOT
 from support.ulog import snake
@@ -44,7 +45,7 @@ WRITERS = pytest.mark.parametrize(("write", "name"), [(mcap, "flight.mcap"), (ul
 
 
 @WRITERS
-@pytest.mark.parametrize("release", ["v1.14", "v1.16", "v1.18"])
+@by_day("release", ["v1.14", "v1.16", "v1.18"], 2)
 @pytest.mark.usefixtures("working_folder")
 def test_a_recording_matches_its_release(
     capsys: pytest.CaptureFixture[str], write: Any, name: str, release: str

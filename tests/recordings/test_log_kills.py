@@ -13,7 +13,7 @@ from fuzz.conversions import samples_in
 from support.commands import run
 from support.disk_calls import hooked
 from support.disk_tasks import KILLED, killed_before
-from support.examples import examples
+from support.examples import by_day, examples
 from support.flights import write_flight
 from support.scratch import inside
 from support.ulog import write_ulog
@@ -54,7 +54,7 @@ def content(target: Path) -> object:
     return [path.name for path in files], samples_in(path for path in files if path.suffix != ".yaml")
 
 
-@pytest.mark.parametrize("action", ACTIONS)
+@by_day("action", ACTIONS, 2)
 def test_a_kill_leaves_a_whole_target_or_none(action: str, folder: Path) -> None:
     words = ["log", *action.split(), "-q"]
     target = folder / words[words.index("-o") + 1]

@@ -25,7 +25,7 @@ from msggen.recordings.files.mcap import reader as mcap
 from msggen.recordings.log import opening
 from msggen.recordings.log.log import Log
 from msggen.recordings.source.source import Contents, Problem, RecordingError
-from support.examples import examples
+from support.examples import by_day, examples
 from support.log_files import Written, write_log
 from support.mcap_reference import Message, flat, messages
 from support.random_mcap import NAMES, WAYS, recording
@@ -109,7 +109,7 @@ def test_columns_are_those_of_other_libraries(way: str, px4_types: Any, tmp_path
     assert compared > 100
 
 
-@pytest.mark.parametrize("way", ["zstd", "lz4", "none", "without-index", "without-chunks"])
+@by_day("way", ["zstd", "lz4", "none", "without-index", "without-chunks"], 2)
 def test_readers_of_one_file_do_not_disturb_each_other(
     way: str, px4_types: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -15,7 +15,7 @@ import pytest
 from msggen import recordings
 from msggen.recordings.files.ulog.messages import SYNC
 from msggen.recordings.log.log import Log
-from support.examples import by_day
+from support.examples import by_day, examples
 from support.ulog import UTC, UlogWriter, flight
 
 NAMES = ["SensorCombined", "VehicleStatus", "EscStatus", "VehicleAttitude"]
@@ -144,7 +144,7 @@ def test_any_file_is_read_or_refused(whole: bytes, tmp_path: Path) -> None:
     """Mutations anywhere, also among the definitions."""
     chance = Random(5)  # noqa: S311 - no secret
     front = whole[: first_sample(whole) + 3000]
-    for number in range(300):
+    for number in range(examples(300)):
         data = bytearray(front)
         for _ in range(chance.choice([1, 3, 20])):
             place = chance.randrange(7, len(data))

@@ -31,7 +31,7 @@ from support.log_files import Written, write_log
 resource = pytest.importorskip("resource")
 runner = pytest.importorskip("fuzz.runner")
 
-MANY = 60_000
+MANY = 30_000
 START = 10**18
 
 

@@ -414,7 +414,7 @@ def drawn(name: str, log: recordings.Log, monkeypatch: pytest.MonkeyPatch, chang
 
 
 @pytest.mark.filterwarnings("error")
-@by_day(("name", "changes"), PLACES, 2)
+@by_day(("name", "changes"), PLACES, 3)
 def test_names_of_strangers_are_drawn_as_they_are(
     name: str, changes: int, log: recordings.Log, monkeypatch: pytest.MonkeyPatch
 ) -> None:

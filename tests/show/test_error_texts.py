@@ -81,8 +81,14 @@ def expected(example: str) -> list[str]:
 
 
 EXAMPLES = [
-    pytest.param(code, id=code, marks=[needs_git] if "git " in text.example else []) for code, text in TEXTS.items()
+    pytest.param(
+        code,
+        id=code,
+        marks=[needs_git] * ("git " in text.example) + [pytest.mark.night] * (place % 2),
+    )
+    for place, (code, text) in enumerate(TEXTS.items())
 ]
+"""Every other code is for the night."""
 WARNINGS = [code for code, level in CODES.items() if level is Level.WARNING]
 
 

@@ -20,11 +20,14 @@ import pytest
 
 from msggen.base.location import Location
 from msggen.check.finding import Category, Change, Excerpt, Finding, Node, Report
+from msggen.check.run import breaking
 from msggen.cli import main
 from msggen.cli.printing import terminal_width
 from msggen.show.report import FORMATS, render
 from msggen.show.report.table import RULES
+from msggen.sources.finding import find_sources
 from support.catalogs import write_definitions
+from support.examples import by_day
 from support.repository import shared
 
 RULE = {rule.id: rule for rule in RULES}
@@ -533,7 +536,7 @@ def test_the_nearest_command_is_suggested(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
+@by_day(
     ("arguments", "code"),
     [
         ("build --msg-dir a -v", 0),
@@ -544,6 +547,7 @@ def test_the_nearest_command_is_suggested(
         ("rules", 1),
         ("check a nowhere --output-format github", 2),
     ],
+    3,
 )
 def test_a_reader_that_leaves_does_not_undo_what_is_written(arguments: str, code: int, tmp_path: Path) -> None:
     write_definitions(tmp_path, {"a/Rpm.msg": "uint64 timestamp\n"})
@@ -762,7 +766,7 @@ def test_documents_are_the_same_in_every_encoding_and_keep_their_letters(format_
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("format_", FORMATS)
+@by_day("format_", FORMATS, 3)
 def test_a_folder_whose_name_is_no_text_breaks_no_format(format_: str, tmp_path: Path) -> None:
     """A process is needed, because its output is bytes."""
     folder = os.fsencode(tmp_path) + b"/a\xff"
@@ -797,16 +801,17 @@ def test_a_clean_report_needs_no_drawing() -> None:
     assert done.stdout.splitlines() == ["in step", "False"]
 
 
-@pytest.mark.slow
+@pytest.fixture(scope="module")
+def released() -> Report:
+    """The report on a change from a release to the next."""
+    before, after = (find_sources(str(shared(f"firmware/{release}"))) for release in ("v1.16", "v1.17"))
+    return breaking(before, after)
+
+
 @pytest.mark.parametrize("format_", FORMATS)
-def test_every_format_carries_every_finding_between_two_releases(
-    format_: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(shared("firmware"))
-    assert main(["check", "v1.16", "v1.17", "--output-format", "json"]) == 1
-    findings = json.loads(capsys.readouterr().out)["findings"]
-    assert main(["check", "v1.16", "v1.17", "--output-format", format_]) == 1
-    text = capsys.readouterr().out.replace("&gt;", ">")
+def test_every_format_carries_every_finding_between_two_releases(format_: str, released: Report) -> None:
+    findings = json.loads(render(released, "json", width=120, colour=False))["findings"]
+    text = render(released, format_, width=120, colour=False).replace("&gt;", ">")
     assert len(findings) > 100
     assert [each["message"] for each in findings if each["message"] not in text] == []
 

@@ -18,6 +18,11 @@ from msggen.sources.embedded import EMBEDDED
 from msggen.sources.finding import find_sources
 
 Capture = pytest.CaptureFixture[str]
+PAIRS = [
+    pytest.param(pair, marks=[pytest.mark.night] * (place % 3 > 0))
+    for place, pair in enumerate(combinations(reversed(EMBEDDED), 2))
+]
+"""Pairs of releases. A third of them is for each run."""
 
 
 def shown(report: Report, format: str = "summary", *, handled: bool = False) -> str:  # noqa: A002
@@ -30,7 +35,7 @@ def counted_in(text: str) -> int:
     return sum(int(number) for number in re.findall(r"(?:^|, )(\d+) ", told[0])) if told else 0
 
 
-@pytest.fixture(scope="module", params=list(combinations(reversed(EMBEDDED), 2)), ids=" to ".join)
+@pytest.fixture(scope="module", params=PAIRS, ids=" to ".join)
 def report(request: pytest.FixtureRequest) -> Report:
     """The report on a change from an embedded release to a later one."""
     before, after = (find_sources(f"embedded:{release}") for release in request.param)

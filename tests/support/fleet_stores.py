@@ -1,4 +1,4 @@
-"""A bucket with recordings and fleets, and what there is in it. Tests name this module in `pytest_plugins`."""
+"""A bucket with recordings and fleets, and what there is in it."""
 
 from __future__ import annotations
 
@@ -6,15 +6,16 @@ import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple
-
-import pytest
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from msggen.exports.fleet import compact, files, update
 from msggen.recordings.stores import limits
-from support.fleet_logs import VEHICLES, flight, write_logs
+from support.fleet_logs import VEHICLES, flight
 from support.fleet_recordings import rows_of
 from support.object_server import ObjectServer, hasten, object_server, set_credentials
+
+if TYPE_CHECKING:
+    import pytest
 
 FLEET = "s3://bucket/fleets/own"
 
@@ -94,22 +95,3 @@ def bucket_of(patch: pytest.MonkeyPatch) -> Iterator[Bucket]:
     with object_server() as server:
         set_credentials(patch, server.url)
         yield Bucket(server)
-
-
-@pytest.fixture(scope="module")
-def _shared() -> Iterator[Bucket]:
-    with pytest.MonkeyPatch.context() as patch, bucket_of(patch) as found:
-        yield found
-
-
-@pytest.fixture
-def bucket(_shared: Bucket) -> Bucket:
-    """A bucket that is empty and without faults, on a server that the tests of a file share."""
-    _shared.load({})
-    return _shared
-
-
-@pytest.fixture
-def logs(tmp_path: Path) -> Path:
-    """A folder with the recordings of `write_logs`."""
-    return write_logs(tmp_path / "logs")
