@@ -9,6 +9,7 @@ import pytest
 
 from msggen.cli import DONE, FINDINGS, main
 from support.catalogs import write_definitions
+from support.examples import by_day
 from support.repository import PX4_TREE, shared
 
 FIRMWARE = ["v1.14", "v1.15", "v1.16", "v1.17", "v1.18", "main-2026-03"]
@@ -79,7 +80,7 @@ def test_nothing_breaks_where_nothing_changed(name: str, capsys: pytest.CaptureF
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("pair", [*pairwise(FIRMWARE)], ids="-".join)
+@by_day("pair", pairwise(FIRMWARE), 2, ids=map("-".join, pairwise(FIRMWARE)))
 def test_breaking_tells_two_releases_apart(pair: tuple[str, str], capsys: pytest.CaptureFixture[str]) -> None:
     for previous, current in (pair, pair[::-1]):
         run("breaking", "--px4", tree(current), "--strict", "--against", tree(previous), code=FINDINGS)
@@ -111,7 +112,7 @@ def test_px4_generate_of_the_bridges(name: str, client: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [name for name in FIRMWARE if name >= "v1.16" or name.startswith("main")])
+@by_day("name", ["v1.18", "v1.17", "v1.16", "main-2026-03"], 3)
 def test_bump_tells_what_is_to_do(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for path in Path(tree(name)).rglob("*"):
         if path.is_file():  # copied without its mode, because the folder is read-only

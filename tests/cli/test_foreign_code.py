@@ -6,7 +6,6 @@ import ast
 import json
 import os
 import re
-import shutil
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
@@ -17,11 +16,13 @@ from typing import Any
 import pytest
 
 from msggen.base.interpreter import command_of
+from msggen.definitions.model import snake_case
+from support.catalogs import write_definitions
 from support.commands import COMMANDS, run
 from support.examples import by_day
 from support.fleet_recordings import parquet_in, write_flight
 from support.ports import free_port
-from support.repository import ROOT
+from support.repository import ROOT, SOME
 from support.shadows import (
     FURTHER,
     STANDARD,
@@ -166,10 +167,12 @@ def test_the_style_of_the_current_folder_is_not_used(style: bytes | None, tmp_pa
 def project(hostile: Path, marks: Path) -> Path:
     """A folder of a stranger with a generated package, and settings that name it. Its code leaves marks."""
     package = hostile / "my_types"
-    shutil.copytree(ROOT / "generated" / "px4_types", package, ignore=shutil.ignore_patterns("__pycache__"))
-    for module in package.rglob("*.py"):
-        module.write_text(code_that_marks(marks, f"my_types: {module.relative_to(package)}"))
-    names = json.loads((package / "names.json").read_text())
+    committed = ROOT / "generated" / "px4_types"
+    some = {committed / "msg" / f"_{snake_case(name)}.py" for name in SOME}
+    modules = [path for path in committed.rglob("*.py") if not path.match("msg/_[!_]*.py") or path in some]
+    code = {path.relative_to(committed).as_posix() for path in modules}
+    write_definitions(package, {name: code_that_marks(marks, f"my_types: {name}") for name in code})
+    names = json.loads((committed / "names.json").read_text())
     names["endpoints"].append({**names["endpoints"][0], "uorb_topic": "topic_of_mine"})
     (package / "names.json").write_text(json.dumps(names))
     (hostile / "pyproject.toml").write_text('[tool.msggen]\ntypes = "./my_types"\n')
@@ -189,7 +192,7 @@ LINES = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("line", LINES)
+@by_day("line", LINES, 2)
 def test_tab_completes_names_of_a_package_and_executes_nothing(line: str, project: Path, marks: Path) -> None:
     command = write_program(project.parent)
     found = completed(command, line, project, project.parent / "answer")

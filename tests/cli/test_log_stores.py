@@ -39,11 +39,16 @@ COMMANDS = {
 }
 
 
+@pytest.fixture(scope="module")
+def data(px4_types: Any) -> bytes:
+    """A recording."""
+    return recording(px4_types, 3000, 5, 20_000, **WAYS["none"])
+
+
 @pytest.fixture
-def server(px4_types: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[ObjectServer]:
+def server(data: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[ObjectServer]:
     hasten(monkeypatch)
     monkeypatch.chdir(tmp_path)
-    data = recording(px4_types, 3000, 5, 20_000, **WAYS["none"])
     (tmp_path / "here.mcap").write_bytes(data)
     with object_server() as has:
         set_credentials(monkeypatch, has.url)

@@ -88,7 +88,7 @@ def git(folder: Path, *arguments: str) -> None:
 @pytest.mark.slow
 @pytest.mark.tools("git")
 @pytest.mark.skipif(os.name == "nt", reason="needs POSIX signals")
-@pytest.mark.parametrize("command", COMMANDS)
+@by_day("command", COMMANDS, 2)
 def test_ctrl_c_is_exit_130_without_a_trace_at_any_moment(command: str, tmp_path: Path) -> None:
     write_definitions(tmp_path, TREE)
     git(tmp_path, "init", "-q")
@@ -244,19 +244,19 @@ PLAIN = (["build", "--help"], ["--help"], ["build", "--nonsense"])
 
 @pytest.mark.slow
 @pytest.mark.parametrize("terminal", [False, True])
-@pytest.mark.parametrize(
+@by_day(
     ("environment", "expected"),
     [
         ({}, None),
         ({"NO_COLOR": ""}, None),
-        ({"FORCE_COLOR": ""}, None),
         ({"NO_COLOR": "1"}, NO),
-        ({"TERM": "dumb"}, NO),
+        ({"FORCE_COLOR": ""}, None),
         ({"FORCE_COLOR": "1"}, YES),
-        ({"FORCE_COLOR": "1", "TERM": "dumb"}, YES),
+        ({"TERM": "dumb"}, NO),
         ({"FORCE_COLOR": "1", "NO_COLOR": "1"}, NO),
+        ({"FORCE_COLOR": "1", "TERM": "dumb"}, YES),
     ],
-    ids=str,
+    2,
 )
 def test_one_rule_decides_on_colours_of_all_output(
     environment: dict[str, str], *, expected: bool | None, terminal: bool, tmp_path: Path

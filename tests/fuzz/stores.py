@@ -53,10 +53,9 @@ class Start(NamedTuple):
 
 
 def case(chance: Random) -> Case:
-    for is_changed in (True, False):
-        begin(is_changed=is_changed)  # before the time of a case begins
     faults = ("", *(name for name in FAULTS if name != "stall"))
     damaged = chance.choice(("", "", *_DAMAGED))
+    begin(is_changed=not damaged)  # before the time of the case begins
     return Case(chance.choice(faults), chance.random(), chance.random() < 0.5, damaged, chance.randrange(1 << 32))
 
 

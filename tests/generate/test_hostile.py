@@ -193,7 +193,7 @@ NASTY = {
     "long word": "x" * 100_000,
     "many words": "word " * 20_000,
     "many quotes": '"' * 20_000,
-    "many backslashes": "\\" * 20_001,
+    "many backslashes": "\\" * 2_001,
     "spaces and a bracket": "a" + " " * 3_000 + "[",
 }
 
@@ -547,15 +547,16 @@ INNER = f"{STAMP}uint8[4] block\nfloat32[2] few\nbool flag\n"
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", sorted({*LOCALS, *BUILTINS, *SOFT_KEYWORDS, *DESCRIPTIONS}))
-def test_a_field_may_be_called_like_anything_the_code_uses(name: str, tmp_path: Path) -> None:
-    files = {f"msg/{kind}.msg": STAMP + text.format(name) for kind, text in KINDS.items()}
+def test_a_field_may_be_called_like_anything_the_code_uses(tmp_path: Path) -> None:
+    names = sorted({*LOCALS, *BUILTINS, *SOFT_KEYWORDS, *DESCRIPTIONS})
+    fields = {f"{kind}{number}": name for kind in KINDS for number, name in enumerate(names)}
+    files = {f"msg/{key}.msg": STAMP + KINDS[key.rstrip("0123456789")].format(name) for key, name in fields.items()}
     package = works(tmp_path, {**files, "msg/Inner.msg": INNER})
-    for kind in KINDS:
-        message = getattr(package, kind)()
+    for key, name in fields.items():
+        message = getattr(package, key)()
         assert repr(message)
         assert message.__replace__(timestamp=5).timestamp == 5
-        assert [field.name for field in getattr(package, kind).__msg__.fields][1] == name
+        assert [field.name for field in message.__msg__.fields][1] == name
 
 
 @pytest.mark.parametrize("name", ["self", "cls", "encode", "decode", "lambda", "none_", "a__b", "classmethod"])

@@ -137,8 +137,14 @@ def test_an_unknown_release_names_the_right_one(home: Path) -> None:
 
 
 @pytest.fixture
-def fresh() -> Iterator[None]:
-    """No temporary folder of an earlier test."""
+def small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Releases of one message."""
+    monkeypatch.setattr(cache, "find_sources", lambda release: sources_with(tmp_path, int(release[-2:])))
+
+
+@pytest.fixture
+def fresh(small: None) -> Iterator[None]:  # noqa: ARG001 - before this one
+    """Small releases, and no temporary folder of an earlier test."""
     temporary: Any = cache._temporary
     temporary.cache_clear()
     yield
@@ -169,7 +175,7 @@ def test_a_cache_that_others_can_write_is_not_used(
     for folder in {"cache": [home], "above": [home.parent], "both": [home, home.parent]}[place]:
         folder.chmod(mode)
     package = cache.package_of("v1.17")
-    assert package.SensorCombined.__msg__.name == "SensorCombined"
+    assert package.Rpm.__msg__.name == "Rpm"
     assert not (home.parent / "executed").exists()
     assert folder_of(package).name.startswith("msggen-")
     assert stat.S_IMODE(folder_of(package).stat().st_mode) == 0o700
@@ -213,7 +219,7 @@ def test_a_cache_of_another_user_is_not_used(
 
 @needs_owners
 @pytest.mark.usefixtures("fresh")
-@pytest.mark.parametrize("part", ["", "px4_v1_17", "px4_v1_17/cdr.py", "px4_v1_17/msg/_wind.py"])
+@pytest.mark.parametrize("part", ["", "px4_v1_17", "px4_v1_17/cdr.py", "px4_v1_17/msg/_rpm.py"])
 def test_a_package_of_another_user_is_not_used(
     part: str, home: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -251,6 +257,7 @@ def test_the_current_folder_is_no_cache(
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.usefixtures("small")
 def test_a_cache_is_made_for_its_user_alone(home: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "a" / "b"))
     before = os.umask(0)
@@ -263,6 +270,7 @@ def test_a_cache_is_made_for_its_user_alone(home: Path, monkeypatch: pytest.Monk
         assert stat.S_IMODE(folder.stat().st_mode) == 0o700
 
 
+@pytest.mark.usefixtures("small")
 def test_a_build_that_fails_leaves_nothing(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(*_: object, **__: object) -> None:
         raise OSError("disk full")

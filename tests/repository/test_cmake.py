@@ -13,6 +13,7 @@ import pytest
 
 from msggen.cli import main
 from support.catalogs import write_definitions
+from support.examples import by_day
 from support.repository import ROOT
 
 DEFINITIONS = {
@@ -111,16 +112,12 @@ def project(request: pytest.FixtureRequest, tmp_path: Path) -> Project:
 
 
 @pytest.mark.slow
-def test_the_first_build_makes_a_package_that_works(project: Project) -> None:
+def test_a_first_build_makes_a_package_that_works_and_a_second_one_does_not_start_msggen(project: Project) -> None:
     program = (
         "from lamp_types import LampReport; assert LampReport.decode(LampReport().encode()).lamps[2].brightness == 0"
     )
-    done = subprocess.run([sys.executable, "-c", program], cwd=project.package.parent, check=False)
+    done = subprocess.run([sys.executable, "-B", "-c", program], cwd=project.package.parent, check=False)
     assert done.returncode == 0
-
-
-@pytest.mark.slow
-def test_a_build_with_nothing_to_do_writes_nothing_and_does_not_start_msggen(project: Project) -> None:
     before = project.times()
     assert project.build() == 0
     assert project.times() == before
@@ -192,7 +189,7 @@ VARIATIONS = {
 
 @pytest.mark.slow
 @pytest.mark.tools("cmake", "ninja")
-@pytest.mark.parametrize("arguments", VARIATIONS)
+@by_day("arguments", VARIATIONS, 2)
 def test_the_function_takes_the_sources_of_build(arguments: str, tmp_path: Path) -> None:
     project = Project(tmp_path, "Ninja")
     versioned = "uint32 MESSAGE_VERSION = {}\nuint64 timestamp\n"
@@ -285,17 +282,12 @@ def rendered(request: pytest.FixtureRequest, tmp_path: Path) -> Project:
 
 
 @pytest.mark.slow
-def test_rendered_files_are_made_once(rendered: Project) -> None:
+def test_rendered_files_are_made_once_and_again_for_an_edited_definition(rendered: Project) -> None:
     before = rendered.times()
     assert (rendered.package / "LampReport.hpp").read_text() == "#pragma once\n// LampReport: 2\n"
     assert (rendered.package / "names.txt").read_text() == "#pragma once\n Lamp LampReport\n"
     assert rendered.build() == 0
     assert rendered.times() == before
-
-
-@pytest.mark.slow
-def test_an_edited_definition_renders_again(rendered: Project) -> None:
-    before = rendered.times()
     with (rendered.source / "msg" / "LampReport.msg").open("a") as stream:
         stream.write("uint8 last\n")
     assert rendered.build() == 2
@@ -317,12 +309,13 @@ def test_an_added_definition_is_rendered_however_old_it_is(rendered: Project) ->
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "runs"), [("message.hpp.j2", 1), ("start.j2", 2), ("names.txt.em", 1)])
-def test_an_edited_template_or_include_renders_again(name: str, runs: int, rendered: Project) -> None:
-    path = rendered.source / "templates" / name
-    path.write_text(path.read_text() + "// edited\n")
-    assert rendered.build() == runs
-    assert "// edited" in "".join(path.read_text() for path in rendered.package.iterdir())
+def test_an_edited_template_or_include_renders_again(rendered: Project) -> None:
+    for name, runs in (("message.hpp.j2", 1), ("start.j2", 2), ("names.txt.em", 1)):
+        path = rendered.source / "templates" / name
+        path.write_text(f"{path.read_text()}// edited {name}\n")
+        assert rendered.build() == runs, name
+        assert f"// edited {name}" in "".join(path.read_text() for path in rendered.package.iterdir())
+        rendered.age()
     assert rendered.build() == 0
 
 

@@ -22,6 +22,7 @@ import pytest
 from msggen.check.run import breaking, check
 from msggen.cli import main
 from msggen.cli.commands import releases
+from msggen.definitions.identity import endpoints, uorb_topics
 from msggen.definitions.model import Catalog, Comment, Conventions, Message
 from msggen.definitions.tags import INHERITED
 from msggen.definitions.unit import normalized_unit
@@ -31,12 +32,16 @@ from msggen.sources.finding import Sources, find_sources, with_archived
 from msggen.sources.inferred import with_inferred
 from support import embed, facts
 from support.catalogs import write_definitions
+from support.examples import by_day
 from support.identities import assert_same_endpoints, dds_of, rihs01_of, uorb_of
 from support.repository import ROOT, VECTORS, shared
 
 NEWEST, *EARLIER = EMBEDDED
 ARCHIVING = [release for release in EMBEDDED if embedded_tree(release).names(ARCHIVED)]
 """The releases that keep earlier versions of messages."""
+
+NEXT = re.sub(r"\d+$", lambda number: str(int(number[0]) + 1), NEWEST)
+"""The release after the newest one."""
 
 UNKNOWN = f"{EMBEDDED[0]}1"
 """A release that is not embedded, and whose name is near that of the newest one."""
@@ -274,7 +279,7 @@ MISSPELT = {"FollowTargetEstimator.acc_est"}
 
 
 @pytest.mark.slow
-@every_release
+@by_day("release", EMBEDDED, 2)
 def test_nothing_differs_from_the_firmware_in_meaning(release: str) -> None:
     ours, theirs = sources_of(release), find_sources(str(shared(f"firmware/{release}")))
     for report in (check(ours, theirs), check(theirs, ours), breaking(ours, theirs)):
@@ -381,14 +386,14 @@ def test_a_new_release_is_embedded(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     write_definitions(tmp_path / "firmware", after)
     monkeypatch.setattr(embed, "ROOT", root)
     monkeypatch.setattr("msggen.sources.embedded.embedded_root", lambda: str(root))
-    monkeypatch.setattr("msggen.sources.embedded.EMBEDDED", ("v1.18", "v1.17"))
-    monkeypatch.setattr(embed, "EMBEDDED", ("v1.18", "v1.17"))
-    older = {release: embed.files_of(embedded_tree(release)) for release in ("v1.18", "v1.17")}
+    monkeypatch.setattr("msggen.sources.embedded.EMBEDDED", (NEWEST, EARLIER[0]))
+    monkeypatch.setattr(embed, "EMBEDDED", (NEWEST, EARLIER[0]))
+    older = {release: embed.files_of(embedded_tree(release)) for release in (NEWEST, EARLIER[0])}
 
-    found = embed.files_of_firmware(str(tmp_path / "firmware"), "v1.19")
-    missing = embed.uncommented(embed.store(embed.files_of(embedded_tree("v1.18")), found, "v1.19"))
+    found = embed.files_of_firmware(str(tmp_path / "firmware"), NEXT)
+    missing = embed.uncommented(embed.store(embed.files_of(embedded_tree(NEWEST)), found, NEXT))
 
-    monkeypatch.setattr("msggen.sources.embedded.EMBEDDED", ("v1.19", "v1.18", "v1.17"))
+    monkeypatch.setattr("msggen.sources.embedded.EMBEDDED", (NEXT, NEWEST, EARLIER[0]))
     assert (root / "msg/versioned/Rpm.msg").read_text() == (
         "# Speed of a rotor.\n\nuint32 MESSAGE_VERSION = 0\nuint64 timestamp  # [us] Time since boot.\n\n"
         "# Values\n\nfloat32 speed  # [rpm] Revolutions.\nbool reverse\nuint8 KIND_MOTOR = 1  # A motor.\n"
@@ -415,7 +420,7 @@ def test_the_identities_of_a_release_are_written_as_they_were(release: str) -> N
 
 @pytest.mark.slow
 def test_a_release_is_added_by_embedding_it_alone(tmp_path: Path) -> None:
-    """A copy of this checkout knows v1.19, which has a new message and another default, and needs no other edit."""
+    """A copy of this checkout knows the next release, with a new message and another default, without another edit."""
     copy, tree = tmp_path / "copy", tmp_path / "PX4-Autopilot"
     for folder in ("msggen", "templates", "msg", "srv", "releases", "tests/support", "tests/vectors"):
         shutil.copytree(ROOT / folder, copy / folder, ignore=shutil.ignore_patterns("__pycache__"))
@@ -435,32 +440,43 @@ def test_a_release_is_added_by_embedding_it_alone(tmp_path: Path) -> None:
             [sys.executable, *words], cwd=copy, env=environment, capture_output=True, text=True, check=False
         ).stdout
 
-    missing = run("tests/support/embed.py", str(tree), "v1.19").splitlines()
+    missing = run("tests/support/embed.py", str(tree), NEXT).splitlines()
     assert [line for line in missing if "Novelty.msg:" in line] == [
         "msg/Novelty.msg: what the message is for",
         "msg/Novelty.msg: uint64 timestamp",
     ]
     assert [line for line in missing if not line.startswith(("msg/", "srv/"))] == [
-        f"msggen/sources/conventions.py: a row, if v1.19 changed {', '.join(Conventions._fields[1:])}",
-        "msggen/sources/conventions.py: a row for v1.19 with {'default_interval_ms': 7}",
+        f"msggen/sources/conventions.py: a row, if {NEXT} changed {', '.join(Conventions._fields[1:])}",
+        f"msggen/sources/conventions.py: a row for {NEXT} with {{'default_interval_ms': 7}}",
         "tests/vectors/cdr.json: the firmware's samples of Novelty.msg",
     ]
     heading, newest, second, *_ = run("-m", "msggen", "releases").splitlines()
     assert heading.split()[0] == "release"
-    assert newest.split() == ["v1.19", "260", "1", "332", "69", "default"]
-    assert second.split() == ["v1.18", "259", "1", "331", "69"]
-    assert "from the embedded PX4 v1.19: 260 messages" in run("-m", "msggen", "build", "--px4", "v1.19", "-o", "new")
-    assert "the embedded PX4 v1.18: 259 messages" in run("-m", "msggen", "build", "--px4", "v1.18", "-o", "old")
-    assert "the embedded PX4 v1.19 does not break the embedded PX4 v1.18" in run(
-        "-m", "msggen", "breaking", "--px4", "v1.19", "--against", "v1.18"
+    known = catalog_of(NEWEST)
+    messages = len(known.messages)
+    counts = [messages, len(known.services), len(uorb_topics(known)), len(endpoints(known))]
+    assert second.split() == [NEWEST, *map(str, counts)]
+    assert newest.split() == [
+        NEXT,
+        *(str(count + more) for count, more in zip(counts, (1, 0, 1, 0), strict=True)),
+        "default",
+    ]
+    assert f"from the embedded PX4 {NEXT}: {messages + 1} messages" in run(
+        "-m", "msggen", "build", "--px4", NEXT, "-o", "new"
+    )
+    assert f"the embedded PX4 {NEWEST}: {messages} messages" in run(
+        "-m", "msggen", "build", "--px4", NEWEST, "-o", "old"
+    )
+    assert f"the embedded PX4 {NEXT} does not break the embedded PX4 {NEWEST}" in run(
+        "-m", "msggen", "breaking", "--px4", NEXT, "--against", NEWEST
     )
     table = json.loads((copy / "msggen/messages/releases.json").read_text())
-    assert list(table) == ["v1.19", *EMBEDDED]
-    assert table["v1.19"].keys() == table["v1.18"].keys()
+    assert list(table) == [NEXT, *EMBEDDED]
+    assert table[NEXT].keys() == table[NEWEST].keys()
     lists = (ROOT / "msg/CMakeLists.txt").read_text()
     assert (copy / "msg/CMakeLists.txt").read_text().split("\n")[1] == lists.split("\n")[1]
-    vectors = json.loads((copy / "tests/vectors/v1.19.json").read_text())
-    assert len(vectors["messages"]) == 260
+    vectors = json.loads((copy / f"tests/vectors/{NEXT}.json").read_text())
+    assert len(vectors["messages"]) == messages + 1
 
 
 # Command line
