@@ -28,16 +28,13 @@ A ratio is the time of another package divided by the time of msggen, unless the
 over all messages, of which the charts have a dot each. The terminal prints all rows."""
 
 HOW = f"""\
-Contestants take turns of about {FULL.turn * 1e3:g} ms, in {FULL.rounds} rounds, and the minimum of each counts, because
-other work on a machine can only make a turn longer. Ratios of minima are similar on other machines; times are not. The
-garbage collector is on, as it is for users. The types of all packages are made from the same definitions, and used as
-their documentation shows; [peers.py](../benchmarks/peers.py) has the statements that are timed. Before timing, decoded
-values are compared with msggen's, and encoded bytes with the firmware's. The samples are those of the tests, with
-random values. The reason for a {NONE} is below the table.
+Contestants take turns of about {FULL.turn * 1e3:g} ms, in {FULL.rounds} rounds, and the minimum of each
+counts, because other work on a machine can only make a turn longer. The types of all packages are made from the same
+definitions, and used as their documentation shows ([peers.py](../benchmarks/peers.py)). Before timing, decoded values
+are compared with msggen's, and encoded bytes with the firmware's. The reason for a {NONE} is below the table.
 
-The unpack floor is only `unpack_from` of `struct` with the message's own format, and for encoding only `pack`: no
-objects, no names, no checks. The loops that fill columns are what users write without batches: numpy
-arrays created in advance, one for each field, filled sample by sample."""
+The unpack floor is only `unpack_from` of `struct` with the message's own format, and for encoding only `pack`. The
+loops that fill columns fill numpy arrays created in advance, one for each field, sample by sample."""
 
 
 class Section(NamedTuple):

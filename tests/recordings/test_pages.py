@@ -49,8 +49,6 @@ TOOLS = {"stores": ("curl",)}
 """Programs that pages need and not every system has."""
 DEAR = {"stores"}
 """The pages for the night only: this one starts a server of S3, and reads all kinds of recordings once more."""
-NOT_RUN = {"pyspark"}
-"""Packages that need more than pip installs: Spark needs Java."""
 EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
 
 
@@ -93,7 +91,7 @@ def requirements(page: str) -> list[str]:
 
 @pytest.mark.parametrize("page", PAGES)
 def test_a_page_begins_with_the_command_that_installs_what_it_imports(page: str) -> None:
-    steps = [each for each in steps_of(page) if each.needs not in NOT_RUN]
+    steps = steps_of(page)
     assert steps[0].code.startswith(f"{INSTALL}'msggen["), steps[0]
     named = requirements(page)
     extras = {extra for each in named if each.startswith("msggen[") for extra in re.split(r"[\[\],]", each)[1:-1]}

@@ -84,7 +84,7 @@ def test_the_facts_are_those_of_the_capture(px4_types: Any) -> None:
 
 def test_the_page_compares_them(real: dict[str, Topic], own: dict[str, Topic]) -> None:
     page = (ROOT / "docs" / "sim.md").read_text(encoding="utf-8")
-    assert published.tables(real, own) in page, "stale: python -m support.published, in the folder tests"
+    assert published.table(real, own) in page, "stale: python -m support.published, in the folder tests"
 
 
 def test_the_page_lists_parts_and_disturbances() -> None:

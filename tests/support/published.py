@@ -153,19 +153,12 @@ FIELDS: Mapping[str, Mapping[str, str]] = {
 """The fields that have other values, and why."""
 
 
-def tables(real: Mapping[str, Topic], own: Mapping[str, Topic]) -> str:
-    """Return the comparison for people, as Markdown: rates, and what differs."""
+def table(real: Mapping[str, Topic], own: Mapping[str, Topic]) -> str:
+    """Return the comparison of rates for people, as Markdown."""
     head = ["| topic | PX4 at rest | PX4 in flight | sim at rest | sim in flight |", "|---|---|---|---|---|"]
     names = [name for name, topic in real.items() if topic.how != "silent"]
     rows = [f"| {name} | {' | '.join(_shown(each) for each in (*real[name][:2], *own[name][:2]))} |" for name in names]
-    reasons: dict[str, list[str]] = defaultdict(list)
-    for name, reason in RATES.items():
-        reasons[reason].append(f"{name} (rate)")
-    for name, fields in FIELDS.items():
-        for reason in dict.fromkeys(fields.values()):
-            reasons[reason].append(f"{name}: {', '.join(each for each in fields if fields[each] == reason)}")
-    why = [f"| {'; '.join(places)} | {reason} |" for reason, places in reasons.items()]
-    return "\n".join([*head, *rows, "", "| differs | because |", "|---|---|", *why, ""])
+    return "\n".join([*head, *rows, ""])
 
 
 def _shown(rate: float) -> str:
@@ -223,11 +216,11 @@ def different_fields(real: Mapping[str, Topic], own: Mapping[str, Topic]) -> Ite
 
 
 def _write_page(package: Any) -> None:
-    """Write the tables of the page on simulated vehicles."""
+    """Write the table of the page on simulated vehicles."""
     path = ROOT / "docs" / "sim.md"
     before, begin, rest = path.read_text(encoding="utf-8").partition(BEGIN)
     _, end, after = rest.partition(END)
-    path.write_text(before + begin + tables(load(), simulated(package, Options())) + end + after, encoding="utf-8")
+    path.write_text(before + begin + table(load(), simulated(package, Options())) + end + after, encoding="utf-8")
 
 
 BEGIN = "<!-- tests/support/published.py writes what follows -->\n"
