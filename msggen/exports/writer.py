@@ -10,12 +10,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from mcap.opcode import Opcode
 
+from msggen.recordings.files.mcap.layouts import FRONT, INDEX_ENTRY, MESSAGE_HEAD
 from msggen.recordings.files.mcap.writer import (
     CHUNK,
     COMPRESSIONS,
-    ENTRY,
-    FRONT,
-    MESSAGE_HEAD,
     SMALLER,
     Chunk,
     ChunkWriter,
@@ -79,7 +77,7 @@ class Writer:
         """Add a sample. Times are in ns since 1970, and `payload` is CDR with its header."""
         data = self._data
         head = MESSAGE_HEAD.pack(_MESSAGE, _PLAIN + len(payload), channel, 0, log_time, publish_time)
-        entry = ENTRY.pack(log_time, len(data))
+        entry = INDEX_ENTRY.pack(log_time, len(data))
         data += head
         data += payload
         try:

@@ -16,11 +16,11 @@ from msggen.flight.elsewhere import Hinted
 from msggen.flight.errors import FlightError, LimitError, NotReachedError
 from msggen.flight.feeds import Condition, Feeds
 from msggen.flight.limits import Fence
-from msggen.flight.places import GlobalPlace, local_place, on_earth, sea_level
+from msggen.flight.places import GlobalPlace, OnEarth, local_place, sea_level
 from msggen.flight.setpoints import finite
 from msggen.flight.states import described, is_armed, is_disarmed
 from msggen.flight.telemetry import is_known_in_air, is_known_landed, is_landed, valid_estimate
-from msggen.flight.usage import ON_EARTH, explained, named
+from msggen.flight.usage import ON_EARTH, explained
 from msggen.messages import commands, earth
 from msggen.messages.nav_states import HOLD, LAND, RETURN, SELECTABLE, TAKEOFF, mode_number
 
@@ -166,7 +166,7 @@ class Actions(Hinted):
         Raises TypeError for numbers without names, ValueError, RefusedError, NoAnswerError, NotReachedError if another
         mode is selected on the way or the vehicle lands, LimitError as `Limits` says, and FlightError on the ground.
         """
-        latitude, longitude, altitude = on_earth("goto", place, latitude, longitude, altitude)
+        latitude, longitude, altitude = OnEarth(place, latitude, longitude, altitude).numbers("goto")
         await self._check_place(GlobalPlace(latitude, longitude, altitude or 0.0), is_level=altitude is None)
         if is_landed(self._feeds):
             raise FlightError("the vehicle is on the ground: take off first")
@@ -194,11 +194,11 @@ class Actions(Hinted):
         Raises TypeError, ValueError, RefusedError and NoAnswerError.
         """
         what = "set the home position"
-        if (place, latitude, longitude, altitude) == (None,) * 4:
+        where = OnEarth(place, latitude, longitude, altitude)
+        if where == (None,) * 4:
             await self._send(commands.SET_HOME, 1.0, what=what)
         else:
-            values = _whole("set_home", place, latitude, longitude, altitude)
-            await self._send(commands.SET_HOME, 0.0, *[math.nan] * 3, *values, what=what)
+            await self._send(commands.SET_HOME, 0.0, *[math.nan] * 3, *where.whole("set_home"), what=what)
 
     @explained(ON_EARTH)
     async def set_origin(
@@ -213,7 +213,7 @@ class Actions(Hinted):
 
         Raises TypeError, ValueError, RefusedError and NoAnswerError.
         """
-        values = _whole("set_origin", place, latitude, longitude, altitude)
+        values = OnEarth(place, latitude, longitude, altitude).whole("set_origin")
         await self._send(commands.SET_ORIGIN, *[math.nan] * 4, *values, what="set the origin")
 
     async def wait_armed(self) -> None:
@@ -279,20 +279,6 @@ class Actions(Hinted):
             await self._fence.wait_for_home()
         north, east, down = await local_place(self._feeds, place, "ned")
         self._fence.check_goto((north, east, math.nan if is_level else down))
-
-
-def _whole(
-    function: str,
-    place: GlobalPlace | None,
-    latitude: float | None,
-    longitude: float | None,
-    altitude: float | None,
-) -> tuple[float, float, float]:
-    """Return a place with its altitude. Raises TypeError and ValueError as `on_earth`."""
-    north, east, up = on_earth(function, place, latitude, longitude, altitude)
-    if up is None:
-        raise TypeError(named(function, ON_EARTH))
-    return north, east, up
 
 
 def _is_near(place: Any, latitude: float, longitude: float, altitude: float | None) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from msggen.flight.errors import NoAnswerError
 from msggen.flight.feeds import Feeds
@@ -52,24 +52,33 @@ async def local_place(feeds: Feeds, place: Sequence[float] | GlobalPlace, frame:
     return Vector(north, east, origin.ref_alt - place.altitude)
 
 
-def on_earth(
-    function: str,
-    place: GlobalPlace | None,
-    latitude: float | None,
-    longitude: float | None,
-    altitude: float | None,
-) -> tuple[float, float, float | None]:
-    """Return the latitude, the longitude and the altitude of a place that a call names in one of two ways.
+class OnEarth(NamedTuple):
+    """A place as a call names it: as a GlobalPlace, or by numbers."""
 
-    Raises TypeError, which shows both ways, and ValueError for what is no place on earth.
-    """
-    numbers = latitude, longitude, altitude
-    if isinstance(place, GlobalPlace) and numbers == (None, None, None):
-        return place.latitude, place.longitude, place.altitude
-    if place is not None or latitude is None or longitude is None:
-        raise TypeError(named(function, ON_EARTH))
-    GlobalPlace(latitude, longitude, 0.0 if altitude is None else altitude)
-    return latitude, longitude, altitude
+    place: GlobalPlace | None
+    latitude: float | None
+    longitude: float | None
+    altitude: float | None
+
+    def numbers(self, function: str) -> tuple[float, float, float | None]:
+        """Return the latitude, the longitude and the altitude for a function.
+
+        Raises TypeError, which shows both ways, and ValueError for what is no place on earth.
+        """
+        place, latitude, longitude, altitude = self
+        if isinstance(place, GlobalPlace) and self[1:] == (None, None, None):
+            return place.latitude, place.longitude, place.altitude
+        if place is not None or latitude is None or longitude is None:
+            raise TypeError(named(function, ON_EARTH))
+        GlobalPlace(latitude, longitude, 0.0 if altitude is None else altitude)
+        return latitude, longitude, altitude
+
+    def whole(self, function: str) -> tuple[float, float, float]:
+        """Return the same with an altitude. Raises TypeError without one, too."""
+        latitude, longitude, altitude = self.numbers(function)
+        if altitude is None:
+            raise TypeError(named(function, ON_EARTH))
+        return latitude, longitude, altitude
 
 
 def check_within(within: float) -> None:

@@ -17,7 +17,7 @@ from msggen.flight.feeds import Feed
 from msggen.link.session_files import records_folder
 from msggen.live import Vehicle
 from msggen.sim.publishing import Publication, Schedule
-from msggen.vehicle.memory import Memory
+from msggen.vehicle.entry import Memory
 from support.flown import Flown, fly
 from support.flying import simulated
 from support.ports import free_port

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from mcap.opcode import Opcode
 
-from msggen.recordings.files.mcap.writer import CHUNK, FRONT, Chunk, ChunkWriter
+from msggen.recordings.files.mcap.layouts import FRONT
+from msggen.recordings.files.mcap.writer import CHUNK, Chunk, ChunkWriter
 from msggen.recordings.source.gather import at, groups
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ _HEAD = np.dtype(
 )
 """What is before the payload of a message, as MESSAGE_HEAD."""
 _ENTRY = np.dtype([("log", "<u8"), ("start", "<u8")])
-"""An entry of a message index, as ENTRY."""
+"""An entry of a message index, as INDEX_ENTRY."""
 
 
 class McapWriter(ChunkWriter):

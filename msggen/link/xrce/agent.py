@@ -56,7 +56,10 @@ def everybody(address: Address) -> bool:  # noqa: ARG001
 
 
 class Agent:
-    """All clients of one transport."""
+    """All clients of one transport.
+
+    It is one class, because each datagram can begin, wake, replace or end any session.
+    """
 
     def __init__(  # noqa: PLR0913 - keywords, each of which has a default
         self,

@@ -49,7 +49,10 @@ _MOST_MISSING: Final = 0x8000  # of messages that are not counted yet: as many a
 
 
 class Session:
-    """One client, agent side. The agent decides when it begins, sleeps and ends."""
+    """One client, agent side. The agent decides when it begins, sleeps and ends.
+
+    It is one class, because each message can change streams, entities and the life of the session together.
+    """
 
     def __init__(  # noqa: PLR0913, PLR0917 - the agent makes it
         self,

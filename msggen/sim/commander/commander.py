@@ -54,7 +54,10 @@ _NO_OVERRIDES = Overrides()
 
 
 class Commander:
-    """A vehicle on the ground, disarmed, in Hold. `parameters` are those of PX4 by their names."""
+    """A vehicle that is on the ground, disarmed and in Hold at first. `parameters` are those of PX4 by their names.
+
+    It is one class, because each step looks at mode, arming, failsafe and components together, in PX4's order.
+    """
 
     def __init__(self, rules: Rules, parameters: Mapping[str, float]) -> None:
         self.rules = rules

@@ -12,8 +12,19 @@ from typing import Any
 
 from msggen.link.age import NEVER, expiry
 from msggen.link.guard import guarded
-from msggen.link.link import LinkError, Listener, Remote, Route, Sample, Service
-from msggen.vehicle.owned.asking import Asking
+from msggen.link.link import (
+    NOTHING,
+    Client,
+    Link,
+    LinkError,
+    Listener,
+    Publisher,
+    Remote,
+    Route,
+    Sample,
+    Service,
+    Statistics,
+)
 from msggen.vehicle.owned.greeting import connected, greeted
 from msggen.vehicle.owned.outgoing import Outgoing
 from msggen.vehicle.owned.records import (
@@ -37,12 +48,16 @@ _ANSWER_S = 1.0
 """The longest wait in s for an answer of the owner."""
 
 
-class UnixLink(Asking):
+class UnixLink(Link):
     """A link that another process owns, at the path of its socket."""
 
+    is_shared = True
+
     def __init__(self, path: str) -> None:
-        super().__init__()
         self.path = path
+        self._offset = 0
+        """The number of the last vehicle of the owners before this one."""
+        self._statistics = NOTHING
         self._socket: socket.socket | None = None
         self._thread: threading.Thread | None = None
         self._outgoing = Outgoing()
@@ -137,6 +152,39 @@ class UnixLink(Asking):
             finally:
                 self._asked.pop(question, None)
         return None
+
+    def clients(self) -> list[Client]:
+        """Return all clients that have begun a session at the owner, also those that are silent by now."""
+        found = [Client(*each) for each in self.ask("clients") or ()]
+        return [each._replace(number=each.number + self._offset) if each.number else each for each in found]
+
+    def is_settled(self) -> bool:
+        """Whether all clients that send to the owner have connected, as far as it is known."""
+        return self.ask("settled") is not False
+
+    def refusals(self) -> dict[str, int]:
+        """Return how many datagrams the owner has refused, by reason."""
+        return dict(self.ask("refusals") or {})
+
+    def publishers(self, remote: Remote) -> list[Publisher]:
+        """Return the running programs that have published to a vehicle. From any thread."""
+        found = self.ask("publishers") or {}
+        return [Publisher(*each) for each in found.get(str(remote.number - self._offset), ())]
+
+    def warnings(self) -> list[str]:
+        """Return what the owner has warned of, also before this program has joined."""
+        return list(self.ask("warnings") or ())
+
+    def address(self) -> str:
+        """Return the address at which the owner listens, "" if it does not answer."""
+        return str((self.ask("state") or {}).get("address", ""))
+
+    def statistics(self) -> Statistics:
+        """Return the counters of the owner, or the last known ones if it does not answer."""
+        found = self.ask("statistics")
+        if found is not None:
+            self._statistics = Statistics(*found)
+        return self._statistics
 
     def routes(self, remote: Remote) -> Sequence[Route | Service]:
         """Return the routes and services of a connected vehicle, or none if it is not connected."""

@@ -24,7 +24,7 @@ from msggen.link.link import LinkError, StaleError
 from msggen.live import LinkTimeoutError, Vehicle
 from msggen.sim import Options, Simulator
 from msggen.sim.vehicle import SimulatedVehicle
-from msggen.vehicle.delivery import Delivery
+from msggen.vehicle.hub import Delivery
 from msggen.vehicle.owned import greeting, outgoing
 from msggen.vehicle.owned.outgoing import Outgoing
 from msggen.vehicle.owned.records import SAMPLE, event_of, record_of

@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING
 
 from msggen.base.diagnostics import few
 from msggen.recordings.files.mcap.checksums import Checks
+from msggen.recordings.files.mcap.layouts import ENTRY, FRONT
 from msggen.recordings.files.mcap.metadata import IS_LENT, NAMES
 from msggen.recordings.files.mcap.records import (
     CHANNEL,
-    ENTRY,
-    FRONT,
     LAST_OPCODE,
     METADATA,
     SCHEMA,

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from itertools import accumulate
 from typing import TYPE_CHECKING
 
-from msggen.recordings.files.mcap.records import CHUNK_FRONT, FRONT, INDEX_FRONT, Chunk, Loose, index_ranges
+from msggen.recordings.files.mcap.layouts import FRONT, INDEX_FRONT
+from msggen.recordings.files.mcap.records import CHUNK_FRONT, Chunk, Loose, index_ranges
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator

@@ -6,11 +6,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from msggen.recordings.files.mcap.layouts import ENTRY, FRONT, HEAD
 from msggen.recordings.files.mcap.records import (
     CHANNEL_AT,
-    ENTRY,
-    FRONT,
-    HEAD,
     HEAD_BYTES,
     HEADS,
     MESSAGE,

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from msggen.base.recording_formats import FORMATS
 from msggen.recordings.files.compression import LARGEST
+from msggen.recordings.files.mcap.layouts import CHUNK_HEAD, ENTRY, FRONT, HEAD, INDEX_FRONT, INDEX_HEAD, RECORD
 from msggen.recordings.source.gather import at
 from msggen.recordings.source.source import Attached
 
@@ -20,16 +20,11 @@ if TYPE_CHECKING:
 
     from msggen.recordings.source.memory import Octets, Places
 
-MAGIC = FORMATS["mcap"].front
 FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX, STATISTICS = 2, 3, 4, 5, 6, 7, 8, 11
 ATTACHMENT, METADATA, DATA_END = 9, 12, 15
 LAST_OPCODE = 15
-RECORD = struct.Struct("<BQ")
-FRONT = RECORD.size
 CHANNEL_AT = 9
 """Where the channel of a message is in its record."""
-HEAD = 31
-"""The size of a message record before its payload, in bytes."""
 HEADS = np.dtype(
     {
         "names": ["opcode", "length", "channel", "log", "publish"],
@@ -40,18 +35,13 @@ HEADS = np.dtype(
 )
 """A message record before its payload. `channel` begins with the upper two bytes of the length, which are 0."""
 HEAD_BYTES = np.dtype(f"V{HEAD}")
-ENTRY = 16
-"""The size of an entry of a message index: a log time, and an offset in the chunk."""
-_INDEX_HEAD = struct.Struct("<BQHI")
 INDEX_HEADS = np.dtype(
     {"names": ["opcode", "length", "channel", "size"], "formats": ["u1", "<u8", "<u2", "<u4"], "offsets": [0, 1, 9, 11]}
 )
 """A message index before its entries."""
-INDEX_FRONT = _INDEX_HEAD.size
 _INDEX_REST = INDEX_FRONT - FRONT
 CRC = 4
 """The size of the CRC at the end of an attachment."""
-_CHUNK_HEAD = struct.Struct("<QQQI")
 _CHUNK_CRC = struct.Struct("<I")
 _CHUNK_INDEX = struct.Struct("<QQQQI")
 """The front of a chunk index."""
@@ -112,8 +102,8 @@ def steps(data: memoryview, start: int, stop: int) -> Iterator[tuple[int, int, i
 def chunk_at(data: memoryview, start: int, length: int) -> Chunk | None:
     """Return the chunk whose content is at `start`, None if its lengths contradict each other. It has no indexes."""
     try:
-        first, last, size, _ = _CHUNK_HEAD.unpack_from(data, start)
-        kind, place = text_at(data, start + _CHUNK_HEAD.size)
+        first, last, size, _ = CHUNK_HEAD.unpack_from(data, start)
+        kind, place = text_at(data, start + CHUNK_HEAD.size)
         (stored,) = struct.unpack_from("<Q", data, place)
     except (struct.error, ValueError):
         return None
@@ -124,7 +114,7 @@ def chunk_at(data: memoryview, start: int, length: int) -> Chunk | None:
 
 def crc_of(data: memoryview, chunk: Chunk) -> int:
     """Return the CRC-32 of the records of a chunk, 0 if there is none."""
-    crc: int = _CHUNK_CRC.unpack_from(data, chunk.start + _CHUNK_HEAD.size - _CHUNK_CRC.size)[0]
+    crc: int = _CHUNK_CRC.unpack_from(data, chunk.start + CHUNK_HEAD.size - _CHUNK_CRC.size)[0]
     return crc
 
 
@@ -143,7 +133,7 @@ def chunk_in(record: memoryview) -> Chunk:
     kind, place = text_at(record, place + size + 8)
     stored, content = struct.unpack_from("<QQ", record, place)
     first, last = min(first, LARGEST_NUMBER), min(last, LARGEST_NUMBER)
-    records = offset + FRONT + _CHUNK_HEAD.size + 4 + len(kind.encode()) + 8
+    records = offset + FRONT + CHUNK_HEAD.size + 4 + len(kind.encode()) + 8
     chunk = Chunk(
         start=offset + FRONT,
         length=whole - FRONT,
@@ -171,7 +161,7 @@ def index_ranges(data: memoryview, offsets: Iterable[int]) -> Iterator[tuple[int
     """Yield where the message indexes at offsets are, by their heads."""
     for offset in offsets:
         if offset + INDEX_FRONT <= len(data):
-            opcode, _, _, size = _INDEX_HEAD.unpack_from(data, offset)
+            opcode, _, _, size = INDEX_HEAD.unpack_from(data, offset)
             if opcode == MESSAGE_INDEX:
                 yield offset, offset + INDEX_FRONT + size
 
@@ -181,7 +171,7 @@ def entries_of(file: Octets, number: int, offset: int) -> Octets | None:
     start = offset + INDEX_FRONT
     if start > file.size:
         return None
-    opcode, length, channel, size = _INDEX_HEAD.unpack_from(file.data, offset)
+    opcode, length, channel, size = INDEX_HEAD.unpack_from(file.data, offset)
     if opcode != MESSAGE_INDEX or channel != number or size % ENTRY or length != size + _INDEX_REST:
         return None
     return file[start : start + size] if start + size <= file.size else None

@@ -10,18 +10,16 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from msggen.recordings.files.mcap.chunks import limited, records_of
+from msggen.recordings.files.mcap.layouts import FRONT, MAGIC, RECORD
 from msggen.recordings.files.mcap.messages import finder_in, records_in, searched
 from msggen.recordings.files.mcap.records import (
     ATTACHMENT,
     CHUNK,
     DATA_END,
     FOOTER,
-    FRONT,
-    MAGIC,
     MESSAGE,
     MESSAGE_INDEX,
     METADATA,
-    RECORD,
     STATISTICS,
     Chunk,
     Loose,

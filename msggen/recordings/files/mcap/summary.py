@@ -7,17 +7,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.recordings.files.mcap.checksums import crc32
 from msggen.recordings.files.mcap.fetched import fetch_heads
+from msggen.recordings.files.mcap.layouts import ENTRY, FRONT, INDEX_FRONT, MAGIC
 from msggen.recordings.files.mcap.records import (
     ATTACHMENT,
     CHUNK,
     CHUNK_INDEX,
     CRC,
     DATA_END,
-    ENTRY,
     FOOTER,
-    FRONT,
-    INDEX_FRONT,
-    MAGIC,
     MESSAGE,
     METADATA,
     STATISTICS,

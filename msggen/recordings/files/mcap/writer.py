@@ -5,7 +5,6 @@ The package `mcap` writes the small records. A chunk comes with all its messages
 
 from __future__ import annotations
 
-import struct
 import zlib
 from collections import Counter
 from types import MappingProxyType
@@ -27,8 +26,8 @@ from mcap.records import (
 )
 from mcap.records import Channel as ChannelRecord
 
-from msggen.base.recording_formats import FORMATS
 from msggen.base.version import __version__
+from msggen.recordings.files.mcap.layouts import CHUNK_HEAD, ENTRY, FRONT, INDEX_HEAD, MAGIC, RECORD
 from msggen.recordings.files.mcap.metadata import IS_LENT
 from msggen.recordings.files.rosbag2.qos import QOS_VERSION, offered
 from msggen.recordings.source.source import RawSchema, RecordingError
@@ -41,19 +40,8 @@ if TYPE_CHECKING:
 
     Octets: TypeAlias = bytes | bytearray | memoryview
 
-MAGIC = FORMATS["mcap"].front
 CHUNK = 768 * 1024
 """The size of a chunk in bytes before compression, as rosbag2 has it."""
-MESSAGE_HEAD = struct.Struct("<BQHIQQ")
-"""What is before the payload of a message: opcode, length, channel, sequence, log time, publish time."""
-FRONT = 9
-"""The opcode and the length of a record, in bytes."""
-ENTRY = struct.Struct("<QQ")
-"""An entry of a message index: log time, offset in the chunk."""
-_RECORD = struct.Struct("<BQ")
-_CHUNK_TIMES = struct.Struct("<QQQI")
-"""The front of a chunk: first and last log time, size and checksum before compression."""
-_INDEX_HEAD = struct.Struct("<BQHI")
 _MOST_CHANNELS = 1 << 16
 FASTEST, SMALLER = 1, 3
 """Levels of zstd: of a flight log, SMALLER makes files 8 % smaller, and takes 10 % longer with all that is done."""
@@ -84,7 +72,7 @@ class Chunk(NamedTuple):
     last: int
     """The least and the largest log time in ns."""
     entries: Mapping[int, Octets]
-    """For each channel, an ENTRY of each of its messages."""
+    """For each channel, an INDEX_ENTRY of each of its messages."""
 
 
 class Sink(Protocol):
@@ -167,7 +155,7 @@ class ChunkWriter:
         name, content = attached.name, attached.content
         offset, length = self._sink.tell(), FRONT + len(content)
         opcode = Opcode.ATTACHMENT if attached.is_attachment else Opcode.METADATA
-        self._sink.write(_RECORD.pack(opcode, len(content)))
+        self._sink.write(RECORD.pack(opcode, len(content)))
         self._sink.write(content)
         if not attached.is_attachment:
             self._metadata.append(MetadataIndex(offset=offset, length=length, name=name))
@@ -197,23 +185,23 @@ class ChunkWriter:
         begin = self._sink.tell()
         head = b"".join(
             (
-                _CHUNK_TIMES.pack(chunk.first, chunk.last, chunk.size, zlib.crc32(chunk.data)),
+                CHUNK_HEAD.pack(chunk.first, chunk.last, chunk.size, zlib.crc32(chunk.data)),
                 len(kind).to_bytes(4, "little"),
                 kind,
                 len(packed).to_bytes(8, "little"),
             )
         )
-        self._sink.write(_RECORD.pack(Opcode.CHUNK, len(head) + len(packed)) + head)
+        self._sink.write(RECORD.pack(Opcode.CHUNK, len(head) + len(packed)) + head)
         self._sink.write(packed)
         place = end = begin + FRONT + len(head) + len(packed)
         offsets, indexes = {}, []
         for number, entries in sorted(chunk.entries.items()):
             octets = bytes(entries)
             size = len(octets)
-            indexes.append(_INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, size + 6, number, size) + octets)
+            indexes.append(INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, size + 6, number, size) + octets)
             offsets[number] = place
             place += len(indexes[-1])
-            self.counts[number] += size // ENTRY.size
+            self.counts[number] += size // ENTRY
         self._sink.write(b"".join(indexes))
         self._chunks.append(
             ChunkIndex(
