@@ -73,7 +73,7 @@ COMPLETED = [
 ]
 
 
-@by_day(("code", "expected"), COMPLETED, 3, ids=[code.splitlines()[-1] for code, _ in COMPLETED])
+@by_day(("code", "expected"), COMPLETED, 4, ids=[code.splitlines()[-1] for code, _ in COMPLETED])
 def test_jedi_completes_the_package(code: str, expected: set[str]) -> None:
     assert expected <= completions(code)
 

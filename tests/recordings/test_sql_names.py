@@ -15,13 +15,14 @@ import duckdb
 import numpy as np
 import pyarrow as pa
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from msggen import recordings
 from msggen.cli import main
 from msggen.exports.convert import TABLES, convert
 from msggen.recordings.columns.sql_names import names_for_sql
+from support.examples import examples
 from support.flights import TOPICS, write_flight
 from support.log_files import Written, write_log
 from support.recordings import START
@@ -49,6 +50,7 @@ def test_names(names: list[str], expected: list[str]) -> None:
     assert names_for_sql(names) == expected
 
 
+@settings(max_examples=examples(100, by_day=12))
 @given(st.lists(ANY, unique=True, min_size=1, max_size=8))
 def test_databases_take_the_names_without_quotes(names: list[str]) -> None:
     made = names_for_sql(names)
