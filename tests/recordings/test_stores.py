@@ -292,7 +292,7 @@ def test_a_server_of_http_is_read_in_ranges(server: ObjectServer, px4_types: Any
     data = recording(px4_types, 100, 5, 1500)
     path = tmp_path / "a b.mcap"
     path.write_bytes(data)
-    server.files["/logs/a%20b.mcap"] = data
+    server.files["/logs/a b.mcap"] = data
     server.tags = False
     with recordings.open(f"{server.url}/logs/a%20b.mcap?X-Signature=se%2Fcret") as log, recordings.open(path) as own:
         assert log.path == f"{server.url}/logs/a%20b.mcap"
