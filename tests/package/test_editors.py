@@ -84,7 +84,7 @@ def test_jedi_completes_only_names_that_exist() -> None:
     assert not {"Direction", "in_namespace"} & completions(f"{IMPORT}topics.")
 
 
-@pytest.mark.parametrize(
+@by_day(
     ("code", "expected"),
     [
         ("SensorCombined", "Gyro and accelerometer readings"),
@@ -102,6 +102,7 @@ def test_jedi_completes_only_names_that_exist() -> None:
         ("EscStatus.__msg__.definition", "ros2msg"),
         ("by_type", "Return the class of a recorded type"),
     ],
+    3,
 )
 def test_jedi_shows_documentation(code: str, expected: str) -> None:
     assert expected in hover(IMPORT + code)
