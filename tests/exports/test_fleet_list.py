@@ -157,16 +157,17 @@ DAMAGED: Mapping[str, Callable[[bytes], bytes]] = {
 }
 
 
-@pytest.mark.parametrize("kind", DAMAGED)
-def test_a_list_that_is_not_sound_is_an_error_and_nothing_changes(kind: str, fleet: Path, logs: Path) -> None:
-    (fleet / LIST).write_bytes(DAMAGED[kind]((fleet / LIST).read_bytes()))
+def test_a_list_that_is_not_sound_is_an_error_and_nothing_changes(fleet: Path, logs: Path) -> None:
+    whole = (fleet / LIST).read_bytes()
     (fleet / "_msggen" / "00000000.stage").mkdir()
-    before = content(fleet.parent)
-    text = "a newer version" if kind == "newer" else f"{LIST} is not the list of a fleet, or is damaged"
-    for run in (lambda: update(str(logs), str(fleet)), lambda: compact(str(fleet)), lambda: files(str(fleet))):
-        with pytest.raises(FleetError, match=text):
-            run()
-    assert content(fleet.parent) == before
+    for kind, damage in DAMAGED.items():
+        (fleet / LIST).write_bytes(damage(whole))
+        before = content(fleet.parent)
+        text = "a newer version" if kind == "newer" else f"{LIST} is not the list of a fleet, or is damaged"
+        for run in (lambda: update(str(logs), str(fleet)), lambda: compact(str(fleet)), lambda: files(str(fleet))):
+            with pytest.raises(FleetError, match=text):
+                run()
+        assert content(fleet.parent) == before, kind
 
 
 def test_a_list_that_is_missing_is_an_error_and_nothing_changes(fleet: Path, logs: Path) -> None:

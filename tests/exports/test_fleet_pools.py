@@ -42,6 +42,7 @@ def contents(summary: Summary) -> list[dict[str, Any]]:
     return [each._asdict() for each in summary.converted]
 
 
+@pytest.mark.night  # the tests below have processes, and those of `log convert` a scheduler
 def test_pools_do_the_same(logs: Path, tmp_path: Path, pool: Callable[..., Iterator[Batch]]) -> None:
     (logs / "bad.mcap").write_bytes(b"bad")
     expected = update(str(logs), str(tmp_path / "one"))

@@ -1,13 +1,9 @@
-"""Tests of fleets in a store that fails, and of runs that are killed: the next run finishes, and nothing is in part."""
+"""Tests of fleets in a store that fails: the next run finishes, and nothing is in part."""
 
 from __future__ import annotations
 
 import re
 import shutil
-import signal
-import subprocess
-import sys
-import time
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -18,17 +14,13 @@ from msggen.exports.fleet import update
 from msggen.exports.fleet.records import FleetError
 from msggen.recordings.stores import limits
 from msggen.recordings.stores.errors import StoreError
+from support.examples import by_day
 from support.fleet_logs import write_small
 from support.fleet_recordings import rows_of
 from support.fleet_stores import FAULTS, FLEET, Bucket, both
-from support.repository import ROOT
 
 pytest_plugins = ["support.fleet_fixtures"]
 pytestmark = pytest.mark.timeout(600)
-
-
-EVERY = pytest.mark.parametrize("step", [8, pytest.param(1, marks=pytest.mark.night)])
-"""Every 8th request by day, each one by night."""
 
 
 def a_change(bucket: Bucket, logs: Path, folder: Path) -> tuple[dict[str, bytes], int, Any]:
@@ -50,11 +42,11 @@ def fails(fault: str, number: int, each: int, _: str, *, lasts: bool) -> str:
 
 
 @pytest.mark.slow
-@EVERY
+@by_day("step", [8, 1], 2)
 def test_a_store_that_fails_at_any_request(
     bucket: Bucket, tmp_path: Path, step: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Each request with one of the faults, which passes or lasts."""
+    """Each request has one of the faults, which passes or lasts. To a store, a run that is killed is one that lasts."""
     logs = tmp_path / "small"
     saved, count, whole = a_change(bucket, logs, tmp_path / "whole")
     monkeypatch.setattr(limits, "LIMITS", limits.LIMITS._replace(read=0.5))
@@ -79,32 +71,6 @@ def test_a_store_that_fails_at_any_request(
         assert str(failure.filename).startswith("s3://bucket/fleets/own")
         assert re.search(FAULTS[fault], str(failure.strerror)), failure
     assert len(failures) >= 3
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL")
-@EVERY
-def test_a_kill_at_any_request_loses_nothing(bucket: Bucket, tmp_path: Path, step: int) -> None:
-    """A fault that lasts is the same to a store: here, some processes are killed, too."""
-    logs = tmp_path / "small"
-    saved, count, whole = a_change(bucket, logs, tmp_path / "whole")
-    code = f"from msggen.exports.fleet import compact, update; update({str(logs)!r}, {FLEET!r}); compact({FLEET!r})"
-    for number in range(count // 4, count, 6 * step):
-        bucket.load(saved)
-        process = subprocess.Popen([sys.executable, "-c", code], cwd=ROOT)
-
-        def kill(each: int, _: str, process: Any = process, number: int = number) -> str:
-            if each == number:
-                process.kill()
-            return "" if each < number or (each == number and number % 2) else "500"
-
-        bucket.server.begin(kill)
-        assert process.wait(timeout=60) == -signal.SIGKILL
-        time.sleep(0.05)  # what was sent before is done
-        bucket.server.begin()
-        both(str(logs))
-        assert bucket.rows(tmp_path / f"copy-{number}") == whole, f"request {number}"
-        bucket.check_whole()
 
 
 def test_a_store_of_recordings_that_fails_ends_the_run(bucket: Bucket, logs: Path, tmp_path: Path) -> None:

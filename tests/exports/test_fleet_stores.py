@@ -18,6 +18,7 @@ from msggen.exports.fleet.records import FleetError, decoded
 from msggen.recordings.source.source import RecordingError
 from msggen.recordings.stores.errors import StoreError
 from support.databases import Stored, write_database
+from support.examples import by_day
 from support.fleet_recordings import rows_of
 from support.fleet_stores import FLEET, Bucket, change
 from support.recordings import START
@@ -34,7 +35,7 @@ def without_paths(document: dict[str, Any]) -> dict[str, Any]:
     return {name: document[name] for name in (*kept, "date_from", "vehicles")}
 
 
-@pytest.mark.parametrize("source", ["folder", "store"])
+@by_day("source", ["store", "folder"], 2)
 def test_a_fleet_in_a_store_is_the_same(bucket: Bucket, logs: Path, tmp_path: Path, source: str) -> None:
     local = str(tmp_path / "fleet")
     address = str(logs) if source == "folder" else LOGS
@@ -206,21 +207,8 @@ def test_of_two_runs_at_once_one_ends_with_an_error(bucket: Bucket, logs: Path, 
     assert bucket.rows(tmp_path / "copy") == rows_of(tmp_path / "fleet")
 
 
-def test_a_damaged_list_is_an_error(bucket: Bucket, logs: Path) -> None:
-    update(str(logs), FLEET)
-    for data in (b"", b"[" * 1000):
-        bucket.server.files[LIST] = data
-        before = bucket.save()
-        with pytest.raises(FleetError, match=r"_logs\.parquet is not the list of a fleet, or is damaged"):
-            update(str(logs), FLEET)
-        assert bucket.save() == before
-    del bucket.server.files[LIST]
-    with pytest.raises(FleetError, match=r"_logs\.parquet, the list of this fleet, is missing"):
-        update(str(logs), FLEET)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", [pytest.param("processes", marks=pytest.mark.night), "dask"])
+@pytest.mark.night
+@pytest.mark.parametrize("kind", ["processes", "dask"])
 def test_pools_write_to_the_store(bucket: Bucket, logs: Path, tmp_path: Path, kind: str) -> None:
     bucket.put(logs, "logs")
     update(str(logs), str(tmp_path / "fleet"))

@@ -10,6 +10,7 @@ import pytest
 from msggen import recordings
 from msggen.exports.report.page import report
 from support.browser import CSS, complaints, prefer, resize, wait_for
+from support.examples import by_day
 from support.markup_attacks import ATTACKS
 from support.report_flights import DURATION, FAILSAFE, write_ulog
 
@@ -146,7 +147,7 @@ def test_charts_follow_light_and_dark(browser: Chrome, page: Path) -> None:
     prefer(browser, "light")
 
 
-@pytest.mark.parametrize("width", [360, 390, 820])
+@by_day("width", [360, 390, 820], 2)
 def test_a_report_fits_a_telephone(browser: Chrome, page: Path, width: int) -> None:
     resize(browser, width)
     opened(browser, page)

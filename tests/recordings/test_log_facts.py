@@ -8,7 +8,7 @@ from random import Random
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.writer import Writer
 
@@ -21,6 +21,7 @@ from msggen.exports.fleet.layout import date_of, vehicle_of
 from msggen.recordings.files.mcap.metadata import LENT, facts_of, notes_of, records_of
 from msggen.recordings.source.facts import LEVELS, NO_FACTS, Dropout, Facts, Text
 from support.databases import Stored, write_database
+from support.examples import examples
 from support.flights import same_columns, write_flight
 from support.ulog import UTC, UlogWriter
 
@@ -53,6 +54,7 @@ facts = st.builds(
 )
 
 
+@settings(max_examples=examples(100, by_day=12))
 @given(facts)
 def test_facts_are_the_same_as_metadata(given: Facts) -> None:
     records = {name: [values] for name, values in records_of(given)}

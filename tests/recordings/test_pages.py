@@ -47,8 +47,8 @@ LIVE = {"recordings": "Record a vehicle"}
 """The sections of pages with a running vehicle, whose numbers differ from run to run."""
 TOOLS = {"stores": ("curl",)}
 """Programs that pages need and not every system has."""
-DEAR = {"stores"}
-"""The pages for the night only: this one starts a server of S3, and reads all kinds of recordings once more."""
+DEAR = {"fleet", "reading", "stores"}
+"""The pages for the night only: by day, the tests of recordings, fleets and stores run the same commands."""
 EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
 
 

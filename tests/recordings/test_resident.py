@@ -16,6 +16,7 @@ from msggen import recordings
 from msggen.exports.writer import Channel, Writer
 from msggen.recordings.source.memory import drop_pages
 from support.databases import Stored, write_database
+from support.examples import by_day
 
 SIZE = 16 << 20
 
@@ -78,7 +79,7 @@ def test_a_database_is_not_kept_in_memory(tmp_path: Path, monkeypatch: pytest.Mo
         assert resident_bytes(path) < path.stat().st_size // 2
 
 
-@pytest.mark.parametrize("name", ["flight.ulg", "flight.mcap", "unindexed.mcap"])
+@by_day("name", ["flight.ulg", "flight.mcap", "unindexed.mcap"], 2)
 def test_a_recording_is_not_kept_in_memory(
     name: str, px4_types: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -8,6 +8,7 @@ import math
 import re
 import sqlite3
 import struct
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -15,13 +16,14 @@ import duckdb
 import numpy as np
 import pyarrow as pa
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from msggen import recordings
 from msggen.cli import main
 from msggen.exports.convert import TABLES, convert
 from msggen.recordings.columns.sql_names import names_for_sql
+from support.examples import examples
 from support.flights import TOPICS, write_flight
 from support.log_files import Written, write_log
 from support.recordings import START
@@ -49,6 +51,12 @@ def test_names(names: list[str], expected: list[str]) -> None:
     assert names_for_sql(names) == expected
 
 
+@cache
+def database() -> duckdb.DuckDBPyConnection:
+    return duckdb.connect()
+
+
+@settings(max_examples=examples(100, by_day=12))
 @given(st.lists(ANY, unique=True, min_size=1, max_size=8))
 def test_databases_take_the_names_without_quotes(names: list[str]) -> None:
     made = names_for_sql(names)
@@ -60,9 +68,9 @@ def test_databases_take_the_names_without_quotes(names: list[str]) -> None:
     columns, values = ", ".join(made), list(range(len(names)))
     query = f"SELECT {columns} FROM t WHERE {made[0]} = 0 ORDER BY {made[-1]}"  # noqa: S608
     table = pa.table({name: [value] for name, value in zip(made, values, strict=True)})
-    with duckdb.connect() as base:
-        base.register("t", table)
-        assert base.execute(query).fetchall() == [tuple(values)]
+    base = database()
+    base.register("t", table)
+    assert base.execute(query).fetchall() == [tuple(values)]
     lite = sqlite3.connect(":memory:")
     lite.execute(f"CREATE TABLE t ({', '.join(f'{name} INTEGER' for name in made)})")
     lite.execute(f"INSERT INTO t VALUES ({', '.join('?' * len(values))})", values)  # noqa: S608

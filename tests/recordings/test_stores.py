@@ -114,7 +114,7 @@ def both(server: ObjectServer, data: bytes, name: str = "flight.mcap") -> tuple[
         return read(name), read(f"s3://bucket/{name}")
 
 
-@settings(max_examples=examples(40))
+@settings(max_examples=examples(40, by_day=8))
 @given(st.integers(0, 120), st.integers(0, 1000), st.sampled_from([300, 5000]), st.sampled_from(list(WAYS)))
 def test_a_recording_is_the_same_in_a_store(px4_types: Any, count: int, seed: int, chunk: int, way: str) -> None:
     with pytest.MonkeyPatch.context() as patch, object_server() as server:
@@ -124,7 +124,7 @@ def test_a_recording_is_the_same_in_a_store(px4_types: Any, count: int, seed: in
         assert local[0]
 
 
-@settings(max_examples=examples(60))
+@settings(max_examples=examples(60, by_day=10))
 @given(st.integers(0, 1 << 30), st.sampled_from(["zstd", "none", "without-chunks"]))
 def test_a_damaged_recording_is_the_same_in_a_store(px4_types: Any, seed: int, way: str) -> None:
     chance = Random(seed)  # noqa: S311 - no secret
@@ -292,7 +292,7 @@ def test_a_server_of_http_is_read_in_ranges(server: ObjectServer, px4_types: Any
     data = recording(px4_types, 100, 5, 1500)
     path = tmp_path / "a b.mcap"
     path.write_bytes(data)
-    server.files["/logs/a%20b.mcap"] = data
+    server.files["/logs/a b.mcap"] = data
     server.tags = False
     with recordings.open(f"{server.url}/logs/a%20b.mcap?X-Signature=se%2Fcret") as log, recordings.open(path) as own:
         assert log.path == f"{server.url}/logs/a%20b.mcap"

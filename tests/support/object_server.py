@@ -15,6 +15,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 from urllib.parse import parse_qs, unquote
+from xml.sax.saxutils import escape, unescape
 
 if TYPE_CHECKING:
     import pytest
@@ -124,14 +125,15 @@ class _Handler(QuietHandler):
 
     def _done(self, body: bytes, fault: str, number: int) -> _Answer:
         """Do what is asked."""
-        path, _, query = self.path.partition("?")
+        front, _, query = self.path.partition("?")
+        path = unquote(front)
         if path.split("/")[1] == "nobucket":
             return self._error(404, "NoSuchBucket")
         if self.command == "PUT":
             return self._put(path, body)
         if self.command in {"DELETE", "POST"}:
             keys = re.findall(rb"<Key>(.*?)</Key>", body)
-            for gone in [f"{path}/{key.decode()}" for key in keys] or [path]:
+            for gone in [f"{path}/{unescape(key.decode())}" for key in keys] or [path]:
                 self.has.files.pop(gone, None)
             told = b"".join(b"<Deleted><Key>%b</Key></Deleted>" % key for key in keys)
             return _Answer(200, b"<DeleteResult>%b</DeleteResult>" % told) if keys else _Answer(204)
@@ -147,7 +149,10 @@ class _Handler(QuietHandler):
         if expected and found is None:
             return self._error(404)
         source = self.headers.get("x-amz-copy-source")
-        files[path] = files[f"/{unquote(source).lstrip('/')}"] if source else body
+        copied = files.get(f"/{unquote(source).lstrip('/')}") if source else body
+        if copied is None:
+            return self._error(404)
+        files[path] = copied
         tag = _tag(files[path])
         return _Answer(
             200, f"<CopyObjectResult><ETag>{tag}</ETag></CopyObjectResult>".encode() if source else b"", {"ETag": tag}
@@ -163,10 +168,10 @@ class _Handler(QuietHandler):
                     folders.add(prefix + key[len(prefix) :].partition(stop)[0] + stop)
                 else:
                     told.append(
-                        f"<Contents><Key>{key}</Key><LastModified>2026-11-27T02:33:02.000Z</LastModified>"
+                        f"<Contents><Key>{escape(key)}</Key><LastModified>2026-11-27T02:33:02.000Z</LastModified>"
                         f"<ETag>{_tag(data)}</ETag><Size>{len(data)}</Size></Contents>"
                     )
-        told += [f"<CommonPrefixes><Prefix>{each}</Prefix></CommonPrefixes>" for each in sorted(folders)]
+        told += [f"<CommonPrefixes><Prefix>{escape(each)}</Prefix></CommonPrefixes>" for each in sorted(folders)]
         return f"<ListBucketResult><IsTruncated>false</IsTruncated>{''.join(told)}</ListBucketResult>".encode()
 
     def _file(self, path: str, fault: str, number: int) -> _Answer:
@@ -185,7 +190,8 @@ class _Handler(QuietHandler):
         if start >= len(data):
             return self._error(416)
         body = data[start:stop]
-        self.has.requests[number] = Request(self.command, self.path, start, len(body))
+        if number < len(self.has.requests):  # else they are counted anew
+            self.has.requests[number] = Request(self.command, self.path, start, len(body))
         told = start + 1 if fault == "wrong range" else start
         headers["Content-Range"] = f"bytes {told}-{told + len(body) - 1}/{len(data)}"
         return _Answer(206, body, headers)
