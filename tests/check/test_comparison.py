@@ -228,7 +228,7 @@ def cosmetic_edits(draw: st.DrawFn) -> dict[str, str]:
 
 
 @pytest.mark.slow
-@settings(max_examples=examples(60), suppress_health_check=list(HealthCheck))
+@settings(max_examples=examples(60, by_day=8), suppress_health_check=list(HealthCheck))
 @given(edited=cosmetic_edits())
 def test_comments_and_white_space_never_count(edited: dict[str, str], tmp_path_factory: pytest.TempPathFactory) -> None:
     real = write_definitions(tmp_path_factory.mktemp("real"), {f"msg/{name}.msg": TEXTS[name] for name in NAMES})
@@ -287,7 +287,7 @@ def edits(draw: st.DrawFn) -> Edited:
 
 
 @pytest.mark.slow
-@settings(max_examples=examples(100), suppress_health_check=list(HealthCheck))
+@settings(max_examples=examples(100, by_day=12), suppress_health_check=list(HealthCheck))
 @given(edited=edits())
 def test_random_edits_are_found_if_and_only_if_they_change_something(
     edited: Edited, tmp_path_factory: pytest.TempPathFactory

@@ -89,8 +89,7 @@ def test_a_process_imports_from_where_its_parent_does(tmp_path: Path, monkeypatc
 
 
 @pytest.mark.slow  # processes that import much
-@pytest.mark.parametrize("way", ["program", "module"])
-@pytest.mark.parametrize("jobs", [[], ["--jobs", "2"]], ids=["", "jobs"])
+@by_day(("way", "jobs"), [(way, jobs) for jobs in ([], ["--jobs", "2"]) for way in ("program", "module")], 3)
 def test_the_processes_of_a_fleet_execute_no_code_of_the_recordings(
     way: str, jobs: list[str], hostile: Path, marks: Path, px4_types: Any
 ) -> None:

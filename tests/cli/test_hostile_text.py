@@ -226,7 +226,7 @@ class _Terminal(io.StringIO):
         return True
 
 
-@pytest.fixture(params=["pipe", "colours", "terminal"])
+@pytest.fixture(params=["pipe", pytest.param("colours", marks=pytest.mark.night), "terminal"])
 def kind(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
     monkeypatch.delenv("NO_COLOR", raising=False)
     monkeypatch.setenv("TERM", "xterm-256color")

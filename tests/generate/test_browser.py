@@ -15,6 +15,7 @@ from msggen.generate.site.site import Project, Site
 from msggen.sources.finding import find_sources
 from support.browser import CSS, complaints, prefer, resize, wait_for
 from support.catalogs import write_definitions
+from support.examples import by_day
 from support.markup_attacks import hostile
 from support.repository import ROOT
 
@@ -114,7 +115,7 @@ def test_guide_pages_are_found_by_their_headings(browser: Chrome, folder: Path) 
     assert find("h2:target").text == "Keep px4_msgs up to date"
 
 
-@pytest.mark.parametrize(
+@by_day(
     ("typed", "page", "name"),
     [
         ("vehiclestaus", "VehicleStatus.html", "VehicleStatus"),
@@ -123,6 +124,7 @@ def test_guide_pages_are_found_by_their_headings(browser: Chrome, folder: Path) 
         ("vheicle_odometry", "VehicleOdometry.html", "VehicleOdometry"),
         ("fresh lapotp", "first-flight.html", "From a fresh laptop to flying in simulation"),
     ],
+    2,
 )
 def test_the_search_forgives_typing_errors_and_finds_parts_of_names(
     browser: Chrome, folder: Path, typed: str, page: str, name: str
@@ -204,16 +206,7 @@ PAGES = (
 )
 
 
-def test_pages_load_nothing_else_and_report_no_error(browser: Chrome, folder: Path) -> None:
-    for page in PAGES:
-        opened(browser, folder, f"{page}.html")
-        browser.find_element(CSS, "#search-box").send_keys("a")
-        loaded = browser.execute_script("return performance.getEntries().map((entry) => entry.name)")
-        assert not [name for name in loaded if ":" in name and not name.startswith("file:")]
-        assert complaints(browser) == [], page
-
-
-def test_pages_fit_a_telephone(browser: Chrome, folder: Path) -> None:
+def test_pages_load_nothing_else_report_no_error_and_fit_a_telephone(browser: Chrome, folder: Path) -> None:
     resize(browser, 360)
     for page in PAGES:
         opened(browser, folder, f"{page}.html")
@@ -225,9 +218,13 @@ def test_pages_fit_a_telephone(browser: Chrome, folder: Path) -> None:
                 f"return {tables}.filter((each) => each.scrollWidth > each.clientWidth).length"
             )
             assert cut == 0, f"{page}: a table has to be scrolled"
+        browser.find_element(CSS, "#search-box").send_keys("a")
+        loaded = browser.execute_script("return performance.getEntries().map((entry) => entry.name)")
+        assert not [name for name in loaded if ":" in name and not name.startswith("file:")]
+        assert complaints(browser) == [], page
 
 
-@pytest.mark.parametrize("width", [360, 700, 820, 1000, 1200])
+@by_day("width", [360, 700, 820, 1000, 1200], 2)
 def test_the_header_hides_no_field_that_a_link_leads_to(browser: Chrome, folder: Path, width: int) -> None:
     resize(browser, width)
     opened(browser, folder, "msg/VehicleStatus.html#nav_state")

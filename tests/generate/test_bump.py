@@ -29,6 +29,7 @@ from msggen.sources.finding import find_sources
 from msggen.sources.history import read_history
 from msggen.sources.tree import Folder, Tree
 from support.catalogs import write_definitions
+from support.examples import by_day
 from support.repository import ROOT, shared
 
 VERSIONED = Path("msg/versioned")
@@ -868,8 +869,7 @@ MISARCHIVED = {
 
 @pytest.mark.slow
 @pytest.mark.tools("g++")
-@pytest.mark.parametrize("backwards", [False, True], ids=["a-z", "z-a"])
-@pytest.mark.parametrize("releases", RAISED, ids="-".join)
+@by_day(("releases", "backwards"), [(each, way) for way in (False, True) for each in RAISED], 3)
 def test_what_px4_archived_by_hand_is_taken_and_the_headers_compile(
     tmp_path: Path, releases: tuple[str, str], *, backwards: bool
 ) -> None:
@@ -884,7 +884,7 @@ def test_what_px4_archived_by_hand_is_taken_and_the_headers_compile(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("releases", RAISED, ids="-".join)
+@by_day("releases", RAISED, 2, ids=map("-".join, RAISED))
 def test_without_px4s_archive_the_same_definitions_are_archived(tmp_path: Path, releases: tuple[str, str]) -> None:
     older, newer, tree = releases_of(tmp_path, releases)
     shutil.rmtree(tree / ARCHIVE)

@@ -44,7 +44,9 @@ STAND_INS = {
 }
 
 
-@pytest.fixture(params=SOURCES)
+@pytest.fixture(
+    params=[SOURCES[0], *(pytest.param(each, marks=pytest.mark.night) for each in SOURCES[1:-1]), SOURCES[-1]]
+)
 def package(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
     """A package made from one of the releases."""
     source = [] if request.param == "embedded" else ["--px4", str(shared(f"firmware/{request.param}"))]

@@ -8,7 +8,6 @@ from array import array
 from typing import Any
 
 import numpy as np
-import pint
 import pytest
 
 from msggen import read
@@ -29,6 +28,8 @@ def units(px4_types: Any) -> Any:
 
 @pytest.fixture(scope="module")
 def registry() -> Any:
+    import pint
+
     return pint.UnitRegistry()
 
 

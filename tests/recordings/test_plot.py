@@ -16,8 +16,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from matplotlib import rc_context
-from matplotlib.text import Text
 
 from msggen import recordings
 from msggen.recordings.columns.annotations import Annotation
@@ -418,6 +416,9 @@ def drawn(name: str, log: recordings.Log, monkeypatch: pytest.MonkeyPatch, chang
 def test_names_of_strangers_are_drawn_as_they_are(
     name: str, changes: int, log: recordings.Log, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    from matplotlib import rc_context
+    from matplotlib.text import Text
+
     with rc_context({"text.parse_math": True, "axes.formatter.use_mathtext": True, "axes.formatter.limits": [-2, 2]}):
         figure = drawn(name, log, monkeypatch, changes)
         texts = [text for text in figure.findobj(Text) if text.get_text()]

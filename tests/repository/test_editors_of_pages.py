@@ -91,7 +91,7 @@ def test_the_pages_use_many_names() -> None:
 
 
 @pytest.mark.slow
-@by_day("page", CODED, 3)
+@by_day("page", CODED, 5)
 def test_jedi_completes_what_a_page_uses(page: str) -> None:
     whole = script_of(code_of(page), paths=(ROOT,))
     left = [place for place in known(page) if place.name not in names(whole, place.line, place.column)]
@@ -109,21 +109,21 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LanguageServer]
 def offered(server: LanguageServer, code: str, line: int, column: int, folder: Path) -> set[str]:
     path = folder / f"line_{line}_{column}_{len(code)}.py"
     path.write_text(code)
-    server.open(path)
-    return server.completions(path, line, column)
+    with server.opened(path):
+        return server.completions(path, line, column)
 
 
 @pytest.mark.slow
-@by_day("page", [*CODED[1:], CODED[0]], 3)
+@by_day("page", [*CODED[2:], *CODED[:2]], 5)
 def test_basedpyright_completes_what_a_page_uses(page: str, server: LanguageServer, tmp_path: Path) -> None:
     whole = tmp_path / "page.py"
     whole.write_text(code_of(page))
-    server.open(whole)
+    with server.opened(whole):
+        left = [each for each in known(page) if each.name not in server.completions(whole, each.line, each.column)]
     missing = {
         place.expression
-        for place in known(page)
-        if place.name not in server.completions(whole, place.line, place.column)
-        and place.name not in offered(server, cut_code(page, place), place.line, place.column, tmp_path)
+        for place in left
+        if place.name not in offered(server, cut_code(page, place), place.line, place.column, tmp_path)
     }
     assert missing == left_out(page, ONLY_JEDI, NEITHER)
 
@@ -206,7 +206,7 @@ def test_jedi_completes_the_values_of_a_notebook(code: str, expected: set[str], 
         assert expected <= names(cell_of(code, {**cells, "VehicleStatus": px4_types.VehicleStatus}))
 
 
-@pytest.mark.parametrize(("code", "expected"), COMPLETED, ids=IDS)
+@by_day(("code", "expected"), COMPLETED, 4, ids=IDS)
 @pytest.mark.slow
 def test_basedpyright_completes_programs(code: str, expected: set[str], server: LanguageServer, tmp_path: Path) -> None:
     lines = (HEAD + code).splitlines()

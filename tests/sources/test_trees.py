@@ -624,7 +624,7 @@ DAMAGE = st.lists(st.tuples(st.floats(0, 0.999), st.integers(0, 255)), min_size=
         "zip",
     ],
 )
-@settings(max_examples=examples(150), suppress_health_check=list(HealthCheck))
+@settings(max_examples=examples(150, by_day=20), suppress_health_check=list(HealthCheck))
 @given(damage=DAMAGE)
 @example(damage=[(0.0, 0)])
 def test_a_damaged_archive_is_read_or_refused(kind: str, damage: list[tuple[float, int]]) -> None:

@@ -27,6 +27,7 @@ def chromium_with(profile: Path) -> Iterator[Chrome]:
     options.binary_location = program
     for argument in (
         *("--headless=new", "--disable-dev-shm-usage", f"--user-data-dir={profile}"),
+        *("--disable-gpu", "--disable-component-update", "--disable-background-networking", "--disable-extensions"),
         "--no-sandbox",  # which needs rights that containers do not give, and the pages are ours
         "--host-resolver-rules=MAP * ~NOTFOUND",
     ):

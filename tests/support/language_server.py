@@ -13,7 +13,7 @@ from threading import Timer
 from typing import Any
 
 LONGEST = 240.0
-"""The seconds after which a session is ended, so that a test that waits for an answer fails."""
+"""The seconds after which a server without an answer is ended, so that the test that waits for it fails."""
 
 _COMMAND = (sys.executable, "-c", "from basedpyright.langserver import main; main()", "--stdio")
 
@@ -25,10 +25,13 @@ class LanguageServer:
         self._process = process
         self._number = 0
 
-    def open(self, path: Path) -> None:
-        """Open a file in the editor."""
+    @contextmanager
+    def opened(self, path: Path) -> Iterator[None]:
+        """Open a file in the editor, and close it at the end, because the server checks all files that are open."""
         document = {"uri": path.as_uri(), "languageId": "python", "version": 1, "text": path.read_text()}
         self._send({"method": "textDocument/didOpen", "params": {"textDocument": document}})
+        yield
+        self._send({"method": "textDocument/didClose", "params": {"textDocument": {"uri": path.as_uri()}}})
 
     def completions(self, path: Path, line: int, column: int) -> set[str]:
         """Return the names that an editor offers. Lines count from 1, columns from 0."""
@@ -41,6 +44,14 @@ class LanguageServer:
         """Return the result of a request. Requests of the server meanwhile are answered with nothing."""
         self._number += 1
         self._send({"id": self._number, "method": method, "params": params})
+        timer = Timer(LONGEST, self._process.kill)
+        timer.start()
+        try:
+            return self._answer()
+        finally:
+            timer.cancel()
+
+    def _answer(self) -> Any:
         while True:
             message = self._receive()
             if "method" in message:
@@ -88,8 +99,6 @@ def language_server(folder: Path, paths: Sequence[Path]) -> Iterator[LanguageSer
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
     ) as process:
-        timer = Timer(LONGEST, process.kill)
-        timer.start()
         try:
             server = LanguageServer(process)
             uri = folder.as_uri()
@@ -98,5 +107,4 @@ def language_server(folder: Path, paths: Sequence[Path]) -> Iterator[LanguageSer
             server.notify("initialized")
             yield server
         finally:
-            timer.cancel()
             process.kill()
