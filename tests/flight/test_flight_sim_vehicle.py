@@ -19,6 +19,7 @@ from msggen.flight.pytest.faults import Faults
 from msggen.flight.pytest.recording import Recording
 from msggen.sim import Options
 from msggen.sim.faults import LINK, NAMES, NO_LINK, RESTART, RESTART_CLIENT, read_fault
+from support.examples import by_day
 
 CORNERS = ((5.0, 0.0), (5.0, 5.0), (0.0, 0.0))
 
@@ -228,7 +229,7 @@ def happen(vehicle: SimVehicle, texts: Sequence[str]) -> None:
         change(vehicle.world)
 
 
-@pytest.mark.parametrize("name", SAME)
+@by_day("name", SAME, 2)
 def test_a_fault_is_the_same_as_that_of_msggen_sim(px4_types: Any, name: str) -> None:
     call, texts = SAME[name]
     ours, theirs = SimVehicle(px4_types), SimVehicle(px4_types)

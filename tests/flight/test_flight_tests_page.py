@@ -33,6 +33,7 @@ def test_a_reader_who_copies_the_page_gets_what_it_shows(tmp_path: Path) -> None
     variables = variables_of(Path(sys.executable).parent, home)
     paths = os.pathsep.join([str(ROOT), str(ROOT / "generated")])
     variables |= {"PYTHONPATH": paths, "PYTHONDONTWRITEBYTECODE": "1", "PYTEST_ADDOPTS": "-q -p no:cacheprovider"}
+    variables["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"  # a reader has not the plugins of our tests
     with reading(tmp_path, variables) as reader:
         outputs = []
         for step, output in outputs_of([each for each in steps if each.kind == "console"], reader):
