@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 
 from msggen.base.diagnostics import InputError, few, input_error
 from msggen.base.location import Location
-from msggen.cli.agreement import Chosen, types_for
-from msggen.cli.chosen_types import Types, is_given, known_types, release_types
+from msggen.cli.chosen_types import Chosen, Types, is_given, known_types, release_types, types_for
 from msggen.cli.options import Group, WrongArgumentError, add_shared
 from msggen.cli.source_options import settings_of
 from msggen.cli.values import KEY, local_path, non_empty, positive

@@ -12,9 +12,8 @@ from msggen.base.recording_formats import FORMATS
 from msggen.cli.commands.record import add_topics, check_packages
 from msggen.cli.link import agent_of
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
-from msggen.cli.packages import check_reading
-from msggen.cli.reading import read_errors
-from msggen.cli.status import Status
+from msggen.cli.packages import check_reading, read_errors
+from msggen.cli.screen import Status
 from msggen.cli.values import KEY, local_path, non_empty, positive, seconds
 from msggen.cli.watching import watching
 from msggen.link.link_types import CLIENTS, DEFAULT, usages

@@ -21,7 +21,7 @@ from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, check_parent, refuse
 from msggen.cli.packages import missing_extra
 from msggen.cli.printing import discard_output, number_of_bytes
-from msggen.cli.status import Status
+from msggen.cli.screen import Status
 from msggen.cli.values import Deferred, local_path, non_empty, positive
 from msggen.cli.watching import check_link, watching
 from msggen.show.report.json import dump

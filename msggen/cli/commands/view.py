@@ -16,8 +16,7 @@ from msggen.base.foreign import escaped
 from msggen.cli.chosen_types import is_given, known_types
 from msggen.cli.link import add_link, connection
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
-from msggen.cli.packages import check_reading, missing_extra
-from msggen.cli.reading import read_errors
+from msggen.cli.packages import check_reading, missing_extra, read_errors
 from msggen.cli.values import local_path, non_empty, whole
 from msggen.cli.watching import rounds, watching
 from msggen.generate.cache import package_of

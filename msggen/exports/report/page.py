@@ -17,9 +17,8 @@ from markupsafe import Markup
 from msggen.base.diagnostics import few
 from msggen.base.disk.resources import resource, template_text
 from msggen.base.version import __version__
-from msggen.exports.report.charts import Chart, Charts, Line, charts_of
+from msggen.exports.report.charts import Chart, Charts, Line, charts_of, data_of
 from msggen.exports.report.drawing import Drawing, bars, drawing_of
-from msggen.exports.report.encoded import data_of
 from msggen.exports.report.findings import Finding, findings_of
 from msggen.exports.report.flight import Figure, Track, duration_text, figures_of, track_of
 from msggen.exports.report.plans import is_needed

@@ -28,8 +28,7 @@ if TYPE_CHECKING:
     from msggen.link.link import Route
     from msggen.messages.lookup import Named
     from msggen.show.plot.drawing import Plot
-    from msggen.show.plot.fields import FieldPath, Number
-    from msggen.show.plot.samples import Samples
+    from msggen.show.plot.fields import FieldPath, Number, Samples
     from msggen.vehicle.subscription import Subscription
 
 _WINDOW = 30.0
@@ -170,7 +169,7 @@ class _Curves:
 
     def __init__(self, options: argparse.Namespace, found: Connection, fields: Sequence[_Field]) -> None:
         from msggen.messages.names import stem_of
-        from msggen.show.plot.samples import Samples
+        from msggen.show.plot.fields import Samples
 
         self._options, self._window = options, options.window
         self._start = time.time_ns()
