@@ -9,10 +9,12 @@ import json
 from base64 import b64encode
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import count
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from msggen.base.diagnostics import few
 from msggen.exports.report.drawing import MOST as MOST_OF_TRACK
 from msggen.exports.report.plans import AID_SOURCES, GROUPS, LANES, Field, Group, Lanes, Plan
 from msggen.exports.report.recorded import Column, Recorded, angle_of, spans
@@ -64,11 +66,19 @@ class Line:
 
 
 class Chart(NamedTuple):
-    """Lines over time."""
+    """Lines over time. `number` is its place in the data of the script."""
 
+    number: int
     title: str
     unit: str
     lines: Sequence[Line]
+
+    @property
+    def label(self) -> str:
+        """The chart in words."""
+        names = few(list(dict.fromkeys(line.label for line in self.lines)))
+        unit = f" in {self.unit}" if self.unit else ""
+        return f"{self.title}{unit} over time: {names}"
 
 
 class Row(NamedTuple):
@@ -106,26 +116,29 @@ def charts_of(recorded: Recorded) -> Charts:
     """Return the charts of a recording."""
     sections: list[Section] = []
     missing: dict[str, list[str]] = {}
+    numbers = count()
     for group in GROUPS:
-        charts = _charts(recorded, group, missing)
+        charts = [Chart(next(numbers), *each) for each in _charts(recorded, group, missing)]
         flags = [found for lanes in LANES if lanes.group == group.title and (found := _flags(recorded, lanes))]
         if charts or flags:
             sections.append(Section(group.title, charts, flags))
     return Charts(sections, [f"{', '.join(titles)} ({topics})" for topics, titles in missing.items()])
 
 
-def _charts(recorded: Recorded, group: Group, missing: dict[str, list[str]]) -> list[Chart]:
-    """Return the charts of a group, and add the titles of those that the recording lacks to `missing`, by topics."""
-    found: list[Chart] = []
+def _charts(
+    recorded: Recorded, group: Group, missing: dict[str, list[str]]
+) -> Iterator[tuple[str, str, Sequence[Line]]]:
+    """Yield titles, units and lines of a group, and add the titles that the recording lacks to `missing`, by topics."""
+    drawn: set[str] = set()
     for plan in group.plans:
-        if any(chart.title in plan.instead_of for chart in found):
+        if not drawn.isdisjoint(plan.instead_of):
             continue
         lines = _lines(recorded, plan)
         if lines:
-            found.append(Chart(plan.title, plan.unit, lines))
+            drawn.add(plan.title)
+            yield plan.title, plan.unit, lines
         elif not plan.instead_of:
             missing.setdefault(_topics(plan), []).append(plan.title.lower())
-    return found
 
 
 def _topics(plan: Plan) -> str:
