@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 import re
 import time
 from collections.abc import Iterator, Mapping
@@ -17,7 +16,7 @@ from msggen.base.recording_formats import FORMATS
 from msggen.cli.chosen_types import Types, folder_types, given_types, release_types
 from msggen.cli.commands.sim_arguments import MOST_KEYS, add_arguments
 from msggen.cli.link import agent_of
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, check_parent
+from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, check_free
 from msggen.cli.packages import topics_of
 from msggen.cli.printing import number_of_bytes
 from msggen.cli.screen import Status
@@ -279,9 +278,7 @@ def check_ulog(path: str) -> None:
     suffix = FORMATS["ulog"].suffix
     if not path.lower().endswith(suffix):
         raise input_error(path, "R101", f"a ULog is written: choose a name that ends in {suffix}", 0)
-    if os.path.lexists(path):
-        raise _taken(path)
-    check_parent(path)
+    check_free(path)
 
 
 def endpoint_topics(package: ModuleType) -> Mapping[str, Any]:
@@ -300,7 +297,8 @@ def new_log(options: argparse.Namespace, topics: Mapping[str, Any], label: str) 
     try:
         log = UlogWriter(path, BOOT, topics, {**PARAMETERS, **dict(options.param)}, Vehicle(options.key, label))
     except FileExistsError:
-        raise _taken(path) from None
+        check_free(path)
+        raise
     except (OSError, UlogError) as error:
         raise _unwritable(path, error) from None
     try:
@@ -326,10 +324,6 @@ def fly_alone(options: argparse.Namespace, package: ModuleType, label: str, vehi
 def contents_of(log: UlogWriter) -> str:
     """Return what was written."""
     return f"{log.path}: {log.samples:,} samples, {number_of_bytes(log.size)}"
-
-
-def _taken(path: str) -> InputError:
-    return input_error(path, "R101", "there is such a file already: choose another name, or remove it", 0)
 
 
 def _unwritable(path: str, error: Exception) -> InputError:
