@@ -15,7 +15,7 @@ from msggen.base.exit_codes import DONE
 from msggen.base.recording_formats import FORMATS
 from msggen.cli.chosen_types import Types, folder_types, given_types, release_types
 from msggen.cli.commands.sim_arguments import MOST_KEYS, add_arguments
-from msggen.cli.link import agent_of
+from msggen.cli.link import agent_of, link_errors
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, check_free
 from msggen.cli.packages import topics_of
 from msggen.cli.printing import number_of_bytes
@@ -100,17 +100,14 @@ def _connected(options: argparse.Namespace, package: ModuleType, label: str, log
 
 def _run(simulator: Simulator, options: argparse.Namespace) -> None:
     """Run until the time is over, and print what happens."""
-    from msggen.link.link import LinkError
-
     seconds = getattr(options, "for")  # a keyword
     end = None if seconds is None else simulator.now + seconds * 1e6
     status, state = Status(is_quiet=options.quiet), _State(simulator)
     try:
-        while end is None or simulator.now < end:
-            simulator.serve(_REFRESH if end is None else min(_REFRESH, (end - simulator.now) / 1e6))
-            status.show(*_changes(simulator), state=state.line)
-    except LinkError as error:
-        raise input_error(options.address, "L102", str(error), 0) from None
+        with link_errors(options.address, has_owner=False):
+            while end is None or simulator.now < end:
+                simulator.serve(_REFRESH if end is None else min(_REFRESH, (end - simulator.now) / 1e6))
+                status.show(*_changes(simulator), state=state.line)
     finally:
         status.show()
 
@@ -163,7 +160,6 @@ def _summary(simulator: Simulator, seconds: float) -> Iterator[str]:
 
 
 def _open(options: argparse.Namespace, package: ModuleType, log: UlogWriter | None) -> Simulator:
-    from msggen.link.link import LinkError
     from msggen.sim import Simulator
 
     for option in ("key", "namespace"):
@@ -171,9 +167,8 @@ def _open(options: argparse.Namespace, package: ModuleType, log: UlogWriter | No
             options.parser.error(f"argument ADDRESS: '{option}' is not part of an address: give it as --{option}")
     try:
         vehicles = list(_options_of_vehicles(options))
-        return Simulator(package, options.address, vehicles, log, speed=options.speed or 1.0)
-    except LinkError as error:
-        raise input_error(options.address, "L102", str(error), 0) from None
+        with link_errors(options.address, has_owner=False):
+            return Simulator(package, options.address, vehicles, log, speed=options.speed or 1.0)
     except ValueError as error:
         raise input_error("ADDRESS", "L101", str(error), 0) from None
 
