@@ -71,13 +71,20 @@ def topics_of(package: ModuleType) -> ModuleType:
     raise input_error(package.__name__, "L103", "not a package that msggen has generated", 0)
 
 
-def check_reading(code: str, extra: str = "recordings") -> None:
-    """Raise an InputError if a package is missing that reads recordings."""
+@contextmanager
+def needing(extra: str, code: str) -> Iterator[None]:
+    """Raise an InputError if a package that comes with an extra of msggen is missing in the block."""
     try:
-        import numpy  # noqa: F401, ICN001
-        import zstandard  # noqa: F401
+        yield
     except ImportError as error:
         raise missing_extra(error, extra, code) from None
+
+
+def check_reading(code: str, extra: str = "recordings") -> None:
+    """Raise an InputError if a package is missing that reads recordings."""
+    with needing(extra, code):
+        import numpy  # noqa: F401, ICN001
+        import zstandard  # noqa: F401
 
 
 def missing_extra(error: ImportError, extra: str, code: str) -> InputError:

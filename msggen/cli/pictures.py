@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from msggen.base.disk.resources import resource
 from msggen.cli.options import Group, check_parent, refuse, write_whole
-from msggen.cli.packages import missing_extra
+from msggen.cli.packages import needing
 from msggen.cli.printing import number_of_bytes
 from msggen.cli.values import local_path
 
@@ -30,11 +30,8 @@ def import_matplotlib(code: str) -> None:
     Stands in a folder of msggen without modules meanwhile if the current folder has a matplotlibrc. matplotlib reads
     it when it is imported, and with it would run LaTeX, listen on a port, import modules, or wait for a pipe.
     """
-    try:
-        with _elsewhere():
-            import matplotlib as mpl
-    except ImportError as error:
-        raise missing_extra(error, "plot", code) from None
+    with needing("plot", code), _elsewhere():
+        import matplotlib as mpl
     del mpl
 
 

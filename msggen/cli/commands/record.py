@@ -19,7 +19,7 @@ from msggen.base.recording_formats import MCAP
 from msggen.cli.commands.topic.naming import not_shared
 from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, check_free, refuse
-from msggen.cli.packages import missing_extra
+from msggen.cli.packages import needing
 from msggen.cli.printing import discard_output, number_of_bytes
 from msggen.cli.screen import Status
 from msggen.cli.values import Deferred, local_path, non_empty, positive
@@ -145,10 +145,8 @@ def _record(options: argparse.Namespace) -> int:
 
 def check_packages(code: str) -> None:
     """Raise an InputError if a package of the extra is missing."""
-    try:
+    with needing("recordings", code):
         import mcap.records  # noqa: F401
-    except ImportError as error:
-        raise missing_extra(error, "recordings", code) from None
 
 
 # The file

@@ -19,7 +19,7 @@ from msggen.cli.commands.log.opening import counted_samples
 from msggen.cli.commands.log.progress import Show, progress_bar
 from msggen.cli.commands.log.targets import check_folder
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, refuse
-from msggen.cli.packages import check_reading, missing_extra, store_errors
+from msggen.cli.packages import check_reading, needing, store_errors
 from msggen.cli.printing import number_of_bytes
 from msggen.cli.values import new_recording, non_empty, whole
 from msggen.recordings.files.paths import is_bag
@@ -111,7 +111,7 @@ def convert_fleet(options: argparse.Namespace) -> int:
 
 def _updated(options: argparse.Namespace, fleet: str) -> Summary:
     """Bring the fleet up to date. Raises InputError."""
-    try:
+    with needing("dask" if options.dask else "recordings", "R150"):
         import pyarrow  # noqa: F401, ICN001
 
         from msggen.exports.fleet import KEYS, update
@@ -120,8 +120,6 @@ def _updated(options: argparse.Namespace, fleet: str) -> Summary:
 
         if options.dask:
             import distributed  # noqa: F401
-    except ImportError as error:
-        raise missing_extra(error, "dask" if options.dask else "recordings", "R150") from None
     by = options.by.split(",") if options.by else list(KEYS)
     if not set(by) <= set(KEYS) or len(set(by)) != len(by):
         refuse(options, f"argument --by: expected {' and '.join(KEYS)} or one of them, found '{options.by}'")
@@ -255,12 +253,10 @@ def _compact(options: argparse.Namespace) -> int:
 
 def _compacted(options: argparse.Namespace) -> Compacted:
     """Compact a fleet. Raises InputError."""
-    try:
+    with needing("recordings", "R150"):
         import pyarrow  # noqa: F401, ICN001
 
         from msggen.exports.fleet import compact
-    except ImportError as error:
-        raise missing_extra(error, "recordings", "R150") from None
     with progress_bar(options) as show, fleet_errors(options.fleet):
         return compact(options.fleet, progress=show)
 
