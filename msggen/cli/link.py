@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 from msggen.base.diagnostics import InputError, few, input_error
 from msggen.base.location import Location
 from msggen.cli.chosen_types import Chosen, Types, is_given, known_types, release_types, types_for
-from msggen.cli.options import Group, WrongArgumentError, add_shared
+from msggen.cli.options import Group, WrongArgumentError, add_repeatable, add_shared
 from msggen.cli.source_options import settings_of
 from msggen.cli.values import KEY, local_path, non_empty, positive
 from msggen.link.link_types import DEFAULT, usages
@@ -102,8 +102,8 @@ def add_address(group: Group) -> None:
 
 def add_allowed(group: Group) -> None:
     """Add the option that names who may connect."""
-    text = "address of a vehicle that may connect, if the link is open to a network; repeatable"
-    group.add_argument("--allow", metavar="ADDRESS", type=non_empty, action="append", default=[], help=text)
+    text = "address of a vehicle that may connect, if the link is open to a network"
+    add_repeatable(group, "--allow", "ADDRESS", non_empty, text)
 
 
 @contextmanager

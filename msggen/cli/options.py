@@ -167,6 +167,11 @@ def add_option(group: Group, *names: str, old: str = "", **about: Any) -> None:
         group.add_argument(old, **{**about, **hidden})
 
 
+def add_repeatable(group: Group, name: str, metavar: str, kind: Callable[[str], Any], text: str) -> None:
+    """Add an option that can be given several times: its value is a list, empty without it."""
+    group.add_argument(name, metavar=metavar, type=kind, action="append", default=[], help=f"{text}; repeatable")
+
+
 def add_sources(parser: argparse.ArgumentParser, *further: str) -> argparse._ArgumentGroup:
     """Add the options that name sources, and `further` options of `SHARED`. Return their group."""
     group = parser.add_argument_group("sources", f"A source is {SOURCE_KINDS}.")

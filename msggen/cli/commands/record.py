@@ -18,7 +18,7 @@ from msggen.base.exit_codes import DONE
 from msggen.base.recording_formats import MCAP
 from msggen.cli.commands.topic.naming import not_shared
 from msggen.cli.link import Connection, add_link, connection
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, check_free, refuse
+from msggen.cli.options import FAILED_CODES, Commands, add_command, add_repeatable, add_shared, check_free, refuse
 from msggen.cli.packages import needing
 from msggen.cli.printing import discard_output, number_of_bytes
 from msggen.cli.screen import Status
@@ -96,14 +96,7 @@ def add_topics(parser: argparse.ArgumentParser, verb: str) -> None:
         help=f"topics to {verb}, such as vehicle_status, VehicleStatus, /fmu/out/vehicle_status_v4 or 'sensor_*' "
         "(default: all)",
     )
-    parser.add_argument(
-        "--exclude",
-        metavar="TOPIC",
-        type=non_empty,
-        action="append",
-        default=[],
-        help="topic to leave out, spelt as the others; repeatable",
-    )
+    add_repeatable(parser, "--exclude", "TOPIC", non_empty, "topic to leave out, spelt as the others")
 
 
 @Deferred
