@@ -12,15 +12,7 @@ from typing import TYPE_CHECKING
 from msggen.base.disk.urls import is_address, shown_address
 from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.base.recording_formats import MCAP
-from msggen.cli.commands.log.arguments import (
-    CODES,
-    KINDS,
-    add_file,
-    add_output,
-    add_topics,
-    check_times,
-    chosen_topics,
-)
+from msggen.cli.commands.log.arguments import CODES, KINDS, add_file, add_output, add_topics, check_times, chosen_topics
 from msggen.cli.commands.log.opening import code_of, opened, written
 from msggen.cli.commands.log.targets import check_mcap, named_stem
 from msggen.cli.options import FAILED_CODES, Commands, add_command
