@@ -18,8 +18,7 @@ from rich.text import Text
 from msggen.cli.packages import import_package
 from msggen.live import Vehicle
 from msggen.show.plot.drawing import Plot, draw
-from msggen.show.plot.fields import numbers_of, parse_path
-from msggen.show.plot.samples import Samples
+from msggen.show.plot.fields import Samples, numbers_of, parse_path
 from msggen.sim import Options, Simulator
 
 WIDTH, HEIGHT, WINDOW = 100, 24, 24.0

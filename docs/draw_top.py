@@ -17,9 +17,7 @@ from msggen.cli.packages import import_package
 from msggen.live import Vehicle
 from msggen.messages.names import is_topic
 from msggen.show.top.drawing import screen
-from msggen.show.top.health import BATTERY, STATUS, health_of
-from msggen.show.top.history import History
-from msggen.show.top.rows import Row, Table, limits_of, rows_of
+from msggen.show.top.rows import BATTERY, STATUS, History, Row, Table, health_of, limits_of, rows_of
 from msggen.show.top.view import View
 from msggen.sim import Options, Simulator
 from msggen.vehicle.meter import Meter

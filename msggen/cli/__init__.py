@@ -65,7 +65,7 @@ def _main(words: Sequence[str]) -> int:
         print_document([Diagnostic(Location("msggen", 0), "io", text)], output_format_of(words))
         return FAILED
     except (KeyboardInterrupt, RuntimeError) as error:
-        from msggen.cli.interrupts import is_interrupt
+        from msggen.cli.watching import is_interrupt
 
         if not is_interrupt(error):
             raise

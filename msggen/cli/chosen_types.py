@@ -1,20 +1,27 @@
-"""The types of commands for vehicles: those that the options name, or else those of the current folder."""
+"""The types for a vehicle: those that the options name, of the current folder, or of the vehicle's release."""
 
 from __future__ import annotations
 
 import argparse
 import os
 import sys
+from collections.abc import Iterator, Sequence
 from types import ModuleType
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from msggen.base.diagnostics import InputError, input_error
+from msggen.base.diagnostics import InputError, few, input_error
 from msggen.cli.packages import import_package, topics_of
 from msggen.cli.source_options import is_named, settings_of, sources_of
 from msggen.generate.cache import package_from, package_of
 from msggen.sources.embedded import EMBEDDED
 from msggen.sources.finding import Sources, find_sources
 from msggen.sources.settings import Settings
+
+if TYPE_CHECKING:
+    from msggen.link.link import Route
+    from msggen.messages.lookup import Named
+    from msggen.messages.packages import Endpoint, Message
+    from msggen.vehicle.vehicle import Vehicle
 
 
 class Types(NamedTuple):
@@ -46,22 +53,28 @@ def folder_types(options: argparse.Namespace, *, is_needed: bool = False) -> Typ
     if settings.types:
         package = import_package(settings.types, os.path.dirname(settings.origin))
         return _with_topics(Types(package, settings.types))
-    try:
-        sources = folder_sources(settings)
-        if sources is None:
-            return None
-        found = Types(package_from(sources), sources.label)
-    except InputError as error:
-        if is_needed or settings.px4 or settings.msg_dir:
-            raise
-        print(f"warning: the current folder is not used: {error.diagnostics[0]}", file=sys.stderr)
-        return None
-    if _has_topics(found.package):
+    found = folder_firmware(options, is_needed=bool(is_needed or settings.px4 or settings.msg_dir))
+    if found is None or _has_topics(found.package):
         return found
     if is_needed:
         text = "has no topics of the bridge, because it has no dds_topics.yaml: name one with the setting topics"
         print(f"warning: {found.label} {text}", file=sys.stderr)
     return None
+
+
+def folder_firmware(options: argparse.Namespace, *, is_needed: bool = False) -> Types | None:
+    """Return the types of the firmware that `build` reads in the current folder, or None.
+
+    Returns None with a warning if a tree cannot be read, unless `is_needed`, which raises InputError.
+    """
+    try:
+        sources = folder_sources(settings_of(options))
+        return None if sources is None else Types(package_from(sources), sources.label)
+    except InputError as error:
+        if is_needed:
+            raise
+        print(f"warning: the current folder is not used: {error.diagnostics[0]}", file=sys.stderr)
+        return None
 
 
 def folder_sources(settings: Settings) -> Sources | None:
@@ -107,3 +120,87 @@ def _with_topics(types: Types) -> Types:
 
 def _has_topics(package: ModuleType) -> bool:
     return bool(getattr(topics_of(package), "ENDPOINTS", ()))
+
+
+class Chosen(NamedTuple):
+    """The types for a vehicle, those with more of its definitions first."""
+
+    types: tuple[Types, ...]
+    told: frozenset[str] = frozenset()
+    """The messages of which a warning says that the current folder has other definitions."""
+
+    def fitting(self, vehicle: Vehicle, topic: Named) -> Named:
+        """Return a topic with the vehicle's definition, as far as it has told it, from the first types that have it.
+
+        Prints a warning if these are those of the vehicle's release instead of those of the current folder.
+        """
+        route = topic.route
+        if route is None:
+            return topic
+        known, name = vehicle.firmware.hashes.get(route.ros_type), route.ros_type.rpartition("/")[2]
+        for types in self.types:
+            for endpoint in _versions(types.package, route):
+                if _fits(endpoint, route, known):
+                    is_instead = types is not self.types[0] and topic.endpoint is not None
+                    if is_instead and types.label in EMBEDDED and name not in self.told:
+                        _warn(self.types[0].label, [name], types.label)
+                    return topic._replace(endpoint=endpoint)
+        return topic
+
+
+def types_for(vehicle: Vehicle, known: Types | None) -> Chosen:
+    """Return the types of a vehicle that is connected: those of its release, and `known` of the current folder.
+
+    A warning says which messages of `known` differ from the vehicle's. It may tell further definitions later.
+    """
+    firmware = vehicle.firmware
+    if not firmware.release:
+        return Chosen((known or release_types(EMBEDDED[0]),))
+    if known is None:
+        return Chosen((release_types(firmware.release),))
+    wrong = differing(known.package, vehicle)
+    if not wrong and firmware.is_complete:
+        return Chosen((known,))
+    own = release_types(firmware.release)
+    if not wrong:
+        return Chosen((known, own))
+    _warn(known.label, wrong, firmware.release)
+    is_nearer = len(differing(own.package, vehicle)) < len(wrong)
+    return Chosen((own, known) if is_nearer else (known, own), frozenset(wrong))
+
+
+def differing(package: ModuleType, vehicle: Vehicle) -> list[str]:
+    """Return the messages of a package that are not those of a vehicle, as far as it has told them, by name."""
+    from msggen.messages.names import without_namespace
+
+    hashes, namespace = vehicle.firmware.hashes, vehicle.remote.namespace
+    named = {endpoint.ros_name: endpoint for endpoint in package.topics.ENDPOINTS}  # faster than a search by name
+    found = set()
+    for route in vehicle.routes:
+        known, same = hashes.get(route.ros_type), named.get(without_namespace(route.name, namespace))
+        if same is not None and _fits(same, route, known):
+            continue
+        versions = [*_versions(package, route)]
+        if versions and not any(_fits(endpoint, route, known) for endpoint in versions):
+            found.add(route.ros_type.rpartition("/")[2])
+    return sorted(found)
+
+
+def _versions(package: ModuleType, route: Route) -> Iterator[Endpoint[Message]]:
+    try:
+        yield from reversed(package.topics.versions_of(route.name))
+    except KeyError:
+        return
+
+
+def _fits(endpoint: Endpoint[Message], route: Route, known: int | None) -> bool:
+    """Whether an endpoint has the definition of a route, whose hash is `known` if the vehicle has told it."""
+    from msggen.messages.names import version_of
+
+    info = endpoint.message.__msg__
+    return info.message_version == version_of(route.name) and known in (None, info.message_hash)
+
+
+def _warn(label: str, messages: Sequence[str], release: str) -> None:
+    text = f"the vehicle has other definitions than {label}, of {few(messages)}: those of PX4 {release} are used"
+    print(f"warning: {text}; name the vehicle's firmware with --px4", file=sys.stderr, flush=True)

@@ -14,9 +14,8 @@ from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 
 from msggen.base.diagnostics import InputError, few, input_error
 from msggen.base.location import Location
-from msggen.cli.agreement import Chosen, types_for
-from msggen.cli.chosen_types import Types, is_given, known_types, release_types
-from msggen.cli.options import Group, WrongArgumentError, add_shared
+from msggen.cli.chosen_types import Chosen, Types, is_given, known_types, release_types, types_for
+from msggen.cli.options import Group, WrongArgumentError, add_repeatable, add_shared
 from msggen.cli.source_options import settings_of
 from msggen.cli.values import KEY, local_path, non_empty, positive
 from msggen.link.link_types import DEFAULT, usages
@@ -103,8 +102,8 @@ def add_address(group: Group) -> None:
 
 def add_allowed(group: Group) -> None:
     """Add the option that names who may connect."""
-    text = "address of a vehicle that may connect, if the link is open to a network; repeatable"
-    group.add_argument("--allow", metavar="ADDRESS", type=non_empty, action="append", default=[], help=text)
+    text = "address of a vehicle that may connect, if the link is open to a network"
+    add_repeatable(group, "--allow", "ADDRESS", non_empty, text)
 
 
 @contextmanager
@@ -124,7 +123,6 @@ def connection(
     With `acts`, the command changes what the vehicle does: it waits until all vehicles on the link have connected, and
     several are an error unless the options say which one is meant.
     """
-    from msggen.link.link import LinkError
     from msggen.vehicle.alone import wait_alone
     from msggen.vehicle.vehicle import Vehicle
 
@@ -132,29 +130,26 @@ def connection(
     absent = _check_of_absent(options, check, known, needs_types=needs_types)
     told: list[str] = []
     selection = {name: getattr(options, name) for name in ("namespace", "key", "allow", "direct")}
-    try:
-        with ExitStack() as stack:
+    with link_errors(link), ExitStack() as stack:
 
-            def opened(*types: Types) -> Vehicle:
-                vehicle = stack.enter_context(Vehicle(link, [each.package for each in types], **selection))
-                if vehicle.url != link and vehicle.url not in told:
-                    told.append(vehicle.url)
-                    print(f"listening on {vehicle.url}", file=sys.stderr, flush=True)
-                _wait(vehicle, vehicle.url, options.wait or PATIENCE, absent)
-                return vehicle
+        def opened(*types: Types) -> Vehicle:
+            vehicle = stack.enter_context(Vehicle(link, [each.package for each in types], **selection))
+            if vehicle.url != link and vehicle.url not in told:
+                told.append(vehicle.url)
+                print(f"listening on {vehicle.url}", file=sys.stderr, flush=True)
+            _wait(vehicle, vehicle.url, options.wait or PATIENCE, absent)
+            return vehicle
 
-            first: tuple[Types, ...] = (known or release_types(EMBEDDED[0]),)
-            vehicle = opened(*first)
-            chosen = Chosen((known,)) if known and is_given(options) else types_for(vehicle, known)
-            if chosen.types != first:
-                before, vehicle = vehicle, opened(*chosen.types)  # on the link that is open
-                before.close()
-            if acts:
-                wait_alone(vehicle, _CHOICE)
-            package, label = chosen.types[0]
-            yield Connection(vehicle, package, vehicle.url, label, chosen)
-    except LinkError as error:
-        raise input_error(link, "L102", f"{for_people(error)}{owner_of(link, error)}", 0) from None
+        first: tuple[Types, ...] = (known or release_types(EMBEDDED[0]),)
+        vehicle = opened(*first)
+        chosen = Chosen((known,)) if known and is_given(options) else types_for(vehicle, known)
+        if chosen.types != first:
+            before, vehicle = vehicle, opened(*chosen.types)  # on the link that is open
+            before.close()
+        if acts:
+            wait_alone(vehicle, _CHOICE)
+        package, label = chosen.types[0]
+        yield Connection(vehicle, package, vehicle.url, label, chosen)
 
 
 def _check_of_absent(
@@ -187,6 +182,18 @@ def _check_releases(check: Check) -> None:
         else:
             return
     raise errors[0]
+
+
+@contextmanager
+def link_errors(place: str, *, has_owner: bool = True) -> Iterator[None]:
+    """Raise InputError for an error of a link. `place` is its address; with `has_owner`, tell who has the port."""
+    from msggen.link.link import LinkError
+
+    try:
+        yield
+    except LinkError as error:
+        text = for_people(error) + (owner_of(place, error) if has_owner else "")
+        raise input_error(place, "L102", text, 0) from None
 
 
 def for_people(error: LinkError) -> str:

@@ -34,6 +34,24 @@ def check_parent(path: str) -> None:
         raise input_error(path, "R101", f"there is no folder '{folder}': create it first", 0)
 
 
+def check_free(path: str) -> None:
+    """Raise an InputError if a file cannot be created because of its name."""
+    if os.path.lexists(path):
+        raise input_error(path, "R101", "there is such a file already: choose another name, or remove it", 0)
+    check_parent(path)
+
+
+def write_whole(path: str, content: bytes) -> None:
+    """Write a file whole, or leave what was there. Raises InputError."""
+    from msggen.base.disk.staging import written_aside
+
+    try:
+        with written_aside({os.path.abspath(path): content}, flushed=False) as move_into_place:
+            move_into_place()
+    except OSError as error:
+        raise input_error(path, "R101", f"cannot be written: {error.strerror}", 0) from None
+
+
 SHARED: Mapping[str, Mapping[str, Any]] = {
     "--px4": {"metavar": "PATH", "type": local_path, "help": "firmware, such as a PX4-Autopilot tree"},
     "--msg-dir": {
@@ -147,6 +165,11 @@ def add_option(group: Group, *names: str, old: str = "", **about: Any) -> None:
     if old:
         hidden = {"dest": action.dest, "default": argparse.SUPPRESS, "help": argparse.SUPPRESS}
         group.add_argument(old, **{**about, **hidden})
+
+
+def add_repeatable(group: Group, name: str, metavar: str, kind: Callable[[str], Any], text: str) -> None:
+    """Add an option that can be given several times: its value is a list, empty without it."""
+    group.add_argument(name, metavar=metavar, type=kind, action="append", default=[], help=f"{text}; repeatable")
 
 
 def add_sources(parser: argparse.ArgumentParser, *further: str) -> argparse._ArgumentGroup:

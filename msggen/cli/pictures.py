@@ -8,10 +8,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from msggen.base.diagnostics import input_error
 from msggen.base.disk.resources import resource
-from msggen.cli.options import Group, check_parent, refuse
-from msggen.cli.packages import missing_extra
+from msggen.cli.options import Group, check_parent, refuse, write_whole
+from msggen.cli.packages import needing
 from msggen.cli.printing import number_of_bytes
 from msggen.cli.values import local_path
 
@@ -31,11 +30,8 @@ def import_matplotlib(code: str) -> None:
     Stands in a folder of msggen without modules meanwhile if the current folder has a matplotlibrc. matplotlib reads
     it when it is imported, and with it would run LaTeX, listen on a port, import modules, or wait for a pipe.
     """
-    try:
-        with _elsewhere():
-            import matplotlib as mpl
-    except ImportError as error:
-        raise missing_extra(error, "plot", code) from None
+    with needing("plot", code), _elsewhere():
+        import matplotlib as mpl
     del mpl
 
 
@@ -68,15 +64,10 @@ def check_picture(options: argparse.Namespace) -> None:
 
 def write_picture(options: argparse.Namespace, figure: Figure) -> None:
     """Write a figure to the file of the options. Raises InputError."""
-    from msggen.base.disk.staging import written_aside
     from msggen.recordings.log import plot
 
     picture = plot.render(figure, _ending(options.output))
-    try:
-        with written_aside({os.path.abspath(options.output): picture}, flushed=False) as move_into_place:
-            move_into_place()
-    except OSError as error:
-        raise input_error(options.output, "R101", f"cannot be written: {error.strerror}", 0) from None
+    write_whole(options.output, picture)
     if not options.quiet:
         print(f"{options.output}: {number_of_bytes(len(picture))}")
 

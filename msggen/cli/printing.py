@@ -6,7 +6,7 @@ import argparse
 import math
 import os
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, TextIO
 
@@ -91,6 +91,17 @@ def print_plan(plan: OutputPlan, *, diff: bool) -> None:
         print_change(os.path.join(plan.folder, name), plan.files.get(name))
     for name in plan.edited:
         print(f"{os.path.join(plan.folder, name)} is no longer needed, but was edited: left in place", file=sys.stderr)
+
+
+def stale_lines(plan: OutputPlan, most: int | None) -> Iterator[str]:
+    """Yield the changes that `plan` would make, at most so many of them, and how many there are."""
+    changes = [f"to write: {os.path.join(plan.folder, name)}" for name in plan.written]
+    changes += [f"to remove: {os.path.join(plan.folder, name)}" for name in plan.removed]
+    shown = changes[:most]
+    yield from shown
+    if len(changes) > len(shown):
+        yield f"... and {len(changes) - len(shown)} more"
+    yield f"{plan.folder} is stale: {counted(len(plan.written), 'file')} to write, {len(plan.removed)} to remove"
 
 
 def print_errors(errors: Sequence[Diagnostic], outcome: str) -> None:

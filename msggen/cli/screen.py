@@ -1,11 +1,14 @@
-"""What commands that draw again and again on a terminal have in common."""
+"""What commands that draw again and again on a terminal have in common: a screen, or a line with their state."""
 
 from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+
+from msggen.base.foreign import Styled
+from msggen.cli.printing import is_terminal, terminal_width
 
 _NOTICES = 20
 """The number of warnings that are kept."""
@@ -44,3 +47,23 @@ def held_warnings() -> Iterator[Sequence[str]]:
         logger.propagate = propagates
         for text in texts:
             print(text, file=sys.stderr)
+
+
+class Status:
+    """Lines that stay, and in a terminal a line below them with the state, which the next call replaces."""
+
+    def __init__(self, *, is_quiet: bool) -> None:
+        self._is_quiet = is_quiet
+        self._has_state = is_terminal(sys.stdout)
+
+    def show(self, *lines: str, state: Callable[[], str] = str) -> None:
+        """Print `lines` and the new state, by default none, unless it is quiet. Programs can read them at once."""
+        if self._is_quiet:
+            return
+        if self._has_state:
+            print(Styled("\r\033[K"), end="")
+        for line in lines:
+            print(line)
+        if self._has_state:
+            print(state()[: terminal_width(80) - 1], end="")
+        print(end="", flush=True)

@@ -1,4 +1,4 @@
-"""Loops of commands that watch a vehicle until Ctrl-C, a time or a number of results."""
+"""Loops of commands that watch a vehicle until Ctrl-C, a time or a number of results; and which errors are Ctrl-C."""
 
 from __future__ import annotations
 
@@ -10,13 +10,24 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
-from msggen.cli.interrupts import is_interrupt
 from msggen.cli.options import add_shared
 from msggen.cli.printing import discard_output
 from msggen.cli.values import COUNT, positive
 
 if TYPE_CHECKING:
     from msggen.vehicle.vehicle import Vehicle
+
+
+def is_interrupt(error: BaseException) -> bool:
+    """Whether an exception is Ctrl-C, or was raised while Ctrl-C ended something.
+
+    KeyboardInterrupt in `threading.Condition.wait` becomes a RuntimeError if it comes before the lock is taken again.
+    """
+    found: BaseException | None = error
+    while found is not None and not isinstance(found, KeyboardInterrupt):
+        found = found.__context__
+    return found is not None
+
 
 _WINDOW = 3.0
 

@@ -9,8 +9,7 @@ from typing import Any
 import pytest
 
 from msggen.cli import parser_for
-from msggen.cli.agreement import types_for
-from msggen.cli.chosen_types import Types
+from msggen.cli.chosen_types import Types, types_for
 from msggen.cli.names import names_of
 from msggen.generate.cache import package_from, package_of
 from msggen.live import LinkError, NotConnectedError, Vehicle

@@ -117,7 +117,7 @@ def test_of_two_runs_one_ends_with_an_error(capsys: pytest.CaptureFixture[str]) 
         return with_files(*arguments)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("msggen.exports.fleet.changes.with_files", other)
+        patch.setattr("msggen.exports.fleet.run.with_files", other)
         assert run("logs", "--jobs", "1", "-q") == FAILED
     last = capsys.readouterr().err.splitlines()[-2:]
     assert re.fullmatch(

@@ -6,7 +6,7 @@ import io
 
 import pytest
 
-from msggen.cli.status import Status
+from msggen.cli.screen import Status
 
 
 class Terminal(io.StringIO):

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from msggen.cli import DONE, FAILED, FINDINGS, main
-from msggen.cli.pointers import COMMANDS
+from msggen.cli.unknown_argument import COMMANDS
 from support.catalogs import write_definitions
 from support.commands import COMMANDS as OWN
 from support.repository import ROOT

@@ -16,9 +16,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msggen.exports.fleet import Keys, compact, compaction, parts, update
-from msggen.exports.fleet.parts import Run, write_parts
+from msggen.exports.fleet.parts import Files, Run, write_parts
 from msggen.exports.fleet.records import FleetError
-from msggen.exports.fleet.runs import Files
 from support.fleet_logs import VEHICLES, flight
 from support.fleet_recordings import parquet_in, rows_of, write_flight
 from support.log_files import Written, write_log

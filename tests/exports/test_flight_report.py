@@ -22,13 +22,12 @@ from hypothesis.extra import numpy as arrays
 
 from msggen import recordings
 from msggen.exports.convert import convert
-from msggen.exports.report.attitude import angle_of
 from msggen.exports.report.charts import Chart, charts_of
 from msggen.exports.report.findings import findings_of
 from msggen.exports.report.flight import figures_of, track_of
 from msggen.exports.report.page import report
 from msggen.exports.report.plans import GROUPS, LANES, is_needed
-from msggen.exports.report.recorded import Column, Recorded, spans
+from msggen.exports.report.recorded import Column, Recorded, angle_of, spans
 from msggen.exports.report.timeline import timeline_of
 from msggen.recordings import RecordingError
 from msggen.recordings.log.thinning import MOST, spread, thinned_lines

@@ -20,7 +20,7 @@ from msggen import recordings
 from msggen.exports.convert import convert
 from msggen.exports.writer import Channel, Writer
 from msggen.recordings import RecordingError
-from msggen.recordings.decode.event_text import LONGEST
+from msggen.recordings.decode.event_metadata import LONGEST
 from msggen.recordings.log.decoded_events import ALL_LEVELS, DEFINITION, TOPIC, TYPE, decoded_events, is_decoded
 from msggen.recordings.source.facts import Event
 from support.events import METADATA, EventLog

@@ -18,8 +18,7 @@ import pytest
 
 from msggen.base.diagnostics import InputError
 from msggen.cli import parser_for
-from msggen.cli.commands.completion import _live
-from msggen.cli.completers import topics
+from msggen.cli.commands.completion import _live, topics
 from msggen.sources.settings import read_settings
 from support.commands import check_outcome, run
 from support.mutations import Mutator

@@ -18,8 +18,7 @@ from msggen.definitions.layout import is_static, lay_out
 from msggen.definitions.model import Catalog
 from msggen.generate.render.views import Views
 from msggen.generate.site.changes import SHOWN, Changed, changes_since, grouped
-from msggen.generate.site.drawing import PER_ROW, rows_of
-from msggen.generate.site.graph import draw, inner_of
+from msggen.generate.site.drawing import PER_ROW, draw, inner_of, rows_of
 from msggen.generate.site.pages import render_site
 from msggen.generate.site.site import Site
 from msggen.sources.catalog import read_catalog

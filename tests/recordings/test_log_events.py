@@ -22,7 +22,7 @@ from rosbags.highlevel import AnyReader
 from msggen import recordings
 from msggen.exports.convert import convert, join
 from msggen.recordings.decode import event_metadata
-from msggen.recordings.decode.event_text import LONGEST, fill, parse_template
+from msggen.recordings.decode.event_metadata import LONGEST, fill, parse_template
 from msggen.recordings.log import events as log_events
 from msggen.recordings.log.decoded_events import decoded_events
 from msggen.recordings.log.plot import draw

@@ -10,7 +10,7 @@ import pytest
 
 from msggen import recordings
 from msggen.recordings.decode.schemas import content_of, definitions_in, key_of, read_schema
-from msggen.recordings.definitions.plain import plain_content
+from msggen.recordings.definitions.release import plain_content
 from msggen.recordings.source.source import SchemaError
 from msggen.sources import released
 from msggen.sources.embedded import EMBEDDED, all_releases

@@ -18,10 +18,9 @@ from rich.console import Console
 from msggen.messages.places import PlaceError
 from msggen.recordings.columns.annotations import Annotation
 from msggen.recordings.log.series import Series
-from msggen.show.plot import samples as kept_samples
+from msggen.show.plot import fields as kept_samples
 from msggen.show.plot.drawing import Plot, draw
-from msggen.show.plot.fields import numbers_of, parse_path
-from msggen.show.plot.samples import Samples
+from msggen.show.plot.fields import Samples, numbers_of, parse_path
 from msggen.show.top.drawing import ansi
 from support.repository import ROOT
 

@@ -13,8 +13,7 @@ import pytest
 
 from msggen.cli import main
 from msggen.show.top.drawing import screen
-from msggen.show.top.health import Health
-from msggen.show.top.rows import Table
+from msggen.show.top.rows import Health, Table
 from msggen.show.top.terminal import keys_in
 from msggen.show.top.view import _CHANGES, _PAGES, _STEPS, View
 from msggen.sim import Options, Simulator

@@ -9,9 +9,7 @@ from types import ModuleType
 
 from msggen.link.link import Route
 from msggen.show.top.drawing import plain
-from msggen.show.top.health import Health, health_of
-from msggen.show.top.history import SECONDS, History, sparkline
-from msggen.show.top.rows import Table, as_document, limits_of, rows_of
+from msggen.show.top.rows import SECONDS, Health, History, Table, as_document, health_of, limits_of, rows_of, sparkline
 from msggen.vehicle.meter import Meter
 
 SECOND = 1_000_000_000

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from msggen.link.link import Route
 from msggen.show.top.drawing import screen
-from msggen.show.top.health import Health
-from msggen.show.top.rows import Row, Table, rows_of
+from msggen.show.top.rows import Health, Row, Table, rows_of
 from msggen.show.top.view import _CHANGES, _OTHERS, _PAGES, _STEPS, COLUMNS, HELP, View, press
 from msggen.vehicle.meter import Meter
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msggen.recordings.log.payloads import Sample
-from msggen.show.view.playback import FASTEST, Playback
+from msggen.show.view.recording import FASTEST, Playback
 
 SECOND = 1_000_000_000
 START = 1_790_000_000 * SECOND

@@ -11,14 +11,7 @@ from msggen.base.diagnostics import Diagnostic, few
 from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.base.location import Location
 from msggen.check.finding import Effect
-from msggen.cli.options import (
-    COMPARING_CODES,
-    Commands,
-    add_command,
-    add_output_format,
-    add_shared,
-    add_sources,
-)
+from msggen.cli.options import COMPARING_CODES, Commands, add_command, add_output_format, add_shared, add_sources
 from msggen.cli.printing import print_report
 from msggen.cli.selection import add_selection, selected_rules, unmatched
 from msggen.cli.source_options import board_of, firmware_path, settings_of, shell_options, sources_of

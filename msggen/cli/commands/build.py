@@ -16,7 +16,7 @@ from msggen.base.disk.incremental import Outcome
 from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.base.location import Location
 from msggen.cli.options import WRITING_CODES, Commands, add_command, add_shared, add_sources, writes
-from msggen.cli.printing import print_notices, print_plan
+from msggen.cli.printing import print_notices, print_plan, stale_lines
 from msggen.cli.source_options import settings_of, sources_of
 from msggen.cli.values import non_empty
 from msggen.generate.build import Build
@@ -99,19 +99,12 @@ def _report(outcome: Outcome, label: str, seconds: float, *, write: bool, verbos
         yield f"{os.path.basename(outcome.folder)} from {label}: {outcome.summary}"
         yield f"{outcome.folder} is up to date, {len(outcome.outputs)} files"
         return
-    verbs = ("wrote", "removed") if write else ("to write:", "to remove:")
-    changes = [
-        f"{verb} {os.path.join(plan.folder, name)}"
-        for verb, names in zip(verbs, (plan.written, plan.removed), strict=True)
-        for name in names
-    ]
-    shown = len(changes) if verbose else 0 if write else _FEW
-    yield from changes[:shown]
-    if not write and len(changes) > shown:
-        yield f"... and {len(changes) - shown} more"
     if not write:
-        yield f"{plan.folder} is stale: {counted(len(plan.written), 'file')} to write, {len(plan.removed)} to remove"
+        yield from stale_lines(plan, None if verbose else _FEW)
         return
+    if verbose:
+        yield from (f"wrote {os.path.join(plan.folder, name)}" for name in plan.written)
+        yield from (f"removed {os.path.join(plan.folder, name)}" for name in plan.removed)
     unchanged = len(plan.files) - len(plan.written)
     counts = f"{counted(len(plan.written), 'file')} written, {len(plan.removed)} removed, {unchanged} unchanged"
     yield f"{os.path.basename(outcome.folder)} from {label}: {outcome.summary}"

@@ -38,8 +38,7 @@ def add_to(commands: Commands) -> None:
 
 
 def _bump(options: argparse.Namespace) -> int:
-    from msggen.generate.bump.edits import plan_bump
-    from msggen.generate.bump.write import bump
+    from msggen.generate.bump.edits import bump, plan_bump
 
     settings = settings_of(options)
     check_setting(options, settings)

@@ -12,7 +12,7 @@ from msggen.base.disk.incremental import Outcome
 from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.cli.commands.breaking import previous_sources
 from msggen.cli.options import WRITING_CODES, Commands, add_command, add_shared, add_sources, writes
-from msggen.cli.printing import print_notices, print_plan
+from msggen.cli.printing import print_notices, print_plan, stale_lines
 from msggen.cli.source_options import settings_of, source_here, sources_of
 from msggen.cli.values import local_path
 from msggen.generate.site.build import SiteBuild, SiteOptions
@@ -98,9 +98,4 @@ def _report(outcome: Outcome, seconds: float, *, write: bool) -> Iterator[str]:
         yield f"{folder}: {outcome.summary}"
         yield f"{counts}, {len(plan.files) - len(plan.written)} unchanged, in {seconds:.2f} s"
     else:
-        changes = [f"to write: {os.path.join(plan.folder, name)}" for name in plan.written]
-        changes += [f"to remove: {os.path.join(plan.folder, name)}" for name in plan.removed]
-        yield from changes[:_FEW]
-        if len(changes) > _FEW:
-            yield f"... and {len(changes) - _FEW} more"
-        yield f"{folder} is stale: {counted(len(plan.written), 'file')} to write, {len(plan.removed)} to remove"
+        yield from stale_lines(plan, _FEW)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from msggen.base.diagnostics import input_error
 from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.cli.chosen_types import known_types
-from msggen.cli.link import add_link, for_people, link_of
+from msggen.cli.link import add_link, link_errors, link_of
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_output_format, add_shared
 from msggen.cli.packages import import_package
 from msggen.cli.printing import print_report
@@ -108,16 +108,13 @@ def _selection(options: argparse.Namespace) -> Selection:
 def _observe(options: argparse.Namespace, address: Address, seconds: float) -> Observation:
     """Watch the link. Raises InputError if it cannot be opened."""
     from msggen.doctor.watching import Plan, observe
-    from msggen.link.link import LinkError
 
     def tell(opened: Address) -> None:
         print(f"waiting for a vehicle on {opened}", file=sys.stderr, flush=True)
 
     plan = Plan(seconds, allow=options.allow, is_direct=options.direct)
-    try:
+    with link_errors(str(address), has_owner=False):
         return observe(address, plan._replace(wait=options.wait) if options.wait else plan, tell)
-    except LinkError as error:
-        raise input_error(str(address), "L102", for_people(error), 0) from None
 
 
 def _packages(given: ModuleType | None, release: str) -> Iterator[ModuleType]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from msggen.base.diagnostics import counted, few, input_error
 from msggen.base.exit_codes import DONE
-from msggen.cli.link import add_address, add_allowed, for_people, link_of
+from msggen.cli.link import add_address, add_allowed, link_errors, link_of
 from msggen.cli.options import Commands, add_command, add_group, add_shared
 from msggen.cli.table import RED, YELLOW, Column, objects_of, print_table
 from msggen.cli.values import non_empty
@@ -74,7 +74,6 @@ def _add_serve(actions: Commands) -> None:
 def _wanted(options: argparse.Namespace) -> tuple[Place, Wanted]:
     """Return the place and the link that the options name. Raises InputError."""
     from msggen.link.address import parse_address
-    from msggen.link.link import LinkError
     from msggen.vehicle.owned.joining import Wanted
     from msggen.vehicle.owned.places import CAN_SHARE, place_of
 
@@ -86,29 +85,20 @@ def _wanted(options: argparse.Namespace) -> tuple[Place, Wanted]:
     if address.has_free_port:
         text = f"'{link}' names no port by which other programs would find the link: expected {usages(_SHARED)}"
         raise input_error(link, "L101", text, 0)
-    try:
+    with link_errors(link, has_owner=False):
         return place_of(address), Wanted(address, tuple(options.allow))
-    except LinkError as error:
-        raise input_error(link, "L102", for_people(error), 0) from None
 
 
 def _serve(options: argparse.Namespace) -> int:
-    from msggen.link.link import LinkError
     from msggen.vehicle.owned.joining import start_owner
 
     place, wanted = _wanted(options)
-    try:
+    with link_errors(str(wanted.address)):
         if options.background:
             start_owner(place, wanted, stays=True)
             print(f"{wanted.address} is open; its log is {place.log}")
         else:
             _own(place, wanted)
-    except LinkError as error:
-        from msggen.cli.link import owner_of
-
-        raise input_error(
-            str(wanted.address), "L102", f"{for_people(error)}{owner_of(str(wanted.address), error)}", 0
-        ) from None
     return DONE
 
 
@@ -147,26 +137,20 @@ def _list(options: argparse.Namespace) -> int:
 
 def _running() -> list[Running]:
     """Return the processes that own a link. Raises InputError."""
-    from msggen.link.link import LinkError
     from msggen.vehicle.owned.owners import running
 
-    try:
+    with link_errors("msggen link", has_owner=False):
         return running()
-    except LinkError as error:
-        raise input_error("msggen link", "L102", for_people(error), 0) from None
 
 
 def _stop(options: argparse.Namespace) -> int:
-    from msggen.link.link import LinkError
     from msggen.vehicle.owned.owners import stop
 
     place = _place_to_stop(options)
     address = next((each.state.get("address", "") for each in _running() if each.place == place), "")
-    try:
+    with link_errors(place.name, has_owner=False):
         stop(place)
         print(f"{address or place.name} is closed")
-    except LinkError as error:
-        raise input_error(place.name, "L102", for_people(error), 0) from None
     return DONE
 
 

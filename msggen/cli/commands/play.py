@@ -10,11 +10,10 @@ from msggen.base.diagnostics import counted, few, input_error, printable
 from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.base.recording_formats import FORMATS
 from msggen.cli.commands.record import add_topics, check_packages
-from msggen.cli.link import agent_of
+from msggen.cli.link import agent_of, link_errors
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
-from msggen.cli.packages import check_reading
-from msggen.cli.reading import read_errors
-from msggen.cli.status import Status
+from msggen.cli.packages import check_reading, read_errors
+from msggen.cli.screen import Status
 from msggen.cli.values import KEY, local_path, non_empty, positive, seconds
 from msggen.cli.watching import watching
 from msggen.link.link_types import CLIENTS, DEFAULT, usages
@@ -132,22 +131,18 @@ def _contents(recording: Log, endpoints: Endpoints) -> str:
 
 
 def _runner(options: argparse.Namespace, player: Player) -> Runner:
-    from msggen.link.link import LinkError
     from msggen.sim.runner import Runner
     from msggen.sim.transport import read_address
 
     try:
-        return Runner([player], read_address(options.to))
-    except LinkError as error:
-        raise input_error(options.to, "L102", str(error), 0) from None
+        with link_errors(options.to, has_owner=False):
+            return Runner([player], read_address(options.to))
     except ValueError as error:
         raise input_error("--to", "L101", str(error), 0) from None
 
 
 def _run(runner: Runner, player: Player, options: argparse.Namespace) -> None:
     """Run until all is sent or the time is over, and print what happens."""
-    from msggen.link.link import LinkError
-
     duration = getattr(options, "for")  # a keyword
     end = None if duration is None else runner.now + duration * 1e6
     notice = None if options.quiet else runner.now + _NOTICE * 1e6
@@ -157,18 +152,17 @@ def _run(runner: Runner, player: Player, options: argparse.Namespace) -> None:
         return f"{(runner.now - runner.boot) / 1e6:8.2f} s"
 
     try:
-        while not player.is_done and (end is None or runner.now < end):
-            rest = _REFRESH if end is None else min(_REFRESH, (end - runner.now) / 1e6)
-            runner.serve(rest, lambda: player.is_done)
-            if player.changes:
-                notice = None
-            elif notice is not None and runner.now >= notice:
-                notice = None
-                text = f"no program answers at {options.to}: waiting for one, such as `msggen topic list`"
-                print(text, file=sys.stderr, flush=True)
-            changes = [f"{elapsed()}  {player.changes.popleft()}" for _ in range(len(player.changes))]
-            status.show(*changes, state=lambda: f"{elapsed()}  {counted(player.sent, 'sample')} sent")
-    except LinkError as error:
-        raise input_error(options.to, "L102", str(error), 0) from None
+        with link_errors(options.to, has_owner=False):
+            while not player.is_done and (end is None or runner.now < end):
+                rest = _REFRESH if end is None else min(_REFRESH, (end - runner.now) / 1e6)
+                runner.serve(rest, lambda: player.is_done)
+                if player.changes:
+                    notice = None
+                elif notice is not None and runner.now >= notice:
+                    notice = None
+                    text = f"no program answers at {options.to}: waiting for one, such as `msggen topic list`"
+                    print(text, file=sys.stderr, flush=True)
+                changes = [f"{elapsed()}  {player.changes.popleft()}" for _ in range(len(player.changes))]
+                status.show(*changes, state=lambda: f"{elapsed()}  {counted(player.sent, 'sample')} sent")
     finally:
         status.show()

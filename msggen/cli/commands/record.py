@@ -18,10 +18,10 @@ from msggen.base.exit_codes import DONE
 from msggen.base.recording_formats import MCAP
 from msggen.cli.commands.topic.naming import not_shared
 from msggen.cli.link import Connection, add_link, connection
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, check_parent, refuse
-from msggen.cli.packages import missing_extra
+from msggen.cli.options import FAILED_CODES, Commands, add_command, add_repeatable, add_shared, check_free, refuse
+from msggen.cli.packages import needing
 from msggen.cli.printing import discard_output, number_of_bytes
-from msggen.cli.status import Status
+from msggen.cli.screen import Status
 from msggen.cli.values import Deferred, local_path, non_empty, positive
 from msggen.cli.watching import check_link, watching
 from msggen.show.report.json import dump
@@ -96,14 +96,7 @@ def add_topics(parser: argparse.ArgumentParser, verb: str) -> None:
         help=f"topics to {verb}, such as vehicle_status, VehicleStatus, /fmu/out/vehicle_status_v4 or 'sensor_*' "
         "(default: all)",
     )
-    parser.add_argument(
-        "--exclude",
-        metavar="TOPIC",
-        type=non_empty,
-        action="append",
-        default=[],
-        help="topic to leave out, spelt as the others; repeatable",
-    )
+    add_repeatable(parser, "--exclude", "TOPIC", non_empty, "topic to leave out, spelt as the others")
 
 
 @Deferred
@@ -124,7 +117,7 @@ def _record(options: argparse.Namespace) -> int:
     from msggen.recordings.topics.choice import Choice
 
     check_packages("R101")
-    check_free(_first_file(options.output, options))
+    check_free(_first_file(options.output, options))  # before the vehicle is waited for
     choice = Choice(options.topics, options.exclude)
 
     def check(package: ModuleType) -> None:
@@ -145,10 +138,8 @@ def _record(options: argparse.Namespace) -> int:
 
 def check_packages(code: str) -> None:
     """Raise an InputError if a package of the extra is missing."""
-    try:
+    with needing("recordings", code):
         import mcap.records  # noqa: F401
-    except ImportError as error:
-        raise missing_extra(error, "recordings", code) from None
 
 
 # The file
@@ -172,13 +163,6 @@ def _first_file(output: str | None, options: argparse.Namespace) -> str:
     if options.split_size is None and options.split_every is None:
         return path
     return taken_part(path) or part_of(path, 0)
-
-
-def check_free(path: str) -> None:
-    """Raise an InputError if a file cannot be created because of its name, before the vehicle is waited for."""
-    if os.path.lexists(path):
-        raise input_error(path, "R101", "there is such a file already: choose another name, or remove it", 0)
-    check_parent(path)
 
 
 def _open(options: argparse.Namespace, choice: Choice, definitions: Definitions) -> Recorder:

@@ -10,7 +10,7 @@ from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING
 
 from msggen.base.diagnostics import counted
-from msggen.cli.status import Status
+from msggen.cli.screen import Status
 
 if TYPE_CHECKING:
     from msggen.vehicle.owner.owner import Owner

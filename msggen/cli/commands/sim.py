@@ -1,9 +1,8 @@
-"""`msggen sim`: simulate vehicles that connect to an agent."""
+"""`msggen sim`: simulate vehicles that connect to an agent, and write a ULog of one."""
 
 from __future__ import annotations
 
 import argparse
-import os
 import re
 import time
 from collections.abc import Iterator, Mapping
@@ -16,11 +15,11 @@ from msggen.base.exit_codes import DONE
 from msggen.base.recording_formats import FORMATS
 from msggen.cli.chosen_types import Types, folder_types, given_types, release_types
 from msggen.cli.commands.sim_arguments import MOST_KEYS, add_arguments
-from msggen.cli.link import agent_of
-from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, check_parent
+from msggen.cli.link import agent_of, link_errors
+from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, check_free
 from msggen.cli.packages import topics_of
 from msggen.cli.printing import number_of_bytes
-from msggen.cli.status import Status
+from msggen.cli.screen import Status
 from msggen.cli.values import local_path, non_empty
 from msggen.cli.watching import watching
 from msggen.link.link_types import CLIENTS, DEFAULT, usages
@@ -101,17 +100,14 @@ def _connected(options: argparse.Namespace, package: ModuleType, label: str, log
 
 def _run(simulator: Simulator, options: argparse.Namespace) -> None:
     """Run until the time is over, and print what happens."""
-    from msggen.link.link import LinkError
-
     seconds = getattr(options, "for")  # a keyword
     end = None if seconds is None else simulator.now + seconds * 1e6
     status, state = Status(is_quiet=options.quiet), _State(simulator)
     try:
-        while end is None or simulator.now < end:
-            simulator.serve(_REFRESH if end is None else min(_REFRESH, (end - simulator.now) / 1e6))
-            status.show(*_changes(simulator), state=state.line)
-    except LinkError as error:
-        raise input_error(options.address, "L102", str(error), 0) from None
+        with link_errors(options.address, has_owner=False):
+            while end is None or simulator.now < end:
+                simulator.serve(_REFRESH if end is None else min(_REFRESH, (end - simulator.now) / 1e6))
+                status.show(*_changes(simulator), state=state.line)
     finally:
         status.show()
 
@@ -164,7 +160,6 @@ def _summary(simulator: Simulator, seconds: float) -> Iterator[str]:
 
 
 def _open(options: argparse.Namespace, package: ModuleType, log: UlogWriter | None) -> Simulator:
-    from msggen.link.link import LinkError
     from msggen.sim import Simulator
 
     for option in ("key", "namespace"):
@@ -172,9 +167,8 @@ def _open(options: argparse.Namespace, package: ModuleType, log: UlogWriter | No
             options.parser.error(f"argument ADDRESS: '{option}' is not part of an address: give it as --{option}")
     try:
         vehicles = list(_options_of_vehicles(options))
-        return Simulator(package, options.address, vehicles, log, speed=options.speed or 1.0)
-    except LinkError as error:
-        raise input_error(options.address, "L102", str(error), 0) from None
+        with link_errors(options.address, has_owner=False):
+            return Simulator(package, options.address, vehicles, log, speed=options.speed or 1.0)
     except ValueError as error:
         raise input_error("ADDRESS", "L101", str(error), 0) from None
 
@@ -270,9 +264,6 @@ def _types(options: argparse.Namespace) -> Types:
     return (found or release_types(EMBEDDED[0]))._replace(label=find_sources(options.px4).label)
 
 
-# `msggen sim --log`: the ULog of a simulated vehicle
-
-
 _LONGEST = 600.0
 """The time in s after which a flight ends if it has not landed."""
 
@@ -282,9 +273,7 @@ def check_ulog(path: str) -> None:
     suffix = FORMATS["ulog"].suffix
     if not path.lower().endswith(suffix):
         raise input_error(path, "R101", f"a ULog is written: choose a name that ends in {suffix}", 0)
-    if os.path.lexists(path):
-        raise _taken(path)
-    check_parent(path)
+    check_free(path)
 
 
 def endpoint_topics(package: ModuleType) -> Mapping[str, Any]:
@@ -303,7 +292,8 @@ def new_log(options: argparse.Namespace, topics: Mapping[str, Any], label: str) 
     try:
         log = UlogWriter(path, BOOT, topics, {**PARAMETERS, **dict(options.param)}, Vehicle(options.key, label))
     except FileExistsError:
-        raise _taken(path) from None
+        check_free(path)
+        raise
     except (OSError, UlogError) as error:
         raise _unwritable(path, error) from None
     try:
@@ -329,10 +319,6 @@ def fly_alone(options: argparse.Namespace, package: ModuleType, label: str, vehi
 def contents_of(log: UlogWriter) -> str:
     """Return what was written."""
     return f"{log.path}: {log.samples:,} samples, {number_of_bytes(log.size)}"
-
-
-def _taken(path: str) -> InputError:
-    return input_error(path, "R101", "there is such a file already: choose another name, or remove it", 0)
 
 
 def _unwritable(path: str, error: Exception) -> InputError:

@@ -6,7 +6,7 @@ import argparse
 import re
 from collections.abc import Callable
 
-from msggen.cli.options import add_shared
+from msggen.cli.options import add_repeatable, add_shared
 from msggen.cli.values import Deferred, finite, local_path, non_empty, positive, share, whole
 
 _SYNCS = ("px4", "short", "off")
@@ -60,21 +60,9 @@ def _add_vehicles(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--speed", metavar="N", type=positive, help="let the time of vehicles run N times as fast, without --sync"
     )
-    group.add_argument(
-        "--param",
-        metavar="NAME=VALUE",
-        type=_parameter,
-        action="append",
-        default=[],
-        help="set a parameter of PX4, such as COM_MODE_ARM_CHK=1; repeatable",
-    )
-    group.add_argument(
-        "--part",
-        metavar="NAME",
-        type=_part,
-        action="append",
-        default=[],
-        help="have a part that PX4's simulated multicopter does not have, such as gimbal; repeatable",
+    add_repeatable(group, "--param", "NAME=VALUE", _parameter, "set a parameter of PX4, such as COM_MODE_ARM_CHK=1")
+    add_repeatable(
+        group, "--part", "NAME", _part, "have a part that PX4's simulated multicopter does not have, such as gimbal"
     )
     add_shared(group, "--for")
 
@@ -90,42 +78,22 @@ def _add_misbehaviour(parser: argparse.ArgumentParser) -> None:
         group.add_argument(option, metavar="SHARE", type=share, default="0", help=text)
     group.add_argument("--silent-after", metavar="SECONDS", type=positive, help="fall silent for good")
     group.add_argument("--restart-every", metavar="SECONDS", type=positive, help="restart the client")
-    group.add_argument(
+    add_repeatable(
+        group,
         "--wrong-hash",
-        metavar="MESSAGE",
-        type=non_empty,
-        action="append",
-        default=[],
-        help="answer format requests with a wrong hash, as of another definition; repeatable",
+        "MESSAGE",
+        non_empty,
+        "answer format requests with a wrong hash, as of another definition",
     )
-    group.add_argument(
-        "--version",
-        metavar="MESSAGE=N",
-        type=_version,
-        action="append",
-        default=[],
-        help="use another version suffix in the topics of a message; repeatable",
-    )
+    add_repeatable(group, "--version", "MESSAGE=N", _version, "use another version suffix in the topics of a message")
     group.add_argument(
         "--clock-off", metavar="SECONDS", type=finite, default="0", help="error of the timestamps of samples"
     )
     group.add_argument("--no-time-reply", action="store_true", help="lose the answers to requests for the time")
     group.add_argument("--no-position", action="store_true", help="have no estimate of the position")
-    group.add_argument(
-        "--disturbance",
-        metavar="NAME",
-        type=_disturbance,
-        action="append",
-        default=[],
-        help="make flying hard, such as wind; repeatable",
-    )
-    group.add_argument(
-        "--fault",
-        metavar="SECONDS:FAULT",
-        type=_fault,
-        action="append",
-        default=[],
-        help="let something happen, such as 20:no-position or 30:mode=land; repeatable",
+    add_repeatable(group, "--disturbance", "NAME", _disturbance, "make flying hard, such as wind")
+    add_repeatable(
+        group, "--fault", "SECONDS:FAULT", _fault, "let something happen, such as 20:no-position or 30:mode=land"
     )
     group.add_argument(
         "--seed", metavar="N", type=whole(0, 2**32), default="0", help="of all that is random (default: 0)"

@@ -16,8 +16,7 @@ from msggen.cli.watching import add_window, watching
 from msggen.show.report.json import dump
 
 if TYPE_CHECKING:
-    from msggen.show.top.health import Health
-    from msggen.show.top.rows import Row, Table
+    from msggen.show.top.rows import Health, Row, Table
     from msggen.show.top.view import View
     from msggen.vehicle.meter import Meter
 
@@ -62,8 +61,7 @@ class _Source:
     """Makes tables of a vehicle, also while it is disconnected."""
 
     def __init__(self, found: Connection, meter: Meter) -> None:
-        from msggen.show.top.history import History
-        from msggen.show.top.rows import limits_of
+        from msggen.show.top.rows import History, limits_of
 
         self._found, self._meter, self._history = found, meter, History()
         self._limits = limits_of(found.package)
@@ -89,7 +87,7 @@ class _Source:
 
     def _health(self, rows: Sequence[Row]) -> Health:
         """Return the state of the vehicle, as its newest messages tell it."""
-        from msggen.show.top.health import BATTERY, STATUS, health_of
+        from msggen.show.top.rows import BATTERY, STATUS, health_of
 
         newest = [self._newest(rows, stem) for stem in (STATUS, BATTERY)]
         return health_of(*newest)

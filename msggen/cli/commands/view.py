@@ -16,8 +16,7 @@ from msggen.base.foreign import escaped
 from msggen.cli.chosen_types import is_given, known_types
 from msggen.cli.link import add_link, connection
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
-from msggen.cli.packages import check_reading, missing_extra
-from msggen.cli.reading import read_errors
+from msggen.cli.packages import check_reading, needing, read_errors
 from msggen.cli.values import local_path, non_empty, whole
 from msggen.cli.watching import rounds, watching
 from msggen.generate.cache import package_of
@@ -63,10 +62,8 @@ def add_to(commands: Commands) -> None:
 
 def _view(options: argparse.Namespace) -> int:
     check_reading("L111", "view")
-    try:
+    with needing("view", "L111"):
         from msggen.show.view import recording
-    except ImportError as error:
-        raise missing_extra(error, "view", "L111") from None
     del recording
     for name in ("foxglove", "foxglove_py"):  # they tell what single clients do
         getLogger(name).setLevel(CRITICAL)

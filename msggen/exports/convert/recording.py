@@ -14,10 +14,9 @@ from msggen.base.recording_formats import FORMATS
 from msggen.exports.convert.db3 import Db3Writer
 from msggen.exports.convert.facts import between, joined, shifted
 from msggen.exports.convert.mcap import McapWriter
-from msggen.exports.convert.payloads import blocks_of_parts, blocks_of_ulog, merged, ordered
+from msggen.exports.convert.payloads import blocks_of_parts, blocks_of_texts, blocks_of_ulog, merged, ordered
 from msggen.exports.convert.selection import Converted, Selection, Share
 from msggen.exports.convert.types import TypeNames
-from msggen.exports.convert.ulog import blocks_of_texts
 from msggen.recordings.decode.schemas import content_of, read_schema
 from msggen.recordings.files.mcap.metadata import LENT, NAMES, records_of
 from msggen.recordings.files.mcap.writer import Target

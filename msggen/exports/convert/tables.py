@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from msggen.base.diagnostics import few, suggestion
 from msggen.base.foreign import csv_text, safe_json
 from msggen.definitions.nesting import MAX_TOTAL
-from msggen.exports.convert.fact_tables import fact_tables
+from msggen.exports.convert.facts import fact_tables
 from msggen.exports.convert.names import file_names
 from msggen.exports.convert.selection import Converted, Selection, Share
 from msggen.recordings.columns.arrays import count_of, has_field, names_of

@@ -16,9 +16,8 @@ from msggen.exports.fleet.finding import at_hand, digest_of
 from msggen.exports.fleet.fleet import Written, write_staged
 from msggen.exports.fleet.layout import Keys, date_of, is_utc, keys_of, name_of, vehicle_of
 from msggen.exports.fleet.listing import State
-from msggen.exports.fleet.parts import Run
+from msggen.exports.fleet.parts import Run, run_of_arrow
 from msggen.exports.fleet.records import Record
-from msggen.exports.fleet.runs import run_of_arrow
 from msggen.exports.fleet.storage import storage_of
 from msggen.recordings.stores.errors import StoreError
 

@@ -8,8 +8,7 @@ from typing import NamedTuple
 from msggen.base.missing import RECORDINGS, installed_by
 from msggen.exports.fleet.fleet import Fleet, opened_fleet, with_files
 from msggen.exports.fleet.layout import topic_of
-from msggen.exports.fleet.parts import LARGE, shapes_of
-from msggen.exports.fleet.runs import Files
+from msggen.exports.fleet.parts import LARGE, Files, shapes_of
 from msggen.exports.fleet.storage import absolute
 
 

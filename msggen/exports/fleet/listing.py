@@ -15,14 +15,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 from msggen.base.recording_formats import FORMATS, format_named
-from msggen.recordings.files.paths import (
-    LOGS,
-    METADATA,
-    is_always_whole,
-    is_bag_of,
-    is_marked,
-    is_named_as_recording,
-)
+from msggen.recordings.files.paths import LOGS, METADATA, is_always_whole, is_bag_of, is_marked, is_named_as_recording
 from msggen.recordings.files.stored import local_name
 from msggen.recordings.source.source import RecordingError
 from msggen.recordings.stores.client import split

@@ -1,19 +1,30 @@
-"""The charts of a report: their lines, with units as people read them, and rows of flags."""
+"""The charts of a report: their lines, with units as people read them, and rows of flags.
+
+The script of a report reads their data as JSON, with numbers as base64 of binary arrays.
+"""
 
 from __future__ import annotations
 
+import json
+from base64 import b64encode
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from itertools import count
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from msggen.exports.report.attitude import angle_of
+from msggen.base.diagnostics import few
+from msggen.exports.report.drawing import MOST as MOST_OF_TRACK
 from msggen.exports.report.plans import AID_SOURCES, GROUPS, LANES, Field, Group, Lanes, Plan
-from msggen.exports.report.recorded import Column, Recorded, spans
+from msggen.exports.report.recorded import Column, Recorded, angle_of, spans
+from msggen.recordings.log.thinning import MOST, spread, thinned_lines
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+    from msggen.exports.report.flight import Track
+    from msggen.exports.report.timeline import Timeline
 
 _DEGREES = 180 / np.pi
 _CONVERTED = {
@@ -55,11 +66,19 @@ class Line:
 
 
 class Chart(NamedTuple):
-    """Lines over time."""
+    """Lines over time. `number` is its place in the data of the script."""
 
+    number: int
     title: str
     unit: str
     lines: Sequence[Line]
+
+    @property
+    def label(self) -> str:
+        """The chart in words."""
+        names = few(list(dict.fromkeys(line.label for line in self.lines)))
+        unit = f" in {self.unit}" if self.unit else ""
+        return f"{self.title}{unit} over time: {names}"
 
 
 class Row(NamedTuple):
@@ -97,26 +116,29 @@ def charts_of(recorded: Recorded) -> Charts:
     """Return the charts of a recording."""
     sections: list[Section] = []
     missing: dict[str, list[str]] = {}
+    numbers = count()
     for group in GROUPS:
-        charts = _charts(recorded, group, missing)
+        charts = [Chart(next(numbers), *each) for each in _charts(recorded, group, missing)]
         flags = [found for lanes in LANES if lanes.group == group.title and (found := _flags(recorded, lanes))]
         if charts or flags:
             sections.append(Section(group.title, charts, flags))
     return Charts(sections, [f"{', '.join(titles)} ({topics})" for topics, titles in missing.items()])
 
 
-def _charts(recorded: Recorded, group: Group, missing: dict[str, list[str]]) -> list[Chart]:
-    """Return the charts of a group, and add the titles of those that the recording lacks to `missing`, by topics."""
-    found: list[Chart] = []
+def _charts(
+    recorded: Recorded, group: Group, missing: dict[str, list[str]]
+) -> Iterator[tuple[str, str, Sequence[Line]]]:
+    """Yield titles, units and lines of a group, and add the titles that the recording lacks to `missing`, by topics."""
+    drawn: set[str] = set()
     for plan in group.plans:
-        if any(chart.title in plan.instead_of for chart in found):
+        if not drawn.isdisjoint(plan.instead_of):
             continue
         lines = _lines(recorded, plan)
         if lines:
-            found.append(Chart(plan.title, plan.unit, lines))
+            drawn.add(plan.title)
+            yield plan.title, plan.unit, lines
         elif not plan.instead_of:
             missing.setdefault(_topics(plan), []).append(plan.title.lower())
-    return found
 
 
 def _topics(plan: Plan) -> str:
@@ -222,3 +244,84 @@ def ends_of(lines: Sequence[Line], kept: NDArray[np.intp]) -> NDArray[np.intp]:
         if line.column.unit == "deg":
             is_end |= np.abs(np.diff(line.column.values[kept])) > _HALF_TURN
     return np.flatnonzero(is_end)
+
+
+_MOST_MARKS = 400
+"""The texts that are marked in charts: of more, those that are warnings or worse come first."""
+_COLOURS, _SETPOINT = 10, 1
+"""The number of colours of lines, and that of setpoints."""
+_WHOLE = 0xFFFF_FFFF
+_CALM = ("notice", "info", "debug", "unknown")
+
+
+def data_of(duration: float, timeline: Timeline, sections: Sequence[Section], track: Track | None) -> str:
+    """Return the data as JSON that can stand in a script element of a page."""
+    made = {
+        "duration": duration,
+        "modes": [list(each) for each in timeline.modes],
+        "failsafes": [list(each) for each in timeline.failsafes],
+        "marks": _marks(timeline, duration),
+        "charts": [_chart(chart, duration) for section in sections for chart in section.charts],
+        "track": _track(track, duration),
+    }
+    text = json.dumps(made, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def _marks(timeline: Timeline, duration: float) -> list[list[Any]]:
+    found = [mark for mark in timeline.marks if 0 <= mark.time <= duration]
+    chosen = sorted(found, key=lambda mark: mark.level in _CALM)[:_MOST_MARKS]
+    return [[mark.time, int(mark.level in _CALM), mark.text[:120]] for mark in sorted(chosen)]
+
+
+def _chart(chart: Chart, duration: float) -> dict[str, Any]:
+    tables: dict[tuple[object, ...], list[Line]] = {}
+    for line in chart.lines:
+        tables.setdefault(line.table, []).append(line)
+    colours = _colours(chart.lines)
+    return {
+        "unit": chart.unit,
+        "lines": [
+            {"label": line.label, "colour": colours[line.label], "dash": line.is_setpoint, "step": line.column.is_held}
+            for lines in tables.values()
+            for line in lines
+        ],
+        "tables": [_table(lines, duration, MOST // len(tables)) for lines in tables.values()],
+    }
+
+
+def _colours(lines: Sequence[Line]) -> dict[str, int]:
+    """Return the numbers of colours: in all charts, that of setpoints is the same one, if there are some."""
+    others = [line.label for line in lines if not line.is_setpoint]
+    has_setpoint = len(others) < len(lines)
+    free = [number for number in range(_COLOURS) if not (has_setpoint and number == _SETPOINT)]
+    found = {label: free[place % len(free)] for place, label in enumerate(others)}
+    return {**{line.label: _SETPOINT for line in lines if line.is_setpoint}, **found}
+
+
+def _table(lines: Sequence[Line], duration: float, most: int) -> list[Any]:
+    """Return the times of lines that share them, and the values of each. NaN ends a line."""
+    times, values = lines[0].column.times, [line.column.values for line in lines]
+    kept = thinned_lines(times, values, most)
+    ends = ends_of(lines, kept)
+    middles = (times[kept[ends]] + times[kept[ends + 1]]) / 2
+    own = np.insert(times[kept], ends + 1, middles)
+    return [_packed_times(own, duration), [_packed(np.insert(each[kept], ends + 1, np.nan)) for each in values]]
+
+
+def _track(track: Track | None, duration: float) -> list[str] | None:
+    if track is None:
+        return None
+    kept = spread(track.times, MOST_OF_TRACK)
+    return [_packed_times(track.times[kept], duration), _packed(track.east[kept]), _packed(track.north[kept])]
+
+
+def _packed_times(times: NDArray[np.float64], duration: float) -> str:
+    """Return times as shares of the duration, in steps of a uint32."""
+    shares = np.clip(times / duration, 0, 1) if duration > 0 else np.zeros(len(times))
+    return b64encode(np.rint(shares * _WHOLE).astype("<u4").tobytes()).decode()
+
+
+def _packed(values: NDArray[np.float64]) -> str:
+    with np.errstate(over="ignore"):
+        return b64encode(values.astype("<f4").tobytes()).decode()

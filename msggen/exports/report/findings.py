@@ -24,6 +24,10 @@ _LONG = 1.0
 """The time in s from which a limit that is exceeded counts."""
 _MOST_FAILSAFES = 5
 """The failsafes that are findings of their own."""
+_TESTED = {"vel": "velocity", "pos": "position", "hgt": "height", "hdg": "heading", "mag": "magnetic field"}
+"""What the estimator tests, by the fronts of its ratios."""
+_RESET = {"xy": "horizontal position", "z": "height", "heading": "heading"}
+"""The estimates that jump, by the fronts of their counters."""
 _SEVERE = ("emergency", "alert", "critical", "error")
 
 
@@ -82,9 +86,8 @@ def _of_end(recorded: Recorded, _: Timeline) -> Iterator[Finding]:
     landed = recorded.column("vehicle_land_detected", "landed")
     is_armed = bool(recorded.armed) and recorded.armed[-1][1] >= recorded.duration
     if landed and is_armed and not landed.values[-1]:
-        level = (
-            "warning" if FORMATS[recorded.log.kind].is_of_vehicle else "info"
-        )  # other recorders are ended at any time
+        is_vehicles = FORMATS[recorded.log.kind].is_of_vehicle  # other recorders are ended at any time
+        level = "warning" if is_vehicles else "info"
         yield Finding(level, "the recording ends in the air", recorded.duration)
 
 
@@ -120,23 +123,13 @@ def _of_battery(recorded: Recorded, _: Timeline) -> Iterator[Finding]:
 
 
 def _of_estimator(recorded: Recorded, _: Timeline) -> Iterator[Finding]:
-    for name, word in (
-        ("vel", "velocity"),
-        ("pos", "position"),
-        ("hgt", "height"),
-        ("hdg", "heading"),
-        ("mag", "magnetic field"),
-    ):
+    for name, word in _TESTED.items():
         ratio = recorded.column("estimator_status", f"{name}_test_ratio")
         seconds, begin = _beyond(recorded, ratio, 1.0)
         if seconds >= _LONG:
             yield Finding("warning", f"the estimator rejected the {word} for {seconds:.1f} s", begin)
-    for counter, word in (
-        ("xy_reset_counter", "horizontal position"),
-        ("z_reset_counter", "height"),
-        ("heading_reset_counter", "heading"),
-    ):
-        column = recorded.column("vehicle_local_position", counter)
+    for name, word in _RESET.items():
+        column = recorded.column("vehicle_local_position", f"{name}_reset_counter")
         if column is None:
             continue
         jumps = column.times[1:][(np.diff(column.values) != 0) & column.is_within(recorded.armed)[1:]]

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from msggen.exports.report.attitude import tilt_of
-from msggen.exports.report.recorded import Column, Recorded
+from msggen.exports.report.recorded import Column, Recorded, tilt_of
 from msggen.messages.earth import RADIUS
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from hashlib import sha256
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jinja2
 import numpy as np
@@ -17,24 +17,14 @@ from markupsafe import Markup
 from msggen.base.diagnostics import few
 from msggen.base.disk.resources import resource, template_text
 from msggen.base.version import __version__
-from msggen.exports.report.charts import Chart, Charts, Line, charts_of
+from msggen.exports.report.charts import Charts, charts_of, data_of
 from msggen.exports.report.drawing import Drawing, bars, drawing_of
-from msggen.exports.report.encoded import data_of
 from msggen.exports.report.findings import Finding, findings_of
 from msggen.exports.report.flight import Figure, Track, duration_text, figures_of, track_of
 from msggen.exports.report.plans import is_needed
 from msggen.exports.report.recorded import Recorded
-from msggen.exports.report.tables import (
-    Change,
-    Fact,
-    Parameter,
-    TopicRow,
-    changes_of,
-    facts_of,
-    parameters_of,
-    topics_of,
-)
-from msggen.exports.report.timeline import Mark, Timeline, timeline_of
+from msggen.exports.report.tables import Fact, changes_of, facts_of, parameters_of, topics_of
+from msggen.exports.report.timeline import Timeline, timeline_of
 from msggen.recordings.source.source import RecordingError
 
 if TYPE_CHECKING:
@@ -50,48 +40,24 @@ _MOST_PROBLEMS = 100
 """The problems in the list."""
 
 
-class LineView(NamedTuple):
-    """A row of the table of a chart."""
-
-    label: str
-    least: str
-    mean: str
-    most: str
-    source: str
-
-
-class ChartView(NamedTuple):
-    """A chart: its number in the data, and what is around it."""
-
-    number: int
-    title: str
-    unit: str
-    label: str
-    lines: Sequence[LineView]
-
-
 class Bar(NamedTuple):
-    """The times of a flag or a mode: a path of SVG in a box as wide as the log is long, and 1 high."""
+    """The times of a mode: a path of SVG in a box as wide as the log is long, and 1 high."""
 
     name: str
     path: str
-    colour: int = 0
+    colour: int
 
 
-class FlagsView(NamedTuple):
-    """Flags over time."""
+class Shown(NamedTuple):
+    """The rows of a table or a list that are shown, of so many."""
 
-    title: str
-    rows: Sequence[Bar]
-    left_out: int
+    rows: Sequence[Any]
+    total: int
 
-
-class SectionView(NamedTuple):
-    """Charts below one heading."""
-
-    title: str
-    charts: Sequence[ChartView]
-    flags: Sequence[FlagsView]
+    @property
+    def left_out(self) -> int:
+        """How many are not shown."""
+        return self.total - len(self.rows)
 
 
 @dataclass(frozen=True)
@@ -169,28 +135,9 @@ class Page:
         return bars(self.timeline.failsafes, self.width)
 
     @cached_property
-    def sections(self) -> list[SectionView]:
-        """The charts, by heading."""
-        found, number = [], 0
-        for section in self.charts.sections:
-            views = [_view(number + place, chart) for place, chart in enumerate(section.charts)]
-            flags = [
-                FlagsView(each.title, [Bar(row.name, bars(row.spans, self.width)) for row in each.rows], each.left_out)
-                for each in section.flags
-            ]
-            found.append(SectionView(section.title, views, flags))
-            number += len(views)
-        return found
-
-    @property
-    def marks(self) -> Sequence[Mark]:
+    def marks(self) -> Shown:
         """The first texts and events."""
-        return self.timeline.marks[:_MOST_MARKS]
-
-    @property
-    def marks_left(self) -> int:
-        """How many texts and events are left out."""
-        return max(len(self.timeline.marks) - _MOST_MARKS, 0)
+        return _first(self.timeline.marks, _MOST_MARKS)
 
     @property
     def event_notes(self) -> Sequence[str]:
@@ -198,18 +145,9 @@ class Page:
         return self._log.event_notes
 
     @cached_property
-    def _parameters(self) -> list[Parameter]:
-        return parameters_of(self._log)
-
-    @property
-    def parameters(self) -> list[Parameter]:
+    def parameters(self) -> Shown:
         """The first parameters that were not default at the start."""
-        return self._parameters[:MOST_ROWS]
-
-    @property
-    def parameters_count(self) -> int:
-        """How many there are."""
-        return len(self._parameters)
+        return _first(parameters_of(self._log), MOST_ROWS)
 
     @property
     def no_parameters(self) -> str:
@@ -221,32 +159,14 @@ class Page:
         return "All parameters were default at the start."
 
     @cached_property
-    def _changes(self) -> list[Change]:
-        return changes_of(self._log)
-
-    @property
-    def changes(self) -> list[Change]:
+    def changes(self) -> Shown:
         """The first parameters that changed during the log."""
-        return self._changes[:MOST_ROWS]
-
-    @property
-    def changes_count(self) -> int:
-        """How many changes there are."""
-        return len(self._changes)
+        return _first(changes_of(self._log), MOST_ROWS)
 
     @cached_property
-    def _topics(self) -> list[TopicRow]:
-        return topics_of(self._log)
-
-    @property
-    def topics(self) -> list[TopicRow]:
+    def topics(self) -> Shown:
         """The first topics of the recording."""
-        return self._topics[:MOST_ROWS]
-
-    @property
-    def topics_count(self) -> int:
-        """How many topics there are."""
-        return len(self._topics)
+        return _first(topics_of(self._log), MOST_ROWS)
 
     @property
     def missing(self) -> str:
@@ -259,20 +179,11 @@ class Page:
         shown, others = self.recorded.namespace or "the vehicle without a namespace", self.recorded.others
         return [*([f"The report is about {shown}, not about: {few(others)}"] if others else ()), *self._log.notes]
 
-    @property
-    def problems(self) -> list[str]:
-        """The first problems of the recording, a line each."""
-        return self._problems[:_MOST_PROBLEMS]
-
-    @property
-    def problems_left(self) -> int:
-        """How many problems are left out."""
-        return max(len(self._problems) - _MOST_PROBLEMS, 0)
-
     @cached_property
-    def _problems(self) -> list[str]:
-        found = self._log.problems
-        return list(dict.fromkeys(f"{each.topic}: {each.text}" if each.topic else each.text for each in found))
+    def problems(self) -> Shown:
+        """The first problems of the recording, a line each."""
+        found = (f"{each.topic}: {each.text}" if each.topic else each.text for each in self._log.problems)
+        return _first(list(dict.fromkeys(found)), _MOST_PROBLEMS)
 
     @property
     def style(self) -> Markup:
@@ -298,6 +209,10 @@ class Page:
     def script_hashes(self) -> Markup:
         """The scripts that may run, for the content security policy: no other one does."""
         return Markup(" ".join(map(_hash, (self.library, self.program))))  # noqa: S704
+
+
+def _first(rows: Sequence[Any], most: int) -> Shown:
+    return Shown(rows[:most], len(rows))
 
 
 def _hash(script: str) -> str:
@@ -329,6 +244,7 @@ def _template() -> jinja2.Template:
     )
     environment.filters["clock"] = clock
     environment.filters["drawn"] = Markup
+    environment.filters["bars"] = bars
     return environment.get_template("report/report.html.j2")
 
 
@@ -347,15 +263,3 @@ def clock(seconds: float) -> str:
     hours, minutes = divmod(int(minutes), 60)
     front = f"{hours}:{minutes:02}" if hours else f"{minutes}"
     return f"{'-' if seconds < 0 else ''}{front}:{rest:04.1f}"
-
-
-def _view(number: int, chart: Chart) -> ChartView:
-    lines = [_row(line) for line in chart.lines]
-    names = few(list(dict.fromkeys(line.label for line in lines)))
-    unit = f" in {chart.unit}" if chart.unit else ""
-    return ChartView(number, chart.title, chart.unit, f"{chart.title}{unit} over time: {names}", lines)
-
-
-def _row(line: Line) -> LineView:
-    least, mean, most = (f"{value:.4g}" for value in line.summary)
-    return LineView(line.label, least, mean, most, line.column.path)

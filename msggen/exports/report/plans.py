@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 
 class Field(NamedTuple):
@@ -39,6 +39,19 @@ class Group(NamedTuple):
 
 _LOCAL, _ODOMETRY = "vehicle_local_position", "vehicle_odometry"
 _POSITION_SETPOINT, _TRAJECTORY = "vehicle_local_position_setpoint", "trajectory_setpoint"
+
+
+def _plan(title: str, unit: str, *fields: Field, instead_of: tuple[str, ...] = ()) -> Plan:
+    return Plan(title, unit, fields, instead_of)
+
+
+def _line(label: str, *paths: str, **more: Any) -> Field:
+    return Field(label, paths, **more)
+
+
+def _each(label: str, *paths: str, **more: Any) -> Field:
+    """Return the lines of each instance of a topic, and of each element of an array."""
+    return Field(label, paths, is_each=True, **more)
 
 
 def _tracked(own: tuple[str, ...], setpoint: tuple[str, ...], valid: str = "", scale: float = 1.0) -> tuple[Field, ...]:
@@ -82,7 +95,15 @@ _GPS = ("sensor_gps", "vehicle_gps_position")
 
 
 def _gps(label: str, name: str) -> Field:
-    return Field(label, tuple(f"{topic}.{name}" for topic in _GPS), is_each=True)
+    return _each(label, *(f"{topic}.{name}" for topic in _GPS))
+
+
+def _battery(*names: str, **more: Any) -> Field:
+    return _each("battery", *(f"battery_status.{name}" for name in names), **more)
+
+
+def _stick(name: str, old: str) -> Field:
+    return _line(name, f"manual_control_setpoint.{name}", f"manual_control_setpoint.{old}")
 
 
 def _axes(topic: str, field: str) -> tuple[Field, ...]:
@@ -95,149 +116,103 @@ GROUPS: tuple[Group, ...] = (
     Group(
         "Position and velocity",
         (
-            Plan(
+            _plan(
                 "Altitude above the origin",
                 "m",
-                (
-                    *_position("z", 2),
-                    Field("above ground", (f"{_LOCAL}.dist_bottom",), valid="dist_bottom_valid"),
-                ),
+                *_position("z", 2),
+                _line("above ground", f"{_LOCAL}.dist_bottom", valid="dist_bottom_valid"),
             ),
-            Plan(
+            _plan(
                 "Altitude above sea level",
                 "m",
-                (Field("estimate", ("vehicle_global_position.alt",)),),
-                ("Altitude above the origin",),
+                _line("estimate", "vehicle_global_position.alt"),
+                instead_of=("Altitude above the origin",),
             ),
-            Plan("Position north", "m", _position("x", 0)),
-            Plan("Position east", "m", _position("y", 1)),
-            Plan("Velocity north", "m/s", _velocity("vx", 0)),
-            Plan("Velocity east", "m/s", _velocity("vy", 1)),
-            Plan("Velocity down", "m/s", _velocity("vz", 2)),
-            Plan(
+            _plan("Position north", "m", *_position("x", 0)),
+            _plan("Position east", "m", *_position("y", 1)),
+            _plan("Velocity north", "m/s", *_velocity("vx", 0)),
+            _plan("Velocity east", "m/s", *_velocity("vy", 1)),
+            _plan("Velocity down", "m/s", *_velocity("vz", 2)),
+            _plan(
                 "Airspeed",
                 "m/s",
-                (
-                    Field("true", ("airspeed_validated.true_airspeed_m_s", "airspeed.true_airspeed_m_s")),
-                    Field("setpoint", ("tecs_status.true_airspeed_sp",), is_setpoint=True),
-                ),
+                _line("true", "airspeed_validated.true_airspeed_m_s", "airspeed.true_airspeed_m_s"),
+                _line("setpoint", "tecs_status.true_airspeed_sp", is_setpoint=True),
             ),
         ),
     ),
     Group(
         "Attitude and rates",
         (
-            Plan("Roll", "deg", _angle("roll")),
-            Plan("Pitch", "deg", _angle("pitch")),
-            Plan("Yaw", "deg", _angle("yaw")),
-            Plan("Roll rate", "deg/s", _rate("roll", 0)),
-            Plan("Pitch rate", "deg/s", _rate("pitch", 1)),
-            Plan("Yaw rate", "deg/s", _rate("yaw", 2)),
+            _plan("Roll", "deg", *_angle("roll")),
+            _plan("Pitch", "deg", *_angle("pitch")),
+            _plan("Yaw", "deg", *_angle("yaw")),
+            _plan("Roll rate", "deg/s", *_rate("roll", 0)),
+            _plan("Pitch rate", "deg/s", *_rate("pitch", 1)),
+            _plan("Yaw rate", "deg/s", *_rate("yaw", 2)),
         ),
     ),
     Group(
         "Actuators and sticks",
         (
-            Plan("Motors", "", (Field("motor", ("actuator_motors.control",), is_each=True),)),
-            Plan("Servos", "", (Field("servo", ("actuator_servos.control",), is_each=True),)),
-            Plan(
-                "Actuator outputs",
-                "",
-                (Field("output", ("actuator_outputs.output",), is_each=True),),
-                ("Motors", "Servos"),
-            ),
-            Plan("Speed of motors", "rpm", (Field("motor", ("esc_status.esc",), is_each=True),)),
-            Plan("Thrust setpoint", "", _axes("vehicle_thrust_setpoint", "xyz")),
-            Plan("Torque setpoint", "", _axes("vehicle_torque_setpoint", "xyz")),
-            Plan(
-                "Sticks",
-                "",
-                tuple(
-                    Field(name, (f"manual_control_setpoint.{name}", f"manual_control_setpoint.{old}"))
-                    for name, old in _STICKS
-                ),
-            ),
+            _plan("Motors", "", _each("motor", "actuator_motors.control")),
+            _plan("Servos", "", _each("servo", "actuator_servos.control")),
+            _plan("Actuator outputs", "", _each("output", "actuator_outputs.output"), instead_of=("Motors", "Servos")),
+            _plan("Speed of motors", "rpm", _each("motor", "esc_status.esc")),
+            _plan("Thrust setpoint", "", *_axes("vehicle_thrust_setpoint", "xyz")),
+            _plan("Torque setpoint", "", *_axes("vehicle_torque_setpoint", "xyz")),
+            _plan("Sticks", "", *(_stick(name, old) for name, old in _STICKS)),
         ),
     ),
     Group(
         "Power and system",
         (
-            Plan(
-                "Battery voltage",
-                "V",
-                (Field("battery", ("battery_status.voltage_v", "battery_status.voltage_filtered_v"), is_each=True),),
-            ),
-            Plan(
-                "Battery current",
-                "A",
-                (
-                    Field(
-                        "battery",
-                        ("battery_status.current_a", "battery_status.current_filtered_a"),
-                        is_each=True,
-                        unknown=-1.0,
-                    ),
-                ),
-            ),
-            Plan(
-                "Battery remaining",
-                "%",
-                (Field("battery", ("battery_status.remaining",), is_each=True, scale=100, unknown=-1.0),),
-            ),
-            Plan(
+            _plan("Battery voltage", "V", _battery("voltage_v", "voltage_filtered_v")),
+            _plan("Battery current", "A", _battery("current_a", "current_filtered_a", unknown=-1.0)),
+            _plan("Battery remaining", "%", _battery("remaining", scale=100, unknown=-1.0)),
+            _plan(
                 "Load of the autopilot",
                 "%",
-                (Field("CPU", ("cpuload.load",), scale=100), Field("RAM", ("cpuload.ram_usage",), scale=100)),
+                _line("CPU", "cpuload.load", scale=100),
+                _line("RAM", "cpuload.ram_usage", scale=100),
             ),
         ),
     ),
     Group(
         "Vibration and sensors",
         (
-            Plan(
-                "Vibration of the accelerometers",
-                "m/s²",
-                (Field("IMU", ("vehicle_imu_status.accel_vibration_metric",), is_each=True),),
-            ),
-            Plan(
-                "Vibration of the gyroscopes",
-                "deg/s",
-                (Field("IMU", ("vehicle_imu_status.gyro_vibration_metric",), is_each=True),),
-            ),
-            Plan("Raw acceleration", "m/s²", _axes("sensor_combined", "accelerometer_m_s2")),
-            Plan("Magnetic field", "Ga", _axes("vehicle_magnetometer", "magnetometer_ga")),
+            _plan("Vibration of the accelerometers", "m/s²", _each("IMU", "vehicle_imu_status.accel_vibration_metric")),
+            _plan("Vibration of the gyroscopes", "deg/s", _each("IMU", "vehicle_imu_status.gyro_vibration_metric")),
+            _plan("Raw acceleration", "m/s²", *_axes("sensor_combined", "accelerometer_m_s2")),
+            _plan("Magnetic field", "Ga", *_axes("vehicle_magnetometer", "magnetometer_ga")),
         ),
     ),
     Group(
         "GPS",
         (
-            Plan("Satellites and fix", "", (_gps("satellites", "satellites_used"), _gps("fix type", "fix_type"))),
-            Plan("Accuracy of position", "m", (_gps("horizontal", "eph"), _gps("vertical", "epv"))),
-            Plan("Noise and jamming", "", (_gps("noise per ms", "noise_per_ms"), _gps("jamming", "jamming_indicator"))),
+            _plan("Satellites and fix", "", _gps("satellites", "satellites_used"), _gps("fix type", "fix_type")),
+            _plan("Accuracy of position", "m", _gps("horizontal", "eph"), _gps("vertical", "epv")),
+            _plan("Noise and jamming", "", _gps("noise per ms", "noise_per_ms"), _gps("jamming", "jamming_indicator")),
         ),
     ),
     Group(
         "Estimator",
         (
-            Plan(
+            _plan(
                 "Innovation test ratios",
                 "",
-                (
-                    _ratio("heading", "hdg", "mag"),
-                    _ratio("velocity", "vel"),
-                    _ratio("position", "pos"),
-                    _ratio("height", "hgt"),
-                    _ratio("airspeed", "tas"),
-                    _ratio("above ground", "hagl"),
-                ),
+                _ratio("heading", "hdg", "mag"),
+                _ratio("velocity", "vel"),
+                _ratio("position", "pos"),
+                _ratio("height", "hgt"),
+                _ratio("airspeed", "tas"),
+                _ratio("above ground", "hagl"),
             ),
-            Plan(
+            _plan(
                 "Error of the position",
                 "m",
-                (
-                    Field("horizontal", (f"{_LOCAL}.eph", "estimator_status.pos_horiz_accuracy")),
-                    Field("vertical", (f"{_LOCAL}.epv", "estimator_status.pos_vert_accuracy")),
-                ),
+                _line("horizontal", f"{_LOCAL}.eph", "estimator_status.pos_horiz_accuracy"),
+                _line("vertical", f"{_LOCAL}.epv", "estimator_status.pos_vert_accuracy"),
             ),
         ),
     ),

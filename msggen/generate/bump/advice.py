@@ -8,9 +8,8 @@ from collections.abc import Iterator
 
 from msggen.base.diagnostics import few
 from msggen.definitions.model import DEFAULT_PACKAGE, Message, Service
-from msggen.generate.bump.archived_version import read_definition
 from msggen.generate.bump.header import changed_constants, find_callers, header_name
-from msggen.generate.bump.version_step import CURRENT_FILE, VersionStep, fields_of
+from msggen.generate.bump.version_step import CURRENT_FILE, VersionStep, fields_of, read_definition
 from msggen.sources.history import TRANSLATIONS, VERSIONED, History, archived_name
 from msggen.sources.translation_check import Version, unfinished_lines, unknown_names
 

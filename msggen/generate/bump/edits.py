@@ -1,19 +1,23 @@
-"""The plan of a bump: the files to write, and the steps that remain for people."""
+"""A bump: the plan with the files to write and the steps that remain for people, and its writing.
+
+No file is written in part.
+"""
 
 from __future__ import annotations
 
 import os
 import shlex
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
+from contextlib import nullcontext
 from typing import NamedTuple
 
-from msggen.base.diagnostics import Diagnostic, few, input_error, suggestion
+from msggen.base.diagnostics import Diagnostic, InputError, few, input_error, suggestion
 from msggen.base.disk.git import commit_of, is_in_repository, is_revision
 from msggen.base.disk.names import path_hint
+from msggen.base.disk.staging import is_writable, locked, written_aside
 from msggen.base.location import Location
 from msggen.definitions.model import DEFAULT_PACKAGE, VERSION, Catalog, Message
 from msggen.generate.bump.advice import list_remaining
-from msggen.generate.bump.archived_version import archive, parse_definition, read_definition
 from msggen.generate.bump.header import (
     find_callers,
     includes,
@@ -22,7 +26,16 @@ from msggen.generate.bump.header import (
     with_archived,
     with_include,
 )
-from msggen.generate.bump.version_step import CONSTANT, CURRENT_FILE, Previous, VersionStep, fields_of
+from msggen.generate.bump.version_step import (
+    CONSTANT,
+    CURRENT_FILE,
+    Previous,
+    VersionStep,
+    archive,
+    fields_of,
+    parse_definition,
+    read_definition,
+)
 from msggen.sources.catalog import COMPARABLE, read_catalog
 from msggen.sources.finding import find_sources, open_tree, refuse_part_of_tree
 from msggen.sources.history import ALL_TRANSLATIONS, ARCHIVE, TRANSLATIONS, VERSIONED
@@ -243,3 +256,44 @@ def _difference(expected: Message, found: Message) -> str:
         if name != other_name:
             return f"fields in a different order: expected '{type_} {name}' before '{other_type} {other_name}'"
     return ""
+
+
+def bump(firmware: str, name: str, against: str | None) -> Edits:
+    """Bump the version of the message `name` in the tree `firmware`. Return the edits that were made.
+
+    `against` is as for `plan_bump`. Runs on the same tree wait for each other. Raises InputError, or OSError if a file
+    cannot be written; nothing is changed then.
+    """
+    with locked(firmware) if os.path.isdir(firmware) else nullcontext():
+        plan = plan_bump(firmware, name, against)
+        files = {_target(plan.firmware, change): change.after for change in plan.changes}
+        errors = [*_read_only(plan.firmware, files)]
+        if errors:
+            raise InputError(errors)
+        with written_aside(files, keep_modes=True) as move_into_place:
+            move_into_place()
+        return plan
+
+
+def _target(firmware: str, change: Change) -> str:
+    """Return the path to write to, with symbolic links resolved. Raises InputError if it is outside the firmware."""
+    path = Folder(firmware).place(change.name)
+    target, root = os.path.realpath(path), os.path.realpath(firmware)
+    if os.path.commonpath([target, root]) != root:
+        raise input_error(path, "B106", f"leads to {target}, outside of the firmware: replace the symbolic link", 0)
+    return target
+
+
+def _read_only(firmware: str, targets: Collection[str]) -> Iterator[Diagnostic]:
+    """Yield an error for each read-only file or folder that would be changed, even for root."""
+    root = os.path.realpath(firmware)
+    for path in {*filter(os.path.lexists, targets), *map(_existing_folder, targets)}:
+        if not is_writable(path):
+            kind = "folder" if os.path.isdir(path) else "file"
+            name = os.path.normpath(Folder(firmware).place(os.path.relpath(path, root)))
+            yield Diagnostic(Location(name, 0), "S114", f"the {kind} is read-only: make it writable")
+
+
+def _existing_folder(path: str) -> str:
+    folder = os.path.dirname(path)
+    return folder if os.path.lexists(folder) else _existing_folder(folder)

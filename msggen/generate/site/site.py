@@ -13,8 +13,7 @@ from msggen.definitions.model import BridgeEntry, Catalog, Constant, Message
 from msggen.definitions.parse.parameters import Parameter, commands, description, parameters
 from msggen.generate.render.views import ConstantView, EndpointView, FieldView, MessageView, ServiceView, Views
 from msggen.generate.site.changes import Changed, Changes, Group, grouped
-from msggen.generate.site.drawing import Row, rows_of
-from msggen.generate.site.graph import Graph, draw, inner_of
+from msggen.generate.site.drawing import Graph, Row, draw, inner_of, rows_of
 from msggen.generate.site.prose import Document, Prose, render_documents
 from msggen.generate.text.words import paragraphs
 

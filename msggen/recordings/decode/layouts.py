@@ -2,13 +2,17 @@
 
 A row of a message with a fixed size is its sample in little-endian XCDR1, with its encapsulation header and its
 padding, where numpy can describe that; its fields have offsets. Otherwise it holds the values without padding.
+`encoded` makes CDR samples of the rows of a ULog, whose fields are in the order of uORB's struct, with its padding.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from itertools import chain
 from typing import TYPE_CHECKING, cast
+
+import numpy as np
 
 from msggen.definitions.dtypes import Leaf, bools_of, lay_out_rows, positions_of
 from msggen.definitions.layout import DelimiterHeader, Encoding, lay_out
@@ -22,8 +26,10 @@ from msggen.recordings.source.rows import Layout, bools_at
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    import numpy as np
     from numpy.typing import NDArray
+
+    from msggen.definitions.layout import Path
+    from msggen.recordings.source.memory import Octets
 
 ENCODINGS = {
     b"\0\0": (">", Encoding.XCDR1),
@@ -94,3 +100,28 @@ def _runs(leaves: Iterable[Leaf]) -> Iterator[tuple[int, int]]:
             start = leaf.offset
         stop = leaf.end
     yield start, stop
+
+
+def encoded(rows: NDArray[np.void], layout: Layout, own: Schema, written: Schema) -> Octets:
+    """Return rows as CDR samples of the definition `written`, with their headers: little-endian XCDR1, padding is 0.
+
+    `own` is the definition whose order the rows have. Values stay as they are, so that their bytes only move.
+    """
+    wire = wire_of(written, USUAL)
+    made = np.zeros((len(rows), wire.size), np.uint8)
+    made[:, : len(USUAL)] = np.frombuffer(USUAL, np.uint8)
+    octets = rows.view(f"V{rows.dtype.itemsize}").view(np.uint8).reshape(len(rows), -1)
+    made[:, wire.positions] = octets[:, layout.positions[_moved(own, written)]]
+    return made
+
+
+@lru_cache(1024)
+def _moved(own: Schema, written: Schema) -> NDArray[np.intp]:
+    """Return where the bytes of the values of `written`, in its order, are among those of `own`."""
+    places: dict[Path, range] = {}
+    end = 0
+    for leaf in lay_out(own.catalog, own.message).leaves:
+        begin, end = end, end + leaf.size * leaf.element_count
+        places[leaf.path] = range(begin, end)
+    order = (places[leaf.path] for leaf in lay_out(written.catalog, written.message).leaves)
+    return np.fromiter(chain.from_iterable(order), np.intp, end)

@@ -1,7 +1,11 @@
-"""Which release of PX4 a recording is from: its definitions, compared with those of the embedded releases."""
+"""Which release of PX4 a recording is from: its definitions, compared with those of the embedded releases.
+
+Definitions that have only plain lines are read without the parser, because a lot of them are compared.
+"""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
@@ -9,16 +13,73 @@ from typing import TYPE_CHECKING, NamedTuple
 from msggen.base.diagnostics import counted
 from msggen.definitions.identity import type_hash
 from msggen.definitions.model import DEFAULT_PACKAGE
+from msggen.definitions.primitives import OCTETS, PRIMITIVES
 from msggen.recordings.decode.schemas import content_of, definitions_in, key_of, read_schema
-from msggen.recordings.definitions.plain import plain_content
 from msggen.recordings.source.source import SchemaError
 from msggen.sources.embedded import EMBEDDED, all_releases
 from msggen.sources.released import embedded
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Callable, Iterable
 
     from msggen.recordings.topics.topic import Topic
+
+_FIELD = re.compile(r"(\w+(?:/\w+)?)(\[[1-9]\d*\])?[ \t]+([a-z]\w*)", re.ASCII)
+_CONSTANT = re.compile(r"\w+[ \t]+[A-Z]\w*[ \t]*=[ \t]*[-+.\w]+", re.ASCII)
+
+_MOST = 64
+"""How many messages a definition has at most: PX4's have three, and a hostile one may nest without end."""
+
+_Line = tuple[str, str, str]
+"""The name of a field, the length of an array in brackets, and the type."""
+
+
+def plain_content(text_of: Callable[[str], str], key: str) -> frozenset[object] | None:
+    """Return the fields of a message such as `px4_msgs/EscStatus`, in no order, or None if only the parser can tell.
+
+    `text_of` returns the definition of a message and of those that it nests, "" for an unknown one. Two contents are
+    equal if and only if `content_of` of the two messages are.
+    """
+    return _content(text_of, key, {})
+
+
+def _content(
+    text_of: Callable[[str], str], key: str, known: dict[str, frozenset[object] | None]
+) -> frozenset[object] | None:
+    if key in known or len(known) == _MOST:
+        return known.get(key)
+    known[key] = None  # until it is read: a message that nests itself needs the parser, which reports it
+    lines = _lines(text_of(key))
+    if lines is None:
+        return None
+    fields: set[object] = set()
+    for name, array, base in lines:
+        own: object = base
+        if base not in PRIMITIVES:
+            own = _content(text_of, base if "/" in base else f"{key.partition('/')[0]}/{base}", known)
+        if own is None:
+            return None
+        fields.add((name, array, own))
+    known[key] = frozenset(fields)
+    return known[key]
+
+
+@lru_cache(2048)
+def _lines(text: str) -> tuple[_Line, ...] | None:
+    """Return the fields of a definition, or None if it has another line than those of fields, numbers and comments."""
+    fields = []
+    for line in text.split("\n"):
+        code = line.partition("#")[0].strip()
+        if not code or _CONSTANT.fullmatch(code):
+            continue
+        found = _FIELD.fullmatch(code)
+        if found is None:
+            return None
+        base, array, name = found.groups("")
+        fields.append((name, array, "uint8" if base in OCTETS else base))
+    is_clear = fields and len({name for name, _, _ in fields}) == len(fields)
+    return tuple(fields) if is_clear else None
+
 
 _SHOWN = 3
 

@@ -9,7 +9,7 @@ import json
 from math import isfinite, nan
 from typing import TYPE_CHECKING
 
-from msggen.recordings.decode.event_text import LONGEST
+from msggen.recordings.decode.event_metadata import LONGEST
 from msggen.recordings.source.facts import LEVELS, Event
 from msggen.recordings.source.source import SEPARATOR
 

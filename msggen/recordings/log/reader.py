@@ -212,7 +212,7 @@ class Reader:
 
     def _encoder(self, topic: Topic, channel: Channel) -> Encoder:
         """Return what makes CDR of the samples of a ULog, by their own definition."""
-        from msggen.recordings.decode.encoder import encoded
+        from msggen.recordings.decode.layouts import encoded
         from msggen.recordings.decode.schemas import read_schema
         from msggen.recordings.log.payloads import Encoder
 

@@ -1,4 +1,7 @@
-"""Objects of a store by their addresses: read in ranges, written whole, listed and deleted."""
+"""Objects of a store by their addresses: read in ranges, written whole, listed and deleted.
+
+Calls of obstore run in threads of their own, so that Ctrl-C does not wait for a server that stalls.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from datetime import datetime
 from functools import partial
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from queue import Empty, SimpleQueue
+from threading import Event, Semaphore, Thread
+from typing import TYPE_CHECKING, Literal, NamedTuple, TypeVar
 
 from msggen.base.disk.urls import scheme_of, shown_address
 from msggen.recordings.stores.client import client_for, split
@@ -22,9 +27,10 @@ from msggen.recordings.stores.errors import (
     translated,
 )
 from msggen.recordings.stores.server import Server
-from msggen.recordings.stores.threads import result_of, results_of
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
     from obstore import GetOptions, ObjectMeta, PutResult, UpdateVersion
     from obstore.store import ObjectStore
 
@@ -312,3 +318,50 @@ def _translating(address: str) -> Iterator[None]:
         raise
     except (BaseError, FileNotFoundError, ValueError) as error:
         raise translated(error, address) from None
+
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+
+def results_of(work: Callable[[Item], Result], items: Sequence[Item], count: int) -> Iterator[Result]:
+    """Yield what a function returns for items, as soon as it does. `count` is how many calls run, or wait, at a time.
+
+    Raises the first error. The calls that run then go on alone: they end when the server answers, or not in time.
+    """
+    if not items:
+        return
+    waiting: SimpleQueue[Item] = SimpleQueue()
+    for item in items:
+        waiting.put(item)
+    done: SimpleQueue[Result | BaseException] = SimpleQueue()
+    room, ended = Semaphore(count), Event()
+
+    def run() -> None:
+        while room.acquire() and not ended.is_set():
+            try:
+                done.put(work(waiting.get_nowait()))
+            except Empty:
+                return
+            except BaseException as error:  # noqa: BLE001 - raised below
+                done.put(error)
+
+    threads = min(count, len(items))
+    for _ in range(threads):
+        Thread(target=run, name="msggen store", daemon=True).start()
+    try:
+        for _ in items:
+            found = done.get()
+            if isinstance(found, BaseException):
+                raise found
+            yield found
+            room.release()
+    finally:
+        ended.set()
+        room.release(threads)
+
+
+def result_of(call: Callable[[], Result]) -> Result:
+    """Return what a function returns, or raise what it raises."""
+    (found,) = results_of(lambda each: each(), [call], 1)
+    return found

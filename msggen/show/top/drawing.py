@@ -9,9 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from rich.text import Text
 
 from msggen.base.foreign import escaped
-from msggen.show.top.health import Health
-from msggen.show.top.history import SECONDS, sparkline
-from msggen.show.top.rows import Row, Table
+from msggen.show.top.rows import SECONDS, Health, Row, Table, sparkline
 from msggen.show.top.view import HELP, View
 
 if TYPE_CHECKING:

@@ -1,16 +1,63 @@
-"""The rows of the table: a topic each, measured, with the rate limit of the firmware's dds_topics.yaml."""
+"""The table: a row for each topic, measured, with the rate limit of the firmware's dds_topics.yaml.
+
+Beside it are the state of the vehicle, from its newest VehicleStatus and BatteryStatus, and the rates of topics over
+the last seconds.
+"""
 
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import pairwise
 from types import ModuleType
 from typing import Any, NamedTuple
 
 from msggen.link.link import Route
+from msggen.messages.formats import member_name
 from msggen.messages.names import stem_of, without_namespace
-from msggen.show.top.health import Health
 from msggen.vehicle.meter import Flow
+
+STATUS, BATTERY = "/fmu/out/vehicle_status", "/fmu/out/battery_status"
+"""The topics that tell it, without namespace and version."""
+_NO_WARNING = "WARNING_NONE"
+
+
+class Health(NamedTuple):
+    """What is known of the state of a vehicle. Texts are "" and numbers NaN if it is not."""
+
+    mode: str = ""
+    """The flight mode: `AUTO_LOITER`."""
+    arming: str = ""
+    """`ARMED` or `DISARMED`."""
+    is_failsafe: bool = False
+    battery: float = math.nan
+    """The charge that remains, from 0 to 1."""
+    warning: str = ""
+    """The warning of the battery, such as `LOW`, or ""."""
+
+
+def health_of(status: Any, battery: Any) -> Health:
+    """Return what messages tell. Each may be None, and of any release."""
+    remaining = getattr(battery, "remaining", math.nan)
+    warning = _member(battery, "warning")
+    return Health(
+        _member(status, "nav_state"),
+        _member(status, "arming_state"),
+        bool(getattr(status, "failsafe", False)),
+        remaining if 0.0 <= remaining <= 1.0 else math.nan,  # PX4 sends -1 if it does not know
+        "" if warning == _NO_WARNING else warning.removeprefix("WARNING_"),
+    )
+
+
+def _member(message: Any, name: str) -> str:
+    """Return the name of the value of a field, its number if it has no name, or "" if there is no such field."""
+    if not hasattr(message, name):
+        return ""
+    value = getattr(message, name)
+    enum = message.__msg__.enum(name)
+    return str(value) if enum is None else member_name(enum, value)
+
 
 _REGULAR = 5
 """A topic with this many samples,"""
@@ -164,3 +211,55 @@ def _known(number: float) -> float | None:
 
 def _sum(numbers: Iterable[float]) -> float:
     return sum(number for number in numbers if not math.isnan(number))
+
+
+SECONDS = 20
+"""The seconds that are kept."""
+_SECOND = 1_000_000_000
+_BLOCKS = "▁▂▃▄▅▆▇"
+"""The heights of a rate. A full block would touch the line above."""
+
+
+class _Counts:
+    """The samples of a topic: all at a time in ns, and those until each of the last whole seconds."""
+
+    def __init__(self, time: int, samples: int) -> None:
+        self._time, self._samples = time, samples
+        self._whole: deque[float] = deque(maxlen=SECONDS + 1)
+
+    def add(self, time: int, samples: int) -> None:
+        """Note the samples until a time. Between two times, they are taken to be evenly spaced."""
+        first, last = self._time // _SECOND + 1, time // _SECOND
+        for second in range(max(first, last - SECONDS), last + 1):
+            share = (second * _SECOND - self._time) / (time - self._time)
+            self._whole.append(self._samples + share * (samples - self._samples))
+        self._time, self._samples = time, samples
+
+    @property
+    def rates(self) -> tuple[float, ...]:
+        """The samples in each whole second, the oldest first."""
+        return tuple(later - earlier for earlier, later in pairwise(self._whole))
+
+
+class History:
+    """Notes how many samples each topic has, and tells how many each second had."""
+
+    def __init__(self) -> None:
+        self._topics: dict[str, _Counts] = {}
+
+    def add(self, rows: Iterable[Row], now: int) -> tuple[Row, ...]:
+        """Note the samples of rows until `now`, of `time.time_ns`. Return the rows with their rates."""
+        return tuple(self._noted(row, now) for row in rows)
+
+    def _noted(self, row: Row, now: int) -> Row:
+        counts = self._topics.setdefault(row.topic, _Counts(now, row.samples))
+        counts.add(now, row.samples)
+        return row._replace(rates=counts.rates)
+
+
+def sparkline(rates: Sequence[float]) -> str:
+    """Return rates as blocks, the highest for the largest rate. "" without a sample."""
+    largest = max(rates, default=0.0)
+    if largest <= 0:
+        return ""
+    return "".join(_BLOCKS[round(max(0.0, rate) / largest * (len(_BLOCKS) - 1))] for rate in rates)

@@ -1,13 +1,15 @@
-"""`msggen log`: recordings of flights. A module for each action."""
+"""`msggen log`: recordings of flights. A module for each action, or for actions that are alike."""
 
 from __future__ import annotations
 
-from msggen.cli.commands.log import compact, convert, cut, info, merge, plot, repair, report, show
+import argparse
+from types import ModuleType
+
+from msggen.cli.commands.log import convert, fleet, info, mcap, plot, report, show
 from msggen.cli.commands.log.arguments import CODES
-from msggen.cli.nearby import folder_firmware
 from msggen.cli.options import Commands, add_group
 
-_MODULES = (info, show, plot, report, convert, compact, cut, merge, repair)
+_MODULES = (info, show, plot, report, convert, fleet, mcap)
 """The modules of the actions, in the order of the help."""
 
 
@@ -24,4 +26,14 @@ def add_to(commands: Commands) -> None:
     for module in _MODULES:
         module.add_to(actions)
     for parser in actions.choices.values():
-        parser.set_defaults(nearby=folder_firmware)
+        parser.set_defaults(nearby=_firmware_nearby)
+
+
+def _firmware_nearby(options: argparse.Namespace) -> tuple[ModuleType, str] | None:
+    """Return a package of the firmware in the current folder and its name, or None: for definitions that are missing.
+
+    The setting `types` is not used: `log` reads files of others, and imports no package of theirs.
+    """
+    from msggen.cli.chosen_types import folder_firmware
+
+    return folder_firmware(options)

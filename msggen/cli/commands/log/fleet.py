@@ -1,4 +1,4 @@
-"""`msggen log convert` of a folder of recordings: a fleet (docs/fleet.md)."""
+"""`msggen log convert` of a folder of recordings, a fleet (docs/fleet.md), and `msggen log compact`."""
 
 from __future__ import annotations
 
@@ -18,16 +18,15 @@ from msggen.base.recording_formats import format_named
 from msggen.cli.commands.log.opening import counted_samples
 from msggen.cli.commands.log.progress import Show, progress_bar
 from msggen.cli.commands.log.targets import check_folder
-from msggen.cli.options import refuse
-from msggen.cli.packages import check_reading, missing_extra
+from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, refuse
+from msggen.cli.packages import check_reading, needing, store_errors
 from msggen.cli.printing import number_of_bytes
-from msggen.cli.reading import store_errors
-from msggen.cli.values import non_empty, whole
+from msggen.cli.values import new_recording, non_empty, whole
 from msggen.recordings.files.paths import is_bag
 from msggen.show.report.json import dump
 
 if TYPE_CHECKING:
-    from msggen.exports.fleet import Outcome, Progress, Summary
+    from msggen.exports.fleet import Compacted, Outcome, Progress, Summary
 
 _MOST_JOBS = 1024
 _MOST_NAMES = 20
@@ -112,7 +111,7 @@ def convert_fleet(options: argparse.Namespace) -> int:
 
 def _updated(options: argparse.Namespace, fleet: str) -> Summary:
     """Bring the fleet up to date. Raises InputError."""
-    try:
+    with needing("dask" if options.dask else "recordings", "R150"):
         import pyarrow  # noqa: F401, ICN001
 
         from msggen.exports.fleet import KEYS, update
@@ -121,8 +120,6 @@ def _updated(options: argparse.Namespace, fleet: str) -> Summary:
 
         if options.dask:
             import distributed  # noqa: F401
-    except ImportError as error:
-        raise missing_extra(error, "dask" if options.dask else "recordings", "R150") from None
     by = options.by.split(",") if options.by else list(KEYS)
     if not set(by) <= set(KEYS) or len(set(by)) != len(by):
         refuse(options, f"argument --by: expected {' and '.join(KEYS)} or one of them, found '{options.by}'")
@@ -226,3 +223,47 @@ def _lines(summary: Summary, fleet: str, seconds: float) -> Iterator[str]:
         yield f"dates: {few(list(document['dates']))}"
         origins = ", ".join(f"{_ORIGINS[origin]} ({number})" for origin, number in document["date_from"].items())
         yield f"dates are from: {origins}"
+
+
+def add_to(actions: Commands) -> None:
+    """Add the action to `msggen log`."""
+    parser = add_command(
+        actions,
+        "compact",
+        _compact,
+        help="make large files of the small ones of a fleet",
+        description="Make large files of the small ones that runs of `msggen log convert` have added to a fleet "
+        "(docs/fleet.md). The rows stay the same.",
+        epilog=f"Exit codes: 0 done, {FAILED_CODES}",
+    )
+    parser.add_argument(
+        "fleet", metavar="FLEET", type=new_recording, help="folder or address that `msggen log convert` has written"
+    )
+    add_shared(parser, "--json", "-q, --quiet")
+
+
+def _compact(options: argparse.Namespace) -> int:
+    done = _compacted(options)
+    if options.json:
+        print(dump(done._asdict()))
+    elif not options.quiet:
+        print(f"{options.fleet}: {_line(done)}")
+    return DONE
+
+
+def _compacted(options: argparse.Namespace) -> Compacted:
+    """Compact a fleet. Raises InputError."""
+    with needing("recordings", "R150"):
+        import pyarrow  # noqa: F401, ICN001
+
+        from msggen.exports.fleet import compact
+    with progress_bar(options) as show, fleet_errors(options.fleet):
+        return compact(options.fleet, progress=show)
+
+
+def _line(done: Compacted) -> str:
+    """Return the result for people."""
+    if not done.topics:
+        return f"nothing to do: {counted(done.files, 'file')}, {number_of_bytes(done.bytes)}"
+    before = f"{counted(done.files_before, 'file')}, {number_of_bytes(done.bytes_before)}"
+    return f"{before}, became {counted(done.files, 'file')}, {number_of_bytes(done.bytes)}"

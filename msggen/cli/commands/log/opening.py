@@ -18,9 +18,8 @@ from msggen.cli.commands.log.arguments import asked_time, refuse_files, swapped_
 from msggen.cli.commands.log.progress import busy_bar, progress_bar
 from msggen.cli.commands.log.targets import STDIN
 from msggen.cli.options import check_parent
-from msggen.cli.packages import check_reading, import_package, missing_extra, topics_of
+from msggen.cli.packages import check_reading, import_package, missing_extra, store_errors, store_failed, topics_of
 from msggen.cli.printing import number_of_bytes
-from msggen.cli.reading import store_errors, store_failed
 from msggen.show.report.json import dump
 
 if TYPE_CHECKING:

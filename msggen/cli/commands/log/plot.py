@@ -13,7 +13,7 @@ from msggen.cli.commands.log.arguments import CODES, add_file, add_times, asked_
 from msggen.cli.commands.log.opening import opened, print_notes, print_problems
 from msggen.cli.commands.log.progress import busy_bar
 from msggen.cli.options import Commands, add_command, add_shared, refuse
-from msggen.cli.packages import missing_extra
+from msggen.cli.packages import needing
 from msggen.cli.pictures import add_picture, check_picture, import_matplotlib, write_picture
 from msggen.cli.values import non_empty
 from msggen.recordings.files.paths import stem_of
@@ -56,12 +56,10 @@ def add_to(actions: Commands) -> None:
 def _plot(options: argparse.Namespace) -> int:
     check_times(options)
     import_matplotlib("R102")
-    try:
+    with needing("plot", "R102"):
         import matplotlib as mpl
 
         from msggen.recordings.log import plot
-    except ImportError as error:
-        raise missing_extra(error, "plot", "R102") from None
     check_picture(options)
     with opened(options, options.file) as log:
         with busy_bar(options, f"reading {options.file}"):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 
 from msggen.base.diagnostics import input_error
 from msggen.base.exit_codes import DONE, FINDINGS
@@ -11,7 +10,7 @@ from msggen.cli.commands.log.arguments import CODES, add_file
 from msggen.cli.commands.log.opening import opened, print_notes, print_problems
 from msggen.cli.commands.log.progress import busy_bar
 from msggen.cli.commands.log.targets import named_stem
-from msggen.cli.options import Commands, add_command, add_shared, check_parent, refuse
+from msggen.cli.options import Commands, add_command, add_shared, check_parent, refuse, write_whole
 from msggen.cli.printing import number_of_bytes
 from msggen.cli.values import local_path
 
@@ -53,18 +52,7 @@ def _report(options: argparse.Namespace) -> int:
         if not options.quiet:
             print_notes(options, log.notes)
         print_problems(options, log.problems)
-        _write(output, page)
+        write_whole(output, page)
         if not options.quiet:
             print(f"{output}: {number_of_bytes(len(page))}")
         return FINDINGS if log.problems else DONE
-
-
-def _write(path: str, content: bytes) -> None:
-    """Write a file whole, or leave what was there. Raises InputError."""
-    from msggen.base.disk.staging import written_aside
-
-    try:
-        with written_aside({os.path.abspath(path): content}, flushed=False) as move_into_place:
-            move_into_place()
-    except OSError as error:
-        raise input_error(path, "R101", f"cannot be written: {error.strerror}", 0) from None

@@ -162,8 +162,7 @@ def _nothing(options: argparse.Namespace, log: Log) -> str:
 
 
 def _samples(options: argparse.Namespace, log: Log, topic: Topic) -> Iterator[str]:
-    from msggen.recordings.columns.csv_rows import CsvRows
-    from msggen.recordings.columns.text import Printer
+    from msggen.recordings.columns.text import CsvRows, Printer
 
     printer = Printer(topic)
     rows = CsvRows(printer, sql_names=options.sql_names, quotes_formulas=options.quote_formulas)

@@ -17,8 +17,7 @@ from msggen.cli.commands.topic.naming import SPELLINGS, heard, named
 from msggen.cli.commands.topic.printer import Printer, check_fields, condition_of
 from msggen.cli.link import Connection, add_link, connection, for_people
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, refuse
-from msggen.cli.packages import check_reading
-from msggen.cli.reading import read_errors
+from msggen.cli.packages import check_reading, read_errors
 from msggen.cli.values import local_path, non_empty, positive
 from msggen.cli.watching import add_limits, rounds, watching
 

@@ -16,7 +16,7 @@ from msggen.base.foreign import Styled
 from msggen.cli.commands.topic.naming import not_shared
 from msggen.cli.link import Connection, add_link, connection
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared, refuse
-from msggen.cli.packages import missing_extra
+from msggen.cli.packages import needing
 from msggen.cli.pictures import add_picture, check_picture, import_matplotlib, write_picture
 from msggen.cli.screen import can_draw, held_warnings
 from msggen.cli.values import non_empty, positive
@@ -28,8 +28,7 @@ if TYPE_CHECKING:
     from msggen.link.link import Route
     from msggen.messages.lookup import Named
     from msggen.show.plot.drawing import Plot
-    from msggen.show.plot.fields import FieldPath, Number
-    from msggen.show.plot.samples import Samples
+    from msggen.show.plot.fields import FieldPath, Number, Samples
     from msggen.vehicle.subscription import Subscription
 
 _WINDOW = 30.0
@@ -101,10 +100,8 @@ def _plot(options: argparse.Namespace) -> int:
 
 def _check_packages(options: argparse.Namespace) -> None:
     """Report packages that are missing, and a wrong name of a picture."""
-    try:
+    with needing("plot", "L111"):
         from msggen.show.plot import drawing
-    except ImportError as error:
-        raise missing_extra(error, "plot", "L111") from None
     del drawing
     if options.output:
         import_matplotlib("L111")
@@ -170,7 +167,7 @@ class _Curves:
 
     def __init__(self, options: argparse.Namespace, found: Connection, fields: Sequence[_Field]) -> None:
         from msggen.messages.names import stem_of
-        from msggen.show.plot.samples import Samples
+        from msggen.show.plot.fields import Samples
 
         self._options, self._window = options, options.window
         self._start = time.time_ns()

@@ -1,4 +1,4 @@
-"""Recordings of rosbag2: a folder with metadata.yaml and files."""
+"""Recordings of rosbag2: a folder with files, and the metadata.yaml that tells which."""
 
 from __future__ import annotations
 
@@ -16,11 +16,10 @@ from msggen.recordings.files.paths import METADATA, is_always_whole, is_bag
 from msggen.recordings.source.source import Problem, RecordingError, Source
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     Open = Callable[..., Source]
     """Opens a file, which can be compressed, with the room of all files of its folder."""
-    from collections.abc import Mapping
 
 STORAGES = {each.storage: f"*{each.suffix}" for each in FORMATS.values() if each.storage}
 """The files of each storage."""

@@ -16,14 +16,7 @@ from msggen.recordings.files.mcap.channels import definition_in, ros_type_of, ty
 from msggen.recordings.files.rosbag2.sqlite import ERRORS, Column, Messages, Statements, columns_of, has_log, settle
 from msggen.recordings.files.rosbag2.sqlite_pages import Pages, Rows, is_integer, sizes_of
 from msggen.recordings.source.gather import groups
-from msggen.recordings.source.source import (
-    FOREVER,
-    Channel,
-    Part,
-    Problem,
-    RecordingError,
-    Source,
-)
+from msggen.recordings.source.source import FOREVER, Channel, Part, Problem, RecordingError, Source
 
 if TYPE_CHECKING:
     import tempfile

@@ -23,14 +23,7 @@ from msggen.recordings.files.ulog.samples import Samples
 from msggen.recordings.files.ulog.topics import Topics
 from msggen.recordings.source.facts import Facts
 from msggen.recordings.source.memory import drop_pages
-from msggen.recordings.source.source import (
-    FOREVER,
-    Channel,
-    Part,
-    Problem,
-    RecordingError,
-    Source,
-)
+from msggen.recordings.source.source import FOREVER, Channel, Part, Problem, RecordingError, Source
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
