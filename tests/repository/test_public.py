@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from site_library import FACADES, PUBLIC
+from site_tables import with_tables
 
 from support.repository import ROOT
 
@@ -26,7 +27,7 @@ def programs() -> list[Path]:
 def test_pages_and_examples_import_public_names_only() -> None:
     used: defaultdict[str, set[str]] = defaultdict(set)
     for path in programs():
-        for module, names in IMPORT.findall(path.read_text(encoding="utf-8")):
+        for module, names in IMPORT.findall(with_tables(path.read_text(encoding="utf-8"))):
             used[module] |= {name.split()[0] for name in names.split(",") if name.strip()}
     for facade in FACADES:
         offered = {*importlib.import_module(facade).__all__, "live", "recordings"}
