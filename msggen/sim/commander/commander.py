@@ -50,9 +50,6 @@ class Overrides(NamedTuple):
     """Whether the home position stays at takeoff: from v1.18 on."""
 
 
-_NO_OVERRIDES = Overrides()
-
-
 class Commander:
     """A vehicle that is on the ground, disarmed and in Hold at first. `parameters` are those of PX4 by their names.
 
@@ -93,7 +90,7 @@ class Commander:
         self._controls: dict[int, Controls] = {}
         self._overrides: dict[tuple[bool, int], Overrides] = {}
         """By whether it is an executor's, and the id of the executor or the mode."""
-        self._applied = _NO_OVERRIDES
+        self._applied = Overrides()
         self._now = self._check_time = self._completion_time = 0
         self._resting: int | None = None
         """Since when the vehicle rests on the ground, as far as that disarms it."""
@@ -318,15 +315,15 @@ class Commander:
             self._executor = AUTOPILOT
 
     def _apply_overrides(self) -> None:
-        if not self._overrides and self._applied is _NO_OVERRIDES:
+        if not self._overrides and not any(self._applied):
             return
-        own = self._overrides.get((False, self.mode), _NO_OVERRIDES)
-        executor = self._overrides.get((True, self.executor_in_charge), _NO_OVERRIDES)
+        own = self._overrides.get((False, self.mode), Overrides())
+        executor = self._overrides.get((True, self.executor_in_charge), Overrides())
         found = (executor if executor.defers else own)._replace(
             keeps_armed=own.keeps_armed or executor.keeps_armed, keeps_home=own.keeps_home or executor.keeps_home
         )
         self.failsafe.defer(found.defer_seconds if found.defers else None)
-        self._applied = found if self._overrides else _NO_OVERRIDES
+        self._applied = found
 
     # Commands
 
