@@ -71,11 +71,12 @@ class Entries(dict[int, Entry]):
         entry = self.get(remote.number)
         if entry is None:
             return
+        name = route.name
         entry.heard_ns = time
-        entry.last[route.name] = payload, time
-        for push, decoding in entry.table.get(route.name, ()):
+        entry.last[name] = payload, time
+        for push, decoding in entry.table.get(name, ()):
             push(payload, time, decoding)
-        if route.name in entry.answers and entry.is_started and entry.check.receive(payload):
+        if name in entry.answers and entry.is_started and entry.check.receive(payload):
             self._tick(entry, time)
         if not entry.ticked_ns <= time < entry.due_ns:  # also if the clock was set back
             self._tick(entry, time)

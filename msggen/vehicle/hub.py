@@ -28,6 +28,8 @@ class Hub:
         self.changed = threading.Condition(threading.RLock())
         """Guards everything except `table` of an entry, which is replaced as a whole."""
         self.entries = Entries(link, self.changed, self.evaluate, self._tell_all_missing)
+        self.sample = self.entries.sample
+        """Gives a sample to the subscriptions. It is no method, for speed."""
         self.members: tuple[Member, ...] = ()
         self.thread: int | None = None
         self.failure = ""
@@ -69,10 +71,6 @@ class Hub:
                     for other in reversed(tuple(self.entries.values())):
                         self._offer(member, other)
             self.changed.notify_all()
-
-    def sample(self, remote: Remote, route: Route, payload: bytes, time: int) -> None:
-        """Give a sample to the subscriptions."""
-        self.entries.sample(remote, route, payload, time)
 
     def replied(self, remote: Remote, service: Service, number: int, payload: bytes) -> None:  # noqa: ARG002
         """Give a reply to the call that waits for it."""

@@ -224,6 +224,17 @@ def test_what_waited_for_a_line_is_not_written_later(vehicle: Vehicle, monkeypat
         assert link.statistics().unsent == 10
 
 
+def test_a_program_that_stood_still_is_not_taken_for_a_slow_line(vehicle: Vehicle) -> None:
+    with linked(vehicle) as (link, records):
+        connect(vehicle, link, records)
+        route = records.route("/fmu/in/trajectory_setpoint")
+        assert isinstance(route, Route)
+        with pytest.raises(StaleError):
+            link.publish(records.remotes[0], route, b"\0\1\0\0" + bytes(8), until=1)
+        link.look(time.monotonic(), records)
+        assert (link.statistics().unsent, records.warnings) == (1, [])
+
+
 def test_a_request_that_is_sent_again_waits_no_longer_for_the_line(
     vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -235,7 +235,7 @@ class Owner:
         route = vehicle.known.routes[index]
         row = vehicle.rows[route.name]
         try:
-            self.link.publish(vehicle.known.remote, route, payload, until or -1)  # 0 would be a time from now
+            self.link.publish(vehicle.known.remote, route, payload, until or -1)  # 0 means 0.5 s from now
         except StaleError as error:
             program.unsent += 1
             row.miss(program)
