@@ -36,7 +36,6 @@ _COMPLETED = 50_000
 """The time between two ModeCompleted of a mode of PX4 that has reached its end."""
 _REPORTED = frozenset({nav_states.TAKEOFF, nav_states.LAND, nav_states.RETURN})
 """The modes whose end PX4 reports."""
-_DEFAULT: Controls = ALL
 
 
 class Overrides(NamedTuple):
@@ -51,9 +50,9 @@ class Overrides(NamedTuple):
 
 
 class Commander:
-    """A vehicle that is on the ground, disarmed and in Hold at first. `parameters` are those of PX4 by their names.
+    """A vehicle on the ground, disarmed, in Hold. `parameters` are those of PX4 by their names.
 
-    It is one class, because each step looks at mode, arming, failsafe and components together, in PX4's order.
+    It is one class: each step looks at mode, arming, failsafe and components together, in PX4's order.
     """
 
     def __init__(self, rules: Rules, parameters: Mapping[str, float]) -> None:
@@ -98,8 +97,6 @@ class Commander:
         """Whether there were sticks when the vehicle was armed, or since then."""
         self._battery_when_armed = 0
 
-    # What messages tell
-
     @property
     def _in_charge(self) -> int:
         return AUTOPILOT if self.failsafe.is_active else self._executor
@@ -112,7 +109,7 @@ class Commander:
     @property
     def controls(self) -> Controls:
         """What the setpoints of the mode of a program control."""
-        return self._controls.get(self.mode, _DEFAULT)
+        return self._controls.get(self.mode, ALL)
 
     @property
     def selectable(self) -> int:
