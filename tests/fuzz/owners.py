@@ -20,8 +20,9 @@ from unittest.mock import patch
 
 from fuzz.records import ODD, _places
 from msggen.base.version import __version__
+from msggen.link.link import Client, Publisher, Remote, Statistics
 from msggen.vehicle.owned.records import EVENT, LAST, SAMPLE, RecordReader, event_in, event_of, record_of
-from support.commands import check_outcome, run
+from support.commands import Outcome, check_outcome, run
 from support.fake_link import SERVICE, routes_of
 from support.repository import ROOT
 from support.scratch import scratch_folder
@@ -43,7 +44,7 @@ COMMANDS: tuple[tuple[str, ...], ...] = (
     ("link", "list", "--json"),
 )
 TOLD = ("welcome", "connected", "opened", "identified", "warned", "sample", "last", "lost", "bytes")
-ANSWERS = ("statistics", "state", "clients", "refusals", "publishers", "warnings")
+ANSWERS = ("statistics", "state", "clients", "refusals", "publishers", "settled", "warnings")
 EVENTS = ("refused", "leaving", "failed", "unsent", "disconnected", "answer", "identified", "nothing", "")
 
 
@@ -61,11 +62,15 @@ def case(chance: Random) -> Case:
 
 
 def check(case: Case) -> None:
-    with scratch_folder() as folder, _moved(folder), _owner(folder / "udp-8888.socket", _Told(case)):
+    begin = time.monotonic()
+    check_outcome(outcome_of(case))
+    assert time.monotonic() - begin < 25.0
+
+
+def outcome_of(case: Case) -> Outcome:
+    with scratch_folder() as folder, _moved(folder), _owner(folder / "udp-8888.socket", Told(case)):
         link = () if case.command[0] == "link" else ("--link", f"unix://{folder}/udp-8888.socket")
-        begin = time.monotonic()
-        check_outcome(run([*case.command, *link]))
-        assert time.monotonic() - begin < 25.0
+        return run([*case.command, *link])
 
 
 @contextmanager
@@ -81,7 +86,7 @@ def _moved(folder: Path) -> Iterator[None]:
 
 
 @contextmanager
-def _owner(path: Path, told: _Told) -> Iterator[None]:
+def _owner(path: Path, told: Told) -> Iterator[None]:
     is_over = threading.Event()
     with socket.socket(socket.AF_UNIX) as listening:
         listening.bind(str(path))
@@ -103,7 +108,7 @@ def _owner(path: Path, told: _Told) -> Iterator[None]:
             thread.join()
 
 
-def _serve(own: socket.socket, told: _Told, is_over: threading.Event) -> None:
+def _serve(own: socket.socket, told: Told, is_over: threading.Event) -> None:
     reader, has_begun, next_at = RecordReader(), False, 0.0
     own.settimeout(0.02)
     with own, suppress(OSError, ValueError):
@@ -129,7 +134,7 @@ def _serve(own: socket.socket, told: _Told, is_over: threading.Event) -> None:
                 own.sendall(told.sample("sample", SAMPLE, 1, 0))
 
 
-class _Told:
+class Told:
     """What an owner tells, of which one thing is wrong."""
 
     def __init__(self, case: Case) -> None:
@@ -139,13 +144,14 @@ class _Told:
         status = next(each for each in self._routes if "out/vehicle_status" in each.name)
         self._routes = (status, *[each for each in self._routes if each != status])
         self._payload = package.VehicleStatus(timestamp=1_000_000).encode()
+        self._hash = package.VehicleStatus.__msg__.message_hash
 
     def beginning(self) -> Iterator[bytes]:
         yield self._event("welcome", "udp://127.0.0.1:8888", os.getpid())
-        yield self._event("connected", [1, "127.0.0.1:40000", 1, "", False, None])
+        yield self._event("connected", [*Remote(1, "127.0.0.1:40000", 1, "", continued=False)])
         for each in (*self._routes, SERVICE):
             yield self._event("opened", 1, type(each).__name__, [*each], is_rare=True)
-        yield self._event("identified", 1, {"px4_msgs/msg/VehicleStatus": 7}, True)  # noqa: FBT003 - as an owner
+        yield self._event("identified", 1, {"px4_msgs/msg/VehicleStatus": self._hash}, True)  # noqa: FBT003 - as an owner
         yield self._event("warned", "something")
         yield self._event("lost", 1, 3)
         if self._wrong in EVENTS:
@@ -157,7 +163,7 @@ class _Told:
     def answer(self, number: int, what: str) -> bytes:
         vehicle = {"number": 1, "address": "a", "key": 1, "namespace": "", "continued": False}
         answers: dict[str, Any] = {
-            "statistics": [0, 1, 2, 3, 4, 5, 6],
+            "statistics": [*Statistics(0, 1, 2, 3, 4, 5, 6, 7)],
             "state": {
                 "address": "udp://127.0.0.1:8888",
                 "version": __version__,
@@ -165,11 +171,12 @@ class _Told:
                 "age": 1.5,
                 "rate": 2.5,
                 "vehicles": [{**vehicle, "release": "v1.18", "lost": 0, "samples": 3}],
-                "programs": [{"name": "a", "pid": 2, "age": 1.0, "unread": 0}],
+                "programs": [{"name": "a", "pid": 2, "age": 1.0, "unread": 0, "unsent": 0}],
             },
-            "clients": [["127.0.0.1:40000", 1, 1, 2.0, 0.1, 3]],
+            "clients": [[*Client("127.0.0.1:40000", 1, 1, 2.0, 0.1, 3)]],
             "refusals": {"a": 1},
-            "publishers": {"1": [[self._routes[0].name, "a", 2, 3, 4]]},
+            "publishers": {"1": [[*Publisher(self._routes[0].name, "a", 2, 3, 4)]]},
+            "settled": True,
             "warnings": ["a"],
         }
         return event_of("answer", number, self._changed(what, [answers[what]])[0])

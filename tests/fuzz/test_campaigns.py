@@ -22,7 +22,7 @@ from typing import Any
 import pytest
 
 from fuzz import __main__ as command
-from fuzz import arguments, faults, payloads, recordings, runner, sessions, strangers
+from fuzz import arguments, faults, owners, payloads, recordings, runner, sessions, strangers
 from fuzz.runner import NAMES, SEED, Failure, find, run
 from msggen.base.disk import git
 from msggen.base.disk.output import OutputPlan
@@ -31,6 +31,7 @@ from msggen.exports import writer
 from msggen.link.xrce import inventory
 from msggen.link.xrce.session import Session
 from msggen.sources.tree import Snapshot
+from msggen.vehicle.owned.records import event_of
 from support import disk_tasks
 from support.examples import by_day
 from support.recordings import START
@@ -62,6 +63,22 @@ def test_no_case_has_a_wrong_outcome(name: str, share: int) -> None:
     checked, failure = run(name, SEED, range(count))
     assert failure is None, f"{failure.trace}\nrepeat with: {failure.command}"
     assert checked == count
+
+
+@pytest.mark.parametrize("given", owners.COMMANDS, ids=" ".join)
+def test_commands_understand_an_owner_that_tells_nothing_wrong(
+    given: tuple[str, ...], caplog: pytest.LogCaptureFixture
+) -> None:
+    outcome = owners.outcome_of(owners.Case(given, "right", 0))
+    assert outcome.code == {"doctor": 1, "command": 1}.get(given[0], 0), outcome.stderr
+    assert "what is no record" not in caplog.text
+
+
+def test_an_owner_that_says_nothing_of_itself_is_listed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(owners.Told, "answer", lambda _, number, _what: event_of("answer", number, None))
+    for given in (("link", "list"), ("link", "list", "--json")):
+        outcome = owners.outcome_of(owners.Case(given, "right", 0))
+        assert (outcome.code, "it does not answer" in outcome.stdout) == (0, True), outcome.stderr
 
 
 def write_in_place(folder: str, files: Mapping[str, str]) -> tuple[OutputPlan, Record]:

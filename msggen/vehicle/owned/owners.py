@@ -73,5 +73,8 @@ def _asked(place: Place, what: str) -> Any:
                 with suppress(RecordError):
                     name, values = event_in(body)
                     if name == "answer":
-                        return checked_answer(what, checked_event(name, values)[1])
+                        answer = checked_answer(what, checked_event(name, values)[1])
+                        if answer is None:
+                            raise UnexpectedError("it does not know the question")
+                        return answer
     raise LinkError("it does not answer")
