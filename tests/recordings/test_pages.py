@@ -47,7 +47,7 @@ LIVE = {"recordings": "Record a vehicle"}
 """The sections of pages with a running vehicle, whose numbers differ from run to run."""
 TOOLS = {"stores": ("curl",)}
 """Programs that pages need and not every system has."""
-DEAR = {"fleet", "reading", "stores"}
+DEAR = {"fleet", "stores"}
 """The pages for the night only: by day, the tests of recordings, fleets and stores run the same commands."""
 EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
 
