@@ -195,7 +195,7 @@ UNVERSIONED = {"EstimatorStatusFlags", "FailsafeFlags", "SensorGps", "TelemetryS
 def test_the_topics_of_an_earlier_release_lead_to_its_types(
     release: str, earlier: str, without: int, same: int, tree_of: Callable[[str], Tree]
 ) -> None:
-    """The counts are those in docs/versions.md; without archived versions, only the current types match."""
+    """Without archived versions, only the current types match. docs/versions.md has the counts of two releases."""
     topics = tree_of(release).topics
     measured = oracle(f"uorb-{earlier}")["messages"]
     agreeing, other, unknown = [], set(), set()
@@ -215,7 +215,11 @@ def test_the_topics_of_an_earlier_release_lead_to_its_types(
             other.add(about.name)
     assert len(agreeing) == same
     assert len([endpoint for endpoint in agreeing if endpoint in topics.ENDPOINTS]) == without
-    assert f"| {without} of {len(rows)} | {same} of {len(rows)} | {earlier} |" in PAGE
+    if release == "v1.17":
+        shown = (
+            f"a package of v1.17 has the same definition as {earlier} for {same} of {len(rows)} topics, and {without}"
+        )
+        assert shown in PAGE
     assert other <= UNVERSIONED | OTHER_THAN_RELEASED
     assert unknown == ({"/fmu/in/aux_global_position"} if release == "main-2026-03" else set())
 
