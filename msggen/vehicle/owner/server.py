@@ -6,7 +6,6 @@ import errno
 import os
 import selectors
 import socket
-import threading
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -40,7 +39,7 @@ class Server:
         self._wake.settimeout(0.0)
         self._woken.settimeout(0.0)
         self._is_over = False
-        self._is_woken = threading.Event()
+        self._is_woken = False
         self._used_at = time.monotonic()
         self._full_until: float | None = None
         """Until when no further programs are taken, because this process has no descriptor for them."""
@@ -65,14 +64,14 @@ class Server:
         self._selector.register(listening, selectors.EVENT_READ, lambda: self._accept(listening))
 
     def end(self) -> None:
-        """Let `serve` return. From any thread."""
+        """Let `serve` return. From any thread, and from a handler of signals."""
         self._is_over = True
         self.wake()
 
     def wake(self) -> None:
-        """Let the thread that serves look around. From any thread."""
-        if not self._is_woken.is_set():
-            self._is_woken.set()
+        """Let the thread that serves look around. From any thread, and from a handler of signals: without a lock."""
+        if not self._is_woken:
+            self._is_woken = True
             with suppress(OSError):
                 self._wake.send(b"\0")
 
@@ -81,7 +80,7 @@ class Server:
             self._woken.recv(64)
         if self.owner.is_gathering:
             time.sleep(GATHER_S)
-        self._is_woken.clear()  # before the look at the programs: what comes later wakes again
+        self._is_woken = False  # before the look at the programs: what comes later wakes again
 
     def _look(self) -> None:
         """Send what was gathered, watch the sockets that were full, and forget the programs that are gone."""

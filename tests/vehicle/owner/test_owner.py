@@ -7,6 +7,7 @@ import os
 import random
 import socket
 import struct
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -16,6 +17,7 @@ from typing import Any
 
 import pytest
 
+from msggen.link.address import parse_address
 from msggen.link.age import expiry
 from msggen.live import LinkError, LinkTimeoutError, NotConnectedError, Vehicle
 from msggen.vehicle.owned import greeting
@@ -28,7 +30,7 @@ from msggen.vehicle.owner.owner import LOGGER
 from msggen.vehicle.owner.server import Server
 from support.fake_link import FakeLink
 from support.link_records import Records, nothing_is_left
-from support.served import hello, served
+from support.served import ADDRESS, hello, served
 
 WAIT = 10.0
 
@@ -648,3 +650,34 @@ def test_several_threads_can_ask_for_the_same(link: FakeLink, path: Path, px4_ty
         for thread in threads:
             thread.join(WAIT)
     assert [each[0].timestamp for each in found] == [8] * 200
+
+
+def test_a_signal_at_any_line_ends_the_server(link: FakeLink, path: Path) -> None:
+    """A handler of signals runs between two lines of the thread that serves, whatever lock this one holds."""
+    with socket.socket(socket.AF_UNIX) as listening:
+        listening.bind(str(path))
+        listening.listen()
+        for number in range(100):
+            server = Server(link, parse_address(ADDRESS), (), process.never)
+            server.wake()
+            thread = threading.Thread(target=_interrupted, args=(server, listening, number), daemon=True)
+            thread.start()
+            thread.join(WAIT)
+            assert not thread.is_alive(), f"it hangs after {number} lines"
+
+
+def _interrupted(server: Server, listening: socket.socket, number: int) -> None:
+    """Serve, and call what a handler of signals calls before a line."""
+    count = 0
+
+    def trace(_frame: Any, event: str, _value: Any) -> Any:
+        nonlocal count
+        count += event == "line"
+        if count == number:
+            server.end()
+        return trace
+
+    sys.settrace(trace)
+    server.serve(listening)
+    sys.settrace(None)
+    server.end()
