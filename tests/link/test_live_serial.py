@@ -125,13 +125,14 @@ def linked(
 
 def connect(vehicle: Vehicle, link: SerialLink, records: Records) -> list[bytes]:
     """Connect a client with all endpoints, and return the answers."""
-    count = len(records.remotes)
-    for message in creation("session-udp"):
+    count, before = len(records.remotes), link.statistics().received
+    messages = creation("session-udp")
+    for message in messages:
         vehicle.send([message])
 
     def is_connected(_: object) -> bool:
         has_topics = len(records.remotes) > count and len(link.routes(records.remotes[-1])) >= TOPICS
-        return has_topics and not link._queue.size
+        return has_topics and link.statistics().received - before == len(messages) and not link._queue.size
 
     return vehicle.received(is_connected)
 
