@@ -113,8 +113,8 @@ def offered(server: LanguageServer, code: str, line: int, column: int, folder: P
         return server.completions(path, line, column)
 
 
-@pytest.mark.slow
-@by_day("page", [*CODED[2:], *CODED[:2]], 5)
+@pytest.mark.night  # by day, jedi completes a part of the pages, and pyright checks the types
+@pytest.mark.parametrize("page", CODED)
 def test_basedpyright_completes_what_a_page_uses(page: str, server: LanguageServer, tmp_path: Path) -> None:
     whole = tmp_path / "page.py"
     whole.write_text(code_of(page))
@@ -206,8 +206,8 @@ def test_jedi_completes_the_values_of_a_notebook(code: str, expected: set[str], 
         assert expected <= names(cell_of(code, {**cells, "VehicleStatus": px4_types.VehicleStatus}))
 
 
-@by_day(("code", "expected"), COMPLETED, 4, ids=IDS)
-@pytest.mark.slow
+@pytest.mark.night
+@pytest.mark.parametrize(("code", "expected"), COMPLETED, ids=IDS)
 def test_basedpyright_completes_programs(code: str, expected: set[str], server: LanguageServer, tmp_path: Path) -> None:
     lines = (HEAD + code).splitlines()
     assert expected <= offered(server, HEAD + code, len(lines), len(lines[-1]), tmp_path)
