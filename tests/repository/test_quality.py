@@ -61,8 +61,11 @@ def test_ruff_is_content_with_the_generated_package() -> None:
 
 
 @pytest.mark.slow
-def test_mypy_is_content() -> None:
-    run("mypy")
+@pytest.mark.parametrize(
+    "paths", [("msggen",), pytest.param((), marks=pytest.mark.night)], ids=["the product", "the tests, too"]
+)
+def test_mypy_is_content(paths: tuple[str, ...]) -> None:
+    run("mypy", *paths)
 
 
 @pytest.mark.slow
