@@ -217,7 +217,7 @@ def test_a_place_that_is_not_meant_is_refused_unless_limits_allow_it(
     async def shortly(*arguments: Any) -> None:
         await asyncio.wait_for(WAYS[way](*arguments), 6.0)
 
-    with pytest.raises((TimeoutError, NotReachedError)):  # under way, or at the ground
+    with pytest.raises((asyncio.TimeoutError, NotReachedError)):  # under way, or at the ground
         flown(px4_types, shortly, goal, limits)
 
 
