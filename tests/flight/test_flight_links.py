@@ -230,7 +230,7 @@ def test_a_wait_for_a_vehicle_can_be_cancelled(url: str, px4_types: Any) -> None
         begin = time.monotonic()
         task.cancel()
         await asyncio.gather(task, return_exceptions=True)
-        assert time.monotonic() - begin < 1.0
+        assert time.monotonic() - begin < 10.0
 
     with nothing_is_left():
         asyncio.run(waits())
