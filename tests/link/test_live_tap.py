@@ -9,6 +9,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from typing import Any
 
 import pytest
@@ -38,6 +39,9 @@ from support.replay import (
 
 LINKS = ["session-udp", "session-namespace", "session-fragment", "session-service"]
 
+TOPICS = 66
+"""Those of the client of `session-udp`."""
+
 
 @contextmanager
 def tapped(**options: Any) -> Iterator[tuple[UdpLink, Records, TapLink, Records]]:
@@ -53,12 +57,17 @@ def tapped(**options: Any) -> Iterator[tuple[UdpLink, Records, TapLink, Records]
         agent.close()
 
 
-def connect(client: Client, link: TapLink, *records: Records) -> None:
+def connect(client: Client, *records: Records) -> None:
+    """Let a client begin a session, and wait until all that listen have its routes."""
     counts = [len(each.remotes) for each in records]
     client.play(creation("session-udp"))
+
+    def is_connected(each: Records, count: int) -> bool:
+        opened = [remote for remote, _ in each.opened_routes if remote == each.remotes[-1]]
+        return len(each.remotes) > count and len(opened) >= TOPICS
+
     for each, count in zip(records, counts, strict=True):
-        each.wait(lambda each=each, count=count: len(each.remotes) > count)  # type: ignore[misc]
-    records[-1].wait(lambda: len(link.routes(records[-1].remotes[-1])) >= 66)
+        each.wait(partial(is_connected, each, count))
 
 
 def in_route(records: Records) -> Route:
@@ -106,7 +115,7 @@ def real_agent() -> Iterator[tuple[UdpLink, Records]]:
 
 def test_samples_of_agent_and_program_share_the_stream() -> None:
     with tapped() as (agent, theirs, link, ours), Client(link.port) as client:
-        connect(client, link, theirs, ours)
+        connect(client, theirs, ours)
         client.received()
 
         def publish(who: Any, records: Records, name: bytes) -> None:
@@ -132,7 +141,7 @@ def test_samples_of_agent_and_program_share_the_stream() -> None:
 def test_a_new_session_counts_from_the_start() -> None:
     with tapped() as (agent, theirs, link, ours), Client(link.port) as client:
         for _ in range(3):
-            connect(client, link, theirs, ours)
+            connect(client, theirs, ours)
             link.publish(ours.remotes[-1], in_route(ours), b"\0\1\0\0" + b"1" * 8)
             agent.publish(theirs.remotes[-1], in_route(theirs), b"\0\1\0\0" + b"2" * 8)
             found = [data for data in client.received() if kind(data) == DATA]
@@ -182,12 +191,12 @@ def test_a_tap_that_restarts_gets_the_client_again() -> None:
         assert infos
         assert not any(data[13] for data in infos), "the session is not known"
         assert theirs.remotes == ours.remotes == []
-        connect(client, link, theirs, ours)
+        connect(client, theirs, ours)
 
 
 def test_an_agent_that_restarts_gets_the_client_again() -> None:
     with tapped() as (agent, theirs, link, ours), Client(link.port) as client:
-        connect(client, link, theirs, ours)
+        connect(client, theirs, ours)
         agent.close()
         client.play([sample(number, bytes(16)) for number in range(10)])
         ours.wait(lambda: len(ours.samples) == 10)
@@ -197,14 +206,14 @@ def test_an_agent_that_restarts_gets_the_client_again() -> None:
         again, others = UdpLink(port=agent.port), Records()
         again.start(others)
         try:
-            connect(client, link, others, ours)
+            connect(client, others, ours)
         finally:
             again.close()
 
 
 def test_a_service_cannot_be_called() -> None:
     with tapped() as (_, theirs, link, ours), Client(link.port) as client:
-        connect(client, link, theirs, ours)
+        connect(client, theirs, ours)
         service = ours.route("/fmu/vehicle_command")
         assert isinstance(service, Service)
         with pytest.raises(LinkError, match="cannot be called through a tap: publish VehicleCommand"):
@@ -231,7 +240,7 @@ def test_clients_beyond_the_bound_are_ignored_and_silent_ones_make_room(monkeypa
         assert "more than 2 clients" in ours.warnings[0]
         assert [len(client.received(0.2)) for client in clients] == [1, 1, 0]
         time.sleep(0.2)
-        connect(clients[2], link, theirs, ours)
+        connect(clients[2], theirs, ours)
         assert len(link._clients) == 2
 
 
@@ -281,9 +290,9 @@ def test_a_datagram_that_cannot_be_sent_now_is_not_the_agents_absence(monkeypatc
 def test_silent_clients_are_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tap, "FORGET", 0.2)
     with tapped() as (_, theirs, link, ours), Client(link.port) as client:
-        connect(client, link, theirs, ours)
+        connect(client, theirs, ours)
         ours.wait(lambda: not link._clients)
-        connect(client, link, theirs, ours)
+        connect(client, theirs, ours)
 
 
 def test_tap_and_agent_at_one_address_are_an_error() -> None:
@@ -336,7 +345,7 @@ def test_only_the_best_effort_stream_is_changed() -> None:
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells when a datagram has arrived")
 def test_what_waited_for_a_tap_that_stood_still_is_dropped() -> None:
     with tapped() as (agent, theirs, link, ours), Client(link.port) as client:
-        connect(client, link, theirs, ours)
+        connect(client, theirs, ours)
         client.received()
         with link.lock:  # the thread of the tap waits for it, as if the process stood still
             for number in range(20):
