@@ -36,7 +36,7 @@ class Battery:
     def warning(self) -> int:
         """WARNING_NONE, _LOW, _CRITICAL or _EMERGENCY, at PX4's thresholds."""
         remaining = self.remaining
-        return 0 if remaining >= _WARNINGS[0] else sum(remaining < limit for limit in _WARNINGS)
+        return sum(remaining < limit for limit in _WARNINGS)
 
     def drain(self, seconds: float, thrust: float) -> None:
         """Take the current of a short time. `thrust` is 1 in hover, 0 with the motors off."""

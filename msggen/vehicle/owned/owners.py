@@ -33,7 +33,7 @@ def running() -> list[Running]:
     found = []
     for place in places() if CAN_SHARE else ():
         try:
-            found.append(Running(place, _asked(place, "state")))
+            found.append(Running(place, _state_of(place)))
         except OSError:  # nobody listens
             continue
         except LinkError as error:
@@ -62,19 +62,19 @@ def stop(place: Place) -> None:
         time.sleep(0.01)
 
 
-def _asked(place: Place, what: str) -> Any:
-    """Return an answer of an owner. Raises OSError if nobody listens, and LinkError if it does not answer."""
+def _state_of(place: Place) -> Mapping[str, Any]:
+    """Return what an owner says of itself. Raises OSError if nobody listens, and LinkError if it does not answer."""
     with connected(place.socket) as own, suppress(OSError, RecordError, UnexpectedError):  # also TimeoutError
         own.settimeout(_PATIENCE)
-        own.sendall(event_of("ask", 1, what))  # without a hello: an owner of another version would end
+        own.sendall(event_of("ask", 1, "state"))  # without a hello: an owner of another version would end
         reader, end = RecordReader(LONGEST), time.monotonic() + _PATIENCE
         while (chunk := own.recv(1 << 16)) and time.monotonic() < end:
             for *_, body in reader.add(chunk):
                 with suppress(RecordError):
                     name, values = event_in(body)
                     if name == "answer":
-                        answer = checked_answer(what, checked_event(name, values)[1])
-                        if answer is None:
+                        state: Mapping[str, Any] | None = checked_answer("state", checked_event(name, values)[1])
+                        if state is None:
                             raise UnexpectedError("it does not know the question")
-                        return answer
+                        return state
     raise LinkError("it does not answer")
