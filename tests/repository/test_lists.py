@@ -33,6 +33,7 @@ NAMED = re.compile(rf"(?<!\.tar)[.|]({'|'.join(SUFFIXES)})\b", re.IGNORECASE)
 
 READ = {name for name, row in FORMATS.items() if not row.storage}
 """The formats that are only read: a module asks their row, or a channel, what they can do."""
+QUOTED = re.compile(rf"""["']({'|'.join((*LINK_TYPES, *FORMATS))})\b""")
 STARTS = {"startswith", "endswith", "removeprefix"}
 
 
@@ -67,6 +68,8 @@ def is_of_recording(text: str) -> bool:
 
 def second_lists(source: str) -> Iterator[str]:
     """Yield what a module has that belongs in a table. Docstrings may have all of it."""
+    if not NAMED.search(source) and not QUOTED.search(source):
+        return  # to look at all nodes takes long
     nodes = nodes_of(source)
     docs = {id(node.value) for node in nodes if isinstance(node, ast.Expr)}
     for node in nodes:
