@@ -24,7 +24,7 @@ from msggen.cli.values import Deferred
 
 _GROUPS = {
     "Types": ("build", "render", "docs", "px4-generate"),
-    "Firmware in step": ("sync", "check", "breaking", "lint", "bump"),
+    "Firmware in step": ("sync", "check", "breaking", "lint", "bump", "lsp"),
     "Vehicle": ("topic", "top", "view", "command", "call", "doctor", "link", "relay", "sim"),
     "Recordings": ("record", "play", "log"),
     "Help": ("releases", "rules", "explain", "completion"),

@@ -53,6 +53,11 @@ class Settings(NamedTuple):
         return Location(self.origin, *_place(_text(self.origin), key, *inside))
 
 
+KEYS: Mapping[str, str] = MappingProxyType(
+    {name.replace("_", "-"): name for name in Settings._fields if name not in ("origin", "notices")}
+)
+"""The fields of the settings by their names in the file."""
+
 _HEADER = r"(?m)^[ \t]*\[[ \t]*tool[ \t]*\.[ \t]*[\"']?msggen[\"']?[ \t]*\]"
 _MENTIONED = r"msggen[\"']?[ \t]*[\].=]"
 """All spellings of a key or a table in TOML. A file that matches neither is not parsed.
@@ -78,11 +83,11 @@ def read_settings(folder: str) -> Settings:
     notices: tuple[Diagnostic, ...] = ()
     while True:
         path = os.path.join(here, "pyproject.toml")
-        shown = os.path.relpath(path, folder)
+        shown = os.path.normpath(os.path.join(folder, os.path.relpath(path, folder)))
         text = _text(path)
         if "msggen" in text and re.search(_MENTIONED, text):
             if _is_trusted(path):
-                found = _parse(text, shown)
+                found = parse_settings(text, shown)
                 if found is not None:
                     return found._replace(notices=notices)
             else:
@@ -124,7 +129,8 @@ def _note(folder: str, path: str) -> Diagnostic:
     return Diagnostic(Location(path, 0), "C106", f"not used, because it is the file of another user: {cure}")
 
 
-def _parse(text: str, path: str) -> Settings | None:
+def parse_settings(text: str, path: str) -> Settings | None:
+    """Return the settings in the `text` of a pyproject.toml, None if it has none. Raises InputError."""
     if sys.version_info >= (3, 11):
         import tomllib
     else:
@@ -154,10 +160,9 @@ def _parse(text: str, path: str) -> Settings | None:
 
 
 def _field(key: str, text: str, path: str) -> str:
-    known = {name.replace("_", "-"): name for name in Settings._fields if name not in ("origin", "notices")}
-    if key not in known:
-        _fail(path, "C102", f"unknown setting '{key}'{suggestion(key, known)}", *_place(text, key))
-    return known[key]
+    if key not in KEYS:
+        _fail(path, "C102", f"unknown setting '{key}'{suggestion(key, KEYS)}", *_place(text, key))
+    return KEYS[key]
 
 
 def _value(field: str, value: object, base: str, text: str, path: str) -> Any:

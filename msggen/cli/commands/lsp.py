@@ -1,0 +1,33 @@
+"""`msggen lsp`: a language server for editors."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+
+from msggen.base.exit_codes import DONE
+from msggen.cli.options import Commands, add_command
+from msggen.cli.packages import needing
+
+
+def add_to(commands: Commands) -> None:
+    """Add the command to the command line."""
+    add_command(
+        commands,
+        "lsp",
+        _lsp,
+        help="serve an editor: problems, hover, completion, renaming and fixes in definitions",
+        description="Serve an editor by the Language Server Protocol on standard input and output, for .msg and .srv "
+        "files, dds_topics.yaml and [tool.msggen] of pyproject.toml. Editors start it by themselves.",
+        epilog="It needs the extra `lsp`. docs/editor.md has the settings of VS Code, Neovim, Emacs and Helix.",
+    )
+
+
+def _lsp(options: argparse.Namespace) -> int:
+    del options
+    with needing("lsp", "L111"):
+        from msggen.lsp.features import make_server
+
+    logging.basicConfig(level=logging.WARNING, format="msggen lsp: %(message)s")
+    make_server().start_io()
+    return DONE

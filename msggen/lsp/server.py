@@ -1,0 +1,303 @@
+"""The server: the requests of an editor, answered with the definitions around its files.
+
+Definitions are read and checked in one thread, the comparison with the last commit runs in another: the thread that
+talks to the editor never waits for them. Positions of the protocol count from 0, in units that editor and server agree
+on; all other modules count lines and characters from 1.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import re
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from typing import Any, TypeVar
+
+from lsprotocol import types as lsp
+from pygls.exceptions import JsonRpcInvalidParams
+from pygls.lsp.server import LanguageServer
+from pygls.uris import from_fs_path, to_fs_path
+
+from msggen.base.diagnostics import InputError, Level
+from msggen.base.version import __version__
+from msggen.lsp import fixes
+from msggen.lsp.buffers import Buffers
+from msggen.lsp.names import Span
+from msggen.lsp.project import NOTHING, Problem, Project, Root, State, folder_of, problems_of, root_of
+from msggen.lsp.settings import check_settings
+
+_SITE = "https://msggen.github.io/msggen"
+_PAUSE = 0.3
+"""Seconds without a change before definitions are compared with the last commit."""
+
+_MOST = 500
+"""Maximum number of problems that are shown in a file."""
+
+_LEVELS = {
+    Level.ERROR: lsp.DiagnosticSeverity.Error,
+    Level.WARNING: lsp.DiagnosticSeverity.Warning,
+    Level.NOTE: lsp.DiagnosticSeverity.Information,
+}
+_WORD = re.compile(r"[\w/:.@-]+(\[[^\]\s]*\])?|\S")
+_SETTINGS = "pyproject.toml"
+_Answer = TypeVar("_Answer")
+
+
+class Server(LanguageServer):
+    """A language server for `.msg`, `.srv`, `dds_topics.yaml` and `[tool.msggen]`."""
+
+    def __init__(self) -> None:
+        super().__init__("msggen", __version__)
+        self.buffers: Buffers = {}
+        self.uris: dict[str, str] = {}
+        """The URI of each open file, as the editor writes it."""
+        self.projects: dict[tuple[str, Any], Project] = {}
+        self.states: dict[Project, State] = {}
+        self.linted: dict[Project, dict[str, list[Problem]]] = {}
+        self.compared: dict[Project, list[Problem]] = {}
+        self._due: dict[Project, bool] = {}
+        """The projects with changes, and whether files on disk can have changed, too."""
+        self._settling: dict[Project, asyncio.Task[None]] = {}
+        self._pauses: dict[Project, asyncio.TimerHandle] = {}
+        self._published: dict[Project, set[str]] = {}
+        self._reader = ThreadPoolExecutor(1, "read")
+        self._comparer = ThreadPoolExecutor(1, "compare")
+
+    # Files
+
+    def project_of(self, path: str) -> Project:
+        """Return the project that a file belongs to."""
+        root = root_of(path)
+        return self._project(root, path)
+
+    def _project(self, root: Root, path: str) -> Project:
+        project = self.projects.setdefault(_key(root), Project(root, self.buffers))
+        if root.settings.px4 or root.settings.msg_dir:
+            state = self.states.get(project)
+            if state and state.sources and path not in state.contents:  # the settings name other definitions
+                plain = root._replace(
+                    folder=folder_of(os.path.dirname(path)), settings=root.settings._replace(px4=None, msg_dir=())
+                )
+                return self.projects.setdefault(_key(plain), Project(plain, self.buffers))
+        return project
+
+    def changed(self, path: str, *, on_disk: bool) -> None:
+        """Read and check the project of a file anew."""
+        if os.path.basename(path) == _SETTINGS:
+            self._check_settings(path)
+            return
+        self._touch(self.project_of(path), on_disk=on_disk)
+
+    def changed_on_disk(self) -> None:
+        """Read and check all projects anew."""
+        for project in self.projects.values():
+            self._touch(project, on_disk=True)
+
+    def _touch(self, project: Project, *, on_disk: bool) -> None:
+        self._due[project] = self._due.get(project, False) or on_disk
+        if pause := self._pauses.pop(project, None):
+            pause.cancel()
+        if project not in self._settling:
+            self._settling[project] = asyncio.ensure_future(self._settle(project))
+
+    async def _settle(self, project: Project) -> None:
+        """Read a project until nothing changes meanwhile, and show what was found."""
+        try:
+            while project in self._due:
+                on_disk = self._due.pop(project)
+                before = self.states.get(project, NOTHING)
+                read = project.read if on_disk else partial(project.changed, before)
+                self.states[project], self.linted[project] = await self.aside(partial(self._read, project, read))
+            self._show(project)
+            loop = asyncio.get_running_loop()
+            self._pauses[project] = loop.call_later(_PAUSE, lambda: asyncio.ensure_future(self._compare(project)))
+        finally:
+            del self._settling[project]
+
+    def _read(self, project: Project, read: Callable[[], State]) -> tuple[State, dict[str, list[Problem]]]:
+        state = read()
+        return state, {path: [*project.lint(state, path)] for path in [*self.buffers] if path in state.contents}
+
+    async def _compare(self, project: Project) -> None:
+        """Compare a project with the last commit, and show what a change of it breaks."""
+        state = self.states[project]
+        loop = asyncio.get_running_loop()
+        try:
+            report = await loop.run_in_executor(self._comparer, project.breaking, state)
+        except InputError as error:
+            self._log(str(error))
+            report = None
+        if self.states[project] is state:
+            self.compared[project] = [*problems_of(report)] if report else []
+            self._show(project)
+
+    def _log(self, text: str) -> None:
+        self.window_log_message(lsp.LogMessageParams(lsp.MessageType.Info, text))
+
+    async def aside(self, work: Callable[[], _Answer]) -> _Answer:
+        """Return the result of work that is done beside the thread that talks to the editor."""
+        return await asyncio.get_running_loop().run_in_executor(self._reader, work)
+
+    def states_of(self, path: str) -> State:
+        """Return the last known state around a file, without a wait for changes."""
+        return self.states.get(self.project_of(path), NOTHING)
+
+    async def settled(self, path: str) -> tuple[Project, State]:
+        """Return the project of a file, and its state after all changes so far."""
+        project = self.project_of(path)
+        if project not in self.states and project not in self._settling:
+            self._touch(project, on_disk=True)
+        while task := self._settling.get(project):
+            await asyncio.shield(task)
+        return project, self.states.get(project, NOTHING)
+
+    # Problems
+
+    def problems(self, project: Project) -> Iterator[Problem]:
+        """Yield all that is known to be wrong in a project."""
+        yield from self.states.get(project, NOTHING).problems
+        for found in self.linted.get(project, {}).values():
+            yield from found
+        yield from self.compared.get(project, [])
+
+    def _show(self, project: Project) -> None:
+        state = self.states[project]
+        by_path: dict[str, list[Problem]] = {path: [] for path in self.buffers if path in state.contents}
+        for problem in self.problems(project):
+            by_path.setdefault(problem.location.path, []).append(problem)
+        known = {path: found for path, found in by_path.items() if path in state.contents}
+        others = [problem for path, found in by_path.items() if path not in known for problem in found]
+        opened = [path for path in self.buffers if _key(root_of(path)) == _key(project.root)] if others else []
+        shown = {path: [self.diagnostic(state, each) for each in found[:_MOST]] for path, found in known.items()}
+        for path in opened:  # what has no place in a file is shown at the top of the open ones
+            shown[path] = [*shown.get(path, []), *(self._without_place(each) for each in others[:_MOST])]
+        for path in self._published.get(project, set()) - shown.keys():
+            self._publish(path, [])
+        for path, found in shown.items():
+            self._publish(path, found)
+        self._published[project] = {path for path, found in shown.items() if found}
+
+    def _publish(self, path: str, found: Sequence[lsp.Diagnostic]) -> None:
+        self.text_document_publish_diagnostics(lsp.PublishDiagnosticsParams(self.uri(path), [*found]))
+
+    def diagnostic(self, state: State, problem: Problem) -> lsp.Diagnostic:
+        """Return a problem as the protocol has it, with the page about its code."""
+        page = f"{_SITE}/errors.html#{problem.code.lower()}" if problem.finding is None else f"{_SITE}/rules.html"
+        return lsp.Diagnostic(
+            range=self.range(span_of(state, problem), state.lines(problem.location.path)),
+            message=problem.message,
+            severity=_LEVELS[problem.level],
+            code=problem.code,
+            code_description=lsp.CodeDescription(page),
+            source="msggen",
+        )
+
+    def _without_place(self, problem: Problem) -> lsp.Diagnostic:
+        start = lsp.Position(0, 0)
+        text = f"{problem.location}: {problem.message}"
+        return lsp.Diagnostic(lsp.Range(start, start), text, _LEVELS[problem.level], problem.code, source="msggen")
+
+    def _check_settings(self, path: str) -> None:
+        data = self.buffers.get(path)
+        found = check_settings(data, path) if data is not None else []
+        lines = (data or b"").decode(errors="replace").split("\n")
+        self._publish(
+            path,
+            [
+                lsp.Diagnostic(
+                    self.range(word_at(lines, each.location.path, each.location.line, each.location.column), lines),
+                    each.message,
+                    _LEVELS[each.level],
+                    each.code,
+                    lsp.CodeDescription(f"{_SITE}/errors.html#{each.code.lower()}"),
+                    "msggen",
+                )
+                for each in found
+            ],
+        )
+
+    # Positions
+
+    def uri(self, path: str) -> str:
+        """Return the URI of a file: that of the editor, if it has opened the file."""
+        return self.uris.get(path) or from_fs_path(path) or ""
+
+    def place(self, position: lsp.Position, lines: Sequence[str]) -> tuple[int, int]:
+        """Return the line and the column of a position of the editor."""
+        found = self.workspace.position_codec.position_from_client_units([*lines], position)
+        return found.line + 1, found.character + 1
+
+    def range(self, span: Span, lines: Sequence[str]) -> lsp.Range:
+        """Return a span as the protocol has it."""
+        line = lines[span.line - 1] if 0 < span.line <= len(lines) else ""
+        start, end = (
+            self.workspace.position_codec.client_num_units(line[: column - 1]) for column in (span.start, span.end)
+        )
+        return lsp.Range(lsp.Position(max(0, span.line - 1), start), lsp.Position(max(0, span.line - 1), end))
+
+    def location(self, state: State, span: Span) -> lsp.Location:
+        """Return a span with the URI of its file."""
+        return lsp.Location(self.uri(span.path), self.range(span, state.lines(span.path)))
+
+    def text(self, path: str) -> str | None:
+        """Return the text of a file as the editor has it, None for a file that does not exist."""
+        if path in self.buffers:
+            return self.buffers[path].decode(errors="replace")
+        try:
+            with open(path, encoding="utf-8", errors="surrogateescape", newline="") as stream:
+                return stream.read()
+        except FileNotFoundError:
+            return None
+
+    def edit(self, edit: fixes.Edit) -> lsp.WorkspaceEdit:
+        """Return an edit as the protocol has it, so that one undo takes it back."""
+        changes: list[Any] = []
+        for path, text in edit.texts.items():
+            before = self.text(path)
+            if before is None:
+                changes.append(lsp.CreateFile(uri=self.uri(path)))
+            document = lsp.OptionalVersionedTextDocumentIdentifier(uri=self.uri(path), version=None)
+            changes.append(lsp.TextDocumentEdit(document, [self._difference(before or "", text)]))
+        changes += [lsp.RenameFile(old_uri=self.uri(old), new_uri=self.uri(new)) for old, new in edit.moved.items()]
+        return lsp.WorkspaceEdit(document_changes=changes)
+
+    def _difference(self, before: str, after: str) -> lsp.TextEdit:
+        """Return the one edit of whole lines that turns a text into another."""
+        old, new = before.split("\n"), after.split("\n")
+        most = min(len(old), len(new)) - 1
+        start = next((row for row in range(most) if old[row] != new[row]), max(0, most))
+        end = next((row for row in range(most - start) if old[-1 - row] != new[-1 - row]), max(0, most - start))
+        last = len(old) - 1 - end
+        width = self.workspace.position_codec.client_num_units(old[last])
+        text = "\n".join(new[start : len(new) - end])
+        return lsp.TextEdit(lsp.Range(lsp.Position(start, 0), lsp.Position(last, width)), text)
+
+
+def _key(root: Root) -> tuple[str, Any]:
+    settings = root.settings
+    return root.folder, (settings.px4, settings.msg_dir, settings.topics, settings.release)
+
+
+def span_of(state: State, problem: Problem) -> Span:
+    """Return the word at which a problem is."""
+    path, line, column = problem.location
+    return word_at(state.lines(path), path, line, column)
+
+
+def word_at(lines: Sequence[str], path: str, line: int, column: int) -> Span:
+    """Return the word that begins at a place, or the rest of the line. YAML counts more ends of lines than editors."""
+    row = max(1, min(line, len(lines)))
+    text = lines[row - 1] if lines else ""
+    start = max(1, min(column, len(text) + 1))
+    found = _WORD.match(text, start - 1)
+    return Span(path, row, start, found.end() + 1 if found else len(text) + 1)
+
+
+def path_of(uri: str) -> str:
+    """Return the path of a file. Raises an error of the protocol for another URI."""
+    path = to_fs_path(uri)
+    if not path:
+        raise JsonRpcInvalidParams(f"not the URI of a file: {uri[:200]}")
+    return os.path.normpath(path)
