@@ -13,7 +13,7 @@ from types import MappingProxyType
 
 from msggen.base.diagnostics import input_error
 from msggen.check.lint.fields import sorted_by_alignment
-from msggen.definitions.model import Direction, Message
+from msggen.definitions.model import Direction, Message, snake_case
 from msggen.definitions.parse.field_type import MESSAGE_NAME
 from msggen.generate.bump.edits import plan_bump, target_of
 from msggen.lsp.buffers import BufferedFolder
@@ -200,12 +200,12 @@ def rename(state: State, name: Name, new: str) -> Edit:
         if path in files:
             moved[path] = os.path.join(os.path.dirname(path), f"{new}.msg")
     texts = {path: _replaced(state.lines(path), found, new) for path, found in spans.items()}
-    for path in moved:  # code of the firmware names the topic
-        message = state.in_file(path)[0]
-        if not message.topics:
-            texts[path] = _with_topics(
-                texts.get(path, "\n".join(state.lines(path))).split("\n"), message, message.topic_names
-            )
+    for message in state.messages:
+        implied = (Name(Kind.MESSAGE, message.key), Name(Kind.TOPIC, snake_case(message.name)))
+        if name in implied and message.folder == "msg" and not message.topics:
+            path = message.location.path  # the name of the message is no longer that of the topic
+            lines = texts.get(path, "\n".join(state.lines(path))).split("\n")
+            texts[path] = _with_topics(lines, message, [new] if name.kind is Kind.TOPIC else message.topic_names)
     return Edit(f"rename to {new}", texts, moved)
 
 

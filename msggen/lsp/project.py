@@ -228,6 +228,7 @@ class Project:
         if self.previous is None or self.previous[0] != commit:
             settings = self.root.settings
             sources = find_sources(revised(folder, _REVISION), settings.msg_dir, None, settings.release)
+            sources = sources._replace(label=_REVISION)
             self.previous = commit, sources, read_catalog(sources, tolerated=COMPARABLE)
         rules, ignored = self._rules("breaking")
         return breaking(self.previous[1], state.sources, rules, ignored)
