@@ -79,7 +79,7 @@ def without(package: str, code: str, folder: Path, *words: str) -> subprocess.Co
 
 
 @pytest.mark.slow  # a process each
-@by_day(("name", "package", "extra"), MISSING, 3)
+@by_day(("name", "package", "extra"), MISSING, 5)
 def test_a_command_names_what_is_not_installed(name: str, package: str, extra: str, here: Path) -> None:
     before = set(here.iterdir())
     done = without(package, CLI, here, *COMMANDS[name])
@@ -117,7 +117,7 @@ CALLS = [
 
 
 @pytest.mark.slow  # a process each
-@by_day(("call", "package", "arguments"), CALLS, 3)
+@by_day(("call", "package", "arguments"), CALLS, 5)
 def test_a_function_names_what_is_not_installed(call: str, package: str, arguments: str, here: Path) -> None:
     done = without(package, OPENED + call, here)
     expected = f"ModuleNotFoundError: the package {package} is not installed: {installing(*arguments.split())}"

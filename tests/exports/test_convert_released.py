@@ -35,7 +35,7 @@ def converted(path: str, target: Path) -> list[str]:
         return list(convert(log, str(target), format="mcap").notes)
 
 
-@by_day("release", EMBEDDED, 4)
+@by_day("release", EMBEDDED, 5)
 def test_a_release_reads_the_samples_of_its_logs(
     release: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
