@@ -33,12 +33,12 @@ OLD_TREES = {
     ("files", "label"),
     [
         (TREE, "the PX4-Autopilot tree in the current folder"),
-        (ROS_PACKAGE, "the package px4_msgs in the current folder"),
-        ({**ROS_PACKAGE, "package.xml": PACKAGE.format("acme_msgs")}, "the package acme_msgs in the current folder"),
         ({**TREE, "package.xml": PACKAGE.format("px4")}, "the PX4-Autopilot tree in the current folder"),
-        ({"msg/Lamp.msg": STAMP, "dds_topics.yaml": ""}, "the embedded PX4 v1.18"),  # as a clone of msggen
-        ({"Lamp.msg": STAMP}, "the embedded PX4 v1.18"),
+        (ROS_PACKAGE, "the package px4_msgs in the current folder"),
         ({"package.xml": PACKAGE.format("other")}, "the embedded PX4 v1.18"),
+        ({**ROS_PACKAGE, "package.xml": PACKAGE.format("acme_msgs")}, "the package acme_msgs in the current folder"),
+        ({"Lamp.msg": STAMP}, "the embedded PX4 v1.18"),
+        ({"msg/Lamp.msg": STAMP, "dds_topics.yaml": ""}, "the embedded PX4 v1.18"),  # as a clone of msggen
     ],
     2,
 )

@@ -88,9 +88,9 @@ def test_a_definition_has_the_limits_of_those_of_a_firmware(text: str, error: st
 
 
 WITHIN = {
+    "a chain": nested(64),
     "each nests two": nested(16, fields=2),
     "bools": "bool[65535] x\n",
-    "a chain": nested(64),
     "arrays": nested(4, "[40]"),
 }
 
@@ -143,12 +143,12 @@ def test_a_wide_table_in_csv_takes_little_memory(tmp_path: Path) -> None:
 
 
 def test_all_definitions_of_a_recording_have_a_limit_together(tmp_path: Path) -> None:
-    many = [nested(3, "[240]").replace(" x", f" x{number}") for number in range(20)]
+    many = [nested(3, "[240]").replace(" x", f" x{number}") for number in range(6)]
     path = write_mcap(tmp_path / "a.mcap", many)
     with limited(), opening.open(path) as log:
         assert len(log.chosen(None)) == MAX_TOTAL // 240**2 == 2
         left_out = [problem for problem in log.problems if "left out" in problem.text]
-        assert len(left_out) == 18
+        assert len(left_out) == 4
         assert left_out[0].text == "a definition is left out: all have more than 131070 values together"
         assert left_out[0].topic == "/t2"
 

@@ -396,8 +396,8 @@ HOSTILE = (
     "x" * 10_000,
 )
 """Names and units of strangers."""
-JOINED = [("".join(HOSTILE[:4]), 4), ("".join(HOSTILE[4:7]), 40), (HOSTILE[7], 4)]
-"""These, several in one, with few or with many changes of the mode. At night, each is alone with both."""
+JOINED = [("".join(HOSTILE[:4]), 4), ("".join(HOSTILE[4:7]), 40)]
+"""The short ones, several in one, with few or with many changes of the mode. At night, each is alone with both."""
 
 
 def drawn(name: str, log: recordings.Log, monkeypatch: pytest.MonkeyPatch, changes: int) -> Any:
