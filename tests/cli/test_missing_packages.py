@@ -43,18 +43,18 @@ COMMANDS = {
 TABLES = ("parquet", "arrow", "comma", "fleet", "compact")
 MCAP = ("mcap", "rosbag2", "sqlite3", "cut", "merge", "repair", "record")
 MISSING = [
+    ("topic plot", "plotille", "plot"),
     ("view", "numpy", "view"),
     ("view", "zstandard", "view"),
+    ("view", "foxglove", "view"),
+    ("store", "botocore", "stores"),
+    ("dask", "distributed", "dask"),
+    ("plot", "matplotlib", "plot"),
     *((name, "numpy", RECORDINGS) for name in ("info", "show", "csv", "report", *TABLES, *MCAP[:-1], "play")),
     *((name, "zstandard", RECORDINGS) for name in ("info", "show", "report", *TABLES[:3], "cut", "play")),
     *((name, "pyarrow", RECORDINGS) for name in TABLES),
     *((name, "mcap", RECORDINGS) for name in MCAP),
-    *((name, "matplotlib", "plot") for name in ("plot",)),
-    ("topic plot", "plotille", "plot"),
     ("store", "obstore", "stores"),
-    ("store", "botocore", "stores"),
-    ("dask", "distributed", "dask"),
-    ("view", "foxglove", "view"),
 ]
 
 
@@ -99,8 +99,8 @@ CALLS = [
     ("log.frame('vehicle_status', 'polars')", "polars", POLARS),
     ("log.frame('vehicle_status', 'polars')", "pyarrow", RECORDINGS),
     ("next(iter(log.frames()))", "pandas", PANDAS),
-    ("log.samples('vehicle_status').frame('polars')", "polars", POLARS),
     ("log.align('vehicle_status', 'sensor_combined', tolerance=9).frame()", "pandas", PANDAS),
+    ("log.samples('vehicle_status').frame('polars')", "polars", POLARS),
     ("log.align('vehicle_status', 'sensor_combined', tolerance=9).frame('polars')", "polars", POLARS),
     ("log.align('vehicle_status', 'sensor_combined', tolerance=9).table()", "pyarrow", RECORDINGS),
     ("log.table('vehicle_status')", "pyarrow", RECORDINGS),
