@@ -22,7 +22,7 @@ from hypothesis import HealthCheck, settings
 from msggen.base.diagnostics import Diagnostic
 from msggen.base.disk import files
 from msggen.definitions.model import Catalog, Message
-from msggen.sources import catalog
+from msggen.definitions.parse import definition
 from msggen.sources.catalog import read_catalog
 from msggen.sources.finding import find_sources
 from msggen.vehicle.owned.places import CAN_SHARE
@@ -143,14 +143,14 @@ def definitions_parsed_once() -> Iterator[None]:
 
     Each command gets the same message, which nobody can change. Tests of the parser call it themselves.
     """
-    parsed = lru_cache(maxsize=4096)(catalog.parse_message)
+    parsed = lru_cache(maxsize=4096)(definition.parse_message)
 
     def parse_message(*arguments: str, of_uorb: bool = True) -> tuple[Message, list[Diagnostic]]:
         message, errors = parsed(*arguments, of_uorb=of_uorb)
         return message, [*errors]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(catalog, "parse_message", parse_message)
+        patch.setattr("msggen.sources.catalog.parse_message", parse_message)
         yield
 
 

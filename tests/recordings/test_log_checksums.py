@@ -66,7 +66,7 @@ def flipped(path: Path, place: int, bit: int = 0) -> None:
     path.write_bytes(data)
 
 
-@settings(max_examples=examples(150, by_day=20))
+@settings(max_examples=examples(150, by_day=10))
 @given(st.sampled_from(KINDS), st.randoms(use_true_random=False), st.sampled_from([{}, {"use_statistics": False}]))
 def test_a_flipped_bit_in_a_chunk_gives_no_other_values(
     kind: CompressionType, chance: Random, options: dict[str, Any]

@@ -158,7 +158,7 @@ def cuts_of(data: bytes) -> Iterator[int]:
     start = 16
     while data[start + 2] != ord("D"):
         start += FRONT + int.from_bytes(data[start : start + 2], "little")
-    yield from sorted(chance.randrange(start, len(data)) for _ in range(examples(CUTS, by_day=8)))
+    yield from sorted(chance.randrange(start, len(data)) for _ in range(examples(CUTS, by_day=5)))
     yield from range(len(data) - examples(LAST, by_day=5), len(data) + 1)
 
 

@@ -116,7 +116,7 @@ def test_bytes_behind_the_content_are_told(kind: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("kind", COMPRESS)
 def test_a_content_that_is_too_large_is_refused(kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("msggen.recordings.files.compression._LEAST_LIMIT", 1 << 20)
-    data = COMPRESS[kind](bytes(30 << 20))
+    data = COMPRESS[kind](bytes(12 << 20))
     with pytest.raises(CompressionError, match=r"more than \d+ bytes .*; MSGGEN_MAX_CONTENT sets"):
         unpacked(tmp_path / "x", data)
     assert (tmp_path / "x.out").stat().st_size <= max(1 << 20, 100 * len(data))

@@ -199,9 +199,9 @@ def test_commands_read_stdin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     assert (tmp_path / "a.mcap").read_bytes() == (tmp_path / "b.mcap").read_bytes()
     for words in (["convert", "-"], ["repair", "-"], ["report", "-"], ["cut", "-", "--stop", "1"]):
         monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(data)))
-        done = run(["log", *words])
-        assert done.code == 2
-        assert "argument -o/--output: needed, because a recording from stdin has no name" in done.stderr
+        refused = run(["log", *words])
+        assert refused.code == 2
+        assert "argument -o/--output: needed, because a recording from stdin has no name" in refused.stderr
     done = piped(["info", "-"], b"no recording", tmp_path)
     assert (done.returncode, done.stderr.splitlines()[0]) == (
         2,
