@@ -10,6 +10,7 @@ import signal
 import sys
 from collections.abc import Iterator
 from contextlib import suppress
+from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import ModuleType
@@ -18,8 +19,10 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from hypothesis import HealthCheck, settings
 
+from msggen.base.diagnostics import Diagnostic
 from msggen.base.disk import files
-from msggen.definitions.model import Catalog
+from msggen.definitions.model import Catalog, Message
+from msggen.definitions.parse import definition
 from msggen.sources.catalog import read_catalog
 from msggen.sources.finding import find_sources
 from msggen.vehicle.owned.places import CAN_SHARE
@@ -131,6 +134,23 @@ def disk_without_waiting() -> Iterator[None]:
         patch.setattr(os, "fsync", lambda _handle: None)
         if sys.platform == "linux":
             patch.setattr(files, "_flush_file_system", lambda _path: True)
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def definitions_parsed_once() -> Iterator[None]:
+    """Parse a definition of a source once in this process: many tests run commands that parse all of a release.
+
+    Each command gets the same message, which nobody can change. Tests of the parser call it themselves.
+    """
+    parsed = lru_cache(maxsize=4096)(definition.parse_message)
+
+    def parse_message(*arguments: str, of_uorb: bool = True) -> tuple[Message, list[Diagnostic]]:
+        message, errors = parsed(*arguments, of_uorb=of_uorb)
+        return message, [*errors]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("msggen.sources.catalog.parse_message", parse_message)
         yield
 
 
