@@ -134,6 +134,7 @@ def test_a_touched_input_runs_msggen_once_and_rewrites_no_file(project: Project)
     assert project.build() == 0
 
 
+@pytest.mark.night
 @pytest.mark.slow
 def test_an_edited_input_rewrites_only_what_it_changes(project: Project) -> None:
     before = project.times()
@@ -147,6 +148,7 @@ def test_an_edited_input_rewrites_only_what_it_changes(project: Project) -> None
     assert project.build() == 0
 
 
+@pytest.mark.night
 @pytest.mark.slow
 def test_an_added_definition_is_generated_however_old_it_is(project: Project) -> None:
     added = project.source / "msg" / "Switch.msg"
@@ -157,6 +159,7 @@ def test_an_added_definition_is_generated_however_old_it_is(project: Project) ->
     assert project.build() == 0
 
 
+@pytest.mark.night
 @pytest.mark.slow
 def test_a_removed_definition_is_removed_from_the_package(project: Project) -> None:
     (project.source / "msg" / "LampReport.msg").unlink()
@@ -189,7 +192,7 @@ VARIATIONS = {
 
 @pytest.mark.slow
 @pytest.mark.tools("cmake", "ninja")
-@by_day("arguments", VARIATIONS, 2)
+@by_day("arguments", VARIATIONS, len(VARIATIONS))
 def test_the_function_takes_the_sources_of_build(arguments: str, tmp_path: Path) -> None:
     project = Project(tmp_path, "Ninja")
     versioned = "uint32 MESSAGE_VERSION = {}\nuint64 timestamp\n"
@@ -281,6 +284,7 @@ def rendered(request: pytest.FixtureRequest, tmp_path: Path) -> Project:
     return made
 
 
+@pytest.mark.night
 @pytest.mark.slow
 def test_rendered_files_are_made_once_and_again_for_an_edited_definition(rendered: Project) -> None:
     before = rendered.times()
@@ -298,6 +302,7 @@ def test_rendered_files_are_made_once_and_again_for_an_edited_definition(rendere
     assert rendered.build() == 0
 
 
+@pytest.mark.night
 @pytest.mark.slow
 def test_an_added_definition_is_rendered_however_old_it_is(rendered: Project) -> None:
     added = rendered.source / "msg" / "Switch.msg"
@@ -319,6 +324,7 @@ def test_an_edited_template_or_include_renders_again(rendered: Project) -> None:
     assert rendered.build() == 0
 
 
+@pytest.mark.night
 @pytest.mark.slow
 def test_an_error_in_a_template_stops_the_build_and_ends_its_output(rendered: Project) -> None:
     path = rendered.source / "templates" / "message.hpp.j2"

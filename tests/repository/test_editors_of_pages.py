@@ -86,12 +86,13 @@ def completed(code: str) -> set[str]:
     return names(script_of(code, paths=(ROOT,)))
 
 
+@pytest.mark.night
 def test_the_pages_use_many_names() -> None:
     assert sum(len(known(page)) for page in CODED) > 400
 
 
-@pytest.mark.slow
-@by_day("page", CODED, 5)
+@pytest.mark.night  # by day, jedi completes programs
+@pytest.mark.parametrize("page", CODED)
 def test_jedi_completes_what_a_page_uses(page: str) -> None:
     whole = script_of(code_of(page), paths=(ROOT,))
     left = [place for place in known(page) if place.name not in names(whole, place.line, place.column)]
@@ -113,7 +114,7 @@ def offered(server: LanguageServer, code: str, line: int, column: int, folder: P
         return server.completions(path, line, column)
 
 
-@pytest.mark.night  # by day, jedi completes a part of the pages, and pyright checks the types
+@pytest.mark.night  # by day, jedi completes programs, and mypy checks the types
 @pytest.mark.parametrize("page", CODED)
 def test_basedpyright_completes_what_a_page_uses(page: str, server: LanguageServer, tmp_path: Path) -> None:
     whole = tmp_path / "page.py"
@@ -177,7 +178,7 @@ COMPLETED: list[tuple[str, Collection[str]]] = [
 IDS = [code.replace("\n", " ") for code, _ in COMPLETED]
 
 
-@pytest.mark.parametrize(("code", "expected"), COMPLETED, ids=IDS)
+@by_day(("code", "expected"), COMPLETED, 3, ids=IDS)
 def test_jedi_completes_programs(code: str, expected: set[str]) -> None:
     assert expected <= completed(HEAD + code)
 

@@ -23,6 +23,7 @@ from msggen.sim.setpoints import Setpoints
 from msggen.sources.embedded import EMBEDDED
 from msggen.sources.read import read
 from support.repository import ROOT
+from support.syntax import MODULES, nodes_of
 
 TABLES = ("base/recording_formats.py", "link/link_types.py")
 
@@ -32,6 +33,7 @@ NAMED = re.compile(rf"(?<!\.tar)[.|]({'|'.join(SUFFIXES)})\b", re.IGNORECASE)
 
 READ = {name for name, row in FORMATS.items() if not row.storage}
 """The formats that are only read: a module asks their row, or a channel, what they can do."""
+QUOTED = re.compile(rf"""["']({'|'.join((*LINK_TYPES, *FORMATS))})\b""")
 STARTS = {"startswith", "endswith", "removeprefix"}
 
 
@@ -66,9 +68,11 @@ def is_of_recording(text: str) -> bool:
 
 def second_lists(source: str) -> Iterator[str]:
     """Yield what a module has that belongs in a table. Docstrings may have all of it."""
-    tree = ast.parse(source)
-    docs = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
-    for node in ast.walk(tree):
+    if not NAMED.search(source) and not QUOTED.search(source):
+        return  # to look at all nodes takes long
+    nodes = nodes_of(source)
+    docs = {id(node.value) for node in nodes if isinstance(node, ast.Expr)}
+    for node in nodes:
         if id(node) in docs:
             continue
         if isinstance(node, ast.Constant):
@@ -81,15 +85,14 @@ def second_lists(source: str) -> Iterator[str]:
 
 
 def test_no_module_has_a_second_list() -> None:
-    paths = {path.relative_to(ROOT / "msggen").as_posix(): path for path in (ROOT / "msggen").rglob("*.py")}
-    assert paths.keys() >= {*TABLES}
-    found = {name: [*second_lists(path.read_text(encoding="utf-8"))] for name, path in paths.items()}
+    assert MODULES.keys() >= {*TABLES}
+    found = {name: [*second_lists(source)] for name, source in MODULES.items()}
     assert {name: lists for name, lists in found.items() if lists and name not in TABLES} == {}
 
 
 @pytest.mark.parametrize("table", TABLES)
 def test_the_tables_would_be_found_elsewhere(table: str) -> None:
-    assert [*second_lists((ROOT / "msggen" / table).read_text(encoding="utf-8"))]
+    assert [*second_lists(MODULES[table])]
 
 
 def test_every_suffix_and_every_scheme_is_found() -> None:
@@ -154,10 +157,10 @@ def lists_of_modes(source: str) -> list[list[str]]:
     """Return the lists with the names of four modes or more, which are a third of it."""
     if sum(mode in source.lower() for mode in MODES) < 4:  # to parse the whole house takes long
         return []
-    listed = ([each.lower() for each in texts(node)] for node in ast.walk(ast.parse(source)))
+    listed = ([each.lower() for each in texts(node)] for node in nodes_of(source))
     dicts = (
         [text.lower() for value in node.values for text in texts(value)]
-        for node in ast.walk(ast.parse(source))
+        for node in nodes_of(source)
         if isinstance(node, ast.Dict)
     )
     return [found for found in (*listed, *dicts) if len(MODES & {*found}) > max(3, len({*found}) / 3)]
@@ -167,16 +170,14 @@ def numbers_of_commands(source: str) -> set[int]:
     """Return the numbers of commands that a module names, if it has several."""
     if sum(str(number) in source.replace("_", "") for number in COMMANDS) < 2:
         return set()
-    constants = [node.value for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Constant)]
+    constants = [node.value for node in nodes_of(source) if isinstance(node, ast.Constant)]
     found = {each for each in constants if isinstance(each, int)} & COMMANDS
     return found if len(found) > 1 else set()
 
 
 def test_no_module_has_a_second_list_of_modes_or_commands() -> None:
-    paths = {path.relative_to(ROOT / "msggen").as_posix(): path for path in (ROOT / "msggen").rglob("*.py")}
-    sources = {name: path.read_text(encoding="utf-8") for name, path in paths.items()}
-    assert {name for name, source in sources.items() if lists_of_modes(source)} == {OF_MODES}
-    assert {name for name, source in sources.items() if numbers_of_commands(source)} == {OF_COMMANDS}
+    assert {name for name, source in MODULES.items() if lists_of_modes(source)} == {OF_MODES}
+    assert {name for name, source in MODULES.items() if numbers_of_commands(source)} == {OF_COMMANDS}
 
 
 def test_a_second_list_of_modes_or_commands_is_found() -> None:
@@ -198,19 +199,16 @@ SETPOINT_TOPICS = {topic for kind in KINDS for topic in kind.topics}
 
 def topics_of_setpoints(source: str) -> set[str]:
     """Return the topics of setpoints that a module names, if it has several."""
-    found = {text for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Constant) for text in texts(node)}
+    if sum(topic in source for topic in SETPOINT_TOPICS) < 2:
+        return set()
+    found = {text for node in nodes_of(source) if isinstance(node, ast.Constant) for text in texts(node)}
     named = found & SETPOINT_TOPICS
     return named if len(named) > 1 else set()
 
 
 def test_no_module_has_a_second_list_of_setpoints() -> None:
-    found = {
-        path.relative_to(ROOT / "msggen").as_posix()
-        for room in STEERING
-        for path in (ROOT / "msggen" / room).rglob("*.py")
-        if topics_of_setpoints(path.read_text(encoding="utf-8"))
-    }
-    assert found == {OF_SETPOINTS}
+    steering = {name: source for name, source in MODULES.items() if name.partition("/")[0] in STEERING}
+    assert {name for name, source in steering.items() if topics_of_setpoints(source)} == {OF_SETPOINTS}
 
 
 def test_a_second_list_of_setpoints_is_found() -> None:
@@ -258,8 +256,10 @@ OF_DEPTHS = {"base/qos.py", "link/cyclone.py"}
 
 def depths(source: str) -> list[int]:
     """Return the depths of queues that a module sets by itself. 1 is the least that ROS takes."""
+    if "depth" not in source.lower():
+        return []
     named: list[tuple[str | None, ast.AST | None]] = []
-    for node in ast.walk(ast.parse(source)):
+    for node in nodes_of(source):
         if isinstance(node, ast.keyword):
             named.append((node.arg, node.value))
         elif isinstance(node, (ast.Assign, ast.AnnAssign)):
@@ -271,8 +271,7 @@ def depths(source: str) -> list[int]:
 
 
 def test_no_module_has_a_second_depth_of_queues() -> None:
-    paths = {path.relative_to(ROOT / "msggen").as_posix(): path for path in (ROOT / "msggen").rglob("*.py")}
-    assert {name for name, path in paths.items() if depths(path.read_text(encoding="utf-8"))} == OF_DEPTHS
+    assert {name for name, source in MODULES.items() if depths(source)} == OF_DEPTHS
 
 
 def test_a_second_depth_is_found() -> None:

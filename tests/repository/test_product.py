@@ -199,6 +199,7 @@ def needed_by(name: str, extras: set[str]) -> Iterator[str]:
             yield each.partition(";")[0]
 
 
+@pytest.mark.night
 @pytest.mark.slow
 def test_the_pages_need_only_what_the_extra_brings(tmp_path: Path) -> None:
     """As CI builds the site, in an environment without the packages of the tests."""

@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 
 from msggen.base.disk.record import RECORD_NAME
-from msggen.definitions.model import snake_case
 from msggen.generate.build import Build
 from msggen.generate.python.package import render_package
 from msggen.sources.catalog import read_catalog
@@ -19,7 +18,7 @@ from support.catalogs import catalog_of, write_definitions
 from support.checkers import GENERATED, mypy
 from support.imports import HEAVY
 from support.nested_packages import sources
-from support.repository import ROOT, SOME
+from support.repository import ROOT
 from support.unusual_names import write_sources
 
 PACKAGE = GENERATED / "px4_types"
@@ -136,24 +135,18 @@ def test_the_committed_record_is_current(tmp_path: Path) -> None:
     assert found.read_bytes() == expected.read_bytes(), "run `msggen build` and commit what it wrote"
 
 
-ALL = [*PACKAGE.rglob("*.py")]
-TYPICAL = [path for path in ALL if path.parent.name != "msg" or path.stem in {f"_{snake_case(name)}" for name in SOME}]
-"""The modules of the committed package, but of those of messages, which one template makes, only some."""
-
-
 def is_committed(path: Path, folder: Path) -> bool:
     """Return whether a module of a package in `folder` is one that all packages have, and so the committed one."""
     same = PACKAGE.joinpath(*path.relative_to(folder).parts[1:])
     return same.is_file() and same.read_bytes() == path.read_bytes()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("files", [TYPICAL, pytest.param(ALL, marks=pytest.mark.night)], ids=["typical", "all"])
-def test_pyright_is_content_with_the_generated_packages(files: list[Path], tmp_path: Path, unusual: Path) -> None:
+@pytest.mark.night  # mypy checks the same packages by day
+def test_pyright_is_content_with_the_generated_packages(tmp_path: Path, unusual: Path) -> None:
     others = [path for name in (unusual.name, "nested", "names") for path in (unusual.parent / name).rglob("*.py")]
     own = [path for path in others if not is_committed(path, unusual.parent)]
     settings = {
-        "include": [*map(str, files), *map(str, own)],
+        "include": [*map(str, PACKAGE.rglob("*.py")), *map(str, own)],
         "typeCheckingMode": "strict",
         "pythonVersion": "3.10",
     }

@@ -76,6 +76,7 @@ def test_the_guard_fails_when_one_message_takes_twice_as_long(entries: Entries) 
     assert best_of_attempts(slower)["EscStatus"] > WORSE_BY_HALF
 
 
+@pytest.mark.night
 @pytest.mark.slow
 def test_the_guard_fails_when_all_messages_take_twice_as_long(entries: Entries) -> None:
     slower = {message: slowed(by_name) for message, by_name in entries.items()}
