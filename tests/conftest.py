@@ -17,6 +17,8 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from hypothesis import HealthCheck, settings
+from hypothesis.internal import charmap
+from hypothesis.internal.conjecture import providers
 
 from msggen.base.disk import files
 from msggen.definitions.model import Catalog
@@ -52,6 +54,9 @@ def pytest_configure(config: pytest.Config) -> None:
     """
     signal.signal(signal.SIGINT, signal.default_int_handler)
     adopt_orphans()
+    if config.getoption("numprocesses", None) and not hasattr(config, "workerinput"):
+        with suppress(Exception):  # computes a table in 2.5 s in a fresh clone, which the workers read then
+            charmap.intervals_from_codec("utf-8")
     os.environ["MSGGEN_DIRECT"] = "1"  # tests of the process that owns a link take it away
     for variable in ("MSGGEN_RUNTIME", "XDG_STATE_HOME"):  # for sockets of links, and for records of sessions
         folder = TemporaryDirectory(prefix="run-")
@@ -131,6 +136,18 @@ def disk_without_waiting() -> Iterator[None]:
         patch.setattr(os, "fsync", lambda _handle: None)
         if sys.platform == "linux":
             patch.setattr(files, "_flush_file_system", lambda _path: True)
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def examples_that_stay() -> Iterator[None]:
+    """Let the usual run take the same examples in whichever process it runs a test.
+
+    Else hypothesis parses all modules that the process has imported so far, and takes their constants, too.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        if settings().derandomize and hasattr(providers, "_local_constants"):
+            patch.setattr(providers, "_get_local_constants", lambda: providers._local_constants)
         yield
 
 
