@@ -25,7 +25,7 @@ from msggen.sources.catalog import read_catalog
 from msggen.sources.finding import find_sources
 from msggen.sources.inferred import with_inferred
 from support.catalogs import catalog_of, write_definitions
-from support.html import Elements, broken_links
+from support.html import Elements, broken_links, pages_in
 from support.markup_attacks import ATTACKS, hostile
 from support.ros_packages import DEFINITIONS
 
@@ -43,14 +43,14 @@ def files(site: Site) -> dict[str, str]:
 
 @pytest.fixture(scope="module")
 def pages(files: Mapping[str, str]) -> dict[str, Elements]:
-    return {name: Elements(text) for name, text in files.items() if name.endswith(".html")}
+    return pages_in(files)
 
 
 # --- Links and anchors
 
 
-def test_every_link_leads_to_a_page_and_an_anchor(files: Mapping[str, str]) -> None:
-    assert list(broken_links(files)) == []
+def test_every_link_leads_to_a_page_and_an_anchor(files: Mapping[str, str], pages: Mapping[str, Elements]) -> None:
+    assert list(broken_links(files, pages)) == []
 
 
 def test_the_check_of_links_finds_broken_ones() -> None:
@@ -316,15 +316,15 @@ def test_the_order_of_reading_does_not_matter(embedded: Catalog, files: Mapping[
 # --- Definitions that try to be markup
 
 
-def test_no_text_of_a_definition_becomes_markup(tmp_path: Path, files: Mapping[str, str]) -> None:
-    usual = {(name, key) for text in files.values() for name, found in Elements(text).found for key in found}
-    pages = {name: Elements(text) for name, text in render_site(Site(hostile(tmp_path), "<b>&")).items()}
-    for name, page in pages.items():
+def test_no_text_of_a_definition_becomes_markup(tmp_path: Path, pages: Mapping[str, Elements]) -> None:
+    usual = {(name, key) for page in pages.values() for name, found in page.found for key in found}
+    attacked = {name: Elements(text) for name, text in render_site(Site(hostile(tmp_path), "<b>&")).items()}
+    for name, page in attacked.items():
         if name.endswith(".html"):
             assert {(each, key) for each, found in page.found for key in found} <= usual, name
             assert page.all("script", "src") in (["site.js"], ["../site.js"])
             assert not [link for link in page.all("a", "href") if ":" in link]
-    text = " ".join(pages["msg/Bad.html"].text.split())
+    text = " ".join(attacked["msg/Bad.html"].text.split())
     assert all(attack.replace("`", "") in text for attack in ATTACKS)
 
 
