@@ -577,7 +577,7 @@ add_dependencies(firmware headers)
     "generator",
     [
         pytest.param("Ninja", marks=pytest.mark.tools("cmake", "ninja")),
-        pytest.param("Unix Makefiles", marks=pytest.mark.tools("cmake", "make")),
+        pytest.param("Unix Makefiles", marks=[pytest.mark.tools("cmake", "make"), pytest.mark.night]),
     ],
 )
 def test_in_a_build_only_what_has_changed_is_compiled(tree: Path, generator: str) -> None:

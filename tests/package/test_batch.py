@@ -201,7 +201,7 @@ def test_arrays_encode_as_their_messages_do(name: str, vectors: dict[str, Sample
 
 
 @pytest.mark.slow
-@settings(max_examples=examples(20), suppress_health_check=list(HealthCheck))
+@settings(max_examples=examples(20, by_day=3), suppress_health_check=list(HealthCheck))
 @given(definitions(), st.data())
 def test_random_messages_are_what_decode_gives(files: dict[str, str], data: st.DataObject) -> None:
     for cls, samples in random_packages(data, files):

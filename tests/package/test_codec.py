@@ -33,7 +33,7 @@ def bits(value: Any) -> Any:
 
 
 @pytest.mark.slow
-@settings(max_examples=examples(150, by_day=20), suppress_health_check=list(HealthCheck))
+@settings(max_examples=examples(150, by_day=8), suppress_health_check=list(HealthCheck))
 @given(definitions(), st.data())
 def test_random_messages_equal_the_reference_in_every_encoding(files: dict[str, str], data: st.DataObject) -> None:
     with tempfile.TemporaryDirectory() as folder:
