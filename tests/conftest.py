@@ -8,6 +8,7 @@ import os
 import shutil
 import signal
 import sys
+import warnings
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -54,9 +55,6 @@ def pytest_configure(config: pytest.Config) -> None:
     """
     signal.signal(signal.SIGINT, signal.default_int_handler)
     adopt_orphans()
-    if config.getoption("numprocesses", None) and not hasattr(config, "workerinput"):
-        with suppress(Exception):  # computes a table in 2.5 s in a fresh clone, which the workers read then
-            charmap.intervals_from_codec("utf-8")
     os.environ["MSGGEN_DIRECT"] = "1"  # tests of the process that owns a link take it away
     for variable in ("MSGGEN_RUNTIME", "XDG_STATE_HOME"):  # for sockets of links, and for records of sessions
         folder = TemporaryDirectory(prefix="run-")
@@ -66,6 +64,14 @@ def pytest_configure(config: pytest.Config) -> None:
         home = TemporaryDirectory(prefix="home-")  # for the caches of msggen and of the libraries of tests
         os.environ["HOME"] = home.name
         config.add_cleanup(home.cleanup)
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Compute a table of hypothesis before the workers start: in a fresh clone, each of them would take 2.5 s for it."""
+    if session.config.getoption("numprocesses", None) and not hasattr(session.config, "workerinput"):
+        with suppress(Exception), warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # it is no plugin that takes this time
+            charmap.intervals_from_codec("utf-8")
 
 
 def pytest_collection(session: pytest.Session) -> None:

@@ -29,7 +29,7 @@ from numpy.lib import recfunctions
 
 from msggen.definitions.model import Catalog
 from support.catalogs import catalog_of, import_package
-from support.examples import examples
+from support.examples import examples, some
 from support.reference import HEADERS
 from support.repository import ROOT, SOME, every_message
 from support.samples import (
@@ -242,7 +242,7 @@ def check_each_byte(cls: Any, samples: Samples) -> None:
     """Check a sample for every changed byte: the batch decodes it like `decode`, or gives its error with the index."""
     for encoding in ENCODINGS:
         zero = bytearray(samples[encoding][0])
-        changed = each_byte_changed(bytes(zero))
+        changed = some(each_byte_changed(bytes(zero)), 3)
         sound = [sample for sample in changed if isinstance(outcome(cls.decode, sample), dict)]
         array = cls.decode_batch(sound)
         assert plain(array) == [plain(cls.decode(sample)) for sample in sound]
