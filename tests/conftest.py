@@ -67,7 +67,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
-    """Compute a table of hypothesis before the workers start: in a fresh clone, each of them would take 2.5 s for it."""
+    """Compute a table of hypothesis before the workers start: in a fresh clone, it takes each of them 2.5 s."""
     if session.config.getoption("numprocesses", None) and not hasattr(session.config, "workerinput"):
         with suppress(Exception), warnings.catch_warnings():
             warnings.simplefilter("ignore")  # it is no plugin that takes this time

@@ -21,6 +21,7 @@ from msggen.cli import DONE, FAILED, FINDINGS, main
 from msggen.show.report import FORMATS
 from support import comparison as slow
 from support.catalogs import write_definitions
+from support.examples import by_day
 from support.packages import committed, definition, git
 from support.repository import ROOT, shared
 
@@ -696,7 +697,7 @@ LACKS = [
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("lack", LACKS, ids=lambda lack: lack.what)
+@by_day("lack", LACKS, 2, ids=[lack.what for lack in LACKS])
 def test_nothing_less_does(lack: Lack, capsys: Capture) -> None:
     bump()
     lack.make()

@@ -410,8 +410,7 @@ CAUSES = ["input changed", "input added", "input removed", "output edited", "out
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("option", ["--check", "--diff"])
-@pytest.mark.parametrize("cause", CAUSES)
+@by_day(("cause", "option"), itertools.product(CAUSES, ["--check", "--diff"]), 3)
 def test_a_stale_package_exits_with_1_and_is_left_as_it_is(cause: str, option: str) -> None:
     firmware()
     build("-q", "--px4", "firmware")
@@ -1051,9 +1050,10 @@ def test_a_release_is_recognised(
     assert conventions(built(monkeypatch, "--px4", tree)) == expected
 
 
-@pytest.mark.parametrize(
+@by_day(
     ("release", "expected"),
-    [("v1.14", V1_14), ("v1.15", V1_15), ("v1.16", V1_16), ("v1.17", V1_16), ("v1.18", V1_16), ("main", V1_16)],
+    [("v1.14", V1_14), ("v1.17", V1_16), ("v1.15", V1_15), ("v1.18", V1_16), ("v1.16", V1_16), ("main", V1_16)],
+    2,
 )
 def test_a_release_given_overrules_what_the_tree_looks_like(
     release: str, expected: tuple[str, int], monkeypatch: pytest.MonkeyPatch

@@ -25,6 +25,7 @@ from msggen.sources.catalog import read_catalog
 from msggen.sources.finding import find_sources
 from msggen.sources.inferred import with_inferred
 from support.catalogs import catalog_of, write_definitions
+from support.examples import some
 from support.html import Elements, broken_links, pages_in
 from support.markup_attacks import ATTACKS, hostile
 from support.ros_packages import DEFINITIONS
@@ -303,7 +304,8 @@ def test_messages_of_other_packages_and_of_varying_size_have_pages(tmp_path: Pat
             (tmp_path / package / path).parent.mkdir(parents=True, exist_ok=True)
             (tmp_path / package / path).write_text(text)
         folders.append(f"{package}={tmp_path / package}")
-    catalog = read_catalog(find_sources("embedded:v1.18", tuple(folders)))
+    texts = {"msg/Lamp.msg": "uint64 timestamp\nstd_msgs/Header header\n"}
+    catalog = read_catalog(find_sources(str(write_definitions(tmp_path / "px4", texts)), tuple(folders)))
     files = render_site(Site(catalog, "mixed"))
     assert list(broken_links(files)) == []
     assert "varies" in files["msg/std_msgs.Header.html"]
@@ -374,7 +376,14 @@ def test_sentences_in_markdown_end_with_a_full_stop(tmp_path: Path) -> None:
 
 
 def test_every_link_in_markdown_leads_somewhere(embedded: Catalog, site: Site) -> None:
-    files = render_site(Site(embedded, "PX4 v1.18", "markdown", site.changes))
+    """By day, the site has some messages, with those that they and the services nest."""
+    chosen = some(embedded.messages.values(), 4)
+    chosen += [half for service in embedded.services for half in (service.request, service.response)]
+    keys = {each.key for one in chosen for each in (one, *embedded.nested_all(one))}
+    messages = {key: message for key, message in embedded.messages.items() if key in keys}
+    bridge = tuple(entry for entry in embedded.bridge if f"px4_msgs/{entry.message_name}" in keys)
+    few = embedded._replace(messages=messages, bridge=bridge)
+    files = render_site(Site(few, "PX4 v1.18", "markdown", site.changes))
     markdown = MarkdownIt("commonmark", {"html": True}).enable("table")
     pages = {
         name.replace(".md", ".html"): markdown.render(text).replace(".md", ".html") for name, text in files.items()

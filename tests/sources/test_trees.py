@@ -26,7 +26,7 @@ from msggen.sources.catalog import read_catalog
 from msggen.sources.finding import find_sources, open_tree
 from msggen.sources.history import read_history
 from support.catalogs import write_definitions
-from support.examples import examples
+from support.examples import by_day, examples
 from support.packages import BRIDGE_PLACE, committed, content, definition, firmware, git
 
 RPM = definition("Rpm")
@@ -508,8 +508,7 @@ LINKS = (
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["revision", "tar", "tar.xz", "zip"])
-@pytest.mark.parametrize("link", LINKS, ids=lambda link: link.__name__)
+@by_day(("kind", "link"), [(kind, link) for link in LINKS for kind in ("revision", "tar", "tar.xz", "zip")], 3)
 def test_symbolic_links_are_followed_as_on_a_disk(link: Callable[[], None], kind: str) -> None:
     firmware()
     link()
