@@ -321,7 +321,7 @@ def test_the_limit_of_the_disk_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 @pytest.mark.parametrize(
-    "name", [f"msg/_{'a_' * 130}.py", "x/" * 3000 + "y", "cdr.py/none", "msg", "lines", "fifo", "msg/__pycache__"]
+    "name", [f"msg/_{'a_' * 130}.py", "x/" * 2100 + "y", "cdr.py/none", "msg", "lines", "fifo", "msg/__pycache__"]
 )
 def test_an_entry_of_the_record_that_cannot_be_removed_heals(name: str) -> None:
     definitions("Rpm", "Fan")

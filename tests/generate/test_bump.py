@@ -30,6 +30,7 @@ from msggen.sources.history import read_history
 from msggen.sources.tree import Folder, Tree
 from support.catalogs import write_definitions
 from support.examples import by_day, some
+from support.packages import packed
 from support.repository import ROOT, shared
 
 VERSIONED = Path("msg/versioned")
@@ -97,7 +98,7 @@ def committed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     files[str(ARCHIVE / "VehicleStatusV0.msg")] = "uint32 MESSAGE_VERSION = 0\nuint64 timestamp\nuint8 nav_state\n"
     write_definitions(tree, files)
     commit(tree)
-    return tree
+    return packed(tree)
 
 
 @pytest.fixture(autouse=True)

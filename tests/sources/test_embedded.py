@@ -551,7 +551,7 @@ class TestNames:
         assert main(["build", "-o", "out"]) == 2
         assert capsys.readouterr().err.startswith("../pyproject.toml:2:1: S105 'v2.0': neither a folder nor an emb")
 
-    @pytest.mark.parametrize("name", ["v1.16", "v1.18"])
+    @by_day("name", ["v1.16", "v1.18"], 2)
     def test_a_folder_of_that_name_wins(self, name: str, capsys: Capture) -> None:
         Path(name, "msg").mkdir(parents=True)
         Path(name, "msg", "Wheel.msg").write_text("uint64 timestamp\n")

@@ -6,6 +6,7 @@ Nothing is modified or unpacked, and the error for an unreadable source gives th
 from __future__ import annotations
 
 import io
+import itertools
 import os
 import shutil
 import stat
@@ -133,8 +134,11 @@ def test_a_linked_work_tree_has_the_revisions_of_its_repository() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("folder", ["me@home/firmware", "firmware@home", "@/firmware", "a@b@c"])
-@pytest.mark.parametrize("revision", ["v1.16", "HEAD@{1}"])
+@by_day(
+    ("revision", "folder"),
+    itertools.product(["v1.16", "HEAD@{1}"], ["me@home/firmware", "firmware@home", "@/firmware", "a@b@c"]),
+    3,
+)
 def test_a_path_may_have_an_at_in_it(folder: str, revision: str) -> None:
     said = repository(Path(folder))
     assert catalog(f"{folder}@{revision}") == said
@@ -355,8 +359,11 @@ def pack(kind: str, folder: str = "firmware", top: str = "firmware") -> str:
     return write(f"packed-v1.16.{kind}", folder, top)
 
 
-@pytest.mark.parametrize("top", ["firmware", "PX4-Autopilot-1.16.0", "./firmware", "."])
-@pytest.mark.parametrize("kind", [*TARS, "zip"])
+@by_day(
+    ("kind", "top"),
+    itertools.product([*TARS, "zip"], ["firmware", "PX4-Autopilot-1.16.0", "./firmware", "."]),
+    3,
+)
 def test_an_archive_of_every_kind_reads_as_the_folder_it_was_made_of(kind: str, top: str) -> None:
     said = catalog(str(firmware()))
     path = pack(kind, top=top)
