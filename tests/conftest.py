@@ -8,9 +8,9 @@ import os
 import shutil
 import signal
 import sys
+import warnings
 from collections.abc import Iterator
 from contextlib import suppress
-from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import ModuleType
@@ -18,11 +18,11 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from hypothesis import HealthCheck, settings
+from hypothesis.internal import charmap
+from hypothesis.internal.conjecture import providers
 
-from msggen.base.diagnostics import Diagnostic
 from msggen.base.disk import files
-from msggen.definitions.model import Catalog, Message
-from msggen.definitions.parse import definition
+from msggen.definitions.model import Catalog
 from msggen.sources.catalog import read_catalog
 from msggen.sources.finding import find_sources
 from msggen.vehicle.owned.places import CAN_SHARE
@@ -64,6 +64,14 @@ def pytest_configure(config: pytest.Config) -> None:
         home = TemporaryDirectory(prefix="home-")  # for the caches of msggen and of the libraries of tests
         os.environ["HOME"] = home.name
         config.add_cleanup(home.cleanup)
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Compute a table of hypothesis before the workers start: in a fresh clone, it takes each of them 2.5 s."""
+    if session.config.getoption("numprocesses", None) and not hasattr(session.config, "workerinput"):
+        with suppress(Exception), warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # it is no plugin that takes this time
+            charmap.intervals_from_codec("utf-8")
 
 
 def pytest_collection(session: pytest.Session) -> None:
@@ -138,19 +146,14 @@ def disk_without_waiting() -> Iterator[None]:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def definitions_parsed_once() -> Iterator[None]:
-    """Parse a definition of a source once in this process: many tests run commands that parse all of a release.
+def examples_that_stay() -> Iterator[None]:
+    """Let the usual run take the same examples in whichever process it runs a test.
 
-    Each command gets the same message, which nobody can change. Tests of the parser call it themselves.
+    Else hypothesis parses all modules that the process has imported so far, and takes their constants, too.
     """
-    parsed = lru_cache(maxsize=4096)(definition.parse_message)
-
-    def parse_message(*arguments: str, of_uorb: bool = True) -> tuple[Message, list[Diagnostic]]:
-        message, errors = parsed(*arguments, of_uorb=of_uorb)
-        return message, [*errors]
-
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("msggen.sources.catalog.parse_message", parse_message)
+        if settings().derandomize and hasattr(providers, "_local_constants"):
+            patch.setattr(providers, "_get_local_constants", lambda: providers._local_constants)
         yield
 
 
