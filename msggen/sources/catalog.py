@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterator, Mapping
+from functools import lru_cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -70,7 +71,22 @@ def read_catalog(
     nest; errors in other files are ignored. Raises InputError with all errors in the files, except for the codes
     `tolerated`. If the sources are `strict`, warnings are errors too.
     """
-    reader = _Reader(sources, read_files(sources) if contents is None else contents)
+    catalog, found = look(sources, read_files(sources) if contents is None else contents, wanted)
+    notices = sorted_out(found, tolerated, strict=sources.strict)
+    wrong = [*check_archived(catalog)]
+    if wrong:
+        notices = sorted_out([*notices, *wrong], tolerated, strict=sources.strict)
+    return catalog._replace(notices=notices)
+
+
+def look(
+    sources: Sources, contents: Mapping[str, bytes], wanted: Collection[str] | None = None
+) -> tuple[Catalog, list[Diagnostic]]:
+    """Return as much of a catalog as can be read, and all findings in the files. Parameters are as in `read_catalog`.
+
+    After an error, a nested type may be undefined, messages may nest each other, and an array may have any length.
+    """
+    reader = _Reader(sources, contents)
     everything, services, archived = reader.messages(), reader.services(), reader.archived()
     parsed = reader.bridge()
     messages = everything
@@ -104,7 +120,6 @@ def read_catalog(
     ]
     conventions = _conventions(sources, reader, everything, parsed)
     newer = _newer_than_known(sources, everything, parsed, conventions)
-    notices = sorted_out([*sources.notices, *errors, *newer], tolerated, strict=sources.strict)
     names = {message.name for message in of_uorb}
     topics = {topic for message in of_uorb for topic in message.topic_names}
     bridge = tuple(entry for entry in parsed.entries if entry.message_name in names and entry.uorb_topic in topics)
@@ -120,12 +135,8 @@ def read_catalog(
         archived=versions,
         translations=reader.translations(),
         bridge_extra=parsed.extra,
-        notices=notices,
     )
-    wrong = [*check_archived(catalog)]
-    return (
-        catalog._replace(notices=sorted_out([*notices, *wrong], tolerated, strict=sources.strict)) if wrong else catalog
-    )
+    return catalog, [*sources.notices, *errors, *newer]
 
 
 def bridged_names(*sides: Sources) -> set[str]:
@@ -209,6 +220,12 @@ def _place_of_version(message: Message) -> Location:
     return places[0] if places else message.location
 
 
+@lru_cache(maxsize=2048)
+def _parsed(text: str, path: str, name: str, package: str, *, of_uorb: bool) -> tuple[Message, list[Diagnostic]]:
+    """Return the result of `parse_message`. An editor asks for the same files at each change of one of them."""
+    return parse_message(text, path, name, package, of_uorb=of_uorb)
+
+
 class _Reader:
     """A reader of files that collects their errors."""
 
@@ -224,7 +241,7 @@ class _Reader:
         messages = []
         for file in self.sources.messages:
             package = file.package or self.package
-            message, errors = parse_message(self.text(file), file.path, file.stem, package, of_uorb=not file.package)
+            message, errors = _parsed(self.text(file), file.path, file.stem, package, of_uorb=not file.package)
             messages.append(self._with_condition(message, file))
             self.errors += errors
         return messages
