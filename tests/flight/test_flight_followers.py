@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import signal
-from pathlib import Path
 from typing import Any
 
 import pytest
 
+from msggen.generate.cache import package_of
 from msggen.sim import Simulator
 from support.examples import by_day
 from support.flying import (
@@ -23,7 +23,6 @@ from support.flying import (
     wait_long_for_replies,
 )
 from support.ports import free_port
-from support.simulation import built
 
 pytest_plugins = ["support.owned_links"]
 
@@ -57,8 +56,8 @@ def test_a_program_on_a_shared_link_that_is_back_soon_goes_on(way: str, url: str
 
 
 @pytest.mark.night
-def test_a_program_for_an_older_vehicle_that_is_back_soon_goes_on(url: str, tmp_path: Path) -> None:
-    types = built("v1.16", tmp_path)
+def test_a_program_for_an_older_vehicle_that_is_back_soon_goes_on(url: str) -> None:
+    types = package_of("v1.16")
     with ready(url, types) as (simulator, program):
         follows(simulator, program, FlyingProgram(url, types), is_lost=False, goes_on=True)
 

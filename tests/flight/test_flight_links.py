@@ -27,6 +27,7 @@ from msggen.flight import (
     UnsupportedError,
 )
 from msggen.flight.link import _WAITING, LinkConnection, _Inbox
+from msggen.generate.cache import package_of
 from msggen.generate.python.package import render_package
 from msggen.link.udp import UdpLink
 from msggen.live import Vehicle
@@ -51,7 +52,6 @@ from support.link_records import nothing_is_left
 from support.ports import free_port
 from support.repository import ROOT
 from support.served import owners
-from support.simulation import built
 
 pytest_plugins = ["support.owned_links"]
 
@@ -118,8 +118,8 @@ async def enters(flight: Flight, *parts: Any) -> None:
 
 @pytest.mark.slow
 @by_day("release", ["v1.18", "v1.16"], 2)
-def test_a_flight_over_an_own_link(release: str, url: str, px4_types: Any, tmp_path: Path) -> None:
-    types = px4_types if release == "v1.18" else built(release, tmp_path)
+def test_a_flight_over_an_own_link(release: str, url: str, px4_types: Any) -> None:
+    types = px4_types if release == "v1.18" else package_of(release)
     with nothing_is_left(), simulated(types, url, speed=2.0) as simulator:
         wait_long_for_replies(simulator)
         assert asyncio.run(hops(Flight(url, types, key=1))) == ["takeoff", "hop", "landed"]
@@ -192,8 +192,8 @@ def test_other_definitions_are_told_before_anything_is_sent(url: str, px4_types:
         assert not simulator.vehicles[0].received[REGISTER + "_v2"]
 
 
-def test_the_package_that_fits_the_vehicle_is_taken(url: str, px4_types: Any, tmp_path: Path) -> None:
-    old = built("v1.16", tmp_path)
+def test_the_package_that_fits_the_vehicle_is_taken(url: str, px4_types: Any) -> None:
+    old = package_of("v1.16")
     with simulated(old, url):
         with pytest.raises(UnsupportedError, match=r"the vehicle has v1\.16, and px4_types has other definitions of"):
             asyncio.run(enters(Flight(url, px4_types, key=1), Rests))
@@ -258,9 +258,9 @@ def test_a_link_that_is_lost_keeps_the_modes(url: str, px4_types: Any) -> None:
 @pytest.mark.slow
 @by_day("release", ["v1.18", "v1.16"], 2)
 def test_a_vehicle_that_restarts_gets_all_modes_again(
-    release: str, url: str, px4_types: Any, tmp_path: Path, caplog: pytest.LogCaptureFixture
+    release: str, url: str, px4_types: Any, caplog: pytest.LogCaptureFixture
 ) -> None:
-    types = px4_types if release == "v1.18" else built(release, tmp_path)
+    types = px4_types if release == "v1.18" else package_of(release)
 
     async def restarts() -> None:
         loop = asyncio.get_running_loop()

@@ -5,18 +5,17 @@ from __future__ import annotations
 import asyncio
 import re
 import runpy
-from functools import partial
 from typing import Any
 
 import pytest
 
 import msggen.flight
 from msggen.flight import ATTITUDE, GOTO, RATES, TRAJECTORY, Executor, Flight, Mode
+from msggen.generate.cache import package_of
 from msggen.sim.loop import run
 from msggen.sim.near import NearVehicle
 from support.flown import Flown
 from support.repository import ROOT
-from support.simulation import built
 
 BLOCK = re.compile(r"^```python\n(.*?)^```(?:\n\n```text\n(.*?)^```)?", re.MULTILINE | re.DOTALL)
 MEASURE = runpy.run_path(str(ROOT / "docs" / "measure_flight_safety.py"))
@@ -76,10 +75,9 @@ def test_the_names_of_msggen_on_the_page_exist() -> None:
 
 
 @pytest.fixture(scope="module")
-def measured(px4_types: Any, tmp_path_factory: pytest.TempPathFactory) -> list[Any]:
+def measured(px4_types: Any) -> list[Any]:
     """The packages of the releases of the table."""
-    build = partial(built, folder=tmp_path_factory.mktemp("types"))
-    return [px4_types if release == "v1.18" else build(release) for release in MEASURE["RELEASES"]]
+    return [px4_types if release == "v1.18" else package_of(release) for release in MEASURE["RELEASES"]]
 
 
 @pytest.mark.night  # all cases take half a minute

@@ -15,6 +15,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from msggen.generate.cache import package_of
 from msggen.link.xrce import entities, wire
 from msggen.link.xrce.client import Client
 from msggen.link.xrce.client_entities import Reader, Server, Settings, Writer
@@ -23,7 +24,7 @@ from msggen.link.xrce.client_liveness import is_known
 from msggen.link.xrce.offset import OffsetFilter
 from msggen.sim import Options, SimulatedVehicle
 from support.repository import ROOT, shared
-from support.simulation import SECOND, built
+from support.simulation import SECOND
 from support.xrce_agent import EPOCH, SmallAgent
 from support.xrce_padding import masked
 
@@ -33,9 +34,9 @@ BOOT = 1_000_100
 
 
 @pytest.fixture(scope="module")
-def v1_17(tmp_path_factory: pytest.TempPathFactory) -> ModuleType:
+def v1_17() -> ModuleType:
     """The types of the release whose client was captured."""
-    return built("v1.17", tmp_path_factory.mktemp("types"))
+    return package_of("v1.17")
 
 
 def capture(name: str) -> list[tuple[int, str, bytes]]:
