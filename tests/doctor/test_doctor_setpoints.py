@@ -31,6 +31,7 @@ from msggen.sim import Misbehaviour, Options, Simulator
 from msggen.vehicle.owned.places import CAN_SHARE
 from support.dds_vehicle import domains
 from support.dds_vehicle import vehicle as dds_vehicle
+from support.examples import by_day
 from support.faults import rules_of
 from support.findings import ids, judged, texts
 from support.link_records import nothing_is_left
@@ -254,7 +255,7 @@ def check(seen: Observation, expected: Expected, keys: dict[str, int]) -> dict[s
 
 
 @shared
-@pytest.mark.parametrize("rows", [GROUND, MORE], ids=["ground", "more"])
+@by_day("rows", [GROUND, MORE], 2, ids=["ground", "more"])
 def test_programs_that_misbehave_are_found(
     url: str, px4_types: Any, expected: Expected, rows: dict[str, Program]
 ) -> None:

@@ -18,8 +18,11 @@ def url() -> str:
     return f"udp://127.0.0.1:{free_port()}"
 
 
-@pytest.mark.parametrize(
-    ("number", "code"), [(signal.SIGTERM, {143}), (signal.SIGINT, {130, -signal.SIGINT, 1})], ids=["SIGTERM", "Ctrl-C"]
+@by_day(
+    ("number", "code"),
+    [(signal.SIGINT, {130, -signal.SIGINT, 1}), (signal.SIGTERM, {143})],
+    2,
+    ids=["Ctrl-C", "SIGTERM"],
 )
 def test_a_signal_ends_the_program_and_unregisters(number: int, code: set[int], url: str, px4_types: Any) -> None:
     with ready(url, px4_types) as (simulator, program):
@@ -29,7 +32,7 @@ def test_a_signal_ends_the_program_and_unregisters(number: int, code: set[int], 
         assert program.process.wait(10.0) in code
 
 
-@pytest.mark.parametrize("way", ["raises", "leaves"])
+@by_day("way", ["raises", "leaves"], 2)
 def test_an_exception_and_the_end_of_the_interpreter_unregister(way: str, url: str, px4_types: Any) -> None:
     with ready(url, px4_types, way) as (simulator, program):
         wait_long_for_replies(simulator)
@@ -42,7 +45,7 @@ def test_an_exception_and_the_end_of_the_interpreter_unregister(way: str, url: s
 @by_day(
     ("parameters", "way"),
     [({}, "computes"), ({}, "await"), ({"COM_MODE_ARM_CHK": 1.0}, "await"), ({"COM_MODE_ARM_CHK": 1.0}, "computes")],
-    2,
+    4,
     ids=["later-computes", "later-await", "in flight-await", "in flight-computes"],
 )
 def test_a_signal_in_flight_lets_px4_return_although_the_program_computes(

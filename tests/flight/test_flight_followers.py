@@ -35,9 +35,9 @@ def url() -> str:
 @pytest.mark.slow
 @by_day(
     ("is_lost", "way"),
-    [(False, "executes"), (False, "await"), (True, "resumes"), (True, "await")],
-    2,
-    ids=["soon-executes", "soon-await", "late-resumes", "late-await"],
+    [(True, "resumes"), (True, "await"), (False, "executes"), (False, "await")],
+    4,
+    ids=["late-resumes", "late-await", "soon-executes", "soon-await"],
 )
 def test_a_program_that_is_back_soon_goes_on(way: str, url: str, px4_types: Any, *, is_lost: bool) -> None:
     with ready(url, px4_types, way) as (simulator, program):

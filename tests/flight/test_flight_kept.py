@@ -81,6 +81,7 @@ def test_home_is_known_on_an_own_link(url: str, px4_types: Any) -> None:
         assert asyncio.run(home_of(Flight(vehicle, limits=Limits(height=50.0)))) > 0.1
 
 
+@pytest.mark.night  # by day, a program leaves home to the next one
 @pytest.mark.usefixtures("owned")
 def test_home_is_known_on_a_shared_link_also_after_its_owner_was_killed(url: str, px4_types: Any) -> None:
     with simulated(px4_types, url):

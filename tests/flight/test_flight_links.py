@@ -407,8 +407,7 @@ def patient(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("patient")
-@pytest.mark.parametrize("fixtures", [(), ("owned",)])
-@pytest.mark.parametrize("keys", [(1, 2), (2, 1)])
+@by_day(("keys", "fixtures"), [((1, 2), ()), ((2, 1), ()), ((1, 2), ("owned",)), ((2, 1), ("owned",))], 3)
 def test_a_vehicle_that_connects_later_is_not_overlooked(
     keys: tuple[int, int], fixtures: tuple[str, ...], url: str, px4_types: Any, request: pytest.FixtureRequest
 ) -> None:

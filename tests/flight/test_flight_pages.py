@@ -14,15 +14,16 @@ from msggen.flight import ATTITUDE, GOTO, RATES, TRAJECTORY, Executor, Flight, M
 from msggen.generate.cache import package_of
 from msggen.sim.loop import run
 from msggen.sim.near import NearVehicle
+from support.examples import by_day
 from support.flown import Flown
 from support.repository import ROOT
 
 BLOCK = re.compile(r"^```python\n(.*?)^```(?:\n\n```text\n(.*?)^```)?", re.MULTILINE | re.DOTALL)
 MEASURE = runpy.run_path(str(ROOT / "docs" / "measure_flight_safety.py"))
-TEXTS = {name: (ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8") for name in ("flight", "flight_safety")}
+TEXTS = {name: (ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8") for name in ("flight_safety", "flight")}
 
 
-@pytest.mark.parametrize("page", TEXTS)
+@by_day("page", [*TEXTS], 2)
 def test_the_programs_print_what_the_page_shows(
     page: str, px4_types: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -124,6 +124,7 @@ def test_it(flown):
     assert recorded(result)
 
 
+@pytest.mark.night  # a pytest of its own
 def test_nothing_is_loaded_unless_asked_for(pytester: pytest.Pytester) -> None:
     pytester.makepyfile("""
 import sys

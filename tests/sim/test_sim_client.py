@@ -23,6 +23,7 @@ from msggen.link.xrce.client_events import Connected, Disconnected, Event, Recei
 from msggen.link.xrce.client_liveness import is_known
 from msggen.link.xrce.offset import OffsetFilter
 from msggen.sim import Options, SimulatedVehicle
+from support.examples import by_day
 from support.repository import ROOT, shared
 from support.simulation import SECOND
 from support.xrce_agent import EPOCH, SmallAgent
@@ -413,7 +414,7 @@ def test_four_replies_wait_for_acknowledgement_and_the_others_for_room() -> None
     assert [number for number, _ in line.agent.replies] == [*range(10)]
 
 
-@pytest.mark.parametrize("seed", range(3))
+@by_day("seed", range(3), 3)
 def test_a_session_is_created_and_replies_arrive_with_10_percent_of_loss_both_ways(seed: int) -> None:
     chance = random.Random(seed)  # noqa: S311 - for repetition
     line = Line(ONE._replace(sync="off"))  # a lost TIMESTAMP would cost a second

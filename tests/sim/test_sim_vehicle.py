@@ -25,7 +25,7 @@ from msggen.sim.parts import PARTS
 from msggen.sim.publishing import ANSWERS
 from msggen.sim.values import VALUES, Filler, Scene
 from msggen.sources.embedded import EMBEDDED
-from support.examples import examples
+from support.examples import by_day, examples
 from support.simulation import NAN, SECOND, SHORT, Bench, fly, topics_of
 from support.xrce_agent import EPOCH
 
@@ -324,8 +324,11 @@ def test_no_sample_and_no_request_stops_a_vehicle(px4_types: Any, data: st.DataO
     assert bench.last("vehicle_status").timestamp > 0
 
 
-@pytest.mark.parametrize("transmitted", [-(2**31) * 10**9, 0, (2**31 - 1) * 10**9])
-@pytest.mark.parametrize("originated", [0, 10**9, 2**31 * 10**9 - 1])
+@by_day(
+    ("originated", "transmitted"),
+    itertools.product([0, 10**9, 2**31 * 10**9 - 1], [-(2**31) * 10**9, 0, (2**31 - 1) * 10**9]),
+    4,
+)
 def test_no_clock_of_an_agent_stops_a_vehicle(px4_types: Any, transmitted: int, originated: int) -> None:
     bench = Bench(px4_types, SHORT._replace(rate=5.0))
     bench.run(0.1)
@@ -500,7 +503,7 @@ def test_the_agent_receives_all_samples(px4_types: Any) -> None:
     assert not agent.refused
 
 
-@pytest.mark.parametrize("seed", range(2))
+@by_day("seed", range(2), 2)
 def test_vehicle_and_agent_connect_with_10_percent_of_loss_both_ways(px4_types: Any, seed: int) -> None:
     wrong = Misbehaviour(drop=0.1, reorder=0.02, duplicate=0.02)
     vehicle = SimulatedVehicle(px4_types, Options(sync="off", seed=seed, misbehaviour=wrong))

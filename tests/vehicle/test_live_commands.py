@@ -26,6 +26,7 @@ from msggen.link.udp import UdpLink
 from msggen.live import LinkTimeoutError, Vehicle
 from msggen.sim import Misbehaviour, Options, Simulator
 from msggen.vehicle.command import acknowledges, address_of, send_command
+from support.examples import by_day
 from support.fake_link import FakeLink, routes_of
 from support.ports import free_port
 from support.repository import ROOT
@@ -428,7 +429,7 @@ ACTING = [
 
 
 @pytest.mark.usefixtures("patient")
-@pytest.mark.parametrize("words", ACTING)
+@by_day("words", ACTING, 3)
 def test_a_command_that_acts_does_not_take_the_vehicle_that_connects_first(
     words: list[str], px4_types: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -218,6 +218,7 @@ CELLS = (
 )
 
 
+@pytest.mark.night  # a kernel of its own; by day, IPython shows the same
 @pytest.mark.usefixtures("environment")
 def test_a_notebook_shows_tables(px4_types: Any) -> None:
     """A headless notebook, in a kernel of its own."""

@@ -59,6 +59,7 @@ def test_listener(px4_types: ModuleType, address: str, run: type[Program]) -> No
     interrupted(program)
 
 
+@pytest.mark.night  # builds a package, and runs two programs
 def test_advertiser(tmp_path: Path, address: str, run: type[Program]) -> None:
     topics = (ROOT / "dds_topics.yaml").read_text(encoding="utf-8")
     more = "subscriptions:\n  - topic: /fmu/in/debug_vect\n    type: px4_msgs::msg::DebugVect\n"

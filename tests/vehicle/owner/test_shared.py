@@ -29,6 +29,7 @@ from msggen.vehicle.owned.greeting import connected
 from msggen.vehicle.owned.joining import SharedLink
 from msggen.vehicle.owned.places import place_of, runtime_folder
 from msggen.vehicle.owner.process import IDLE, idle
+from support.examples import by_day
 from support.link_records import nothing_is_left
 from support.owners import give, needs_owners
 from support.ports import free_port
@@ -102,7 +103,7 @@ with Vehicle({url!r}) as vehicle:
 """
 
 
-@pytest.mark.parametrize("times", [3, pytest.param(100, marks=[pytest.mark.night, pytest.mark.timeout(600)])])
+@pytest.mark.parametrize("times", [1, pytest.param(100, marks=[pytest.mark.night, pytest.mark.timeout(600)])])
 def test_programs_that_start_at_once_start_one_owner(url: str, times: int) -> None:
     for _ in range(times):
         program = PROGRAM.format(root=str(ROOT), url=url)
@@ -152,7 +153,7 @@ def test_a_stopped_program_delays_nobody(url: str, px4_types: Any) -> None:
         assert vehicle.lost == 0
 
 
-@pytest.mark.parametrize("times", [2, pytest.param(50, marks=[pytest.mark.night, pytest.mark.timeout(900)])])
+@pytest.mark.parametrize("times", [1, pytest.param(50, marks=[pytest.mark.night, pytest.mark.timeout(900)])])
 def test_a_killed_owner_is_started_again_and_programs_go_on(url: str, times: int, px4_types: Any) -> None:
     with Simulator(px4_types, url, [Options(sync="off", rate=50.0)]), Vehicle(url, px4_types) as vehicle:
         status = vehicle.subscribe("vehicle_status")
@@ -189,7 +190,7 @@ NO_RECORD = (
 )
 
 
-@pytest.mark.parametrize("is_direct", [True, False])
+@by_day("is_direct", [False, True], 2)
 def test_vehicles_without_a_record_connect_anew_and_are_told(
     is_direct: bool,  # noqa: FBT001
     url: str,
