@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from support.examples import by_day
-from support.flying import LONG, QUICK, RETURN, FlyingProgram, commander, fly, ready, until, wait_long_for_replies
+from support.flying import CALM, LONG, RETURN, FlyingProgram, commander, fly, ready, until, wait_long_for_replies
 from support.ports import free_port
 
 
@@ -51,7 +51,7 @@ def test_an_exception_and_the_end_of_the_interpreter_unregister(way: str, url: s
 def test_a_signal_in_flight_lets_px4_return_although_the_program_computes(
     way: str, parameters: dict[str, float], url: str, px4_types: Any
 ) -> None:
-    with ready(url, px4_types, way, QUICK._replace(parameters=parameters)) as (simulator, program):
+    with ready(url, px4_types, way, CALM._replace(parameters=parameters)) as (simulator, program):
         fly(simulator, program)
         if way == "computes":
             program.wait("computes")

@@ -13,6 +13,7 @@ from support.examples import by_day
 from support.flying import (
     EXTERNAL,
     LONG,
+    QUICK,
     RETURN,
     FlyingProgram,
     commander,
@@ -50,7 +51,7 @@ def test_a_program_that_is_back_soon_goes_on(way: str, url: str, px4_types: Any,
 @by_day("way", ["limits", "await"], 2)
 def test_a_program_on_a_shared_link_that_is_back_soon_goes_on(way: str, url: str, px4_types: Any) -> None:
     """With limits, it needs the home position at once, which PX4 does not repeat."""
-    with ready(url, px4_types, way) as (simulator, program):
+    with ready(url, px4_types, way, QUICK) as (simulator, program):
         follows(simulator, program, FlyingProgram(url, px4_types, way), is_lost=False, goes_on=True)
         assert simulator.vehicles[0].world.flight.velocity[0] > 1.0
 

@@ -38,10 +38,10 @@ from msggen.sources.finding import find_sources
 from support.catalogs import write_definitions
 from support.examples import by_day
 from support.flying import (
+    CALM,
     EXTERNAL,
     LONG,
     PATIENCE,
-    QUICK,
     FlyingProgram,
     commander,
     simulated,
@@ -183,7 +183,7 @@ def test_a_slot_that_another_program_has_is_told(url: str, px4_types: Any, caplo
 
 
 def test_other_definitions_are_told_before_anything_is_sent(url: str, px4_types: Any) -> None:
-    options = QUICK._replace(misbehaviour=Misbehaviour(wrong_hashes=["GotoSetpoint", "ArmingCheckReply"]))
+    options = CALM._replace(misbehaviour=Misbehaviour(wrong_hashes=["GotoSetpoint", "ArmingCheckReply"]))
     with simulated(px4_types, url, options) as simulator:
         with pytest.raises(UnsupportedError) as caught:
             asyncio.run(enters(Flight(url, px4_types, key=1), Rests))
@@ -238,7 +238,7 @@ def test_a_wait_for_a_vehicle_can_be_cancelled(url: str, px4_types: Any) -> None
 
 @pytest.mark.slow
 def test_a_link_that_is_lost_keeps_the_modes(url: str, px4_types: Any) -> None:
-    options = QUICK._replace(misbehaviour=Misbehaviour(restart_every=4.0))
+    options = CALM._replace(misbehaviour=Misbehaviour(restart_every=4.0))
 
     async def stays() -> None:
         async with Flight(url, px4_types, key=1) as flight:
@@ -264,7 +264,7 @@ def test_a_vehicle_that_restarts_gets_all_modes_again(
 
     async def restarts() -> None:
         loop = asyncio.get_running_loop()
-        simulator = await asyncio.to_thread(Simulator(types, url, [QUICK]).__enter__)
+        simulator = await asyncio.to_thread(Simulator(types, url, [CALM]).__enter__)
         async with Flight(url, types, key=1) as flight:
             await flight.add(Hops, Rests)
             await flight.arm()
@@ -273,7 +273,7 @@ def test_a_vehicle_that_restarts_gets_all_modes_again(
             await until_so(lambda: flight.find(Rests).is_active)
             old = flight.find(Rests)
             await asyncio.to_thread(simulator.close)
-            simulator = await asyncio.to_thread(Simulator(types, url, [QUICK]).__enter__)
+            simulator = await asyncio.to_thread(Simulator(types, url, [CALM]).__enter__)
             begin = loop.time()
             await until_so(lambda: {EXTERNAL, EXTERNAL + 1} <= {*commander(simulator).components.modes})
             assert loop.time() - begin < 8.0
@@ -366,7 +366,7 @@ def test_a_vehicle_that_is_gone_makes_actions_fail_in_time(
     url: str, px4_types: Any, caplog: pytest.LogCaptureFixture
 ) -> None:
     async def goes() -> None:
-        simulator = await asyncio.to_thread(Simulator(px4_types, url, [QUICK]).__enter__)
+        simulator = await asyncio.to_thread(Simulator(px4_types, url, [CALM]).__enter__)
         async with Flight(url, px4_types, key=1) as flight:
             await flight.add(Rests)
             await asyncio.to_thread(simulator.close)
@@ -415,7 +415,7 @@ def test_a_vehicle_that_connects_later_is_not_overlooked(
         request.getfixturevalue(each)
 
     async def begins() -> None:
-        first, second = (Simulator(px4_types, url, [QUICK._replace(key=key)]) for key in keys)
+        first, second = (Simulator(px4_types, url, [CALM._replace(key=key)]) for key in keys)
         with ExitStack() as vehicles:
             vehicles.enter_context(first)
             flight = asyncio.create_task(Flight(url, px4_types).__aenter__())
@@ -435,7 +435,7 @@ def test_two_vehicles_with_the_same_key_are_two(url: str, px4_types: Any, monkey
         with pytest.raises(FlightError, match=r"2 vehicles are on udp.*key 1.*key 1.*UXRCE_DDS_KEY of each"):
             await Flight(url, px4_types).__aenter__()
 
-    with Simulator(px4_types, url, [QUICK]), Simulator(px4_types, url, [QUICK]):
+    with Simulator(px4_types, url, [CALM]), Simulator(px4_types, url, [CALM]):
         asyncio.run(begins())
 
 
@@ -462,7 +462,7 @@ def test_one_of_several_vehicles_flies_only_if_it_was_chosen(url: str, px4_types
             status = await flight._feeds["vehicle_status"].wait(lambda _: True, PATIENCE)
             return int(status.system_id)
 
-    with Simulator(px4_types, url, [QUICK, QUICK._replace(key=2)]), Vehicle(url, px4_types) as vehicle:
+    with Simulator(px4_types, url, [CALM, CALM._replace(key=2)]), Vehicle(url, px4_types) as vehicle:
         vehicle.wait_connected(PATIENCE)
         until(lambda: vehicle.others)
         chosen = Vehicle(url, px4_types, key=2)
