@@ -367,7 +367,7 @@ def test_a_new_vehicle_gets_another_link_than_the_one_that_has_failed(
         monkeypatch.setattr(link.agent, "tick", lambda _: 1 / 0)
         with pytest.raises(LinkError, match="the link failed: ZeroDivisionError"):
             failed.wait_connected(WAIT)
-        with Vehicle(url, px4_types) as vehicle, Simulator(px4_types, url, [Options(sync="off")]):
+        with Vehicle(url, px4_types) as vehicle, Simulator(px4_types, url, [Options(sync="off", rate=10.0)]):
             failed.close()  # and leaves the other one as it is
             assert vehicle.wait_connected(WAIT).key == 1
             with Vehicle(url, px4_types) as third:
