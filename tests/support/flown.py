@@ -16,6 +16,9 @@ from msggen.sim.near import NearVehicle
 
 _Result = TypeVar("_Result")
 EXTERNAL = 23
+_TAKEOFF = 17
+_THRUSTING = 1_800_000
+"""A time in us from the start of the motors at which they nearly lift the vehicle."""
 _BELOW = 1.0
 """How far below the end of a takeoff the climb goes on, in m."""
 
@@ -105,10 +108,12 @@ class Flown(NearVehicle):
         return (self.time - begin) / 1e6
 
     async def in_air(self, flight: Flight, height: float = 10.0) -> None:
-        """Arm and take off as a user does. The climb is left out, which takes longest: the vehicle is soon on top."""
+        """Arm and take off as a user does. What takes longest is left out: the motors spin, and the vehicle is on top."""
         await flight.arm()
         climbing = asyncio.ensure_future(flight.takeoff(height))
         motion, top = self.world.flight, _BELOW - height - self.world.home.altitude + self.world.origin.altitude
+        await self.until(lambda: climbing.done() or self.world.mode == _TAKEOFF, 20.0)
+        self.world.autopilot.lift._start = self.time - _THRUSTING
         await self.until(lambda: climbing.done() or motion.position[2] < motion.ground - 0.5, 20.0)
         motion.position = (*motion.position[:2], min(motion.position[2], top))
         await climbing
