@@ -66,6 +66,17 @@ class Flown(NearVehicle):
             self._losses[topic] = random.Random(seed)  # noqa: S311 - not for secrets
         return self._losses[topic].random() < self.loss
 
+    def advance(self, now: int) -> None:
+        """Move on to a time. In a takeoff, the seconds are left out in which motors start that do not lift yet.
+
+        A vehicle whose height drifts leaves the ground later.
+        """
+        super().advance(now)
+        lift, world = self.world.autopilot.lift, self.world
+        is_idle = lift._start is None and lift.climb < 0.0
+        if is_idle and world.is_armed and world.mode == _TAKEOFF and not self._options.disturbances:
+            lift._start = now - _THRUSTING
+
     def publish(self, topic: str, message: Any) -> None:
         self.sent.append(Sent(self.time / 1e6, topic, message))
         super().publish(topic, message)
@@ -108,12 +119,10 @@ class Flown(NearVehicle):
         return (self.time - begin) / 1e6
 
     async def in_air(self, flight: Flight, height: float = 10.0) -> None:
-        """Arm and take off as a user does. What takes longest is left out: the motors spin, and the vehicle is on top."""
+        """Arm and take off as a user does. The climb is left out, which takes longest: the vehicle is soon on top."""
         await flight.arm()
         climbing = asyncio.ensure_future(flight.takeoff(height))
         motion, top = self.world.flight, _BELOW - height - self.world.home.altitude + self.world.origin.altitude
-        await self.until(lambda: climbing.done() or self.world.mode == _TAKEOFF, 20.0)
-        self.world.autopilot.lift._start = self.time - _THRUSTING
         await self.until(lambda: climbing.done() or motion.position[2] < motion.ground - 0.5, 20.0)
         motion.position = (*motion.position[:2], min(motion.position[2], top))
         await climbing
