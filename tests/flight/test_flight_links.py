@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import importlib
 import logging
 import os
 import re
@@ -27,15 +26,12 @@ from msggen.flight import (
     UnsupportedError,
 )
 from msggen.flight.link import _WAITING, LinkConnection, _Inbox
-from msggen.generate.cache import package_of
-from msggen.generate.python.package import render_package
+from msggen.generate.cache import package_from, package_of
 from msggen.link.udp import UdpLink
 from msggen.live import Vehicle
 from msggen.sim import Misbehaviour, Simulator
 from msggen.sim.commander.components import Registration
-from msggen.sources.catalog import read_catalog
 from msggen.sources.finding import find_sources
-from support.catalogs import write_definitions
 from support.examples import by_day
 from support.flying import (
     CALM,
@@ -200,10 +196,8 @@ def test_the_package_that_fits_the_vehicle_is_taken(url: str, px4_types: Any) ->
         asyncio.run(enters(Flight(url, [px4_types, old], key=1), Rests))
 
 
-def test_a_topic_that_the_vehicle_does_not_have_is_named(
-    url: str, px4_types: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    less = without(["/fmu/in/goto_setpoint", "/fmu/out/home_position"], tmp_path, monkeypatch)
+def test_a_topic_that_the_vehicle_does_not_have_is_named(url: str, px4_types: Any, tmp_path: Path) -> None:
+    less = without(["/fmu/in/goto_setpoint", "/fmu/out/home_position"], tmp_path)
 
     async def asks() -> None:
         async with Flight(url, px4_types, key=1) as flight:
@@ -382,17 +376,14 @@ def test_a_vehicle_that_is_gone_makes_actions_fail_in_time(
     assert caplog.text.count("messages to the vehicle are lost") == 1
 
 
-def without(topics: list[str], folder: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+def without(topics: list[str], folder: Path) -> Any:
     """Return a package of the newest release without some topics."""
     rows = (ROOT / "dds_topics.yaml").read_text()
     for topic in topics:
         rows, count = re.subn(f" *- topic: {topic}\n(?: +[a-z_]+:.*\n)*", "", rows)
         assert count == 1
     (folder / "less.yaml").write_text(rows)
-    catalog = read_catalog(find_sources(None, topics=str(folder / "less.yaml")))
-    write_definitions(folder / "less_types", dict(render_package(catalog, "less_types")))
-    monkeypatch.syspath_prepend(folder)
-    return importlib.import_module("less_types")
+    return package_from(find_sources(None, topics=str(folder / "less.yaml")))
 
 
 @pytest.fixture
