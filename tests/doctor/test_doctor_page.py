@@ -30,7 +30,7 @@ def plain(text: str, url: str) -> str:
     return re.sub(r"\d+ samples in [\d.]+ s", "N samples in T s", text)
 
 
-@by_day(("simulation", "command", "shown"), SESSIONS, 2, ids=["findings", "healthy", "check"])
+@by_day(("simulation", "command", "shown"), SESSIONS, 3, ids=["findings", "healthy", "check"])
 def test_the_commands_print_what_the_page_shows(
     simulation: str, command: str, shown: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -41,7 +41,7 @@ from support.served import owned
 
 shared = pytest.mark.skipif(not CAN_SHARE, reason="links are not shared on Windows")
 PACKAGE = str(ROOT / "generated" / "px4_types")
-CALM = Options(sync="short", rate=10.0)
+CALM = Options(sync="short", rate=5.0)
 NAN = (math.nan, math.nan, math.nan)
 HEIGHT = (0.0, 0.0, -3.0)
 SECONDS = 2.8
@@ -62,7 +62,7 @@ def url(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
 @pytest.fixture(scope="module")
 def expected(px4_types: Any) -> Expected:
     found = expected_of(px4_types, "px4_types", is_given=True)
-    return found._replace(topics=tuple(topic._replace(interval=0.1) for topic in found.topics))
+    return found._replace(topics=tuple(topic._replace(interval=0.2) for topic in found.topics))
 
 
 def position(package: Any, **values: Any) -> Any:

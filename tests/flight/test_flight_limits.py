@@ -320,9 +320,9 @@ def test_a_velocity_across_home_ends_at_the_limit(px4_types: Any) -> None:
     async def go(mode: Scripted) -> None:
         await mode.goto((-19.0, 0.0, -10.0))
         mode.trajectory(velocity=(12.0, 0.0, 0.0))
-        await asyncio.sleep(30.0)
+        await asyncio.sleep(15.0)
 
-    _, program = in_mode(go, 60.0)
+    _, program = in_mode(go, 30.0)
     _, track = tracked(px4_types, program)
     assert track.distance < LIMITS.distance + 0.05
 

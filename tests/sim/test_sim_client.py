@@ -151,13 +151,13 @@ class Line:
         self.arrives: Callable[[bytes, str], bool] = lambda data, sender: True  # noqa: ARG005
 
     def run(self, seconds: float, write_every: int = 0) -> None:
-        end = self.now + round(seconds * SECOND)
+        end, due = self.now + round(seconds * SECOND), [b""]
         while self.now < end:
             self.client.advance(self.now)
             if write_every and self.now >= self.due and self.client.write(7, b"\1\2\3\4"):
                 self.due = self.now + write_every
             self._carry()
-            self.now += 100
+            self.now += 100 if due else self._pause(end, write_every)
             if self.now % 200_000 == 0:
                 self.agent.tick()
             due = [data for time, data in self.answers if time <= self.now]
@@ -166,6 +166,14 @@ class Line:
                 if self.arrives(data, "agent"):
                     self.client.receive(data, self.now)
             self._carry()
+
+    def _pause(self, end: int, write_every: int) -> int:
+        """Return how long nothing happens, in steps of 100 us."""
+        ticks = self.now // 200_000 * 200_000 + 200_000
+        times = [end, ticks, self.client.next_time, *(time for time, _ in self.answers)]
+        if write_every:
+            times.append(self.due)
+        return max(100, -(-(min(times) - self.now) // 100) * 100)
 
     def _carry(self) -> None:
         for data, connection in self.client.take_outgoing():
