@@ -8,6 +8,7 @@ import os
 import shutil
 import signal
 import sys
+import warnings
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -17,6 +18,8 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from hypothesis import HealthCheck, settings
+from hypothesis.internal import charmap
+from hypothesis.internal.conjecture import providers
 
 from msggen.base.disk import files
 from msggen.definitions.model import Catalog
@@ -61,6 +64,14 @@ def pytest_configure(config: pytest.Config) -> None:
         home = TemporaryDirectory(prefix="home-")  # for the caches of msggen and of the libraries of tests
         os.environ["HOME"] = home.name
         config.add_cleanup(home.cleanup)
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Compute a table of hypothesis before the workers start: in a fresh clone, it takes each of them 2.5 s."""
+    if session.config.getoption("numprocesses", None) and not hasattr(session.config, "workerinput"):
+        with suppress(Exception), warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # it is no plugin that takes this time
+            charmap.intervals_from_codec("utf-8")
 
 
 def pytest_collection(session: pytest.Session) -> None:
@@ -131,6 +142,18 @@ def disk_without_waiting() -> Iterator[None]:
         patch.setattr(os, "fsync", lambda _handle: None)
         if sys.platform == "linux":
             patch.setattr(files, "_flush_file_system", lambda _path: True)
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def examples_that_stay() -> Iterator[None]:
+    """Let the usual run take the same examples in whichever process it runs a test.
+
+    Else hypothesis parses all modules that the process has imported so far, and takes their constants, too.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        if settings().derandomize and hasattr(providers, "_local_constants"):
+            patch.setattr(providers, "_get_local_constants", lambda: providers._local_constants)
         yield
 
 

@@ -42,14 +42,15 @@ def check_names(definitions: Iterable[Message | Service], uorb: str) -> Iterator
     cases: dict[tuple[str, str], Message | Service] = {}
     for definition in definitions:
         package, name = definition.package, definition.name
-        other = files.setdefault((package, snake_case(name)), definition)
-        if other is not definition:
+        other = files.get((package, snake_case(name)))
+        if other is not None:
             where = f"already defined in {other.location.path}"
             text = f"'{name}' is {where}"
             if other.name != name:
                 text = f"'{name}' generates the same files as '{other.name}' in the firmware, {where}"
             yield Diagnostic(definition.location, "M204", text)
             continue
+        files[package, snake_case(name)] = definition
         other = cases.setdefault((package, name.lower()), definition)
         if other is not definition:
             code = "M205" if package == uorb and isinstance(definition, Message) else "M204"
@@ -84,8 +85,9 @@ def check_topics(messages: Iterable[Message]) -> Iterator[Diagnostic]:
     places: dict[str, Location] = {}
     for message in messages:
         for name, location in _topics(message):
-            other = places.setdefault(name, location)
-            if other is not location:
+            other = places.get(name)
+            places.setdefault(name, location)
+            if other is not None:
                 where = f"on line {other.line}" if other.path == location.path else f"in {other}"
                 yield Diagnostic(location, "M403", f"topic '{name}' is already declared {where}")
 

@@ -11,6 +11,7 @@ import pytest
 
 from msggen.base.disk.git import GitError, commit_of, status
 from msggen.cli import main
+from support.examples import by_day
 from support.packages import committed
 from support.packages import git as run
 
@@ -145,8 +146,11 @@ COMMANDS = (
 )
 
 
-@pytest.mark.parametrize("partial", [False, True])
-@pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
+@by_day(
+    ("command", "partial"),
+    [(command, bool(place % 2) == first) for place, command in enumerate(COMMANDS) for first in (True, False)],
+    2,
+)  # by day each command once
 def test_no_command_runs_a_program_of_a_repository(command: list[str], mark: Path, partial: bool) -> None:  # noqa: FBT001 - pytest passes it
     repository("firmware", FIRMWARE)
     repository("px4_msgs", PACKAGE)

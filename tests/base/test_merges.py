@@ -236,7 +236,7 @@ def test_after_a_kill_the_old_definitions_give_the_old_package() -> None:
     old = {"in/Fan.msg": STAMP}
     assert build("-q") == 0
     before = content(PACKAGE)
-    for step in itertools.count(0, 3 // examples(3)):  # by day every third step
+    for step in itertools.count(0, 6 // examples(6, by_day=1)):  # by day every sixth step
         write_definitions(Path(), new)
         if not dies_at(step, lambda: build("-q")):
             break

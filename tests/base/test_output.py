@@ -19,7 +19,7 @@ from msggen.base.disk import files, swap
 from msggen.base.disk.names import too_long
 from msggen.cli import main
 from support.catalogs import write_definitions
-from support.examples import examples
+from support.examples import by_day, examples
 from support.packages import RECORD, content, identity
 
 STAMP = "uint64 timestamp\n"
@@ -70,9 +70,12 @@ TEMPORARY = [
 ]
 
 
-@pytest.mark.parametrize("how", ["swapped", "file by file"])
-@pytest.mark.parametrize("kind", ["file", "hard link", "dangling link", "folder"])
-@pytest.mark.parametrize("name", TEMPORARY)
+KINDS_OF_VICTIMS = ("file", "hard link", "dangling link", "folder")
+
+
+@by_day(
+    ("name", "kind", "how"), itertools.product(TEMPORARY, KINDS_OF_VICTIMS, ("swapped", "file by file")), 5
+)  # by day each name, each kind and each way, not all of their pairs
 def test_nothing_is_written_through_a_temporary_name(
     name: str, kind: str, how: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -318,7 +321,7 @@ def test_the_limit_of_the_disk_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 @pytest.mark.parametrize(
-    "name", [f"msg/_{'a_' * 130}.py", "x/" * 3000 + "y", "cdr.py/none", "msg", "lines", "fifo", "msg/__pycache__"]
+    "name", [f"msg/_{'a_' * 130}.py", "x/" * 2100 + "y", "cdr.py/none", "msg", "lines", "fifo", "msg/__pycache__"]
 )
 def test_an_entry_of_the_record_that_cannot_be_removed_heals(name: str) -> None:
     definitions("Rpm", "Fan")
@@ -468,7 +471,7 @@ def test_whichever_call_fails_nothing_is_torn_or_lost(
     build()
     old, new = code(Path("old/px4_types")), code()
     outcomes = set()
-    for number in itertools.count(0, 3 // examples(3)):  # by day every third call
+    for number in itertools.count(0, 6 // examples(6, by_day=1)):  # by day every sixth call
         shutil.rmtree("generated")
         shutil.copytree("old", "generated")
         capsys.readouterr()

@@ -21,7 +21,8 @@ from msggen.cli import DONE, FAILED, FINDINGS, main
 from msggen.show.report import FORMATS
 from support import comparison as slow
 from support.catalogs import write_definitions
-from support.packages import committed, definition, git
+from support.examples import by_day
+from support.packages import committed, definition, git, packed
 from support.repository import ROOT, shared
 
 STAMP = "uint64 timestamp\n"
@@ -61,7 +62,7 @@ def committed_firmware(tmp_path_factory: pytest.TempPathFactory) -> Path:
     tree = committed(write_definitions(tmp_path_factory.mktemp("committed"), {**files, YAML: BRIDGE}))
     git(tree, "branch", "-M", "main")
     git(tree, "tag", "v1")
-    return tree
+    return packed(tree)
 
 
 @pytest.fixture(autouse=True)
@@ -696,7 +697,7 @@ LACKS = [
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("lack", LACKS, ids=lambda lack: lack.what)
+@by_day("lack", LACKS, 2, ids=[lack.what for lack in LACKS])
 def test_nothing_less_does(lack: Lack, capsys: Capture) -> None:
     bump()
     lack.make()
@@ -900,7 +901,7 @@ def on_the_bridge(capsys: Capture, before: str, after: str) -> set[tuple[object,
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
+@by_day(
     ("before", "after", "found"),
     [
         ("", "  rate_limit: 250\n", NONE),
@@ -916,6 +917,7 @@ def on_the_bridge(capsys: Capture, before: str, after: str) -> set[tuple[object,
         ("", "  rate_limit: unlimited\n", WARNED),
         ("  rate_limit: 0\n", "  rate_limit: 1000\n", WARNED),
     ],
+    2,
 )
 def test_a_rate_counts_by_what_the_firmware_makes_of_it(
     before: str, after: str, found: set[tuple[str, str]], capsys: Capture

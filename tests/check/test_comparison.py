@@ -24,7 +24,7 @@ from msggen.check.run import breaking, check
 from msggen.sources.finding import find_sources
 from support import comparison as slow
 from support.catalogs import write_definitions
-from support.examples import examples
+from support.examples import by_day, examples
 from support.repository import DEFINITIONS, shared
 
 RELEASES = ("v1.14", "v1.15", "v1.16", "v1.17", "v1.18", "main-2026-03")
@@ -32,7 +32,7 @@ WITHOUT_ORACLE = ("v1.15",)
 Definitions = dict[str, slow.Definition]
 PAIRS = list(itertools.permutations(RELEASES, 2))
 SUCCESSIVE = list(itertools.pairwise(RELEASES))
-DRAWN = Random(1).sample(sorted({*PAIRS} - {*SUCCESSIVE}), 5)  # noqa: S311 - the same pairs in each run
+DRAWN = Random(1).sample(sorted({*PAIRS} - {*SUCCESSIVE}), 2)  # noqa: S311 - the same pairs in each run
 """Other pairs for each run; the night takes all."""
 
 
@@ -185,7 +185,7 @@ def test_what_went_silently_wrong_from_one_release_to_the_next() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("release", RELEASES)
+@by_day("release", RELEASES, 5)
 def test_a_flattened_package_matches_its_firmware(release: str, tmp_path: Path) -> None:
     firmware = shared(f"firmware/{release}")
     flat = {f"msg/{path.name}": path.read_text() for path in (firmware / "msg").glob("*.msg")}
@@ -228,7 +228,7 @@ def cosmetic_edits(draw: st.DrawFn) -> dict[str, str]:
 
 
 @pytest.mark.slow
-@settings(max_examples=examples(60, by_day=8), suppress_health_check=list(HealthCheck))
+@settings(max_examples=examples(60, by_day=4), suppress_health_check=list(HealthCheck))
 @given(edited=cosmetic_edits())
 def test_comments_and_white_space_never_count(edited: dict[str, str], tmp_path_factory: pytest.TempPathFactory) -> None:
     real = write_definitions(tmp_path_factory.mktemp("real"), {f"msg/{name}.msg": TEXTS[name] for name in NAMES})
@@ -287,7 +287,7 @@ def edits(draw: st.DrawFn) -> Edited:
 
 
 @pytest.mark.slow
-@settings(max_examples=examples(100, by_day=12), suppress_health_check=list(HealthCheck))
+@settings(max_examples=examples(100, by_day=8), suppress_health_check=list(HealthCheck))
 @given(edited=edits())
 def test_random_edits_are_found_if_and_only_if_they_change_something(
     edited: Edited, tmp_path_factory: pytest.TempPathFactory

@@ -15,7 +15,7 @@ from msggen.cli.values import local_path, new_recording, recording
 from msggen.live import LinkError
 from support.catalogs import write_definitions
 from support.commands import COMMANDS, run
-from support.examples import examples
+from support.examples import by_day, examples
 from support.scratch import inside
 
 FILES = {
@@ -63,7 +63,7 @@ VALUES = (
     *("M301", "WIRE,", "dds_topics.yaml", "file/x", "\n", "a\nb", "{{", "{{ 1/0 }}", "%s", "$(x)", "json"),
     *("sarif", "junit", "github", "message", "catalog", "main", "\u202e", "out", "1e9", "dir/msg/Lamp.msg", "class"),
 )
-ROUNDS = examples(25, by_day=4)
+ROUNDS = examples(25, by_day=2)
 
 
 def command_line(name: str, choose: random.Random) -> list[str]:
@@ -132,11 +132,14 @@ def options_of(name: str) -> list[str]:
 
 
 WAYS = (("{} value", ""), ("{}=value", "github"), ("{}=value", ""), ("{} value", "github"))
-"""Ways to give an option: its spelling, and the format of the output. Each run takes one, for every fourth option."""
+"""Ways to give an option: its spelling, and the format of the output.
+
+Each run takes one for a fourth of the options.
+"""
 
 
 @pytest.mark.parametrize("ways", [1, pytest.param(len(WAYS), marks=pytest.mark.night)], ids=["one way", "all ways"])
-@pytest.mark.parametrize("name", COMMANDS)
+@by_day("name", COMMANDS, 3)
 def test_an_unknown_option_is_reported_before_what_follows_from_it(
     name: str, ways: int, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -186,7 +189,7 @@ def test_the_examples_of_wrong_arguments(capsys: pytest.CaptureFixture[str]) -> 
         assert hint == f"for all arguments: {program} --help"
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@by_day("name", COMMANDS, 3)
 def test_an_option_with_a_single_value_is_given_once(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     """Also in another spelling, and with the same value. Whatever else is wrong comes later."""
     for action in COMMANDS[name]._actions:

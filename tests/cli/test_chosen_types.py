@@ -16,6 +16,7 @@ from msggen.live import LinkError, NotConnectedError, Vehicle
 from msggen.sim import Misbehaviour, Options, Simulator
 from msggen.sources.finding import find_sources
 from support.commands import run
+from support.examples import by_day
 from support.fake_link import FakeLink
 from support.firmware_trees import write_tree
 from support.ports import free_port
@@ -193,7 +194,7 @@ def test_a_definition_that_is_told_later_decides_for_its_topic(url: str) -> None
 # Names, before anything is waited for
 
 
-@pytest.mark.parametrize(
+@by_day(
     ("words", "error"),
     [
         ("command NAV_TAKOFF", "argument COMMAND: no command 'NAV_TAKOFF', did you mean 'NAV_TAKEOFF'?"),
@@ -213,6 +214,7 @@ def test_a_definition_that_is_told_later_decides_for_its_topic(url: str) -> None
         ("topic pub trajectory_setpoint {positin:_[0]}", "did you mean 'position'?"),
         ("call vehicle_comand {}", "argument SERVICE: no service 'vehicle_comand': there is 'vehicle_command'"),
     ],
+    2,
 )
 def test_names_that_no_release_has_are_told_without_a_vehicle(
     words: str, error: str, without_vehicle: list[str], monkeypatch: pytest.MonkeyPatch, working_folder: Path

@@ -158,7 +158,7 @@ def proposed(line: str, folder: Path, tmp_path: Path) -> list[str]:
 
 
 @pytest.mark.slow
-@by_day("line", CASES, 4)
+@by_day("line", CASES, 6)
 def test_a_command_line_is_completed_with_the_names_that_it_can_have(line: str, folder: Path, tmp_path: Path) -> None:
     expected = CASES[line]
     line = line.replace("TYPES", str(TYPES))
@@ -203,7 +203,13 @@ LINES = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("shell", [pytest.param(name, marks=pytest.mark.tools(name)) for name in SHELLS])
+@pytest.mark.parametrize(
+    "shell",
+    [
+        pytest.param("bash", marks=pytest.mark.tools("bash")),
+        pytest.param("zsh", marks=[pytest.mark.tools("zsh"), pytest.mark.night]),
+    ],
+)
 def test_a_shell_completes_with_tab(shell: str, folder: Path) -> None:
     start, prepare = SHELLS[shell]
     ours, theirs = pty.openpty()
@@ -242,7 +248,7 @@ def type_in(terminal: int, text: str, mark: str) -> str:
 
 @pytest.mark.slow
 @pytest.mark.tools("fish")
-@pytest.mark.parametrize("line", LINES)
+@by_day("line", LINES, 5)
 def test_fish_completes(line: str, folder: Path) -> None:
     command = ["fish", "--no-config", "-c", f"msggen completion fish | source; complete -C '{line}'"]
     done = subprocess.run(

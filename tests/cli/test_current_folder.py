@@ -12,6 +12,7 @@ import pytest
 from msggen.base.diagnostics import printable
 from msggen.cli import DONE, FAILED, main
 from support.catalogs import write_definitions
+from support.examples import by_day
 from support.repository import ROOT
 
 STAMP = "uint64 timestamp\n"
@@ -28,17 +29,18 @@ OLD_TREES = {
 }
 
 
-@pytest.mark.parametrize(
+@by_day(
     ("files", "label"),
     [
         (TREE, "the PX4-Autopilot tree in the current folder"),
-        (ROS_PACKAGE, "the package px4_msgs in the current folder"),
-        ({**ROS_PACKAGE, "package.xml": PACKAGE.format("acme_msgs")}, "the package acme_msgs in the current folder"),
         ({**TREE, "package.xml": PACKAGE.format("px4")}, "the PX4-Autopilot tree in the current folder"),
-        ({"msg/Lamp.msg": STAMP, "dds_topics.yaml": ""}, "the embedded PX4 v1.18"),  # as a clone of msggen
-        ({"Lamp.msg": STAMP}, "the embedded PX4 v1.18"),
+        (ROS_PACKAGE, "the package px4_msgs in the current folder"),
         ({"package.xml": PACKAGE.format("other")}, "the embedded PX4 v1.18"),
+        ({**ROS_PACKAGE, "package.xml": PACKAGE.format("acme_msgs")}, "the package acme_msgs in the current folder"),
+        ({"Lamp.msg": STAMP}, "the embedded PX4 v1.18"),
+        ({"msg/Lamp.msg": STAMP, "dds_topics.yaml": ""}, "the embedded PX4 v1.18"),  # as a clone of msggen
     ],
+    2,
 )
 def test_build_and_render_take_a_tree_or_a_package_and_name_it(
     files: dict[str, str], label: str, working_folder: Path, capsys: pytest.CaptureFixture[str]
@@ -95,7 +97,7 @@ def test_check_and_sync_compare_with_the_tree_but_not_with_a_package(
 @pytest.mark.parametrize(
     "command", [["build", "-q"], ["render", "-q", "--template", "t.j2", "-o", "o"], ["sync", "-q", "--create", "p"]]
 )
-@pytest.mark.parametrize("below", ["src", "src/modules/uxrce_dds_client"])
+@by_day("below", ["src", "src/modules/uxrce_dds_client"], 2)
 def test_below_a_tree_the_embedded_release_is_read_with_a_warning(
     command: list[str],
     below: str,

@@ -26,6 +26,7 @@ from msggen.sources.catalog import read_catalog
 from msggen.sources.file import File
 from msggen.sources.finding import Sources
 from support.catalogs import write_definitions
+from support.examples import by_day
 from support.repository import ROOT
 
 STAMP = "uint64 timestamp\n"
@@ -285,7 +286,7 @@ def test_each_error_is_told_with_its_place_code_and_help(
     assert files_below(working_folder).keys() == error.files.keys()
 
 
-@pytest.mark.parametrize("error", DOUBTS, ids=lambda error: f"{error.code} {error.fragment}")
+@by_day("error", DOUBTS, 3, ids=[f"{error.code} {error.fragment}" for error in DOUBTS])
 def test_what_px4_may_have_added_is_a_warning(
     error: Case, working_folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

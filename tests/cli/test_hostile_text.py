@@ -20,6 +20,7 @@ from msggen.base.foreign import Styled, csv_text, escaped, guarded_output, safe_
 from msggen.cli import main
 from msggen.cli.commands.log import progress
 from support.commands import COMMANDS
+from support.examples import by_day
 from support.hostile_text import BYTES, NAME, ONE_LINE, PIECES, SURROGATES, HostileLink, check_json, check_shown
 from support.log_files import Written, write_log
 from support.ports import free_port
@@ -226,16 +227,6 @@ class _Terminal(io.StringIO):
         return True
 
 
-@pytest.fixture(params=["pipe", pytest.param("colours", marks=pytest.mark.night), "terminal"])
-def kind(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
-    monkeypatch.delenv("NO_COLOR", raising=False)
-    monkeypatch.setenv("TERM", "xterm-256color")
-    if request.param == "colours":
-        monkeypatch.setenv("FORCE_COLOR", "1")
-    monkeypatch.setattr(progress, "_PATIENCE", 0.0)
-    return str(request.param)
-
-
 @pytest.fixture
 def here(files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     folder = tmp_path / "here"
@@ -264,11 +255,25 @@ def test_every_command_has_a_case() -> None:
     assert CASES.keys() == COMMANDS.keys()
 
 
+KINDS = ("pipe", "terminal")
+"""What commands print to. Each run takes one for each command, in turns; the night both, and a pipe with colours."""
+EACH = [
+    (command, kind)
+    for place, command in enumerate(CASES)
+    for kind in (KINDS[place % 2], KINDS[(place + 1) % 2], "colours")
+]
+
+
 @pytest.mark.usefixtures("here")
-@pytest.mark.parametrize("command", CASES)
+@by_day(("command", "kind"), EACH, 3)
 def test_no_command_prints_foreign_text_as_it_is(
     command: str, kind: str, px4_types: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    monkeypatch.setenv("TERM", "xterm-256color")
+    if kind == "colours":
+        monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setattr(progress, "_PATIENCE", 0.0)
     for module in ("msggen.vehicle.sharing", "msggen.doctor.watching"):
         monkeypatch.setattr(f"{module}.open_link", lambda *_, **__: HostileLink(px4_types))
     link = ["--link", f"udp://127.0.0.1:{free_port()}", *([] if command == "doctor" else ["--types", TYPES])]

@@ -11,6 +11,7 @@ import pytest
 
 from msggen.base.exit_codes import DONE, FAILED, FINDINGS
 from msggen.cli import main
+from support.examples import by_day
 from support.flights import TOPICS, write_flight
 from support.log_files import Written, write_log
 from support.recordings import START
@@ -194,36 +195,40 @@ def no_constant(name: str) -> float:
     raise ValueError(f"{name} is not JSON")
 
 
+OUTCOMES = [
+    ("info {}", DONE),
+    ("info {} nothing", FAILED),
+    ("info nothing.ulg", FAILED),
+    ("show {} nothing", FAILED),
+    ("show nothing.ulg esc_status", FAILED),
+    ("show {}", FAILED),
+    ("show {} esc_status --start x", FAILED),
+    ("show {} esc_status --nothing", FAILED),
+    ("convert {} -o made", None),
+    ("convert {} -o made --start 90", FINDINGS),
+    ("convert {} -o no/made", FAILED),
+    ("convert {} -o a.csv", FAILED),
+    ("convert . -o fleet --jobs 1", None),
+    ("convert no -o fleet", FAILED),
+    ("cut {} esc_status -o a.mcap", DONE),
+    ("cut {} esc_status --start 90 -o a.mcap", FINDINGS),
+    ("cut {}", FAILED),
+    ("merge {} {} -o a.mcap", FAILED),
+    ("merge flight.ulg flight.mcap -o a.mcap", None),
+    ("merge {} nothing.ulg -o a.mcap", FAILED),
+    ("merge {}", FAILED),
+    ("repair {} -o a.mcap", DONE),
+    ("repair nothing.ulg", FAILED),
+]
+"""Arguments of `msggen log`, and the exit code: None for any but that of an error."""
+
+
 @pytest.mark.usefixtures("flight")
-@pytest.mark.parametrize(
-    ("words", "code"),
-    [
-        ("info {}", DONE),
-        ("info {} nothing", FAILED),
-        ("info nothing.ulg", FAILED),
-        ("show {} nothing", FAILED),
-        ("show nothing.ulg esc_status", FAILED),
-        ("show {}", FAILED),
-        ("show {} esc_status --start x", FAILED),
-        ("show {} esc_status --nothing", FAILED),
-        ("convert {} -o made", None),
-        ("convert {} -o made --start 90", FINDINGS),
-        ("convert {} -o no/made", FAILED),
-        ("convert {} -o a.csv", FAILED),
-        ("convert . -o fleet --jobs 1", None),
-        ("convert no -o fleet", FAILED),
-        ("cut {} esc_status -o a.mcap", DONE),
-        ("cut {} esc_status --start 90 -o a.mcap", FINDINGS),
-        ("cut {}", FAILED),
-        ("merge {} {} -o a.mcap", FAILED),
-        ("merge flight.ulg flight.mcap -o a.mcap", None),
-        ("merge {} nothing.ulg -o a.mcap", FAILED),
-        ("merge {}", FAILED),
-        ("repair {} -o a.mcap", DONE),
-        ("repair nothing.ulg", FAILED),
-    ],
+@by_day(
+    ("words", "code", "name"),
+    [(*each, name) for each in OUTCOMES for name in ("flight.ulg", "flight.mcap")],
+    3,
 )
-@pytest.mark.parametrize("name", ["flight.ulg", "flight.mcap"])
 def test_json_has_errors_too(words: str, code: int | None, name: str, capsys: pytest.CaptureFixture[str]) -> None:
     found = run(words.replace("{}", name) + " --json")
     assert found == code or (code is None and found in (DONE, FINDINGS))

@@ -12,6 +12,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from itertools import product
 from pathlib import Path
 from time import monotonic, sleep
 from typing import Any
@@ -21,6 +22,7 @@ import pytest
 from msggen import recordings
 from msggen.base.exit_codes import FAILED, FINDINGS
 from support.commands import Outcome, check_outcome, run
+from support.examples import by_day
 from support.object_server import FAULTS, ObjectServer, hasten, object_server, set_credentials
 from support.random_mcap import WAYS, recording
 
@@ -62,8 +64,11 @@ def check_failed(outcome: Outcome, reason: str) -> None:
     assert os.listdir() == ["here.mcap"]
 
 
-@pytest.mark.parametrize("name", COMMANDS)
-@pytest.mark.parametrize(("fault", "reason"), [*FAULTS.items(), ("404", "there is no such object")])
+@by_day(
+    ("name", "fault", "reason"),
+    [(name, *each) for name in COMMANDS for each in (*FAULTS.items(), ("404", "there is no such object"))],
+    3,
+)
 def test_a_store_that_fails_is_an_error_of_every_command(
     server: ObjectServer, name: str, fault: str, reason: str
 ) -> None:
@@ -72,8 +77,11 @@ def test_a_store_that_fails_is_an_error_of_every_command(
     assert list(server.files) == ["/bucket/a.mcap"]
 
 
-@pytest.mark.parametrize("name", ["verify", "show", "convert", "put", "cut", "merge", "repair"])
-@pytest.mark.parametrize("fault", ["half", "500"])
+@by_day(
+    ("fault", "name"),
+    [*product(("half", "500"), ("verify", "show", "convert", "put", "cut", "merge", "repair"))],
+    3,
+)
 def test_a_store_that_fails_later_leaves_nothing(server: ObjectServer, name: str, fault: str) -> None:
     run(INFO)
     server.after, server.fault = 2 * len(server.requests), fault

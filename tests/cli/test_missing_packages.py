@@ -43,18 +43,18 @@ COMMANDS = {
 TABLES = ("parquet", "arrow", "comma", "fleet", "compact")
 MCAP = ("mcap", "rosbag2", "sqlite3", "cut", "merge", "repair", "record")
 MISSING = [
+    ("topic plot", "plotille", "plot"),
     ("view", "numpy", "view"),
     ("view", "zstandard", "view"),
+    ("view", "foxglove", "view"),
+    ("store", "botocore", "stores"),
+    ("dask", "distributed", "dask"),
+    ("plot", "matplotlib", "plot"),
     *((name, "numpy", RECORDINGS) for name in ("info", "show", "csv", "report", *TABLES, *MCAP[:-1], "play")),
     *((name, "zstandard", RECORDINGS) for name in ("info", "show", "report", *TABLES[:3], "cut", "play")),
     *((name, "pyarrow", RECORDINGS) for name in TABLES),
     *((name, "mcap", RECORDINGS) for name in MCAP),
-    *((name, "matplotlib", "plot") for name in ("plot",)),
-    ("topic plot", "plotille", "plot"),
     ("store", "obstore", "stores"),
-    ("store", "botocore", "stores"),
-    ("dask", "distributed", "dask"),
-    ("view", "foxglove", "view"),
 ]
 
 
@@ -79,7 +79,7 @@ def without(package: str, code: str, folder: Path, *words: str) -> subprocess.Co
 
 
 @pytest.mark.slow  # a process each
-@by_day(("name", "package", "extra"), MISSING, 3)
+@by_day(("name", "package", "extra"), MISSING, 5)
 def test_a_command_names_what_is_not_installed(name: str, package: str, extra: str, here: Path) -> None:
     before = set(here.iterdir())
     done = without(package, CLI, here, *COMMANDS[name])
@@ -99,8 +99,8 @@ CALLS = [
     ("log.frame('vehicle_status', 'polars')", "polars", POLARS),
     ("log.frame('vehicle_status', 'polars')", "pyarrow", RECORDINGS),
     ("next(iter(log.frames()))", "pandas", PANDAS),
-    ("log.samples('vehicle_status').frame('polars')", "polars", POLARS),
     ("log.align('vehicle_status', 'sensor_combined', tolerance=9).frame()", "pandas", PANDAS),
+    ("log.samples('vehicle_status').frame('polars')", "polars", POLARS),
     ("log.align('vehicle_status', 'sensor_combined', tolerance=9).frame('polars')", "polars", POLARS),
     ("log.align('vehicle_status', 'sensor_combined', tolerance=9).table()", "pyarrow", RECORDINGS),
     ("log.table('vehicle_status')", "pyarrow", RECORDINGS),
@@ -117,7 +117,7 @@ CALLS = [
 
 
 @pytest.mark.slow  # a process each
-@by_day(("call", "package", "arguments"), CALLS, 3)
+@by_day(("call", "package", "arguments"), CALLS, 5)
 def test_a_function_names_what_is_not_installed(call: str, package: str, arguments: str, here: Path) -> None:
     done = without(package, OPENED + call, here)
     expected = f"ModuleNotFoundError: the package {package} is not installed: {installing(*arguments.split())}"

@@ -8,6 +8,7 @@ import shutil
 import subprocess
 from collections import defaultdict
 from collections.abc import Iterator
+from itertools import product
 from pathlib import Path
 
 import pytest
@@ -17,6 +18,7 @@ from msggen.show.report import FORMATS, OF_CHANGES
 from msggen.sources.embedded import EMBEDDED
 from support.catalogs import write_definitions
 from support.commands import COMMANDS
+from support.examples import by_day
 from support.repository import ROOT
 
 
@@ -186,8 +188,7 @@ def test_every_command_with_check_is_tried() -> None:
     assert {*ARGUMENTS} == {*CHECKED}
 
 
-@pytest.mark.parametrize("options", CHECKS, ids=" ".join)
-@pytest.mark.parametrize("command", ARGUMENTS)
+@by_day(("command", "options"), [*product(ARGUMENTS, CHECKS)], 3)
 def test_a_check_writes_nothing_and_exits_with_1_until_nothing_would_change(
     here: Path, command: str, options: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:

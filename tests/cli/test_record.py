@@ -23,6 +23,7 @@ from msggen.link.xrce import client
 from msggen.link.xrce.wire import ENCAPSULATION
 from msggen.sim import Misbehaviour, Options, Simulator
 from msggen.sim.endpoints import object_ids_of
+from support.examples import by_day
 from support.ports import free_port
 from support.recordings import START, Found, check_decoded, check_read, read_mcap
 from support.repository import ROOT
@@ -152,7 +153,7 @@ def process(*words: str) -> Iterator[subprocess.Popen[str]]:
             started.kill()
 
 
-@pytest.mark.parametrize("ended_by", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+@by_day("ended_by", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL], 2)
 def test_a_process_that_is_ended_leaves_a_whole_file(address: str, px4_types: Any, ended_by: signal.Signals) -> None:
     words = ["record", "sensor_*", "vehicle_attitude", "-o", "a.mcap", "--link", address, "--types", PACKAGE]
     with Simulator(px4_types, address, [SHORT]), process(*words) as recording:

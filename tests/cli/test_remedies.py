@@ -15,6 +15,7 @@ import pytest
 
 from msggen.cli import DONE, FAILED, FINDINGS, main
 from msggen.show.report import OF_CHANGES
+from support.examples import by_day
 from support.packages import committed, firmware, package, plain_package
 
 TOO = ("--output-format", "json")
@@ -46,15 +47,15 @@ def run(command: str) -> int:
     return main(arguments)
 
 
-@pytest.mark.parametrize(
-    ("name", "options"),
-    [
-        ("px4_msgs", []),
-        ("a package", ["--ros-package", "px4_msgs"]),
-        ("acme_msgs", []),
-    ],
-)
-@pytest.mark.parametrize("more", [[], ["--topics-only"], ["--release", "v1.16"]])
+PACKAGES: list[tuple[str, list[str]]] = [
+    ("px4_msgs", []),
+    ("a package", ["--ros-package", "px4_msgs"]),
+    ("acme_msgs", []),
+]
+MORE: list[list[str]] = [[], ["--topics-only"], ["--release", "v1.16"]]
+
+
+@by_day(("name", "options", "more"), [(*each, more) for each in PACKAGES for more in MORE], 4)
 def test_sync_mends_all_findings_of_check(
     name: str, options: list[str], more: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -153,7 +154,7 @@ def test_the_command_names_the_firmware_only_if_it_has_to(
     assert main(["check", *named, side]) == DONE
 
 
-@pytest.mark.parametrize("more", [[], ["--topics-only"]])
+@by_day("more", [[], ["--topics-only"]], 2)
 def test_the_embedded_release_that_nobody_named_gets_a_note_and_no_remedy(
     more: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:

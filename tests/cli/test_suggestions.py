@@ -12,6 +12,7 @@ from msggen.cli import DONE, FAILED, FINDINGS, main
 from msggen.cli.unknown_argument import COMMANDS
 from support.catalogs import write_definitions
 from support.commands import COMMANDS as OWN
+from support.examples import by_day
 from support.repository import ROOT
 
 VERSIONED = "uint32 MESSAGE_VERSION = 0\nuint64 timestamp\n"
@@ -116,7 +117,7 @@ def test_the_hint_comes_first(line: str, hint: str, capsys: Capture) -> None:
     assert f"error: {hint}" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("word", [*COMMANDS, "MicroXRCEAgent"])
+@by_day("word", [*COMMANDS, "MicroXRCEAgent"], 3)
 def test_a_word_of_another_program_points_to_a_command_or_a_page(word: str, capsys: Capture) -> None:
     with pytest.raises(SystemExit) as stopped:
         main([word, "--port", "x"])

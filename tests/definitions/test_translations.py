@@ -845,7 +845,7 @@ def checked(folder: Path, *command: str) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-@pytest.mark.slow
+@pytest.mark.night  # each run does it with pyright
 def test_mypy_is_content_with_the_rules(typed: Path) -> None:
     done = mypy(typed, *MODULES)
     assert done.returncode == 0, done.stdout + done.stderr

@@ -247,6 +247,7 @@ def test_another_release_is_one_finding(url: str, px4_types: Any) -> None:
     assert ids(asked) == ["VERSION_WRONG"]
 
 
+@at_night
 def test_lost_samples_are_found(url: str, owning: Owning, px4_types: Any, expected: Expected) -> None:
     options = CALM._replace(sync="off", rate=50.0, misbehaviour=Misbehaviour(drop=0.1), seed=3)
     with owning(url), Simulator(px4_types, url, [options]):

@@ -7,13 +7,15 @@ import re
 import shlex
 import subprocess
 import sys
-from typing import Any
-
-import pytest
+from typing import TYPE_CHECKING, Any
 
 from msggen.cli import main
+from support.examples import by_day
 from support.ports import free_port
 from support.repository import ROOT
+
+if TYPE_CHECKING:
+    import pytest
 
 PAGE = (ROOT / "docs" / "doctor.md").read_text(encoding="utf-8")
 DEFAULT = "udp://127.0.0.1:8888"
@@ -28,7 +30,7 @@ def plain(text: str, url: str) -> str:
     return re.sub(r"\d+ samples in [\d.]+ s", "N samples in T s", text)
 
 
-@pytest.mark.parametrize(("simulation", "command", "shown"), SESSIONS, ids=["findings", "healthy", "check"])
+@by_day(("simulation", "command", "shown"), SESSIONS, 3, ids=["findings", "healthy", "check"])
 def test_the_commands_print_what_the_page_shows(
     simulation: str, command: str, shown: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -31,6 +31,7 @@ from msggen.sim import Misbehaviour, Options, Simulator
 from msggen.vehicle.owned.places import CAN_SHARE
 from support.dds_vehicle import domains
 from support.dds_vehicle import vehicle as dds_vehicle
+from support.examples import by_day
 from support.faults import rules_of
 from support.findings import ids, judged, texts
 from support.link_records import nothing_is_left
@@ -40,7 +41,7 @@ from support.served import owned
 
 shared = pytest.mark.skipif(not CAN_SHARE, reason="links are not shared on Windows")
 PACKAGE = str(ROOT / "generated" / "px4_types")
-CALM = Options(sync="short", rate=10.0)
+CALM = Options(sync="short", rate=5.0)
 NAN = (math.nan, math.nan, math.nan)
 HEIGHT = (0.0, 0.0, -3.0)
 SECONDS = 2.8
@@ -61,7 +62,7 @@ def url(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
 @pytest.fixture(scope="module")
 def expected(px4_types: Any) -> Expected:
     found = expected_of(px4_types, "px4_types", is_given=True)
-    return found._replace(topics=tuple(topic._replace(interval=0.1) for topic in found.topics))
+    return found._replace(topics=tuple(topic._replace(interval=0.2) for topic in found.topics))
 
 
 def position(package: Any, **values: Any) -> Any:
@@ -254,7 +255,7 @@ def check(seen: Observation, expected: Expected, keys: dict[str, int]) -> dict[s
 
 
 @shared
-@pytest.mark.parametrize("rows", [GROUND, MORE], ids=["ground", "more"])
+@by_day("rows", [GROUND, MORE], 2, ids=["ground", "more"])
 def test_programs_that_misbehave_are_found(
     url: str, px4_types: Any, expected: Expected, rows: dict[str, Program]
 ) -> None:

@@ -180,7 +180,7 @@ def is_provoked(observer: Observer, url: str, expected: Expected) -> bool:
     return has_lost and {*findings(seen, expected)} >= FOUND
 
 
-@pytest.mark.slow  # some of it takes seconds to happen
+@pytest.mark.night  # by day, test_doctor_times finds faults through the owner
 def test_all_that_is_observed_arrives_through_the_owner(
     folder: Path, px4_types: Any, expected: Expected, monkeypatch: pytest.MonkeyPatch
 ) -> None:

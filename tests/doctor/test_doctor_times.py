@@ -130,9 +130,15 @@ def finds(px4_types: Any, expected: Expected, monkeypatch: pytest.MonkeyPatch) -
 
 
 @pytest.mark.slow  # minutes of simulated time
-@pytest.mark.parametrize("extent", ["some", pytest.param("all", marks=pytest.mark.night)])
-@pytest.mark.parametrize("is_shared", [False, pytest.param(True, marks=not_on_windows)])
-@pytest.mark.parametrize("name", ROWS)
+@pytest.mark.parametrize(
+    ("name", "is_shared", "extent"),
+    [
+        *((name, False, "some") for name in ROWS),
+        *(pytest.param(name, True, "some", marks=not_on_windows) for name in [*ROWS][::3]),
+        *(pytest.param(name, False, "all", marks=pytest.mark.night) for name in ROWS),
+        *(pytest.param(name, True, "all", marks=[pytest.mark.night, not_on_windows]) for name in ROWS),
+    ],
+)
 def test_a_fault_is_found_with_each_wait(
     name: str, *, is_shared: bool, extent: str, finds: Callable[..., list[str]]
 ) -> None:

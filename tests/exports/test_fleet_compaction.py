@@ -12,12 +12,13 @@ from typing import IO, Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from msggen.exports.fleet import Keys, compact, compaction, parts, update
 from msggen.exports.fleet.parts import Files, Run, write_parts
 from msggen.exports.fleet.records import FleetError
+from support.examples import examples
 from support.fleet_logs import VEHICLES, flight
 from support.fleet_recordings import parquet_in, rows_of, write_flight
 from support.log_files import Written, write_log
@@ -101,6 +102,7 @@ def _once(table: Any) -> Iterator[Any]:
 COLUMNS = st.dictionaries(st.sampled_from("abc"), st.sampled_from(list(_VALUES)))
 
 
+@settings(max_examples=examples(100, by_day=12))
 @given(st.lists(st.tuples(st.integers(0, 3), COLUMNS), min_size=1, max_size=6))
 def test_columns_that_agree_are_in_one_file(given_runs: list[tuple[int, dict[str, pa.DataType]]]) -> None:
     """Compare with a slow way to say it: each row has its own values, and NULL or nothing elsewhere."""

@@ -52,6 +52,7 @@ def test_pools_do_the_same(logs: Path, tmp_path: Path, pool: Callable[..., Itera
     assert rows_of(tmp_path / "two") == rows_of(tmp_path / "one")
 
 
+@pytest.mark.night  # imports much for an error of another package
 def test_no_scheduler_of_dask(logs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed")
     monkeypatch.setattr(pools, "_PATIENCE", 0.2)

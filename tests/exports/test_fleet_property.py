@@ -55,7 +55,7 @@ ACTION = st.tuples(
 
 
 @pytest.mark.slow
-@settings(max_examples=examples(100, by_day=12))
+@settings(max_examples=examples(100, by_day=4))
 @given(st.lists(ACTION, min_size=2, max_size=10))
 @example([("write", "a.ulg", 0), UPDATE, ("write", "a.ulg", 1), UPDATE])
 @example([("write", "a.ulg", 0), ("copy", "a.ulg", 1), UPDATE, ("delete", "a.ulg", 0), ("lose", "", 0)])

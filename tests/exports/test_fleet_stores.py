@@ -7,6 +7,7 @@ import os
 import sqlite3
 from collections.abc import Iterator, Sequence
 from contextlib import closing
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -173,8 +174,7 @@ def test_readers_of_the_list_see_one_state_or_the_other(bucket: Bucket, logs: Pa
     bucket.check_whole()
 
 
-@pytest.mark.parametrize("status", ["501", ""])
-@pytest.mark.parametrize("header", ["If-None-Match", "If-Match"])
+@by_day(("header", "status"), [*product(("If-None-Match", "If-Match"), ("501", ""))], 3)
 def test_a_store_without_conditional_puts_is_refused(bucket: Bucket, logs: Path, header: str, status: str) -> None:
     text = rf"^{FLEET}: the store refuses conditional puts, .*: " + ("the server answers .*501" if status else "it ign")
     for kept in ([], ["fleets/own/_logs.parquet"]):

@@ -199,7 +199,7 @@ def test_the_altitude_grows_upwards(mcap: Path) -> None:
     assert lines["setpoint"].is_setpoint
 
 
-@by_day("name", ["{}", "/fmu/out/{}", "/px4_1/fmu/out/{}", "/fmu/out/{}_v1", "/uav/a/fmu/in/{}_v3"], 2)
+@by_day("name", ["{}", "/fmu/out/{}", "/px4_1/fmu/out/{}", "/fmu/out/{}_v1", "/uav/a/fmu/in/{}_v3"], 4)
 def test_topics_can_have_any_of_their_names(name: str, mcap: Path, tmp_path: Path, px4_types: Any) -> None:
     other = write_mcap(tmp_path / "other.mcap", px4_types, name.format)
     assert data_of(page_of(other)) == data_of(page_of(mcap))
@@ -511,7 +511,7 @@ def test_stretches_of_time_are_where_a_flag_is_set(samples: list[tuple[float, bo
 # what cannot be trusted
 
 
-@by_day("release", nearest_first(""), 4)
+@by_day("release", nearest_first(""), 5)
 def test_random_samples_of_each_release_make_a_page(release: str, tmp_path: Path) -> None:
     names = _messages(release)
     path = Path(write_ulog_of(release, names, tmp_path / "random.ulg", count=40, version=f"{release}.0"))
@@ -571,7 +571,7 @@ def test_damaged_recordings_tell_what_is_missing(ulog: str, mcap: Path, tmp_path
 def test_random_damage_gives_a_page_or_an_error(ulog: str, tmp_path: Path) -> None:
     random = Random(5)  # noqa: S311 - no secret
     content = Path(ulog).read_bytes()
-    for _ in range(examples(20)):
+    for _ in range(examples(20, by_day=3)):
         damaged = bytearray(content)
         for _ in range(random.randrange(1, 40)):
             damaged[random.randrange(len(damaged))] = random.randrange(256)
@@ -581,7 +581,7 @@ def test_random_damage_gives_a_page_or_an_error(ulog: str, tmp_path: Path) -> No
             check_markup(page_of(path))
 
 
-@by_day("attack", [*ATTACKS, "</script x", "<!--<script "], 3)
+@by_day("attack", [*ATTACKS, "</script x", "<!--<script "], 5)
 def test_texts_of_a_recording_are_no_markup(attack: str, tmp_path: Path, px4_types: Any) -> None:
     texts = {"text": attack, "parameter": attack, "ver_hw": attack}
     page = page_of(write_ulog(tmp_path / "hostile.ulg", px4_types, texts))
@@ -635,6 +635,7 @@ def test_samples_are_packed_as_the_page_reads_them(mcap: Path) -> None:
     assert data["duration"] == pytest.approx(DURATION, abs=0.6)
 
 
+@pytest.mark.night  # a bound of its size
 def test_a_page_with_long_texts_and_tables_stays_small(tmp_path: Path, px4_types: Any) -> None:
     """Texts are cut, with their length, and tables have a limit, with the number of rows that are left out."""
     long = "x" * 40_000

@@ -1,4 +1,7 @@
-"""Tests of reports in headless Chromium, opened as files, with real drags and taps."""
+"""Tests of reports in headless Chromium, opened as files, with real drags and taps.
+
+By day, those of what users do first, of what a page loads and of what it runs; it all takes seconds of Chromium.
+"""
 
 from __future__ import annotations
 
@@ -100,6 +103,7 @@ def test_buttons_move_and_zoom_within_the_log(browser: Chrome, page: Path) -> No
         assert found == pytest.approx([share * duration for share in expected]), action
 
 
+@pytest.mark.night
 def test_the_cursor_is_in_all_charts_and_tells_mode_and_event(browser: Chrome, page: Path) -> None:
     from selenium.webdriver import ActionChains
 
@@ -117,6 +121,7 @@ def test_the_cursor_is_in_all_charts_and_tells_mode_and_event(browser: Chrome, p
     assert "5 m" in values, "the legend shows the altitude"
 
 
+@pytest.mark.night
 def test_times_in_findings_lead_to_the_charts(browser: Chrome, page: Path) -> None:
     opened(browser, page)
     browser.execute_script("window.scrollTo(0, 0)")
@@ -137,6 +142,7 @@ def test_a_report_loads_nothing_and_reports_no_error(browser: Chrome, page: Path
     prefer(browser, "light")
 
 
+@pytest.mark.night
 def test_charts_follow_light_and_dark(browser: Chrome, page: Path) -> None:
     prefer(browser, "light")
     opened(browser, page)
@@ -147,7 +153,7 @@ def test_charts_follow_light_and_dark(browser: Chrome, page: Path) -> None:
     prefer(browser, "light")
 
 
-@by_day("width", [360, 390, 820], 2)
+@by_day("width", [360, 390, 820], 3)
 def test_a_report_fits_a_telephone(browser: Chrome, page: Path, width: int) -> None:
     resize(browser, width)
     opened(browser, page)
@@ -158,6 +164,7 @@ def test_a_report_fits_a_telephone(browser: Chrome, page: Path, width: int) -> N
     assert browser.execute_script(f"return {wide}") == 0
 
 
+@pytest.mark.night
 def test_two_fingers_zoom_and_one_moves(browser: Chrome, page: Path) -> None:
     browser.execute_cdp_cmd(
         "Emulation.setDeviceMetricsOverride", {"width": 390, "height": 780, "deviceScaleFactor": 1, "mobile": True}
@@ -205,6 +212,7 @@ def test_a_recording_runs_no_script(browser: Chrome, tmp_path: Path, px4_types: 
     assert "Content Security Policy" in str(complaints(browser))
 
 
+@pytest.mark.night
 def test_a_report_prints_all_charts(browser: Chrome, page: Path) -> None:
     opened(browser, page)
     browser.execute_cdp_cmd("Page.printToPDF", {})

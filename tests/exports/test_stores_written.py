@@ -120,6 +120,7 @@ def test_what_is_there_is_not_replaced(bucket: Bucket, source: Path, target: str
     assert bucket.server.files["/bucket/a.mcap"] == b"old"
 
 
+@pytest.mark.night  # by day, the server of the tests does it all
 def test_motos_server_does_the_same(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -150,13 +150,13 @@ def _awaits(package: Any, part: str) -> int:
     return _Flight(package, part, _NEVER, RuntimeError()).counted.count
 
 
-@pytest.mark.parametrize("step", [8, pytest.param(1, marks=pytest.mark.night)], ids=["some", "all"])
+@pytest.mark.parametrize("step", [16, pytest.param(1, marks=pytest.mark.night)], ids=["some", "all"])
 @pytest.mark.parametrize("kind", [RuntimeError, asyncio.CancelledError])
 @pytest.mark.parametrize("part", ["run", "fly"])
 def test_after_an_error_at_any_await_nothing_is_sent(
     px4_types: Any, part: str, kind: type[BaseException], step: int
 ) -> None:
-    """By day, every eighth await raises an exception, and every eighth one, half-way between them, is cancelled."""
+    """By day, every 16th await raises an exception, and every 16th one, half-way between them, is cancelled."""
     count = _awaits(px4_types, part)
     assert count > step // 2
     first = 0 if kind is RuntimeError else step // 2

@@ -8,15 +8,14 @@ import sys
 import pytest
 
 import setpoints
-from support.examples import by_day
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="asks Linux for the times of datagrams")
 pytest_plugins = ["support.owned_links"]
 
 
-@pytest.mark.slow
+@pytest.mark.night  # it measures for seconds
 @pytest.mark.usefixtures("owned")
-@by_day("way", setpoints.WAYS, 2)
+@pytest.mark.parametrize("way", setpoints.WAYS)
 def test_setpoints_are_measured_at_each_rate(way: str) -> None:
     found = [*setpoints.steadiness(way, setpoints.ALONE, [(50.0, 0.3), (100.0, 0.3)])]
     assert len(found) == 2

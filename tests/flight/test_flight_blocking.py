@@ -21,6 +21,7 @@ from msggen.flight.blocking import BlockingOffboard, BlockingTelemetry
 from msggen.flight.offboard import Offboard
 from msggen.flight.pytest import SimVehicle
 from msggen.flight.telemetry import Telemetry
+from support.examples import by_day
 from support.paced import PacedVehicle
 from support.repository import ROOT
 
@@ -328,8 +329,15 @@ finally:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
-@pytest.mark.parametrize("wait", ["flight.run()", "flight.wait_armed()", "time.sleep(60)"])
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, -signal.SIGINT), (signal.SIGTERM, 143)])
+@by_day(
+    ("wait", "number", "code"),
+    [
+        (wait, *end)
+        for wait in ("flight.run()", "flight.wait_armed()", "time.sleep(60)")
+        for end in ((signal.SIGINT, -signal.SIGINT), (signal.SIGTERM, 143))
+    ],
+    3,
+)
 def test_signals_end_a_program_and_unregister(wait: str, number: signal.Signals, code: int) -> None:
     folders = {"root": str(ROOT), "tests": str(ROOT / "tests"), "generated": str(ROOT / "generated")}
     text = PROGRAM.format(**folders, wait=wait)

@@ -156,7 +156,7 @@ def test_a_wait_for_an_executor_ends_when_the_vehicle_restarts(px4_types: Any) -
     fly(px4_types, program)
 
 
-@pytest.mark.parametrize("way", ["after its end", "on the ground", "while it flies PX4's mode"])
+@by_day("way", ["after its end", "on the ground", "while it flies PX4's mode"], 2)
 def test_an_executor_that_is_selected_again_runs_again(types: Any, way: str) -> None:
     class Lands(Ends):
         async def end(self) -> None:
@@ -278,7 +278,7 @@ def test_a_cleanup_that_fails_after_a_pilot_has_taken_over_does_not_fly(types: A
     fly(types, program)
 
 
-@pytest.mark.parametrize("seconds", [0.0, 0.005, 0.3, 3.0, 6.0])
+@by_day("seconds", [0.0, 0.005, 0.3, 3.0, 6.0], 2)
 def test_a_wait_for_an_executor_that_is_cancelled_ends_its_run(seconds: float, px4_types: Any) -> None:
     class Much(Ends):
         async def end(self) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from support.examples import by_day
-from support.flying import LONG, QUICK, RETURN, FlyingProgram, commander, fly, ready, until, wait_long_for_replies
+from support.flying import CALM, LONG, RETURN, FlyingProgram, commander, fly, ready, until, wait_long_for_replies
 from support.ports import free_port
 
 
@@ -18,8 +18,11 @@ def url() -> str:
     return f"udp://127.0.0.1:{free_port()}"
 
 
-@pytest.mark.parametrize(
-    ("number", "code"), [(signal.SIGTERM, {143}), (signal.SIGINT, {130, -signal.SIGINT, 1})], ids=["SIGTERM", "Ctrl-C"]
+@by_day(
+    ("number", "code"),
+    [(signal.SIGINT, {130, -signal.SIGINT, 1}), (signal.SIGTERM, {143})],
+    2,
+    ids=["Ctrl-C", "SIGTERM"],
 )
 def test_a_signal_ends_the_program_and_unregisters(number: int, code: set[int], url: str, px4_types: Any) -> None:
     with ready(url, px4_types) as (simulator, program):
@@ -29,7 +32,7 @@ def test_a_signal_ends_the_program_and_unregisters(number: int, code: set[int], 
         assert program.process.wait(10.0) in code
 
 
-@pytest.mark.parametrize("way", ["raises", "leaves"])
+@by_day("way", ["raises", "leaves"], 2)
 def test_an_exception_and_the_end_of_the_interpreter_unregister(way: str, url: str, px4_types: Any) -> None:
     with ready(url, px4_types, way) as (simulator, program):
         wait_long_for_replies(simulator)
@@ -42,13 +45,13 @@ def test_an_exception_and_the_end_of_the_interpreter_unregister(way: str, url: s
 @by_day(
     ("parameters", "way"),
     [({}, "computes"), ({}, "await"), ({"COM_MODE_ARM_CHK": 1.0}, "await"), ({"COM_MODE_ARM_CHK": 1.0}, "computes")],
-    2,
+    4,
     ids=["later-computes", "later-await", "in flight-await", "in flight-computes"],
 )
 def test_a_signal_in_flight_lets_px4_return_although_the_program_computes(
     way: str, parameters: dict[str, float], url: str, px4_types: Any
 ) -> None:
-    with ready(url, px4_types, way, QUICK._replace(parameters=parameters)) as (simulator, program):
+    with ready(url, px4_types, way, CALM._replace(parameters=parameters)) as (simulator, program):
         fly(simulator, program)
         if way == "computes":
             program.wait("computes")

@@ -229,7 +229,7 @@ def test_an_executor_flies_other_modes_that_are_registered(px4_types: Any) -> No
     assert visited == ["One", "Two", "One"]
 
 
-@settings(max_examples=examples(40, by_day=6))
+@settings(max_examples=examples(40, by_day=3))
 @given(st.floats(0.1, 40.0), st.sampled_from(["hold", "return", "land", "position lost"]))
 def test_wherever_an_executor_is_ended_it_sends_nothing_more(px4_types: Any, seconds: float, way: str) -> None:
     """After a pilot or a failsafe has ended it, and until it is in charge again: no setpoint, no command."""

@@ -19,6 +19,7 @@ from msggen.flight.mode import Mode
 from msggen.flight.requirements import LOCAL_POSITION
 from msggen.messages.setpoints import ATTITUDE, TRAJECTORY
 from msggen.sim import Options
+from support.examples import by_day, examples
 from support.flown import EXTERNAL, Flown, fly
 
 pytest_plugins = ["support.flight_releases"]
@@ -86,7 +87,7 @@ async def in_mode(flight: Flight, vehicle: Flown, mode: type[Mode]) -> None:
 # programs that die or hang
 
 
-@pytest.mark.parametrize("mode", [GoesAway, Pushes, Tilts])
+@by_day("mode", [GoesAway, Pushes, Tilts], 2)
 def test_a_program_that_is_killed_in_its_mode_loses_the_vehicle_to_a_return(types: Any, mode: type[Mode]) -> None:
     async def program(flight: Flight, vehicle: Flown) -> float:
         await in_mode(flight, vehicle, mode)
@@ -252,7 +253,7 @@ def test_a_flight_with_a_loss_of_20_percent_both_ways(types: Any) -> None:
         assert len(vehicle.world.commander.components.modes) == 1  # whatever was registered twice is gone
         return (vehicle.time - begin) / 1e6
 
-    for seed in range(5):
+    for seed in range(examples(5, by_day=1)):
         ends.clear()
         tell(f"a flight with 20 % loss, seed {seed}", types, fly(types, program, Options(seed=seed)))
         assert ends == ["landed"]

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import signal
-from pathlib import Path
 from typing import Any
 
 import pytest
 
+from msggen.generate.cache import package_of
 from msggen.sim import Simulator
 from support.examples import by_day
 from support.flying import (
     EXTERNAL,
     LONG,
+    QUICK,
     RETURN,
     FlyingProgram,
     commander,
@@ -23,7 +24,6 @@ from support.flying import (
     wait_long_for_replies,
 )
 from support.ports import free_port
-from support.simulation import built
 
 pytest_plugins = ["support.owned_links"]
 
@@ -36,9 +36,9 @@ def url() -> str:
 @pytest.mark.slow
 @by_day(
     ("is_lost", "way"),
-    [(False, "executes"), (False, "await"), (True, "resumes"), (True, "await")],
-    2,
-    ids=["soon-executes", "soon-await", "late-resumes", "late-await"],
+    [(True, "resumes"), (True, "await"), (False, "executes"), (False, "await")],
+    4,
+    ids=["late-resumes", "late-await", "soon-executes", "soon-await"],
 )
 def test_a_program_that_is_back_soon_goes_on(way: str, url: str, px4_types: Any, *, is_lost: bool) -> None:
     with ready(url, px4_types, way) as (simulator, program):
@@ -51,14 +51,14 @@ def test_a_program_that_is_back_soon_goes_on(way: str, url: str, px4_types: Any,
 @by_day("way", ["limits", "await"], 2)
 def test_a_program_on_a_shared_link_that_is_back_soon_goes_on(way: str, url: str, px4_types: Any) -> None:
     """With limits, it needs the home position at once, which PX4 does not repeat."""
-    with ready(url, px4_types, way) as (simulator, program):
+    with ready(url, px4_types, way, QUICK) as (simulator, program):
         follows(simulator, program, FlyingProgram(url, px4_types, way), is_lost=False, goes_on=True)
         assert simulator.vehicles[0].world.flight.velocity[0] > 1.0
 
 
 @pytest.mark.night
-def test_a_program_for_an_older_vehicle_that_is_back_soon_goes_on(url: str, tmp_path: Path) -> None:
-    types = built("v1.16", tmp_path)
+def test_a_program_for_an_older_vehicle_that_is_back_soon_goes_on(url: str) -> None:
+    types = package_of("v1.16")
     with ready(url, types) as (simulator, program):
         follows(simulator, program, FlyingProgram(url, types), is_lost=False, goes_on=True)
 

@@ -19,7 +19,7 @@ from msggen.live import Vehicle
 from msggen.sim.publishing import Publication, Schedule
 from msggen.vehicle.entry import Memory
 from support.flown import Flown, fly
-from support.flying import simulated
+from support.flying import QUICK, simulated
 from support.ports import free_port
 from support.served import owners
 
@@ -74,16 +74,17 @@ def _records() -> list[Path]:
 
 
 def test_home_is_known_on_an_own_link(url: str, px4_types: Any) -> None:
-    with simulated(px4_types, url), Vehicle(url, px4_types, direct=True) as vehicle:
+    with simulated(px4_types, url, QUICK), Vehicle(url, px4_types, direct=True) as vehicle:
         vehicle.wait_connected(WAIT)
         vehicle.wait_firmware(WAIT)
         time.sleep(0.2)
         assert asyncio.run(home_of(Flight(vehicle, limits=Limits(height=50.0)))) > 0.1
 
 
+@pytest.mark.night  # by day, a program leaves home to the next one
 @pytest.mark.usefixtures("owned")
 def test_home_is_known_on_a_shared_link_also_after_its_owner_was_killed(url: str, px4_types: Any) -> None:
-    with simulated(px4_types, url):
+    with simulated(px4_types, url, QUICK):
         with Vehicle(url, px4_types) as vehicle:
             vehicle.wait_connected(WAIT)
             vehicle.wait_firmware(WAIT)
@@ -95,7 +96,7 @@ def test_home_is_known_on_a_shared_link_also_after_its_owner_was_killed(url: str
 
 
 def test_a_program_leaves_home_to_the_next_one(url: str, px4_types: Any) -> None:
-    with simulated(px4_types, url):
+    with simulated(px4_types, url, QUICK):
         with Vehicle(url, px4_types, direct=True) as vehicle:
             vehicle.wait_connected(WAIT)
             vehicle.wait_firmware(WAIT)
@@ -129,7 +130,7 @@ def test_the_last_samples_of_slow_topics_are_known_at_once(
             return [(await flight.telemetry.land()).age, (await flight.telemetry.battery()).age]
 
     monkeypatch.setattr(Schedule, "take", taken)
-    with simulated(px4_types, url), Vehicle(url, px4_types) as vehicle:
+    with simulated(px4_types, url, QUICK), Vehicle(url, px4_types) as vehicle:
         kept = [vehicle.subscribe(topic) for topic in SLOW]
         vehicle.wait_connected(WAIT)
         for subscription in kept:

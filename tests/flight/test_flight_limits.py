@@ -21,7 +21,7 @@ from msggen.flight.mode import Mode
 from msggen.flight.space import Vector
 from msggen.messages.setpoints import ATTITUDE, GOTO, RATES, TRAJECTORY
 from msggen.sim.loop import run
-from support.examples import examples
+from support.examples import by_day, examples
 from support.flown import EXTERNAL, Flown
 
 LIMITS = Limits(height=15.0, distance=20.0)
@@ -131,7 +131,7 @@ requests = st.one_of(
 )
 
 
-@settings(max_examples=examples(60, by_day=5))
+@settings(max_examples=examples(60, by_day=3))
 @given(st.lists(st.tuples(requests, durations), min_size=1, max_size=6), st.sampled_from(["mode", "offboard"]))
 def test_no_place_beyond_the_limits_is_sent_or_flown(px4_types: Any, asked: list[Any], way: str) -> None:
     async def ask(target: Any) -> None:
@@ -299,9 +299,7 @@ def test_an_executor_keeps_the_limits_of_its_flight(px4_types: Any) -> None:
 # velocities
 
 
-@pytest.mark.parametrize(
-    ("velocity", "seconds"), [((12.0, 0.0, 0.0), 20.0), ((-5.0, 9.0, 0.0), 20.0), ((0.0, 0.0, -3.0), 20.0)]
-)
+@by_day(("velocity", "seconds"), [((12.0, 0.0, 0.0), 20.0), ((-5.0, 9.0, 0.0), 20.0), ((0.0, 0.0, -3.0), 20.0)], 2)
 def test_a_velocity_ends_at_the_limit(
     px4_types: Any, velocity: tuple[float, float, float], seconds: float, record_property: Any
 ) -> None:
@@ -322,9 +320,9 @@ def test_a_velocity_across_home_ends_at_the_limit(px4_types: Any) -> None:
     async def go(mode: Scripted) -> None:
         await mode.goto((-19.0, 0.0, -10.0))
         mode.trajectory(velocity=(12.0, 0.0, 0.0))
-        await asyncio.sleep(30.0)
+        await asyncio.sleep(15.0)
 
-    _, program = in_mode(go, 60.0)
+    _, program = in_mode(go, 30.0)
     _, track = tracked(px4_types, program)
     assert track.distance < LIMITS.distance + 0.05
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import importlib
 import logging
 import os
 import re
@@ -27,20 +26,18 @@ from msggen.flight import (
     UnsupportedError,
 )
 from msggen.flight.link import _WAITING, LinkConnection, _Inbox
-from msggen.generate.python.package import render_package
+from msggen.generate.cache import package_from, package_of
 from msggen.link.udp import UdpLink
 from msggen.live import Vehicle
 from msggen.sim import Misbehaviour, Simulator
 from msggen.sim.commander.components import Registration
-from msggen.sources.catalog import read_catalog
 from msggen.sources.finding import find_sources
-from support.catalogs import write_definitions
 from support.examples import by_day
 from support.flying import (
+    CALM,
     EXTERNAL,
     LONG,
     PATIENCE,
-    QUICK,
     FlyingProgram,
     commander,
     simulated,
@@ -51,7 +48,6 @@ from support.link_records import nothing_is_left
 from support.ports import free_port
 from support.repository import ROOT
 from support.served import owners
-from support.simulation import built
 
 pytest_plugins = ["support.owned_links"]
 
@@ -118,8 +114,8 @@ async def enters(flight: Flight, *parts: Any) -> None:
 
 @pytest.mark.slow
 @by_day("release", ["v1.18", "v1.16"], 2)
-def test_a_flight_over_an_own_link(release: str, url: str, px4_types: Any, tmp_path: Path) -> None:
-    types = px4_types if release == "v1.18" else built(release, tmp_path)
+def test_a_flight_over_an_own_link(release: str, url: str, px4_types: Any) -> None:
+    types = px4_types if release == "v1.18" else package_of(release)
     with nothing_is_left(), simulated(types, url, speed=2.0) as simulator:
         wait_long_for_replies(simulator)
         assert asyncio.run(hops(Flight(url, types, key=1))) == ["takeoff", "hop", "landed"]
@@ -183,7 +179,7 @@ def test_a_slot_that_another_program_has_is_told(url: str, px4_types: Any, caplo
 
 
 def test_other_definitions_are_told_before_anything_is_sent(url: str, px4_types: Any) -> None:
-    options = QUICK._replace(misbehaviour=Misbehaviour(wrong_hashes=["GotoSetpoint", "ArmingCheckReply"]))
+    options = CALM._replace(misbehaviour=Misbehaviour(wrong_hashes=["GotoSetpoint", "ArmingCheckReply"]))
     with simulated(px4_types, url, options) as simulator:
         with pytest.raises(UnsupportedError) as caught:
             asyncio.run(enters(Flight(url, px4_types, key=1), Rests))
@@ -192,18 +188,16 @@ def test_other_definitions_are_told_before_anything_is_sent(url: str, px4_types:
         assert not simulator.vehicles[0].received[REGISTER + "_v2"]
 
 
-def test_the_package_that_fits_the_vehicle_is_taken(url: str, px4_types: Any, tmp_path: Path) -> None:
-    old = built("v1.16", tmp_path)
+def test_the_package_that_fits_the_vehicle_is_taken(url: str, px4_types: Any) -> None:
+    old = package_of("v1.16")
     with simulated(old, url):
         with pytest.raises(UnsupportedError, match=r"the vehicle has v1\.16, and px4_types has other definitions of"):
             asyncio.run(enters(Flight(url, px4_types, key=1), Rests))
         asyncio.run(enters(Flight(url, [px4_types, old], key=1), Rests))
 
 
-def test_a_topic_that_the_vehicle_does_not_have_is_named(
-    url: str, px4_types: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    less = without(["/fmu/in/goto_setpoint", "/fmu/out/home_position"], tmp_path, monkeypatch)
+def test_a_topic_that_the_vehicle_does_not_have_is_named(url: str, px4_types: Any, tmp_path: Path) -> None:
+    less = without(["/fmu/in/goto_setpoint", "/fmu/out/home_position"], tmp_path)
 
     async def asks() -> None:
         async with Flight(url, px4_types, key=1) as flight:
@@ -238,7 +232,7 @@ def test_a_wait_for_a_vehicle_can_be_cancelled(url: str, px4_types: Any) -> None
 
 @pytest.mark.slow
 def test_a_link_that_is_lost_keeps_the_modes(url: str, px4_types: Any) -> None:
-    options = QUICK._replace(misbehaviour=Misbehaviour(restart_every=4.0))
+    options = CALM._replace(misbehaviour=Misbehaviour(restart_every=4.0))
 
     async def stays() -> None:
         async with Flight(url, px4_types, key=1) as flight:
@@ -258,13 +252,13 @@ def test_a_link_that_is_lost_keeps_the_modes(url: str, px4_types: Any) -> None:
 @pytest.mark.slow
 @by_day("release", ["v1.18", "v1.16"], 2)
 def test_a_vehicle_that_restarts_gets_all_modes_again(
-    release: str, url: str, px4_types: Any, tmp_path: Path, caplog: pytest.LogCaptureFixture
+    release: str, url: str, px4_types: Any, caplog: pytest.LogCaptureFixture
 ) -> None:
-    types = px4_types if release == "v1.18" else built(release, tmp_path)
+    types = px4_types if release == "v1.18" else package_of(release)
 
     async def restarts() -> None:
         loop = asyncio.get_running_loop()
-        simulator = await asyncio.to_thread(Simulator(types, url, [QUICK]).__enter__)
+        simulator = await asyncio.to_thread(Simulator(types, url, [CALM]).__enter__)
         async with Flight(url, types, key=1) as flight:
             await flight.add(Hops, Rests)
             await flight.arm()
@@ -273,7 +267,7 @@ def test_a_vehicle_that_restarts_gets_all_modes_again(
             await until_so(lambda: flight.find(Rests).is_active)
             old = flight.find(Rests)
             await asyncio.to_thread(simulator.close)
-            simulator = await asyncio.to_thread(Simulator(types, url, [QUICK]).__enter__)
+            simulator = await asyncio.to_thread(Simulator(types, url, [CALM]).__enter__)
             begin = loop.time()
             await until_so(lambda: {EXTERNAL, EXTERNAL + 1} <= {*commander(simulator).components.modes})
             assert loop.time() - begin < 8.0
@@ -366,7 +360,7 @@ def test_a_vehicle_that_is_gone_makes_actions_fail_in_time(
     url: str, px4_types: Any, caplog: pytest.LogCaptureFixture
 ) -> None:
     async def goes() -> None:
-        simulator = await asyncio.to_thread(Simulator(px4_types, url, [QUICK]).__enter__)
+        simulator = await asyncio.to_thread(Simulator(px4_types, url, [CALM]).__enter__)
         async with Flight(url, px4_types, key=1) as flight:
             await flight.add(Rests)
             await asyncio.to_thread(simulator.close)
@@ -382,17 +376,14 @@ def test_a_vehicle_that_is_gone_makes_actions_fail_in_time(
     assert caplog.text.count("messages to the vehicle are lost") == 1
 
 
-def without(topics: list[str], folder: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+def without(topics: list[str], folder: Path) -> Any:
     """Return a package of the newest release without some topics."""
     rows = (ROOT / "dds_topics.yaml").read_text()
     for topic in topics:
         rows, count = re.subn(f" *- topic: {topic}\n(?: +[a-z_]+:.*\n)*", "", rows)
         assert count == 1
     (folder / "less.yaml").write_text(rows)
-    catalog = read_catalog(find_sources(None, topics=str(folder / "less.yaml")))
-    write_definitions(folder / "less_types", dict(render_package(catalog, "less_types")))
-    monkeypatch.syspath_prepend(folder)
-    return importlib.import_module("less_types")
+    return package_from(find_sources(None, topics=str(folder / "less.yaml")))
 
 
 @pytest.fixture
@@ -407,8 +398,7 @@ def patient(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("patient")
-@pytest.mark.parametrize("fixtures", [(), ("owned",)])
-@pytest.mark.parametrize("keys", [(1, 2), (2, 1)])
+@by_day(("keys", "fixtures"), [((1, 2), ()), ((2, 1), ()), ((1, 2), ("owned",)), ((2, 1), ("owned",))], 3)
 def test_a_vehicle_that_connects_later_is_not_overlooked(
     keys: tuple[int, int], fixtures: tuple[str, ...], url: str, px4_types: Any, request: pytest.FixtureRequest
 ) -> None:
@@ -416,7 +406,7 @@ def test_a_vehicle_that_connects_later_is_not_overlooked(
         request.getfixturevalue(each)
 
     async def begins() -> None:
-        first, second = (Simulator(px4_types, url, [QUICK._replace(key=key)]) for key in keys)
+        first, second = (Simulator(px4_types, url, [CALM._replace(key=key)]) for key in keys)
         with ExitStack() as vehicles:
             vehicles.enter_context(first)
             flight = asyncio.create_task(Flight(url, px4_types).__aenter__())
@@ -436,7 +426,7 @@ def test_two_vehicles_with_the_same_key_are_two(url: str, px4_types: Any, monkey
         with pytest.raises(FlightError, match=r"2 vehicles are on udp.*key 1.*key 1.*UXRCE_DDS_KEY of each"):
             await Flight(url, px4_types).__aenter__()
 
-    with Simulator(px4_types, url, [QUICK]), Simulator(px4_types, url, [QUICK]):
+    with Simulator(px4_types, url, [CALM]), Simulator(px4_types, url, [CALM]):
         asyncio.run(begins())
 
 
@@ -463,7 +453,7 @@ def test_one_of_several_vehicles_flies_only_if_it_was_chosen(url: str, px4_types
             status = await flight._feeds["vehicle_status"].wait(lambda _: True, PATIENCE)
             return int(status.system_id)
 
-    with Simulator(px4_types, url, [QUICK, QUICK._replace(key=2)]), Vehicle(url, px4_types) as vehicle:
+    with Simulator(px4_types, url, [CALM, CALM._replace(key=2)]), Vehicle(url, px4_types) as vehicle:
         vehicle.wait_connected(PATIENCE)
         until(lambda: vehicle.others)
         chosen = Vehicle(url, px4_types, key=2)

@@ -14,10 +14,10 @@ from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
 from msggen.flight.requirements import LOCAL_POSITION, Requirement
 from msggen.flight.space import Vector
+from msggen.generate.cache import package_of
 from msggen.sim import Options
 from msggen.sim.near import NearVehicle
 from support.flown import EXTERNAL, Flown, fly
-from support.simulation import built
 
 pytest_plugins = ["support.flight_releases"]
 
@@ -237,12 +237,12 @@ def test_more_modes_than_px4_has_slots_for_are_refused(px4_types: Any) -> None:
     fly(px4_types, program)
 
 
-def test_a_firmware_without_modes_is_told(tmp_path: Any) -> None:
+def test_a_firmware_without_modes_is_told() -> None:
     async def program(flight: Flight, _: Flown) -> None:
         await flight.add(Square)
 
     with pytest.raises(UnsupportedError, match=r"v1\.15 or later"):
-        fly(built("v1.14", tmp_path), program)
+        fly(package_of("v1.14"), program)
 
 
 def test_a_vehicle_that_is_silent_is_told(px4_types: Any) -> None:

@@ -14,6 +14,7 @@ from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
 from msggen.flight.overrides import Deferral, Keeps
 from msggen.sim import Options
+from support.examples import by_day
 from support.flown import EXTERNAL, Flown, fly
 
 pytest_plugins = ["support.flight_releases"]
@@ -147,7 +148,7 @@ def test_overrides_are_confirmed_or_repeated(types: Any) -> None:
         fly(types, silent)
 
 
-@pytest.mark.parametrize("keeps", [False, True])
+@by_day("keeps", [True, False], 2)
 def test_the_vehicle_is_not_disarmed_after_landing(types: Any, *, keeps: bool) -> None:
     ends: list[str] = []
 

@@ -5,25 +5,25 @@ from __future__ import annotations
 import asyncio
 import re
 import runpy
-from functools import partial
 from typing import Any
 
 import pytest
 
 import msggen.flight
 from msggen.flight import ATTITUDE, GOTO, RATES, TRAJECTORY, Executor, Flight, Mode
+from msggen.generate.cache import package_of
 from msggen.sim.loop import run
 from msggen.sim.near import NearVehicle
+from support.examples import by_day
 from support.flown import Flown
 from support.repository import ROOT
-from support.simulation import built
 
 BLOCK = re.compile(r"^```python\n(.*?)^```(?:\n\n```text\n(.*?)^```)?", re.MULTILINE | re.DOTALL)
 MEASURE = runpy.run_path(str(ROOT / "docs" / "measure_flight_safety.py"))
-TEXTS = {name: (ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8") for name in ("flight", "flight_safety")}
+TEXTS = {name: (ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8") for name in ("flight_safety", "flight")}
 
 
-@pytest.mark.parametrize("page", TEXTS)
+@by_day("page", [*TEXTS], 2)
 def test_the_programs_print_what_the_page_shows(
     page: str, px4_types: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -76,10 +76,9 @@ def test_the_names_of_msggen_on_the_page_exist() -> None:
 
 
 @pytest.fixture(scope="module")
-def measured(px4_types: Any, tmp_path_factory: pytest.TempPathFactory) -> list[Any]:
+def measured(px4_types: Any) -> list[Any]:
     """The packages of the releases of the table."""
-    build = partial(built, folder=tmp_path_factory.mktemp("types"))
-    return [px4_types if release == "v1.18" else build(release) for release in MEASURE["RELEASES"]]
+    return [px4_types if release == "v1.18" else package_of(release) for release in MEASURE["RELEASES"]]
 
 
 @pytest.mark.night  # all cases take half a minute

@@ -24,7 +24,7 @@ from msggen.flight import BlockingFlight, Flight, Mode
 
 async def up(flight):
     await flight.arm()
-    await flight.takeoff(4)
+    await flight.takeoff(2)
 
 """
 PASSES = """
@@ -35,7 +35,7 @@ def test_up(sim_vehicle):
 FAILS = """
 def test_up(sim_vehicle):
     sim_vehicle.run(up)
-    assert sim_vehicle.flown_within(100, 3)
+    assert sim_vehicle.flown_within(100, 1)
 """
 
 Run = Callable[..., pytest.RunResult]
@@ -124,6 +124,7 @@ def test_it(flown):
     assert recorded(result)
 
 
+@pytest.mark.night  # a pytest of its own
 def test_nothing_is_loaded_unless_asked_for(pytester: pytest.Pytester) -> None:
     pytester.makepyfile("""
 import sys
@@ -152,7 +153,7 @@ async def test_alone(sim_vehicle):
     begin = time.monotonic()
     async with Flight(sim_vehicle) as flight:
         await flight.arm()
-        await flight.takeoff(2)
+        await flight.takeoff(1.5)
         await flight.land()
         await flight.wait_disarmed()
     assert sim_vehicle.modes[-1] == "land"
@@ -230,7 +231,7 @@ def test_module(sim_vehicle, new_sim_vehicle):
     async def ends_in_flight(flight):
         await flight.add(Late)
         await flight.arm()
-        await flight.takeoff(5)
+        await flight.takeoff(2)
         flight.close()
         await asyncio.sleep(1)
     sim_vehicle.run(ends_in_flight)

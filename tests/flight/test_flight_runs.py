@@ -48,7 +48,7 @@ def setpoints(vehicle: Flown, since: float) -> list[Any]:
 # the end of `fly`
 
 
-@pytest.mark.parametrize("delay", [0.0, 0.002, 0.01, 0.05, 0.2])
+@by_day("delay", [0.0, 0.002, 0.01, 0.05, 0.2], 2)
 def test_a_flight_that_is_cancelled_early_does_not_begin(types: Any, delay: float) -> None:
     """The command is under way: the vehicle can still enter the mode, and then holds its place."""
 
@@ -220,7 +220,7 @@ def test_the_next_run_is_not_disturbed_by_the_cleanup_of_the_one_before(
     assert ("its end has failed" in caplog.text) == (kind is Raises)
 
 
-@pytest.mark.parametrize("kind", CLEANUPS)
+@by_day("kind", CLEANUPS, 2)
 def test_a_flight_that_is_cancelled_and_flown_anew_is_not_disturbed(px4_types: Any, kind: type[Turns]) -> None:
     mode = kind()
 

@@ -75,7 +75,7 @@ def test_a_kind_that_a_mode_does_not_declare_is_an_error(px4_types: Any, caplog:
     assert "mode 'Plain' declares goto, trajectory setpoints: add rates to its `setpoints`" in caplog.text
 
 
-@settings(max_examples=examples(30, by_day=5))
+@settings(max_examples=examples(30, by_day=3))
 @given(st.tuples(*[st.floats(-50, 50)] * 2, st.floats(-30, -5)), st.floats(-180, 180))
 def test_enu_and_ned_lead_to_the_same_setpoint(
     px4_types: Any, place: tuple[float, float, float], heading: float

@@ -56,7 +56,7 @@ async def in_mode(flight: Flight, vehicle: SimVehicle) -> None:
     """Fly a mode that does not end soon."""
     await flight.add(Waits)
     await flight.arm()
-    await flight.takeoff(5.0)
+    await flight.takeoff(2.5)
     await flight.set_mode(Waits)
     await asyncio.sleep(1.0)
     assert vehicle.mode == "Waits"
@@ -77,9 +77,16 @@ def left_mode(vehicle: SimVehicle, fault: Any, seconds: float = 7.0) -> list[str
 # what was flown
 
 
-def test_a_flight_is_there_to_ask(px4_types: Any) -> None:
+@pytest.fixture(scope="module")
+def flown(px4_types: Any) -> SimVehicle:
+    """A vehicle that has flown the tour."""
     vehicle = SimVehicle(px4_types)
     vehicle.run(tour)
+    return vehicle
+
+
+def test_a_flight_is_there_to_ask(flown: SimVehicle) -> None:
+    vehicle = flown
     assert vehicle.modes == ["Square", "takeoff", "Square", "land"]
     assert [each.mode for each in vehicle.mode_changes] == vehicle.modes
     track = vehicle.track
@@ -93,9 +100,8 @@ def test_a_flight_is_there_to_ask(px4_types: Any) -> None:
     assert "disarmed" in repr(vehicle)
 
 
-def test_answers_tell_their_reason(px4_types: Any) -> None:
-    vehicle = SimVehicle(px4_types)
-    vehicle.run(tour)
+def test_answers_tell_their_reason(flown: SimVehicle, px4_types: Any) -> None:
+    vehicle = flown
     assert vehicle.flown_within(8.0, 7.0)
     assert "never more than" in repr(vehicle.flown_within(8.0, 7.0))
     too_far, too_high = vehicle.flown_within(3.0, 7.0), vehicle.flown_within(8.0, 2.0)
@@ -180,24 +186,25 @@ def test_two_vehicles_share_a_clock(px4_types: Any) -> None:
 # faults
 
 
-@pytest.mark.parametrize(
+@by_day(
     ("fault", "expected"),
     [
-        (lambda faults: faults.lose_link(), ["return"]),
         (lambda faults: faults.lose_link(2.5), ["return", "Waits"]),
-        (lambda faults: faults.lose_link(0.5), []),
+        (lambda faults: faults.lose_link(), ["return"]),
         (lambda faults: faults.silence_program(), ["return"]),
-        (lambda faults: faults.lose_position(), ["descend"]),
+        (lambda faults: faults.lose_link(0.5), []),
         (lambda faults: faults.lose_position(1.0), ["descend", "Waits"]),
+        (lambda faults: faults.lose_position(), ["descend"]),
         (lambda faults: faults.lose_gps(), ["descend"]),
         (lambda faults: faults.lose_gps(4.0), []),
         (lambda faults: faults.pilot_takes_over(), ["position"]),
         (lambda faults: faults.pilot_takes_over("land"), ["land"]),
         (lambda faults: faults.restart(), []),
-        (lambda faults: faults.lose_messages(1.0, "vehicle_status"), []),
         (lambda faults: faults.low_battery(), []),
+        (lambda faults: faults.lose_messages(1.0, "vehicle_status"), []),
         (lambda faults: faults.sticks(there=True), []),
     ],
+    2,
 )
 def test_faults_have_the_effects_that_they_have_in_px4(px4_types: Any, fault: Any, expected: list[str]) -> None:
     assert left_mode(SimVehicle(px4_types), fault) == expected
@@ -372,18 +379,15 @@ def test_a_flight_is_the_same_each_time(px4_types: Any, tmp_path: Path) -> None:
     assert flown("c.ulg", 2) != flown("d.ulg", 1)
 
 
-def test_a_recording_does_not_change_the_flight(px4_types: Any, tmp_path: Path) -> None:
+def test_a_recording_does_not_change_the_flight(flown: SimVehicle, px4_types: Any, tmp_path: Path) -> None:
     path = tmp_path / "flight.ulg"
     vehicle = SimVehicle(px4_types, recording=Recording(str(path), px4_types, Options(), 0))
-    other = SimVehicle(px4_types)
-    for each in (vehicle, other):
-        each.run(tour)
-    assert vehicle.mode_changes == other.mode_changes
-    assert (vehicle.track == other.track).all()
+    vehicle.run(tour)
+    assert vehicle.mode_changes == flown.mode_changes
+    assert (vehicle.track == flown.track).all()
     vehicle.close(is_kept=True)
     with recordings.open(str(path)) as log:
         assert {"vehicle_local_position", "goto_setpoint", "vehicle_command_ack"} <= {each.name for each in log.topics}
-    other.close(is_kept=False)
 
 
 def test_a_recording_that_is_not_kept_is_removed(px4_types: Any, tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 from collections.abc import Callable, Coroutine
 from typing import Any
 
@@ -11,6 +12,7 @@ import pytest
 from msggen.flight.errors import FlightError, NoAnswerError, NotReachedError
 from msggen.flight.flight import Flight
 from msggen.flight.mode import Mode
+from support.examples import by_day
 from support.flown import EXTERNAL, Flown, fly
 
 pytest_plugins = ["support.flight_releases"]
@@ -183,8 +185,11 @@ def test_two_tasks_do_not_enter_offboard_at_once(px4_types: Any) -> None:
 # lost messages of the vehicle
 
 
-@pytest.mark.parametrize("lost", [{"vehicle_status"}, {"vehicle_status", "arming_check_request"}])
-@pytest.mark.parametrize("is_taken", [False, True])
+@by_day(
+    ("is_taken", "lost"),
+    itertools.product([False, True], [{"vehicle_status"}, {"vehicle_status", "arming_check_request"}]),
+    3,
+)
 def test_setpoints_of_a_mode_stop_when_the_vehicle_is_not_heard(types: Any, lost: set[str], *, is_taken: bool) -> None:
     """Without its status, the program does not know that the mode was left: Land with setpoints does not land."""
 
@@ -257,11 +262,7 @@ ACTIONS: dict[str, Action] = {
 }
 
 
-@pytest.mark.parametrize(
-    "action",
-    ACTIONS.values(),
-    ids=ACTIONS,
-)
+@by_day("action", ACTIONS.values(), 2, ids=ACTIONS)
 def test_a_wait_without_a_link_ends(px4_types: Any, action: Action) -> None:
     async def program(flight: Flight, vehicle: Flown) -> float:
         await flight.add(Away)

@@ -20,7 +20,7 @@ LONG = re.compile(r"(?<=s) \(\d+:\d\d:\d\d\)")
 MEASURED = re.compile(r"(?<![\w.])-?\d+\.\d+(?= s\b|s$| m\b)", re.MULTILINE)
 
 
-@pytest.mark.slow
+@pytest.mark.night  # a pytest for each command of the page
 @pytest.mark.tools("bash", "sed")
 def test_a_reader_who_copies_the_page_gets_what_it_shows(tmp_path: Path) -> None:
     steps = steps_of("flight_tests")

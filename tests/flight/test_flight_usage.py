@@ -30,6 +30,7 @@ from msggen.flight.offboard import Offboard
 from msggen.flight.pytest.vehicle import SimVehicle
 from msggen.sim import Options
 from msggen.sim.loop import run
+from support.examples import by_day
 from support.flown import Flown, fly
 
 pytest_plugins = ["support.flight_releases"]
@@ -200,13 +201,16 @@ Way = Callable[[Flight, Goes, GlobalPlace], Coroutine[Any, Any, None]]
 WAYS: dict[str, Way] = {"action": by_action, "offboard": in_offboard, "mode": in_a_mode}
 
 
-@pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize(
-    ("goal", "text", "limits"),
-    [
-        (Vector(5.0, 0.0, 3.0), "3.0 m below home, and nothing was sent: z points down in NED", Limits(depth=10.0)),
-        (Vector(10_100.0, 0.0, -5.0), "10 km from home: without `Limits(distance=...)`, goto", Limits(distance=2e4)),
-    ],
+UNMEANT: list[tuple[Vector, str, Limits]] = [
+    (Vector(5.0, 0.0, 3.0), "3.0 m below home, and nothing was sent: z points down in NED", Limits(depth=10.0)),
+    (Vector(10_100.0, 0.0, -5.0), "10 km from home: without `Limits(distance=...)`, goto", Limits(distance=2e4)),
+]
+
+
+@by_day(
+    ("way", "goal", "text", "limits"),
+    [(way, *place) for turn, way in enumerate(WAYS) for place in (UNMEANT, UNMEANT[::-1])[turn % 2]],
+    2,
 )
 def test_a_place_that_is_not_meant_is_refused_unless_limits_allow_it(
     way: str, goal: Vector, text: str, limits: Limits, px4_types: Any
@@ -257,7 +261,7 @@ ENDS: dict[str, tuple[Vector, Meanwhile | None, str]] = {
 }
 
 
-@pytest.mark.parametrize(("way", "end"), [(way, end) for way in WAYS for end in ENDS if (way, end) != ("mode", LANDS)])
+@by_day(("way", "end"), [(way, end) for way in WAYS for end in ENDS if (way, end) != ("mode", LANDS)], 2)
 def test_a_flight_to_a_place_ends_with_the_flight(way: str, end: str, px4_types: Any) -> None:
     goal, meanwhile, text = ENDS[end]
     with pytest.raises(NotReachedError, match=text):

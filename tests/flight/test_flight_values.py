@@ -49,7 +49,7 @@ CALLS: dict[str, tuple[int, Any]] = {
 }
 
 
-@settings(max_examples=examples(60, by_day=10))
+@settings(max_examples=examples(60, by_day=5))
 @given(st.data(), st.sampled_from(sorted(CALLS)))
 def test_what_is_not_finite_is_an_error(px4_types: Any, data: st.DataObject, name: str) -> None:
     size, call = CALLS[name]

@@ -29,6 +29,7 @@ from msggen.base.exit_codes import INTERRUPTED
 from msggen.cli import main
 from msggen.generate.python import package as packages
 from support.catalogs import write_definitions
+from support.examples import by_day, some
 from support.repository import ROOT, shared
 
 PACKAGE = Path("generated", "px4_types")
@@ -409,8 +410,7 @@ CAUSES = ["input changed", "input added", "input removed", "output edited", "out
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("option", ["--check", "--diff"])
-@pytest.mark.parametrize("cause", CAUSES)
+@by_day(("cause", "option"), itertools.product(CAUSES, ["--check", "--diff"]), 3)
 def test_a_stale_package_exits_with_1_and_is_left_as_it_is(cause: str, option: str) -> None:
     firmware()
     build("-q", "--px4", "firmware")
@@ -1001,7 +1001,7 @@ def test_a_firmware_tree_gives_types_ids_and_endpoints(monkeypatch: pytest.Monke
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["firmware", "firmware/", "./firmware", "../{here}/firmware"])
+@by_day("name", ["firmware/", "firmware", "../{here}/firmware", "./firmware"], 2)
 def test_a_tree_may_be_named_in_any_way(name: str, tmp_path: Path) -> None:
     firmware()
     build("-q", "--px4", "firmware", "-o", "plain")
@@ -1050,9 +1050,10 @@ def test_a_release_is_recognised(
     assert conventions(built(monkeypatch, "--px4", tree)) == expected
 
 
-@pytest.mark.parametrize(
+@by_day(
     ("release", "expected"),
-    [("v1.14", V1_14), ("v1.15", V1_15), ("v1.16", V1_16), ("v1.17", V1_16), ("v1.18", V1_16), ("main", V1_16)],
+    [("v1.14", V1_14), ("v1.17", V1_16), ("v1.15", V1_15), ("v1.18", V1_16), ("v1.16", V1_16), ("main", V1_16)],
+    2,
 )
 def test_a_release_given_overrules_what_the_tree_looks_like(
     release: str, expected: tuple[str, int], monkeypatch: pytest.MonkeyPatch
@@ -1205,8 +1206,8 @@ def test_a_tree_may_be_named_by_a_link_to_it(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("release", "messages"), [("v1.14", 184), ("v1.16", 226), ("v1.17", 235), ("v1.18", 259), ("main-2026-03", 242)]
+@by_day(
+    ("release", "messages"), [("v1.14", 184), ("v1.16", 226), ("v1.17", 235), ("v1.18", 259), ("main-2026-03", 242)], 4
 )
 def test_a_real_tree_gives_all_messages_but_the_archived(release: str, messages: int) -> None:
     tree = shared(f"firmware/{release}")
@@ -1228,7 +1229,7 @@ def test_builds_at_the_same_time_leave_the_package_of_one_of_them() -> None:
     write_definitions(Path("many"), many)
     for name in ("few", "many"):
         build("-q", "--px4", name, "-o", f"only_{name}")
-    for _ in range(5):
+    for _ in some(range(5), 3):
         children = []
         for name in ("few", "many", "few", "many"):
             child = os.fork()

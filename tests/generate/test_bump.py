@@ -29,7 +29,8 @@ from msggen.sources.finding import find_sources
 from msggen.sources.history import read_history
 from msggen.sources.tree import Folder, Tree
 from support.catalogs import write_definitions
-from support.examples import by_day
+from support.examples import by_day, some
+from support.packages import packed
 from support.repository import ROOT, shared
 
 VERSIONED = Path("msg/versioned")
@@ -42,7 +43,12 @@ STATUS_V1_HEADER = TRANSLATIONS / "translation_vehicle_status_v1.h"
 STATUS_V2_HEADER = TRANSLATIONS / "translation_vehicle_status_v2.h"
 BRIDGE = Path("src/modules/uxrce_dds_client/dds_topics.yaml")
 
-UNVERSIONED = {"Rpm", "EscReport", "SensorCombined"}
+SOME_MESSAGES = {
+    *("Rpm", "EscReport", "SensorCombined"),
+    *("ArmingCheckReply", "ArmingCheckRequest", "Event", "VehicleCommand", "VehicleCommandAck"),
+    *("VehicleAttitude", "VehicleOdometry", "VehicleStatus", "Wind"),
+}
+"""Of messages without versions, and with versions."""
 
 GIT = shutil.which("git") or "git"
 
@@ -71,16 +77,16 @@ V1_ALL = """#pragma once
 
 @pytest.fixture(scope="module")
 def committed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A committed PX4 tree with the versioned messages of the embedded v1.17, and an archived version of VehicleStatus.
+    """A committed PX4 tree with some messages of the embedded v1.17, and an archived version of VehicleStatus.
 
-    Of the messages without versions, it has some: with all of them, each copy and each run would take four times as
-    long.
+    With all of them, each copy and each run would take many times as long.
     """
     tree = tmp_path_factory.mktemp("committed")
     release = embedded_tree("v1.17")
-    files = {name: text for folder in ("msg/versioned/", "srv/") for name, text in texts_in(release, folder)}
-    others = {name: text for name, text in texts_in(release, "msg/") if Path(name).stem in UNVERSIONED}
-    files |= others | {
+    folders = ("msg/", "msg/versioned/", "srv/")
+    texts = {name: text for folder in folders for name, text in texts_in(release, folder)}
+    files = {name: text for name, text in texts.items() if Path(name).stem in SOME_MESSAGES}
+    files |= {
         str(STATUS_V1_HEADER): V1_HEADER,
         str(ALL): V1_ALL,
         "msg/translation_node/CMakeLists.txt": "# The node.\n",
@@ -92,7 +98,7 @@ def committed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     files[str(ARCHIVE / "VehicleStatusV0.msg")] = "uint32 MESSAGE_VERSION = 0\nuint64 timestamp\nuint8 nav_state\n"
     write_definitions(tree, files)
     commit(tree)
-    return tree
+    return packed(tree)
 
 
 @pytest.fixture(autouse=True)
@@ -474,7 +480,7 @@ def test_a_run_killed_anywhere_is_finished_by_another(
     steps = plan_bump(str(start), "ArmingCheckReply", None).changes
     assert len(steps) == 5
     replace = os.replace
-    for last in range(len(steps)):
+    for last in some(range(len(steps)), 2):
         moves = iter(range(last))
 
         def stopping(source: str, target: str, moves: Iterator[int] = moves) -> None:
@@ -581,7 +587,7 @@ CONSTANTS = "uint8 kind  # [@enum {}]\nuint8 KIND_A = 1\nuint8 KIND_B = 2\nuint8
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("tag", ["KIND", "WIND_KIND", "KIND MODE"])
+@by_day("tag", ["KIND", "WIND_KIND", "KIND MODE"], 2)
 def test_fields_whose_constants_changed_are_marked(
     tag: str, firmware: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -835,7 +841,7 @@ def test_a_bump_of_what_has_changed_does_not_say_so(capsys: pytest.CaptureFixtur
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["VehicleStatus", "VehicleOdometry", "ArmingCheckReply", "Wind"])
+@by_day("name", ["VehicleStatus", "VehicleOdometry", "ArmingCheckReply", "Wind"], 2)
 def test_history_finds_archive_and_translation_and_breaking_is_content(name: str) -> None:
     append(VERSIONED / f"{name}.msg", "uint8 brand_new")
     version = read_catalog(find_sources(".")).messages[f"px4_msgs/{name}"].message_version
@@ -869,7 +875,7 @@ MISARCHIVED = {
 
 @pytest.mark.slow
 @pytest.mark.tools("g++")
-@by_day(("releases", "backwards"), [(each, way) for way in (False, True) for each in RAISED], 3)
+@by_day(("releases", "backwards"), [(each, way) for way in (False, True) for each in RAISED], 4)
 def test_what_px4_archived_by_hand_is_taken_and_the_headers_compile(
     tmp_path: Path, releases: tuple[str, str], *, backwards: bool
 ) -> None:
@@ -883,8 +889,8 @@ def test_what_px4_archived_by_hand_is_taken_and_the_headers_compile(
     assert run(tree, tmp_path / "cpp", names).keys() == set(names)
 
 
-@pytest.mark.slow
-@by_day("releases", RAISED, 2, ids=map("-".join, RAISED))
+@pytest.mark.night  # each run takes what PX4 archived, and archives other definitions
+@pytest.mark.parametrize("releases", RAISED, ids=map("-".join, RAISED))
 def test_without_px4s_archive_the_same_definitions_are_archived(tmp_path: Path, releases: tuple[str, str]) -> None:
     older, newer, tree = releases_of(tmp_path, releases)
     shutil.rmtree(tree / ARCHIVE)

@@ -173,7 +173,7 @@ def test_a_template_comes_out_as_empy_has_it(text: str) -> None:
 
 @pytest.mark.slow
 @given(templates)
-@settings(max_examples=examples(400))
+@settings(max_examples=examples(400, by_day=40))
 @example("@[for i in xs]@[try]@i@[finally]@[break]@[end try]@[end for]")
 def test_blocks_in_blocks_come_out_as_empy_has_them(text: str) -> None:
     expected = reference(text)

@@ -225,7 +225,7 @@ COMMENTS = st.lists(PIECES, min_size=1, max_size=6).map("".join)
 
 
 @pytest.mark.slow
-@settings(max_examples=examples(50))
+@settings(max_examples=examples(50, by_day=10))
 @given(COMMENTS)
 def test_any_printable_comment_leaves_the_shape_of_the_code_as_it_is(comment: str) -> None:
     assert shapes(definitions(comment)) == harmless()
@@ -594,7 +594,7 @@ TYPES = st.sampled_from(["uint8", "float32[2]", "float32[20]", "bool[2]", "char[
 
 
 @pytest.mark.slow
-@settings(max_examples=examples(60))
+@settings(max_examples=examples(60, by_day=10))
 @given(st.dictionaries(COLLIDING, TYPES, min_size=2))
 def test_fields_of_any_such_names_and_types_keep_apart(fields: dict[str, str]) -> None:
     text = STAMP + "".join(f"{type_} {name}\n" for name, type_ in fields.items())
@@ -609,7 +609,7 @@ BUILT_IN = ["ValueError", "TypeError", "AttributeError", "KeyError", "Exception"
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [*TYPING, *OWN, *BUILT_IN, "Object", "Int", "Bytes", "Tuple", "Array", "Real"])
+@by_day("name", [*TYPING, *OWN, *BUILT_IN, "Object", "Int", "Bytes", "Tuple", "Array", "Real"], 2)
 def test_a_message_may_be_called_like_anything_the_code_uses(name: str, tmp_path: Path) -> None:
     files = {
         f"msg/{name}.msg": f"{STAMP}uint8 SOME = 3\nbool flag\nfloat32[20] many\nuint8[4] block\n",

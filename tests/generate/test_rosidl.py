@@ -21,6 +21,7 @@ from msggen.definitions.parse.rosidl import buildable, find_unbuildable
 from msggen.sources.catalog import read_catalog
 from msggen.sources.finding import find_sources
 from support.catalogs import write_definitions
+from support.examples import some
 from support.repository import ROOT, shared
 from support.rosidl import YES, ask_rosidl
 
@@ -203,7 +204,8 @@ def test_rosidl_builds_random_comments_as_they_are_written_for_it() -> None:
     texts = [commented(chance) for _ in range(40)]
     written = [buildable(text) for text in texts]
     clean = [text for text in texts if not (find_unbuildable(text) or re.search("[\x0b\x1c\x85\u2028\r]", text))]
-    assert ask_rosidl([("Foo", text) for text in (*written, *clean)]) == [YES] * (len(written) + len(clean))
+    asked = some((*written, *clean), 3)
+    assert ask_rosidl([("Foo", text) for text in asked]) == [YES] * len(asked)
     assert [text for text in clean if buildable(text) != text] == []
     assert len(clean) < len([text for text in texts if buildable(text) != text]) < len(texts)
 

@@ -25,7 +25,8 @@ from msggen.sources.catalog import read_catalog
 from msggen.sources.finding import find_sources
 from msggen.sources.inferred import with_inferred
 from support.catalogs import catalog_of, write_definitions
-from support.html import Elements, broken_links
+from support.examples import some
+from support.html import Elements, broken_links, pages_in
 from support.markup_attacks import ATTACKS, hostile
 from support.ros_packages import DEFINITIONS
 
@@ -43,14 +44,14 @@ def files(site: Site) -> dict[str, str]:
 
 @pytest.fixture(scope="module")
 def pages(files: Mapping[str, str]) -> dict[str, Elements]:
-    return {name: Elements(text) for name, text in files.items() if name.endswith(".html")}
+    return pages_in(files)
 
 
 # --- Links and anchors
 
 
-def test_every_link_leads_to_a_page_and_an_anchor(files: Mapping[str, str]) -> None:
-    assert list(broken_links(files)) == []
+def test_every_link_leads_to_a_page_and_an_anchor(files: Mapping[str, str], pages: Mapping[str, Elements]) -> None:
+    assert list(broken_links(files, pages)) == []
 
 
 def test_the_check_of_links_finds_broken_ones() -> None:
@@ -303,7 +304,8 @@ def test_messages_of_other_packages_and_of_varying_size_have_pages(tmp_path: Pat
             (tmp_path / package / path).parent.mkdir(parents=True, exist_ok=True)
             (tmp_path / package / path).write_text(text)
         folders.append(f"{package}={tmp_path / package}")
-    catalog = read_catalog(find_sources("embedded:v1.18", tuple(folders)))
+    texts = {"msg/Lamp.msg": "uint64 timestamp\nstd_msgs/Header header\n"}
+    catalog = read_catalog(find_sources(str(write_definitions(tmp_path / "px4", texts)), tuple(folders)))
     files = render_site(Site(catalog, "mixed"))
     assert list(broken_links(files)) == []
     assert "varies" in files["msg/std_msgs.Header.html"]
@@ -316,15 +318,15 @@ def test_the_order_of_reading_does_not_matter(embedded: Catalog, files: Mapping[
 # --- Definitions that try to be markup
 
 
-def test_no_text_of_a_definition_becomes_markup(tmp_path: Path, files: Mapping[str, str]) -> None:
-    usual = {(name, key) for text in files.values() for name, found in Elements(text).found for key in found}
-    pages = {name: Elements(text) for name, text in render_site(Site(hostile(tmp_path), "<b>&")).items()}
-    for name, page in pages.items():
+def test_no_text_of_a_definition_becomes_markup(tmp_path: Path, pages: Mapping[str, Elements]) -> None:
+    usual = {(name, key) for page in pages.values() for name, found in page.found for key in found}
+    attacked = {name: Elements(text) for name, text in render_site(Site(hostile(tmp_path), "<b>&")).items()}
+    for name, page in attacked.items():
         if name.endswith(".html"):
             assert {(each, key) for each, found in page.found for key in found} <= usual, name
             assert page.all("script", "src") in (["site.js"], ["../site.js"])
             assert not [link for link in page.all("a", "href") if ":" in link]
-    text = " ".join(pages["msg/Bad.html"].text.split())
+    text = " ".join(attacked["msg/Bad.html"].text.split())
     assert all(attack.replace("`", "") in text for attack in ATTACKS)
 
 
@@ -374,7 +376,14 @@ def test_sentences_in_markdown_end_with_a_full_stop(tmp_path: Path) -> None:
 
 
 def test_every_link_in_markdown_leads_somewhere(embedded: Catalog, site: Site) -> None:
-    files = render_site(Site(embedded, "PX4 v1.18", "markdown", site.changes))
+    """By day, the site has some messages, with those that they and the services nest."""
+    chosen = some(embedded.messages.values(), 4)
+    chosen += [half for service in embedded.services for half in (service.request, service.response)]
+    keys = {each.key for one in chosen for each in (one, *embedded.nested_all(one))}
+    messages = {key: message for key, message in embedded.messages.items() if key in keys}
+    bridge = tuple(entry for entry in embedded.bridge if f"px4_msgs/{entry.message_name}" in keys)
+    few = embedded._replace(messages=messages, bridge=bridge)
+    files = render_site(Site(few, "PX4 v1.18", "markdown", site.changes))
     markdown = MarkdownIt("commonmark", {"html": True}).enable("table")
     pages = {
         name.replace(".md", ".html"): markdown.render(text).replace(".md", ".html") for name, text in files.items()

@@ -25,6 +25,7 @@ from msggen.base.disk import staging, swap
 from msggen.sources.catalog import read_catalog
 from msggen.sources.finding import find_sources
 from support.catalogs import write_definitions
+from support.examples import some
 from support.packages import (
     PACKAGE,
     age,
@@ -302,7 +303,7 @@ def test_two_runs_at_once_wait_for_each_other() -> None:
     newer_firmware(srv=True)
     package()
     expected = [definitions(PACKAGE), definitions(package("fresh", "newer"))]
-    for _ in range(5):
+    for _ in some(range(5), 5):
         command = [sys.executable, "-m", "msggen", "sync", "-q", "px4_msgs", "--px4"]
         runs = [subprocess.Popen([*command, source]) for source in ("newer", "firmware", "newer", "firmware")]
         assert [run.wait() for run in runs] == [0, 0, 0, 0]

@@ -347,8 +347,20 @@ REFUSALS = [
 ]
 
 
+FIRST = {refusal.code: place for place, refusal in reversed([*enumerate(REFUSALS)])}
+BY_DAY = [
+    pytest.param(
+        refusal,
+        id=f"{refusal.code} {refusal.fragment}",
+        marks=[pytest.mark.night] * (place % 2 == 1 and place != FIRST[refusal.code]),
+    )
+    for place, refusal in enumerate(REFUSALS)
+]
+"""Each run takes the first refusal of each code, and every other one."""
+
+
 @by_day("looking", [(), ("--dry-run",)], 2, ids=["", "dry run"])
-@pytest.mark.parametrize("refusal", REFUSALS, ids=lambda refusal: f"{refusal.code} {refusal.fragment}")
+@pytest.mark.parametrize("refusal", BY_DAY)
 def test_it_is_refused_with_its_place_and_everything_stays(
     refusal: Refusal, looking: tuple[str, ...], capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -146,6 +146,7 @@ def test_a_vehicle_that_leaves_and_comes_again_is_another_remote() -> None:
         assert list(link.routes(records.remotes[-1])) == []
 
 
+@pytest.mark.night  # three participants
 def test_namespaces_are_vehicles_and_two_vehicles_in_one_are_told() -> None:
     domain = next(DOMAINS)
     with vehicle(domain, "one", "wind"), vehicle(domain, "two", "wind"), linked(domain) as (_, records):

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from msggen.definitions.model import ArrayKind, Catalog, Message
 from msggen.definitions.primitives import PRIMITIVES
 from support.catalogs import catalog_of, import_package
-from support.examples import by_day, examples
+from support.examples import by_day, examples, some
 from support.reference import HEADERS, serialize, to_object, to_values
 from support.repository import VECTORS
 from support.strategies import definitions, values_of
@@ -33,7 +33,7 @@ def bits(value: Any) -> Any:
 
 
 @pytest.mark.slow
-@settings(max_examples=examples(150, by_day=20), suppress_health_check=list(HealthCheck))
+@settings(max_examples=examples(150, by_day=8), suppress_health_check=list(HealthCheck))
 @given(definitions(), st.data())
 def test_random_messages_equal_the_reference_in_every_encoding(files: dict[str, str], data: st.DataObject) -> None:
     with tempfile.TemporaryDirectory() as folder:
@@ -55,7 +55,7 @@ def test_random_messages_equal_the_reference_in_every_encoding(files: dict[str, 
 def test_every_embedded_message_decodes_from_every_encoding(
     order: str, version: int, embedded: Catalog, px4_types: Any
 ) -> None:
-    for vector in json.loads((VECTORS / "cdr.json").read_text()):
+    for vector in some(json.loads((VECTORS / "cdr.json").read_text()), 3):  # of the five of each message
         message = embedded.messages[f"px4_msgs/{vector['type']}"]
         wire = serialize(embedded, message, vector["values"], order, version)
         decoded = getattr(px4_types, message.name).decode(wire)

@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from support.examples import by_day
 from support.repository import ROOT
 
 PAGE = (ROOT / "docs" / "connect.md").read_text(encoding="utf-8")
@@ -46,7 +47,7 @@ print(found == [endpoint.message(timestamp=first + step) for step in range(3)])
 """
 
 
-@pytest.mark.parametrize("name", ["/fmu/out/vehicle_status_v4", "/fmu/in/vehicle_command", "/fmu/out/wind"])
+@by_day("name", ["/fmu/out/vehicle_status_v4", "/fmu/out/wind", "/fmu/in/vehicle_command"], 2)
 def test_samples_cross_dds_as_bytes(name: str) -> None:
     """The program of the page, once as PX4 and once as the application, in two processes on the loopback interface."""
     pytest.importorskip("cyclonedds")

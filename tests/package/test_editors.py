@@ -73,7 +73,7 @@ COMPLETED = [
 ]
 
 
-@by_day(("code", "expected"), COMPLETED, 4, ids=[code.splitlines()[-1] for code, _ in COMPLETED])
+@by_day(("code", "expected"), COMPLETED, 7, ids=[code.splitlines()[-1] for code, _ in COMPLETED])
 def test_jedi_completes_the_package(code: str, expected: set[str]) -> None:
     assert expected <= completions(code)
 
@@ -218,7 +218,7 @@ def test_mypy_refuses_misspelt_names(programs: Path) -> None:
     assert {int(number) for _, number in found} == EVERY_LINE
 
 
-@pytest.mark.slow
+@pytest.mark.night  # each run does it with mypy
 def test_basedpyright_refuses_misspelt_names(programs: Path) -> None:
     settings = {"typeCheckingMode": "standard", "extraPaths": [str(GENERATED)], "reportUnusedExpression": False}
     (programs / "pyrightconfig.json").write_text(json.dumps(settings))

@@ -23,7 +23,7 @@ from hypothesis import strategies as st
 
 from msggen.definitions.model import Catalog
 from support.catalogs import catalog_of, import_package
-from support.examples import examples
+from support.examples import examples, some
 from support.repository import ROOT, SOME, every_message
 from support.samples import (
     MADE_UP_NAMES,
@@ -91,7 +91,7 @@ def test_each_byte_counts_where_decode_counts_it(name: str, vectors: dict[str, S
     """The changed bytes include odd bools."""
     cls = getattr(px4_types, name)
     for samples in vectors[name].values():
-        for sample in each_byte_changed(samples[1]):
+        for sample in some(each_byte_changed(samples[1]), 3):
             assert outcome(cls.lazy, sample) == outcome(cls.decode, sample)
 
 

@@ -18,13 +18,14 @@ import pytest
 from msggen.definitions.model import Catalog, Message
 from msggen.definitions.primitives import STRINGS
 from support.catalogs import catalog_of
+from support.examples import examples
 from support.other_codecs import CANNOT, Codec, Pycdr2, Rosbags, everything, generated
 from support.random_definitions import TOLERATED, random_catalog, values_of
 from support.reference import HEADERS, Values, padding, serialize
 from support.repository import VECTORS
 
-MESSAGES, SERVICES = 80, 10
-"""Per batch. Counting both halves of a service, these are 100 definitions."""
+MESSAGES, SERVICES = examples(80), examples(10)
+"""Per batch. Counting both halves of a service, these are 100 definitions, and a third of them by day."""
 
 ALL_CAN = [name for name in STRINGS if ("rosbags", name) not in CANNOT and ("pycdr2", name) not in CANNOT]
 

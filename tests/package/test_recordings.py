@@ -70,7 +70,7 @@ def test_types_with_unusual_names_are_found(tmp_path: Path) -> None:
     assert package.by_type("px4_msgs/msg/None") is package.None_
 
 
-@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow), pytest.param(2, marks=pytest.mark.slow)])
+@by_day("seed", range(3), 3)
 def test_rosbags_reads_the_definitions(seed: int, tmp_path: Path) -> None:
     """Strings, sequences, bounds, defaults and constants: rosbags decodes the same bytes to the same values."""
     chance = Random(seed)  # noqa: S311 - not used for security
@@ -86,7 +86,7 @@ def test_rosbags_reads_the_definitions(seed: int, tmp_path: Path) -> None:
         }
 
 
-@by_day("release", ["v1.14", "v1.15", "v1.16", "v1.17", "v1.18", "main-2026-03"], 4)
+@by_day("release", ["v1.14", "v1.15", "v1.16", "v1.17", "v1.18", "main-2026-03"], 6)
 @pytest.mark.slow
 def test_definitions_have_the_hashes_of_their_message(release: str, tmp_path: Path) -> None:
     """All definitions of a release, taken from the package, are read as a release with the same hashes."""

@@ -28,7 +28,7 @@ def test_the_embedded_set_reads_and_writes_the_bytes_of_the_firmware(embedded: C
 
 
 @pytest.mark.slow
-@by_day("release", ["v1.14", "v1.16", "v1.17", "v1.18"], 3)
+@by_day("release", ["v1.14", "v1.16", "v1.17", "v1.18"], 4)
 def test_a_release_reads_and_writes_the_bytes_of_its_firmware(release: str, tmp_path: Path) -> None:
     vectors = shared(f"oracles/cdr-{release}.json")
     catalog = read_catalog(find_sources(str(shared(f"firmware/{release}"))))

@@ -92,7 +92,7 @@ def tree_of(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Tree]:
     return tree_of
 
 
-@pytest.fixture(params=["v1.16", "v1.17", "main-2026-03"])
+@pytest.fixture(params=[*(pytest.param(each, marks=pytest.mark.night) for each in ("v1.16", "v1.17")), "main-2026-03"])
 def tree(request: pytest.FixtureRequest, tree_of: Callable[[str], Tree]) -> Tree:
     return tree_of(request.param)
 
@@ -1206,7 +1206,7 @@ def checked(folder: Path, *command: str) -> tuple[int, str]:
     return done.returncode, done.stdout + done.stderr
 
 
-@pytest.mark.slow
+@pytest.mark.night  # each run finds the mistakes, and nothing else
 def test_mypy_is_content_with_a_package_of_versions(typed: Path) -> None:
     done = mypy(typed, "lamps", "application.py")
     assert done.returncode == 0, done.stdout + done.stderr

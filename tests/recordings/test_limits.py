@@ -29,6 +29,7 @@ from msggen.recordings.log import opening
 from msggen.recordings.source.source import Channel, RecordingError, SchemaError
 from support.commands import run
 from support.databases import Stored, write_database
+from support.examples import by_day
 from support.recordings import START
 from support.ulog import UlogWriter
 
@@ -86,14 +87,23 @@ def test_a_definition_has_the_limits_of_those_of_a_firmware(text: str, error: st
             assert [problem.text.startswith(f"/t0 is not decoded: {error}") for problem in log.problems] == [True]
 
 
-def test_definitions_within_the_limits_are_read() -> None:
-    for text in (nested(64), nested(16, fields=2), nested(4, "[40]"), "bool[65535] x\n"):
-        with limited():
-            found = layout_of("mine/msg/T0", text)
-        assert found is not None
-        assert found.positions.size == found.size - 4
+WITHIN = {
+    "a chain": nested(64),
+    "each nests two": nested(16, fields=2),
+    "bools": "bool[65535] x\n",
+    "arrays": nested(4, "[40]"),
+}
 
 
+@by_day("text", WITHIN.values(), 2, ids=WITHIN)
+def test_definitions_within_the_limits_are_read(text: str) -> None:
+    with limited():
+        found = layout_of("mine/msg/T0", text)
+    assert found is not None
+    assert found.positions.size == found.size - 4
+
+
+@pytest.mark.night  # large files, for a bound of memory
 def test_a_long_array_takes_no_memory_before_there_are_samples(tmp_path: Path) -> None:
     size = 1 << 23
     text = f"uint8 first\nfloat32[{size // 4}] x\n"
@@ -121,6 +131,7 @@ def test_a_topic_with_too_many_columns_is_left_out_of_tables(tmp_path: Path) -> 
     assert problem.text == "/t1 is left out: 131070 columns, tables have up to 131070 together"
 
 
+@pytest.mark.night  # a bound of memory
 def test_a_wide_table_in_csv_takes_little_memory(tmp_path: Path) -> None:
     count = 65_000
     path = write_mcap(tmp_path / "a.mcap", [f"uint8[{count}] x\n"], b"\0\1\0\0" + bytes(count))
@@ -132,12 +143,12 @@ def test_a_wide_table_in_csv_takes_little_memory(tmp_path: Path) -> None:
 
 
 def test_all_definitions_of_a_recording_have_a_limit_together(tmp_path: Path) -> None:
-    many = [nested(3, "[240]").replace(" x", f" x{number}") for number in range(20)]
+    many = [nested(3, "[240]").replace(" x", f" x{number}") for number in range(6)]
     path = write_mcap(tmp_path / "a.mcap", many)
     with limited(), opening.open(path) as log:
         assert len(log.chosen(None)) == MAX_TOTAL // 240**2 == 2
         left_out = [problem for problem in log.problems if "left out" in problem.text]
-        assert len(left_out) == 18
+        assert len(left_out) == 4
         assert left_out[0].text == "a definition is left out: all have more than 131070 values together"
         assert left_out[0].topic == "/t2"
 
@@ -166,6 +177,7 @@ def test_bools_are_found_in_linear_time() -> None:
     assert places == list(range(4, 4 + MAX_VALUES))
 
 
+@pytest.mark.night  # by day, the definitions of an MCAP file have a limit together
 def test_the_formats_of_a_ulog_have_a_limit_together(tmp_path: Path) -> None:
     writer = UlogWriter()
     for number in range(40):

@@ -17,7 +17,7 @@ from mcap.writer import Writer as McapWriter
 
 from msggen import recordings
 from msggen.recordings.files.mcap import checksums
-from support.examples import examples
+from support.examples import by_day, examples
 from support.scratch import scratch_folder
 
 START = 1_790_000_000_000_000_000
@@ -66,7 +66,7 @@ def flipped(path: Path, place: int, bit: int = 0) -> None:
     path.write_bytes(data)
 
 
-@settings(max_examples=examples(150, by_day=20))
+@settings(max_examples=examples(150, by_day=10))
 @given(st.sampled_from(KINDS), st.randoms(use_true_random=False), st.sampled_from([{}, {"use_statistics": False}]))
 def test_a_flipped_bit_in_a_chunk_gives_no_other_values(
     kind: CompressionType, chance: Random, options: dict[str, Any]
@@ -86,7 +86,7 @@ def test_a_flipped_bit_in_a_chunk_gives_no_other_values(
         assert len(problems) == 1
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@by_day("kind", (CompressionType.LZ4, CompressionType.ZSTD, CompressionType.NONE), 2)
 def test_each_way_to_read_a_damaged_chunk(kind: CompressionType, tmp_path: Path) -> None:
     path = write(tmp_path / "flight.mcap", kind)
     whole, _ = rows_of(path)

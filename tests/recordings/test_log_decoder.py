@@ -14,6 +14,7 @@ from msggen.recordings.decode.decoder import Decoder
 from msggen.recordings.decode.left_out import Missing
 from msggen.recordings.decode.schemas import read_schema
 from msggen.recordings.source.source import Channel, Part
+from support.examples import by_day
 from support.reference import HEADERS, serialize, to_values
 
 TEXTS = "string text\nwstring wide\nint64[] numbers\nPoint[] points\nPoint[2] two\nuint16[<=3] few\nEmpty none\n"
@@ -30,7 +31,7 @@ def part_of(payloads: list[bytes]) -> Part:
     return Part(0, np.frombuffer(data, np.uint8), starts, sizes, times)
 
 
-@pytest.mark.parametrize("header", HEADERS, ids=str)
+@by_day("header", HEADERS, 3, ids=map(str, HEADERS))
 def test_all_messages_have_the_same_rows_in_all_encapsulations(header: tuple[str, int], px4_types: Any) -> None:
     chance = Random(1)  # noqa: S311 - no secret
     for name in px4_types.msg.__all__:

@@ -20,7 +20,7 @@ from support.ulog import write_ulog
 
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(sys.platform == "win32", reason="there is no fork")]
 
-MOMENTS = examples(15)
+MOMENTS = examples(15, by_day=3)
 ACTIONS = (
     "convert flight.mcap -o made",
     "convert flight.ulg -o made.mcap",

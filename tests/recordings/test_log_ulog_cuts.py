@@ -158,8 +158,8 @@ def cuts_of(data: bytes) -> Iterator[int]:
     start = 16
     while data[start + 2] != ord("D"):
         start += FRONT + int.from_bytes(data[start : start + 2], "little")
-    yield from sorted(chance.randrange(start, len(data)) for _ in range(examples(CUTS, by_day=20)))
-    yield from range(len(data) - examples(LAST, by_day=10), len(data) + 1)
+    yield from sorted(chance.randrange(start, len(data)) for _ in range(examples(CUTS, by_day=5)))
+    yield from range(len(data) - examples(LAST, by_day=5), len(data) + 1)
 
 
 @pytest.mark.parametrize("write", WRITERS, ids=lambda write: write.__name__)

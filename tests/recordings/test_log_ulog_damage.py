@@ -90,7 +90,7 @@ def damage(data: bytes, chance: Random) -> tuple[bytes, int, int]:
     return data[:low] + data[low:high] * 2 + data[high:], low, low  # written twice
 
 
-@by_day("seed", range(10), 3)
+@by_day("seed", range(10), 5)
 def test_samples_beside_a_damage_are_kept_and_others_are_told(whole: bytes, seed: int, tmp_path: Path) -> None:
     chance = Random(seed)  # noqa: S311 - no secret
     messages = [message for message in messages_in(whole) if message.kind == ord("D")]
@@ -105,7 +105,7 @@ def test_samples_beside_a_damage_are_kept_and_others_are_told(whole: bytes, seed
             assert all(problem.offset is None or 0 < problem.offset <= len(data) for problem in log.problems)
 
 
-@by_day("seed", range(5), 3)
+@by_day("seed", range(5), 5)
 def test_samples_beside_a_damage_are_kept_though_their_topics_are_named_late(seed: int, tmp_path: Path) -> None:
     """A topic is named before its first sample, and a damage hits samples only."""
     chance = Random(seed)  # noqa: S311 - no secret

@@ -141,6 +141,7 @@ def test_many_formats_of_a_ulog_have_the_same_fields() -> None:
     assert {formats.ros_type(name) for name in names} == {"px4_msgs/msg/A"}
 
 
+@pytest.mark.night  # by day, many formats with short names
 def test_long_names_of_formats_with_the_same_fields_have_no_ends() -> None:
     formats = Formats()
     names = ["_" * 60_000 + str(number) for number in range(100)]
@@ -149,6 +150,7 @@ def test_long_names_of_formats_with_the_same_fields_have_no_ends() -> None:
     assert len({formats.ros_type(name) for name in names}) == len(names)
 
 
+@pytest.mark.night  # by day, many problems of another file
 def test_many_damaged_samples_are_counted_in_a_folder_with_many_problems(tmp_path: Path) -> None:
     frame = b"\x28\xb5\x2f\xfd" + b"\xff" * 8
     count = MANY // 3

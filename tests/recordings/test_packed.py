@@ -19,6 +19,7 @@ from hypothesis import strategies as st
 from msggen import recordings
 from msggen.exports.fleet.finding import find_recordings
 from msggen.recordings.files.compression import CompressionError, Room, decompress_file
+from support.examples import examples
 from support.fleet_recordings import write_flight
 from support.ulog import write_ulog
 
@@ -42,7 +43,7 @@ def unpacked(path: Path, data: bytes) -> tuple[bytes, str]:
 
 @pytest.mark.parametrize("kind", COMPRESS)
 @given(parts=st.lists(st.binary(max_size=300), min_size=1, max_size=4), padding=st.sampled_from([0, 4, 512]))
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=40)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=examples(40, by_day=8))
 def test_members_follow_each_other(kind: str, parts: list[bytes], padding: int, tmp_path: Path) -> None:
     zeros = bytes(padding if kind in PADDED else 0)
     data = b"".join(COMPRESS[kind](part) + zeros for part in parts)
@@ -115,7 +116,7 @@ def test_bytes_behind_the_content_are_told(kind: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("kind", COMPRESS)
 def test_a_content_that_is_too_large_is_refused(kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("msggen.recordings.files.compression._LEAST_LIMIT", 1 << 20)
-    data = COMPRESS[kind](bytes(30 << 20))
+    data = COMPRESS[kind](bytes(12 << 20))
     with pytest.raises(CompressionError, match=r"more than \d+ bytes .*; MSGGEN_MAX_CONTENT sets"):
         unpacked(tmp_path / "x", data)
     assert (tmp_path / "x.out").stat().st_size <= max(1 << 20, 100 * len(data))

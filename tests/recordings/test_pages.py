@@ -1,6 +1,6 @@
 """Tests of the pages on recordings: a reader who copies their commands and code gets what they show.
 
-Each page runs from an empty folder: in each run with the packages of the tests, and at night with those that it names.
+Each page runs from an empty folder: one in each run, and at night all, also with only the packages that they name.
 """
 
 from __future__ import annotations
@@ -47,8 +47,8 @@ LIVE = {"recordings": "Record a vehicle"}
 """The sections of pages with a running vehicle, whose numbers differ from run to run."""
 TOOLS = {"stores": ("curl",)}
 """Programs that pages need and not every system has."""
-DEAR = {"fleet", "stores"}
-"""The pages for the night only: by day, the tests of recordings, fleets and stores run the same commands."""
+BY_DAY = {"reading"}
+"""The page for each run; the others are for the night: by day, tests of their own run the same commands."""
 EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
 
 
@@ -61,7 +61,7 @@ def home() -> Iterator[Path]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "page", [pytest.param(page, marks=pytest.mark.night if page in DEAR else []) for page in PAGES]
+    "page", [pytest.param(page, marks=[] if page in BY_DAY else pytest.mark.night) for page in PAGES]
 )
 def test_a_reader_gets_what_the_page_shows(page: str, tmp_path: Path, home: Path) -> None:
     for program in TOOLS.get(page, ()):

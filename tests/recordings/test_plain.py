@@ -14,6 +14,7 @@ from msggen.recordings.definitions.release import plain_content
 from msggen.recordings.source.source import SchemaError
 from msggen.sources import released
 from msggen.sources.embedded import EMBEDDED, all_releases
+from support.examples import by_day
 from support.log_files import Written, definition_in, write_log
 
 NAMES = sorted(
@@ -40,15 +41,16 @@ def definitions_of(name: str) -> list[str]:
     return [definition_in(each, name) for each in EMBEDDED if all_releases().stored(each, f"{name}.msg")[1]]
 
 
-@pytest.mark.parametrize("release", EMBEDDED)
+@by_day("release", EMBEDDED, 4)
 def test_the_definitions_of_a_release_need_no_parser(release: str) -> None:
     for name in NAMES:
         if all_releases().stored(release, f"{name}.msg")[1]:
             assert plain(f"px4_msgs/msg/{name}", definition_in(release, name)) is not None, name
 
 
-def test_releases_differ_by_their_lines_as_by_the_parser() -> None:
-    for name in NAMES:
+@by_day("part", range(3), 3)
+def test_releases_differ_by_their_lines_as_by_the_parser(part: int) -> None:
+    for name in NAMES[part::3]:
         ros_type = f"px4_msgs/msg/{name}"
         for one, other in combinations(definitions_of(name), 2):
             same = parsed(ros_type, one) == parsed(ros_type, other)

@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 from msggen import recordings
 from msggen.recordings.columns.annotations import Annotation
 from msggen.recordings.log import plot, series
-from support.examples import by_day, examples
+from support.examples import examples
 from support.ulog import UlogWriter
 from support.written import write_recording
 
@@ -245,6 +245,7 @@ def test_an_exponent_covers_no_flight_mode(log: recordings.Log) -> None:
         assert not name.get_window_extent().overlaps(exponent.get_window_extent())
 
 
+@settings(max_examples=examples(100, by_day=12))
 @given(
     kind=st.sampled_from([f"{sign}{size}" for sign in "iu" for size in (1, 2, 4, 8)]),
     named=st.sets(st.integers(0, 63)),
@@ -389,14 +390,14 @@ HOSTILE = (
     "$x$",
     "_hidden",
     "a\nb\x1b[31m\x00",
-    "\\input{/etc/passwd}",
+    "\\input{/etc/hosts}",
     "</text><script>",
     "\udcff",
     "x" * 10_000,
 )
 """Names and units of strangers."""
-PLACES = [(name, each) for index, name in enumerate(HOSTILE) for each in ((4, 40), (40, 4))[index % 2]]
-"""These, with few and with many changes of the mode: each has one of both first."""
+JOINED = [("".join(HOSTILE[:4]), 4), ("".join(HOSTILE[4:7]), 40)]
+"""The short ones, several in one, with few or with many changes of the mode. At night, each is alone with both."""
 
 
 def drawn(name: str, log: recordings.Log, monkeypatch: pytest.MonkeyPatch, changes: int) -> Any:
@@ -412,7 +413,10 @@ def drawn(name: str, log: recordings.Log, monkeypatch: pytest.MonkeyPatch, chang
 
 
 @pytest.mark.filterwarnings("error")
-@by_day(("name", "changes"), PLACES, 3)
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [*JOINED, *(pytest.param(name, changes, marks=pytest.mark.night) for name in HOSTILE for changes in (4, 40))],
+)
 def test_names_of_strangers_are_drawn_as_they_are(
     name: str, changes: int, log: recordings.Log, monkeypatch: pytest.MonkeyPatch
 ) -> None:

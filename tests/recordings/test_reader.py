@@ -96,7 +96,7 @@ def test_damaged_files_are_read_in_part_or_refused(compression: str, px4_types: 
     whole = path.read_bytes()
     chance = Random(1)  # noqa: S311 - no secret
     refused: list[str] = []
-    count = examples(400)
+    count = examples(400, by_day=50)
     for _ in range(count):
         data = bytearray(whole)
         for _ in range(chance.choice((1, 1, 5))):

@@ -89,7 +89,7 @@ RECORDINGS = {
 COMMANDS = ("check v1.18 --px4 {}", "check {} v1.18", "check v1.18 {}", "log info {} --json")
 
 
-@by_day(("words", "kind"), [(words, kind) for kind in RECORDINGS for words in COMMANDS], 3)
+@by_day(("words", "kind"), [(words, kind) for kind in RECORDINGS for words in COMMANDS], 5)
 def test_every_command_knows_every_form(
     words: str, kind: str, tmp_path: Path, px4_types: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:

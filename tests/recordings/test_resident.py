@@ -79,7 +79,7 @@ def test_a_database_is_not_kept_in_memory(tmp_path: Path, monkeypatch: pytest.Mo
         assert resident_bytes(path) < path.stat().st_size // 2
 
 
-@by_day("name", ["flight.ulg", "flight.mcap", "unindexed.mcap"], 2)
+@by_day("name", ["flight.ulg", "flight.mcap", "unindexed.mcap"], 3)
 def test_a_recording_is_not_kept_in_memory(
     name: str, px4_types: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -19,6 +19,7 @@ import pytest
 
 from msggen import recordings
 from msggen.recordings import RecordingError
+from support.commands import run
 from support.databases import Stored, write_database
 from support.flights import write_flight
 from support.recordings import START
@@ -185,24 +186,22 @@ def piped(words: list[str], data: bytes, folder: Path) -> subprocess.CompletedPr
 
 
 @pytest.mark.skipif(os.name == "nt", reason="needs TMPDIR")
-def test_commands_read_stdin(tmp_path: Path) -> None:
+def test_commands_read_stdin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     data = write_ulog(tmp_path / "flight.ulg").read_bytes()
-    own = piped(["show", "flight.ulg", "sensor_gps", "-n", "2"], b"", tmp_path)
+    own = run(["log", "show", str(tmp_path / "flight.ulg"), "sensor_gps", "-n", "2"])
     assert piped(["show", "-", "sensor_gps", "-n", "2"], data, tmp_path).stdout == own.stdout
     assert piped(["show", "-", "sensor_gps", "-n", "2"], gzip.compress(data), tmp_path).stdout == own.stdout
     info = piped(["info", "-"], data, tmp_path).stdout.splitlines()
     assert info[0].startswith("file        <stdin>, ULog, ")
-    assert info[1:] == piped(["info", "flight.ulg"], b"", tmp_path).stdout.splitlines()[1:]
-    codes = {
-        piped(["convert", name, "-o", target], data, tmp_path).returncode
-        for name, target in (("-", "a.mcap"), ("flight.ulg", "b.mcap"))
-    }
-    assert len(codes) == 1
+    assert info[1:] == run(["log", "info", str(tmp_path / "flight.ulg")]).stdout.splitlines()[1:]
+    code = piped(["convert", "-", "-o", "a.mcap"], data, tmp_path).returncode
+    assert code == run(["log", "convert", str(tmp_path / "flight.ulg"), "-o", str(tmp_path / "b.mcap")]).code
     assert (tmp_path / "a.mcap").read_bytes() == (tmp_path / "b.mcap").read_bytes()
     for words in (["convert", "-"], ["repair", "-"], ["report", "-"], ["cut", "-", "--stop", "1"]):
-        done = piped(words, data, tmp_path)
-        assert done.returncode == 2
-        assert "argument -o/--output: needed, because a recording from stdin has no name" in done.stderr
+        monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(data)))
+        refused = run(["log", *words])
+        assert refused.code == 2
+        assert "argument -o/--output: needed, because a recording from stdin has no name" in refused.stderr
     done = piped(["info", "-"], b"no recording", tmp_path)
     assert (done.returncode, done.stderr.splitlines()[0]) == (
         2,

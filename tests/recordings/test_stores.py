@@ -114,7 +114,7 @@ def both(server: ObjectServer, data: bytes, name: str = "flight.mcap") -> tuple[
         return read(name), read(f"s3://bucket/{name}")
 
 
-@settings(max_examples=examples(40, by_day=8))
+@settings(max_examples=examples(40, by_day=4))
 @given(st.integers(0, 120), st.integers(0, 1000), st.sampled_from([300, 5000]), st.sampled_from(list(WAYS)))
 def test_a_recording_is_the_same_in_a_store(px4_types: Any, count: int, seed: int, chunk: int, way: str) -> None:
     with pytest.MonkeyPatch.context() as patch, object_server() as server:
@@ -124,7 +124,7 @@ def test_a_recording_is_the_same_in_a_store(px4_types: Any, count: int, seed: in
         assert local[0]
 
 
-@settings(max_examples=examples(60, by_day=10))
+@settings(max_examples=examples(60, by_day=5))
 @given(st.integers(0, 1 << 30), st.sampled_from(["zstd", "none", "without-chunks"]))
 def test_a_damaged_recording_is_the_same_in_a_store(px4_types: Any, seed: int, way: str) -> None:
     chance = Random(seed)  # noqa: S311 - no secret

@@ -32,7 +32,7 @@ def test_the_manifest_is_one_of_an_ament_python_package() -> None:
     assert {each.name for each in manifest.exec_depends} == imported
 
 
-@pytest.mark.slow  # installs setuptools into an environment of its own
+@pytest.mark.night  # installs setuptools into an environment of its own
 def test_the_package_builds_as_colcon_builds_it(tmp_path: Path) -> None:
     source = shutil.copytree(PACKAGE, tmp_path / PACKAGE.name)
     command = [sys.executable, "-m", "build", "--wheel", "--outdir", str(tmp_path), str(source)]

@@ -6,25 +6,16 @@ from typing import Any
 
 import pytest
 
-from msggen.base.location import Location
+from msggen.generate.cache import package_of
 from msggen.ros.plan import Topics, Wish, planned
-from msggen.sources.catalog import read_catalog
-from msggen.sources.finding import find_sources, with_archived
-from support.catalogs import import_package
 from support.fake_link import routes_of
 from support.ros_types import px4_msgs_of
 
 
 @pytest.fixture(scope="module")
-def archived(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+def archived() -> dict[str, Any]:
     """Packages of two releases with their archived versions."""
-    return {
-        release: import_package(
-            read_catalog(with_archived(find_sources(release), Location("archived", 0))),
-            tmp_path_factory.mktemp(release),
-        )
-        for release in ("v1.18", "v1.16")
-    }
+    return {release: package_of(release) for release in ("v1.18", "v1.16")}
 
 
 def topics_of(*packages: Any, namespace: str = "", hashes: dict[str, int] | None = None) -> Topics:

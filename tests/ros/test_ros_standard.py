@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import math
 import re
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from msggen.generate.cache import package_of
 from msggen.ros import standard
 from msggen.ros.refusals import Refusals
 from msggen.ros.standard import SOURCES, TYPES, Clock, Converter, Frames, filled
 from support.repository import ROOT
 from support.ros_types import class_with
-from support.simulation import built
 
 SAMPLED = 1_790_000_000_246_000
 ARRIVAL = 1_795_000_000_123_456_789
@@ -84,9 +83,9 @@ def test_odometry_pose_and_transform(px4_types: Any, seed: int) -> None:
 
 
 @pytest.mark.parametrize("release", ["v1.14", "v1.18"])
-def test_level_and_north_in_the_first_and_the_last_release(release: str, px4_types: Any, tmp_path: Path) -> None:
+def test_level_and_north_in_the_first_and_the_last_release(release: str, px4_types: Any) -> None:
     """Level, 10 m north, 2 m east, 5 m up, and heading north: y of ENU, turned by 90 degrees from x."""
-    package: Any = px4_types if release == "v1.18" else built(release, tmp_path)
+    package: Any = px4_types if release == "v1.18" else package_of(release)
     message = package.VehicleOdometry(
         timestamp=SAMPLED, pose_frame=1, velocity_frame=1, position=(10.0, 2.0, -5.0), q=(1.0, 0.0, 0.0, 0.0)
     )

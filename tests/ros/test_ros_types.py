@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from msggen.generate.cache import package_of
 from msggen.ros.types import differences, installed, spelled
 from msggen.sources.catalog import read_catalog
 from msggen.sources.finding import find_sources
@@ -36,11 +37,9 @@ def test_a_px4_msgs_of_the_release_is_equal(px4_types: Any) -> None:
     assert {name for name, cls in found.items() if differences(cls, find(cls.__msg__.ros_type), find)} == set()
 
 
-def test_types_are_equal_if_and_only_if_their_hashes_are(px4_types: Any, tmp_path: Path) -> None:
+def test_types_are_equal_if_and_only_if_their_hashes_are(px4_types: Any) -> None:
     """RIHS01, which rosidl computes, is the reference. The pairs are messages of two releases with the same name."""
-    new, old = (
-        classes(package) for package in (px4_types, import_package(read_catalog(find_sources("v1.15")), tmp_path))
-    )
+    new, old = (classes(package) for package in (px4_types, package_of("v1.15")))
     find = px4_msgs_of(old.values())
     equal = []
     for name in sorted(new.keys() & old.keys()):

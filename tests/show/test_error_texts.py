@@ -17,6 +17,7 @@ from site_tables import with_tables
 from msggen.base.diagnostics import CODES, Level
 from msggen.cli import DONE, FAILED, main
 from msggen.show.report.errors import error_texts
+from support.examples import by_day
 from support.repository import ROOT
 
 TEXTS = error_texts()
@@ -84,11 +85,11 @@ EXAMPLES = [
     pytest.param(
         code,
         id=code,
-        marks=[needs_git] * ("git " in text.example) + [pytest.mark.night] * (place % 2),
+        marks=[needs_git] * ("git " in text.example) + [pytest.mark.night] * bool(place % 3),
     )
     for place, (code, text) in enumerate(TEXTS.items())
 ]
-"""Every other code is for the night."""
+"""Two of three codes are for the night."""
 WARNINGS = [code for code, level in CODES.items() if level is Level.WARNING]
 
 
@@ -111,7 +112,7 @@ def test_the_example_prints_the_line_that_it_shows(
     assert outcome.code == (FAILED if level is Level.ERROR else DONE)
 
 
-@pytest.mark.parametrize("code", WARNINGS)
+@by_day("code", WARNINGS, 2)
 def test_strict_makes_an_error_of_a_warning(
     code: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

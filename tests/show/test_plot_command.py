@@ -70,6 +70,7 @@ def test_keys_and_sizes(url: str, program: TerminalProgram, px4_types: ModuleTyp
     assert b"vehicle_local_position.x" in left  # the last plot stays
 
 
+@pytest.mark.night  # each run does it with top
 def test_a_vehicle_that_leaves_and_returns(url: str, program: TerminalProgram, px4_types: ModuleType) -> None:
     with Simulator(px4_types, url, [SOON]):
         program.wait_for(is_drawn)

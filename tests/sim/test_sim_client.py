@@ -15,6 +15,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from msggen.generate.cache import package_of
 from msggen.link.xrce import entities, wire
 from msggen.link.xrce.client import Client
 from msggen.link.xrce.client_entities import Reader, Server, Settings, Writer
@@ -22,8 +23,9 @@ from msggen.link.xrce.client_events import Connected, Disconnected, Event, Recei
 from msggen.link.xrce.client_liveness import is_known
 from msggen.link.xrce.offset import OffsetFilter
 from msggen.sim import Options, SimulatedVehicle
+from support.examples import by_day
 from support.repository import ROOT, shared
-from support.simulation import SECOND, built
+from support.simulation import SECOND
 from support.xrce_agent import EPOCH, SmallAgent
 from support.xrce_padding import masked
 
@@ -33,9 +35,9 @@ BOOT = 1_000_100
 
 
 @pytest.fixture(scope="module")
-def v1_17(tmp_path_factory: pytest.TempPathFactory) -> ModuleType:
+def v1_17() -> ModuleType:
     """The types of the release whose client was captured."""
-    return built("v1.17", tmp_path_factory.mktemp("types"))
+    return package_of("v1.17")
 
 
 def capture(name: str) -> list[tuple[int, str, bytes]]:
@@ -149,13 +151,13 @@ class Line:
         self.arrives: Callable[[bytes, str], bool] = lambda data, sender: True  # noqa: ARG005
 
     def run(self, seconds: float, write_every: int = 0) -> None:
-        end = self.now + round(seconds * SECOND)
+        end, due = self.now + round(seconds * SECOND), [b""]
         while self.now < end:
             self.client.advance(self.now)
             if write_every and self.now >= self.due and self.client.write(7, b"\1\2\3\4"):
                 self.due = self.now + write_every
             self._carry()
-            self.now += 100
+            self.now += 100 if due else self._pause(end, write_every)
             if self.now % 200_000 == 0:
                 self.agent.tick()
             due = [data for time, data in self.answers if time <= self.now]
@@ -164,6 +166,14 @@ class Line:
                 if self.arrives(data, "agent"):
                     self.client.receive(data, self.now)
             self._carry()
+
+    def _pause(self, end: int, write_every: int) -> int:
+        """Return how long nothing happens, in steps of 100 us."""
+        ticks = self.now // 200_000 * 200_000 + 200_000
+        times = [end, ticks, self.client.next_time, *(time for time, _ in self.answers)]
+        if write_every:
+            times.append(self.due)
+        return max(100, -(-(min(times) - self.now) // 100) * 100)
 
     def _carry(self) -> None:
         for data, connection in self.client.take_outgoing():
@@ -412,7 +422,7 @@ def test_four_replies_wait_for_acknowledgement_and_the_others_for_room() -> None
     assert [number for number, _ in line.agent.replies] == [*range(10)]
 
 
-@pytest.mark.parametrize("seed", range(3))
+@by_day("seed", range(3), 3)
 def test_a_session_is_created_and_replies_arrive_with_10_percent_of_loss_both_ways(seed: int) -> None:
     chance = random.Random(seed)  # noqa: S311 - for repetition
     line = Line(ONE._replace(sync="off"))  # a lost TIMESTAMP would cost a second

@@ -19,6 +19,7 @@ from msggen.sim.commander.components import Registration
 from msggen.sim.commander.requirements import OF_PX4
 from msggen.sim.commander.rules import V1_18, Rules
 from support import flight_captures
+from support.examples import by_day
 from support.flight_comparison import (
     SOURCES,
     answers_of,
@@ -74,7 +75,7 @@ def replayed(name: str, package: Any, changes: Mapping[str, float] = {}, rules: 
     return replay
 
 
-@pytest.mark.parametrize("name", flight_captures.names())
+@by_day("name", flight_captures.names(), 2)
 def test_the_commander_does_what_px4_did(name: str, px4_types: Any) -> None:
     replay = replayed(name, px4_types)
     assert different_answers(replay) == []

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import pytest
 
 from msggen.link.xrce import client, client_liveness, wire
+from support.examples import by_day
 from support.gap_replay import History, Replay, is_compared
 from support.simulation import SECOND
 from support.xrce_captures import FOLDER
@@ -33,24 +34,25 @@ ROWS = {
         Case("gap-pings-1.5"),
     ],
     "the third ping in a row can still be answered": [Case("gap-pings-2.5")],
+    "an INFO of an unknown session ends the wait for each ping, and is a miss": [Case("gap-info-no")],
     "the fourth ping ends the session; the next one begins with 500 times and all entities": [
         Case("gap-killed", AT_START._replace(received=True))
     ],
+    "an INFO needs no configuration": [Case("gap-info-bare")],
     "an INFO with availability 0 is no answer, also while the filter restarts": [
         Case("gap-info-avail0", History(outliers=7))
     ],
-    "an INFO of an unknown session ends the wait for each ping, and is a miss": [Case("gap-info-no")],
-    "an INFO needs no configuration": [Case("gap-info-bare")],
-    "an INFO without a question ends the wait for a ping": [Case("gap-continued")],
     "the answers of an agent that stood still are taken together": [Case("gap-stopped")],
+    "an INFO without a question ends the wait for a ping": [Case("gap-continued")],
+    "a TIMESTAMP without an answer is repeated in each loop, after 10 ms": [Case("gap-pings-no-time")],
     "there are no pings while samples flow both ways": [
         Case("gap-stale-reliable", History(calls=2, window=96_000)),
         Case("gap-stale", History(calls=4, flows=True)),
     ],
-    "a TIMESTAMP without an answer is repeated in each loop, after 10 ms": [Case("gap-pings-no-time")],
     "a TIMESTAMP at the start is waited for by 1 s; eleven time-outs in a row end the session": [
         Case("gap-sync-none", AT_START)
     ],
+    "a HEARTBEAT that tells of 4096 messages sets 16 bits in all ACKNACKs": [Case("gap-hbfar")],
     "the start goes on with the next agent; nothing is read in the pauses of 10 ms": [
         Case("gap-sync-table", AT_START),
         Case("gap-sync-learnt", AT_START),
@@ -62,7 +64,6 @@ ROWS = {
     "before a session, a refused ping is repeated after 2 s; a client that is stopped sends DELETE": [
         Case("gap-client-restarted")
     ],
-    "a HEARTBEAT that tells of 4096 messages sets 16 bits in all ACKNACKs": [Case("gap-hbfar")],
     "an ACKNACK that is too high does no harm; replies go on": [
         Case("gap-ackhigh", History(calls=2, heartbeat=0x1000, window=100_000))
     ],
@@ -90,7 +91,7 @@ def replayed(case: Case, package: Any) -> Replay:
     return replay
 
 
-@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+@by_day("case", CASES, 2, ids=[case.name for case in CASES])
 def test_the_client_does_what_px4_did_in_a_gap(case: Case, px4_types: Any) -> None:
     replay = replayed(case, px4_types)
     assert replay.ours() == replay.theirs(), [row for row, cases in ROWS.items() if case in cases]

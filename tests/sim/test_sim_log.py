@@ -140,7 +140,7 @@ def test_a_vehicle_without_a_position_stays_on_the_ground(px4_types: Any) -> Non
 
 
 @pytest.mark.usefixtures("working_folder")
-@by_day("release", ["v1.18", "v1.16", "v1.14"], 2)
+@by_day("release", ["v1.18", "v1.16", "v1.14"], 3)
 def test_the_command_writes_a_flight(release: str, capsys: Any) -> None:
     assert main(["sim", "--log", "flight.ulg", "--px4", release]) == 0
     shown = capsys.readouterr().out
@@ -304,7 +304,7 @@ def test_a_log_that_cannot_be_written_leaves_no_connection(monkeypatch: pytest.M
 
 
 @pytest.mark.usefixtures("working_folder")
-@pytest.mark.parametrize("section", ["A flight without PX4", "Faults"])
+@by_day("section", ["Faults", "A flight without PX4"], 2)
 def test_the_page_shows_what_a_flight_prints(section: str, capsys: Any) -> None:
     page = (ROOT / "docs" / "sim.md").read_text(encoding="utf-8").partition(f"## {section}\n")[2]
     (block,) = re.findall(r"```console\n(.*?)```", page, re.DOTALL)[:1]

@@ -37,14 +37,15 @@ class Ticks:
         return await future
 
 
-def test_a_program_sleeps_on_the_clock_of_the_vehicle() -> None:
+@pytest.mark.parametrize("seconds", [60, pytest.param(3600, marks=pytest.mark.night)])
+def test_a_program_sleeps_on_the_clock_of_the_vehicle(seconds: int) -> None:
     ticks = Ticks(4_000)
 
     async def program() -> tuple[float, float]:
-        await asyncio.sleep(3600)
+        await asyncio.sleep(seconds)
         return asyncio.get_running_loop().time(), len(ticks.seen)
 
-    assert run(program(), ticks) == (3600.0, 900_000)
+    assert run(program(), ticks) == (float(seconds), seconds * 250)
 
 
 def test_a_program_runs_before_the_clock_goes_on() -> None:

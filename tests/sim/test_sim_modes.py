@@ -6,10 +6,11 @@ from typing import Any
 
 import pytest
 
+from msggen.generate.cache import package_of
 from msggen.sim import Options
 from msggen.sources.embedded import EMBEDDED
 from support.mode_program import Program, Programs
-from support.simulation import NAN, Bench, built
+from support.simulation import NAN, Bench
 
 RELEASES = [release for release in EMBEDDED[::-1] if release != "v1.14"]
 """Those that have modes of programs."""
@@ -18,9 +19,9 @@ SYNCLESS = Options(sync="off")
 
 
 @pytest.fixture(scope="module", params=RELEASES)
-def types(request: pytest.FixtureRequest, px4_types: Any, tmp_path_factory: pytest.TempPathFactory) -> Any:
+def types(request: pytest.FixtureRequest, px4_types: Any) -> Any:
     """The types of a release."""
-    return px4_types if request.param == EMBEDDED[0] else built(request.param, tmp_path_factory.mktemp("types"))
+    return px4_types if request.param == EMBEDDED[0] else package_of(request.param)
 
 
 def started(types: Any, options: Options = SYNCLESS) -> Bench:
@@ -134,8 +135,8 @@ def test_a_restart_of_the_client_keeps_registrations_and_one_of_px4_keeps_names(
         assert second.register().mode_id == second.mode == OWN + 1
 
 
-def test_a_release_without_modes_ignores_them(tmp_path_factory: pytest.TempPathFactory) -> None:
-    types = built("v1.14", tmp_path_factory.mktemp("types"))
+def test_a_release_without_modes_ignores_them() -> None:
+    types = package_of("v1.14")
     bench = started(types)
     assert bench.command(100_001, OWN) in (-1, 0)
     bench.run(1.0)

@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
+from msggen.generate.cache import package_of
 from msggen.sim.endpoints import object_ids_of
 from msggen.sources.embedded import EMBEDDED
 from support.repository import ROOT, shared
-from support.simulation import built
 
 
 def endpoints() -> list[dict[str, Any]]:
@@ -38,10 +38,8 @@ def test_the_ids_are_those_of_both_kinds_of_boards(px4_types: Any, measured: Any
 
 
 @pytest.mark.parametrize("release", EMBEDDED[1:])
-def test_a_release_without_conditions_has_the_same_on_all_boards(
-    release: str, tmp_path_factory: pytest.TempPathFactory
-) -> None:
-    package = built(release, tmp_path_factory.mktemp("types"))
+def test_a_release_without_conditions_has_the_same_on_all_boards(release: str) -> None:
+    package = package_of(release)
     numbers = tuple(endpoint.object_id for endpoint in package.topics.ENDPOINTS)
     assert both(package.topics) == (numbers, numbers)
 

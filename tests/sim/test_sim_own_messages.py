@@ -13,7 +13,7 @@ from support.ports import free_port
 from support.repository import ROOT
 
 
-@pytest.mark.slow  # processes, one after the other
+@pytest.mark.night  # processes, one after the other
 def test_own_messages_arrive(tmp_path: Path) -> None:
     steps = steps_of("sim", "Messages of your own")
     assert len(steps) == 6

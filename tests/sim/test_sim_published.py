@@ -77,6 +77,7 @@ def test_an_unknown_part_is_named(px4_types: Any) -> None:
         published.simulated(px4_types, Options(parts=("gimbl",)))
 
 
+@pytest.mark.night  # it can change with the files only
 def test_the_facts_are_those_of_the_capture(px4_types: Any) -> None:
     path = shared("oracles/flight/session.json.gz")
     assert published.captured(path, px4_types) == published.load()

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from msggen.generate.cache import package_of
 from msggen.messages.commands import ACCEPTED, ARM_DISARM
 from msggen.messages.nav_states import EXTERNAL, HOLD, LAND
 from msggen.sim.flight import NAN, ZERO, Push
@@ -31,7 +32,7 @@ from support.sim_world import (
     Setpoint,
     speed_of,
 )
-from support.simulation import built, topics_of
+from support.simulation import topics_of
 
 DIRECT_ACTUATORS, THRUST_AND_TORQUE = 1, 15
 FORWARD = Setpoint((NAN, NAN, -2.5), (3.0, 0.0, NAN))
@@ -262,9 +263,9 @@ def test_a_vehicle_that_somersaults_comes_to_rest_again() -> None:
 
 
 @pytest.mark.parametrize("release", ["v1.15", "v1.16", "v1.18"])
-def test_the_setpoints_of_every_release_are_understood(release: str, tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_the_setpoints_of_every_release_are_understood(release: str) -> None:
     """Those of v1.15 and v1.16 have other fields, too."""
-    topics = topics_of(built(release, tmp_path_factory.mktemp("types"))).UORB
+    topics = topics_of(package_of(release)).UORB
     program = flying(ATTITUDE)
     setpoints, time = program.world.setpoints, program.world.time
     takes: dict[str, tuple[Any, dict[str, Any]]] = {

@@ -12,6 +12,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from msggen.generate.cache import package_of
 from msggen.link.link import Sample
 from msggen.link.xrce import wire
 from msggen.link.xrce.agent import Agent
@@ -24,17 +25,17 @@ from msggen.sim.parts import PARTS
 from msggen.sim.publishing import ANSWERS
 from msggen.sim.values import VALUES, Filler, Scene
 from msggen.sources.embedded import EMBEDDED
-from support.examples import examples
-from support.simulation import NAN, SECOND, SHORT, Bench, built, fly, topics_of
+from support.examples import by_day, examples
+from support.simulation import NAN, SECOND, SHORT, Bench, fly, topics_of
 from support.xrce_agent import EPOCH
 
 RELEASES = EMBEDDED[::-1]
 
 
 @pytest.fixture(scope="module", params=RELEASES)
-def types(request: pytest.FixtureRequest, px4_types: Any, tmp_path_factory: pytest.TempPathFactory) -> Any:
+def types(request: pytest.FixtureRequest, px4_types: Any) -> Any:
     """The types of each embedded release."""
-    return px4_types if request.param == EMBEDDED[0] else built(request.param, tmp_path_factory.mktemp("types"))
+    return px4_types if request.param == EMBEDDED[0] else package_of(request.param)
 
 
 @pytest.fixture
@@ -101,9 +102,9 @@ def test_topics_have_the_names_types_and_ids_of_the_board(types: Any, board: Boa
     assert bench.agent.participant == "uav_1/px4_micro_xrce_dds"
 
 
-def test_every_known_message_is_of_some_release(tmp_path_factory: pytest.TempPathFactory, px4_types: Any) -> None:
+def test_every_known_message_is_of_some_release(px4_types: Any) -> None:
     published = {endpoint.message_name for endpoint in topics_of(px4_types).out}
-    older = built("v1.17", tmp_path_factory.mktemp("types"))
+    older = package_of("v1.17")
     logged = {px4_types.topics.UORB[name].message_name for name in INSIDE}
     assert {*VALUES} <= logged | published | {endpoint.message_name for endpoint in topics_of(older).out}
 
@@ -323,8 +324,11 @@ def test_no_sample_and_no_request_stops_a_vehicle(px4_types: Any, data: st.DataO
     assert bench.last("vehicle_status").timestamp > 0
 
 
-@pytest.mark.parametrize("transmitted", [-(2**31) * 10**9, 0, (2**31 - 1) * 10**9])
-@pytest.mark.parametrize("originated", [0, 10**9, 2**31 * 10**9 - 1])
+@by_day(
+    ("originated", "transmitted"),
+    itertools.product([0, 10**9, 2**31 * 10**9 - 1], [-(2**31) * 10**9, 0, (2**31 - 1) * 10**9]),
+    4,
+)
 def test_no_clock_of_an_agent_stops_a_vehicle(px4_types: Any, transmitted: int, originated: int) -> None:
     bench = Bench(px4_types, SHORT._replace(rate=5.0))
     bench.run(0.1)
@@ -499,7 +503,7 @@ def test_the_agent_receives_all_samples(px4_types: Any) -> None:
     assert not agent.refused
 
 
-@pytest.mark.parametrize("seed", range(2))
+@by_day("seed", range(2), 2)
 def test_vehicle_and_agent_connect_with_10_percent_of_loss_both_ways(px4_types: Any, seed: int) -> None:
     wrong = Misbehaviour(drop=0.1, reorder=0.02, duplicate=0.02)
     vehicle = SimulatedVehicle(px4_types, Options(sync="off", seed=seed, misbehaviour=wrong))

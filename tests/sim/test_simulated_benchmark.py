@@ -19,6 +19,7 @@ def test_a_program_flies_its_mode_in_the_same_process() -> None:
     assert height == pytest.approx(10.0, abs=1.0)  # that of its setpoints
 
 
+@pytest.mark.night
 def test_a_vehicle_behind_a_socket_is_measured() -> None:
     speed, rate = simulated.sockets(4.0, 1.0)
     assert 0 < speed < 4.4

@@ -279,7 +279,7 @@ MISSPELT = {"FollowTargetEstimator.acc_est"}
 
 
 @pytest.mark.slow
-@by_day("release", EMBEDDED, 2)
+@by_day("release", EMBEDDED, 4)
 def test_nothing_differs_from_the_firmware_in_meaning(release: str) -> None:
     ours, theirs = sources_of(release), find_sources(str(shared(f"firmware/{release}")))
     for report in (check(ours, theirs), check(theirs, ours), breaking(ours, theirs)):
@@ -418,7 +418,7 @@ def test_the_identities_of_a_release_are_written_as_they_were(release: str) -> N
     assert embed.vectors(embed.files_of(embedded_tree(release)), release) == (VECTORS / f"{release}.json").read_text()
 
 
-@pytest.mark.slow
+@pytest.mark.night  # each run embeds a release in a smaller set
 def test_a_release_is_added_by_embedding_it_alone(tmp_path: Path) -> None:
     """A copy of this checkout knows the next release, with a new message and another default, without another edit."""
     copy, tree = tmp_path / "copy", tmp_path / "PX4-Autopilot"
@@ -551,7 +551,7 @@ class TestNames:
         assert main(["build", "-o", "out"]) == 2
         assert capsys.readouterr().err.startswith("../pyproject.toml:2:1: S105 'v2.0': neither a folder nor an emb")
 
-    @pytest.mark.parametrize("name", ["v1.16", "v1.18"])
+    @by_day("name", ["v1.16", "v1.18"], 2)
     def test_a_folder_of_that_name_wins(self, name: str, capsys: Capture) -> None:
         Path(name, "msg").mkdir(parents=True)
         Path(name, "msg", "Wheel.msg").write_text("uint64 timestamp\n")

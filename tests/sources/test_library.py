@@ -18,6 +18,7 @@ from msggen import InputError, Location, endpoints, read
 from msggen.sources.embedded import EMBEDDED
 from support.catalogs import write_definitions
 from support.checkers import mypy
+from support.examples import by_day
 from support.repository import DEFINITIONS, ROOT
 
 PAGE = (ROOT / "docs" / "library.md").read_text(encoding="utf-8")
@@ -34,7 +35,7 @@ def python(*arguments: str, cwd: Path = ROOT) -> str:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("release", EMBEDDED)
+@by_day("release", EMBEDDED, 4)
 def test_an_embedded_release_is_read_by_its_name(release: str) -> None:
     assert read(release).conventions.release == read(f"embedded:{release}").conventions.release == release
 
@@ -202,7 +203,7 @@ def by_pyright(folder: Path) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("check", [by_mypy, by_pyright])
+@by_day("check", [by_mypy, by_pyright], 2)
 def test_programs_are_typed(check: Callable[[Path], subprocess.CompletedProcess[str]], tmp_path: Path) -> None:
     settings = {"extraPaths": [str(ROOT)], "typeCheckingMode": "strict", "pythonVersion": "3.10"}
     write_definitions(tmp_path, {"user.py": USER, "mistakes.py": MISTAKES, "pyrightconfig.json": json.dumps(settings)})

@@ -6,6 +6,7 @@ command. docs/build.md has the same table for readers, and a test compares the t
 
 from __future__ import annotations
 
+import itertools
 import re
 import subprocess
 from collections.abc import Iterator
@@ -17,6 +18,7 @@ import pytest
 from msggen.base.diagnostics import CODES, InputError, Level
 from msggen.cli import DONE, FAILED, main
 from support.catalogs import catalog_of, write_definitions
+from support.examples import by_day
 from support.px4_scripts import snake_case, topics
 from support.repository import ROOT
 from support.rosidl import COMPILER, NO, YES, ask_rosidl
@@ -220,8 +222,7 @@ COMMANDS = {
 
 
 @pytest.mark.usefixtures("working_folder")
-@pytest.mark.parametrize("command", COMMANDS)
-@pytest.mark.parametrize("each", [each for each in ROWS if each.px4 != NO], ids=ids)
+@by_day(("each", "command"), itertools.product([each for each in ROWS if each.px4 != NO], COMMANDS), 3)
 def test_what_px4_builds_is_no_error_in_any_command(
     each: Row, command: str, capsys: pytest.CaptureFixture[str]
 ) -> None:

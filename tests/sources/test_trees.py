@@ -6,6 +6,7 @@ Nothing is modified or unpacked, and the error for an unreadable source gives th
 from __future__ import annotations
 
 import io
+import itertools
 import os
 import shutil
 import stat
@@ -26,7 +27,7 @@ from msggen.sources.catalog import read_catalog
 from msggen.sources.finding import find_sources, open_tree
 from msggen.sources.history import read_history
 from support.catalogs import write_definitions
-from support.examples import examples
+from support.examples import by_day, examples
 from support.packages import BRIDGE_PLACE, committed, content, definition, firmware, git
 
 RPM = definition("Rpm")
@@ -133,8 +134,11 @@ def test_a_linked_work_tree_has_the_revisions_of_its_repository() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("folder", ["me@home/firmware", "firmware@home", "@/firmware", "a@b@c"])
-@pytest.mark.parametrize("revision", ["v1.16", "HEAD@{1}"])
+@by_day(
+    ("revision", "folder"),
+    itertools.product(["v1.16", "HEAD@{1}"], ["me@home/firmware", "firmware@home", "@/firmware", "a@b@c"]),
+    3,
+)
 def test_a_path_may_have_an_at_in_it(folder: str, revision: str) -> None:
     said = repository(Path(folder))
     assert catalog(f"{folder}@{revision}") == said
@@ -355,8 +359,11 @@ def pack(kind: str, folder: str = "firmware", top: str = "firmware") -> str:
     return write(f"packed-v1.16.{kind}", folder, top)
 
 
-@pytest.mark.parametrize("top", ["firmware", "PX4-Autopilot-1.16.0", "./firmware", "."])
-@pytest.mark.parametrize("kind", [*TARS, "zip"])
+@by_day(
+    ("kind", "top"),
+    itertools.product([*TARS, "zip"], ["firmware", "PX4-Autopilot-1.16.0", "./firmware", "."]),
+    3,
+)
 def test_an_archive_of_every_kind_reads_as_the_folder_it_was_made_of(kind: str, top: str) -> None:
     said = catalog(str(firmware()))
     path = pack(kind, top=top)
@@ -508,8 +515,7 @@ LINKS = (
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["revision", "tar", "tar.xz", "zip"])
-@pytest.mark.parametrize("link", LINKS, ids=lambda link: link.__name__)
+@by_day(("kind", "link"), [(kind, link) for link in LINKS for kind in ("revision", "tar", "tar.xz", "zip")], 3)
 def test_symbolic_links_are_followed_as_on_a_disk(link: Callable[[], None], kind: str) -> None:
     firmware()
     link()

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, TypeVar
 
 import pytest
 from hypothesis import settings
+
+T = TypeVar("T")
 
 ALL_EXAMPLES = 100
 """The examples of a test that names no number, in the profile `night`."""
@@ -17,6 +19,11 @@ def examples(count: int, by_day: int = ALL_EXAMPLES) -> int:
     most = settings().max_examples
     some = max(1, count * most // ALL_EXAMPLES)
     return some if most == ALL_EXAMPLES else min(some, by_day)
+
+
+def some(cases: Iterable[T], step: int) -> list[T]:
+    """Return what a dear test takes of `cases`: every `step`th, the first included, and at night all."""
+    return [*cases][:: 1 if settings().max_examples == ALL_EXAMPLES else step]
 
 
 def by_day(

@@ -11,8 +11,8 @@ from zlib import crc32
 
 import pytest
 
+from msggen.generate.cache import package_of
 from msggen.sources.embedded import EMBEDDED
-from support.simulation import built
 
 NEWEST, *OTHERS = (release for release in EMBEDDED if release != "v1.14")
 RELEASES = [*OTHERS[::-1], NEWEST]
@@ -20,9 +20,9 @@ _DRAWN = [*OTHERS, *[NEWEST] * len(OTHERS)]
 
 
 @pytest.fixture(scope="module", params=RELEASES)
-def types(request: pytest.FixtureRequest, px4_types: Any, tmp_path_factory: pytest.TempPathFactory) -> Any:
+def types(request: pytest.FixtureRequest, px4_types: Any) -> Any:
     """The types of a release."""
-    return px4_types if request.param == NEWEST else built(request.param, tmp_path_factory.mktemp("types"))
+    return px4_types if request.param == NEWEST else package_of(request.param)
 
 
 @pytest.hookimpl(tryfirst=True)

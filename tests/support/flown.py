@@ -16,6 +16,9 @@ from msggen.sim.near import NearVehicle
 
 _Result = TypeVar("_Result")
 EXTERNAL = 23
+_TAKEOFF = 17
+_THRUSTING = 1_800_000
+"""A time in us from the start of the motors at which they nearly lift the vehicle."""
 _BELOW = 1.0
 """How far below the end of a takeoff the climb goes on, in m."""
 
@@ -62,6 +65,17 @@ class Flown(NearVehicle):
             seed = f"losses {self._options.seed} {self._options.key} {topic}"
             self._losses[topic] = random.Random(seed)  # noqa: S311 - not for secrets
         return self._losses[topic].random() < self.loss
+
+    def advance(self, now: int) -> None:
+        """Move on to a time. In a takeoff, the seconds are left out in which motors start that do not lift yet.
+
+        A vehicle whose height drifts leaves the ground later.
+        """
+        super().advance(now)
+        lift, world = self.world.autopilot.lift, self.world
+        is_idle = lift._start is None and lift.climb < 0.0
+        if is_idle and world.is_armed and world.mode == _TAKEOFF and not self._options.disturbances:
+            lift._start = now - _THRUSTING
 
     def publish(self, topic: str, message: Any) -> None:
         self.sent.append(Sent(self.time / 1e6, topic, message))

@@ -22,7 +22,7 @@ _LATE = 8_000
 """The time in us by which a loop of the captured client may be late: what is due waits for it."""
 _BEHIND = 50_000
 """The time in us by which that clock lags in 2 s: before a session, the client waits by the clock of the system."""
-_BEFORE = 9 * SECOND
+_BEFORE = 7 * SECOND
 _IDENTITY = slice(10, 36)
 """The object id and the caller's bytes in a reply. The request id before them counts the samples of the vehicle."""
 
@@ -111,8 +111,9 @@ class Replay:
                 agent.receive(data, now)
             for data in answers:
                 self.vehicle.receive(data, now)
+            soon = now + 1000
+            now = min(soon if answers else max(soon, self.vehicle.next_time), end)
             answers.clear()
-            now = min(now + 1000, end)
         self.vehicle.take_outgoing()
 
     def _set_times(self, history: History) -> None:

@@ -40,14 +40,23 @@ class Elements(HTMLParser):
         return [each.attributes["id"] for each in self.found if "id" in each.attributes]
 
 
-def broken_links(files: Mapping[str, str]) -> Iterator[str]:
-    """Yield each link and each loaded file of the pages in `files` that is not there, with its page."""
-    pages = {name: Elements(text) for name, text in files.items() if name.endswith(".html")}
+def pages_in(files: Mapping[str, str]) -> dict[str, Elements]:
+    """Return the pages in `files`."""
+    return {name: Elements(text) for name, text in files.items() if name.endswith(".html")}
+
+
+def broken_links(files: Mapping[str, str], pages: Mapping[str, Elements] | None = None) -> Iterator[str]:
+    """Yield each link and each loaded file of the pages in `files` that is not there, with its page.
+
+    `pages` are those of `pages_in(files)`, where a test has them already.
+    """
+    pages = pages_in(files) if pages is None else pages
+    anchors = {name: {*page.ids} for name, page in pages.items()}
     for name, page in pages.items():
         targets = (*page.all("a", "href"), *page.all("link", "href"), *page.all("script", "src"))
         for link in targets:
             path, _, anchor = link.partition("#")
             path = path.partition("?")[0]  # the version of a file that browsers keep
             target = posixpath.normpath(posixpath.join(posixpath.dirname(name), unquote(path))) if path else name
-            if target not in files or (anchor and anchor not in pages[target].ids):
+            if target not in files or (anchor and anchor not in anchors[target]):
                 yield f"{name}: {link}"

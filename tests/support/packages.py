@@ -94,6 +94,14 @@ def git(folder: Path, *arguments: str) -> str:
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
 
 
+def packed(folder: Path) -> Path:
+    """Put the objects of a repository into one file, and remove the samples of hooks: it is copied faster then."""
+    git(folder, "repack", "-a", "-d", "-q")
+    for sample in (folder / ".git" / "hooks").glob("*.sample"):
+        sample.unlink()
+    return folder
+
+
 def committed(folder: Path) -> Path:
     """Make `folder` a repository with everything committed."""
     git(folder, "init", "-q")

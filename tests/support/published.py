@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
@@ -80,18 +79,13 @@ def _rate(samples: Sequence[tuple[float, Any]], start: float, end: float) -> flo
 
 def _fields(messages: Sequence[Any]) -> dict[str, str]:
     """Return what is in each field of messages: it moves, or is always 0, NaN, infinite, or something else."""
-    found: dict[str, set[str]] = defaultdict(set)
-    values: dict[str, set[str]] = defaultdict(set)
-    for message in messages:
-        for field in message.__msg__.fields:
-            value = getattr(message, field.name)
-            found[field.name].add(_kind(value))
-            values[field.name].add(repr(value))
-    return {
-        name: "moves" if len(values[name]) > 1 else next(iter(kinds))
-        for name, kinds in found.items()
-        if name not in _TIMES
-    }
+    names = [field.name for field in messages[0].__msg__.fields] if messages else []
+    return {name: _content([getattr(each, name) for each in messages]) for name in names if name not in _TIMES}
+
+
+def _content(values: Sequence[Any]) -> str:
+    first = repr(values[0])  # NaN is unequal to NaN
+    return "moves" if any(repr(value) != first for value in values) else _kind(values[0])
 
 
 def _kind(value: Any) -> str:

@@ -29,14 +29,19 @@ SOME = ["SensorCombined", "VehicleStatus", "DebugKeyValue", "DebugArray", "Posit
 _OTHERS = sorted({*NAMES} - {*SOME})
 _GROUPS = [
     pytest.param(SOME, id="some"),
-    *(pytest.param(_OTHERS[place::9], id=f"others {place + 1}", marks=pytest.mark.slow) for place in range(9)),
+    *(
+        pytest.param(
+            _OTHERS[place::9], id=f"others {place + 1}", marks=pytest.mark.night if place % 3 else pytest.mark.slow
+        )
+        for place in range(9)
+    ),
 ]
 
 
 def every_message(test: Callable[..., None]) -> Callable[..., None]:
     """Run a test of one message, its parameter `name`, for each of NAMES: for SOME, and in nine slow groups.
 
-    A test for each message would cost each worker more to collect than most of them take.
+    Six of these are for the night. A test for each message would cost each worker more to collect than most take.
     """
 
     @functools.wraps(test)

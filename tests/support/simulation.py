@@ -4,32 +4,17 @@ from __future__ import annotations
 
 import importlib
 import math
-import sys
 from collections.abc import Callable, Iterator, Mapping
-from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from msggen.generate.python.package import render_package
 from msggen.sim import Options, SimulatedVehicle
-from msggen.sources.catalog import read_catalog
-from msggen.sources.finding import find_sources
-from support.catalogs import write_definitions
 from support.xrce_agent import SmallAgent
 
 SECOND = 1_000_000
 NAN = math.nan
 FREE = (NAN, NAN, NAN)
 SHORT = Options(sync="short")
-
-
-def built(release: str, folder: Path) -> ModuleType:
-    """Build and import the types of an embedded release, once in a process."""
-    name = f"types_of_{release.replace('.', '_')}"
-    if name not in sys.modules:
-        write_definitions(folder / name, dict(render_package(read_catalog(find_sources(release)), name)))
-        sys.path.insert(0, str(folder))
-    return importlib.import_module(name)
 
 
 def topics_of(package: ModuleType) -> Any:

@@ -12,15 +12,17 @@ pytest.importorskip("cyclonedds")
 import link
 import shared_link
 from link_sender import Load
+from support.examples import by_day
 
 
-@pytest.mark.parametrize(
+@by_day(
     ("measure", "load"),
     [
         (link.measure_udp, Load("udp", 0, 3, 4, 600, 0.2)),
         (link.measure_dds, Load("dds", link.DOMAIN, 1, 2, 200, 0.2)),
         (link.measure_typed, Load("typed", link.DOMAIN, 1, 1, 200, 0.2)),
     ],
+    3,
 )
 def test_samples_are_sent_and_measured(measure: Callable[[Load], link.Result], load: Load) -> None:
     result = measure(load)

@@ -26,6 +26,7 @@ from msggen.link.udp import UdpLink
 from msggen.live import LinkTimeoutError, Vehicle
 from msggen.sim import Misbehaviour, Options, Simulator
 from msggen.vehicle.command import acknowledges, address_of, send_command
+from support.examples import by_day
 from support.fake_link import FakeLink, routes_of
 from support.ports import free_port
 from support.repository import ROOT
@@ -47,7 +48,7 @@ class Bench(NamedTuple):
 def bench(px4_types: ModuleType) -> Iterator[Bench]:
     """One vehicle for all tests: each command continues the session of the last one."""
     url = f"udp://127.0.0.1:{free_port()}"
-    with Simulator(px4_types, url, [Options(sync="short", key=7)]) as simulator:
+    with Simulator(px4_types, url, [Options(sync="short", rate=10.0, key=7)]) as simulator:
         yield Bench(simulator, ["--link", url, "--types", PACKAGE, "--key", "7"])
 
 
@@ -165,7 +166,7 @@ def test_a_message_of_another_definition_is_not_published(
 ) -> None:
     url = f"udp://127.0.0.1:{free_port()}"
     wrong = Misbehaviour(wrong_hashes=("TrajectorySetpoint", "VehicleCommand"))
-    with Simulator(px4_types, url, [Options(sync="short", misbehaviour=wrong)]) as simulator:
+    with Simulator(px4_types, url, [Options(sync="short", rate=10.0, misbehaviour=wrong)]) as simulator:
         for words in (["topic", "pub", "--once", "trajectory_setpoint", "{}"], ["command", "arm"]):
             assert main([*words, "--link", url, "--types", PACKAGE]) == 2
             told = capsys.readouterr()
@@ -239,7 +240,7 @@ WITHOUT_STICKS = (
 def test_a_refusal_has_the_reasons_that_the_vehicle_shows(px4_types: Any, capsys: pytest.CaptureFixture[str]) -> None:
     url = f"udp://127.0.0.1:{free_port()}"
     link = ["--link", url, "--types", PACKAGE, "--key", "1"]
-    with Simulator(px4_types, url, [Options(sync="short")]) as simulator:
+    with Simulator(px4_types, url, [Options(sync="short", rate=10.0)]) as simulator:
         for words, text in (
             (["mode", "position"], "SET_NAV_STATE: ACCEPTED\n"),
             (["arm"], f"COMPONENT_ARM_DISARM: TEMPORARILY_REJECTED: {WITHOUT_STICKS}\n"),
@@ -428,12 +429,12 @@ ACTING = [
 
 
 @pytest.mark.usefixtures("patient")
-@pytest.mark.parametrize("words", ACTING)
+@by_day("words", ACTING, 3)
 def test_a_command_that_acts_does_not_take_the_vehicle_that_connects_first(
     words: list[str], px4_types: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
     url = f"udp://127.0.0.1:{free_port()}"
-    first, second = (Simulator(px4_types, url, [Options(sync="short", key=key)]) for key in (2, 1))
+    first, second = (Simulator(px4_types, url, [Options(sync="short", rate=10.0, key=key)]) for key in (2, 1))
     later = threading.Timer(0.5, second.__enter__)
     with first:
         later.start()
@@ -451,7 +452,7 @@ def test_a_command_that_acts_does_not_take_the_vehicle_that_connects_first(
 
 def test_a_command_acts_on_the_vehicle_that_is_named(px4_types: Any, capsys: pytest.CaptureFixture[str]) -> None:
     url = f"udp://127.0.0.1:{free_port()}"
-    with Simulator(px4_types, url, [Options(sync="short", key=key) for key in (1, 2)]) as simulator:
+    with Simulator(px4_types, url, [Options(sync="short", rate=10.0, key=key) for key in (1, 2)]) as simulator:
         assert main(["command", "arm", "--key", "2", "--link", url, "--types", PACKAGE]) == 0
         assert [each.world.is_armed for each in simulator.vehicles] == [False, True]
     assert capsys.readouterr().out == "COMPONENT_ARM_DISARM: ACCEPTED\n"
@@ -465,7 +466,7 @@ def test_a_command_that_reads_waits_for_no_other_vehicle(
 
     monkeypatch.setattr(UdpLink, "is_settled", is_settled)
     url = f"udp://127.0.0.1:{free_port()}"
-    with Simulator(px4_types, url, [Options(sync="short")]):
+    with Simulator(px4_types, url, [Options(sync="short", rate=10.0)]):
         assert main(["topic", "echo", "--once", "vehicle_status", "--link", url, "--types", PACKAGE]) == 0
     assert "arming_state" in capsys.readouterr().out
 
@@ -474,7 +475,7 @@ def test_a_command_that_reads_tells_of_another_vehicle(
     px4_types: Any, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
 ) -> None:
     url = f"udp://127.0.0.1:{free_port()}"
-    both = [Options(sync="short", key=key) for key in (1, 2)]
+    both = [Options(sync="short", rate=10.0, key=key) for key in (1, 2)]
     with Simulator(px4_types, url, both):
         words = ["topic", "echo", "--for", "4", "vehicle_status", "--link", url, "--types", PACKAGE]
         assert main(words) == 0
@@ -492,7 +493,7 @@ STEPS = re.findall(r"^\$ (msggen .*)\n((?:(?!\$ ).*\n)*)", SESSIONS, re.MULTILIN
 def test_the_sessions_of_the_page_are_real(px4_types: ModuleType, capsys: pytest.CaptureFixture[str]) -> None:
     """All commands, in order, with one vehicle. Only times differ."""
     url = f"udp://127.0.0.1:{free_port()}"
-    with Simulator(px4_types, url, [Options(sync="short")]):
+    with Simulator(px4_types, url, [Options(sync="short", rate=10.0)]):
         for command, shown in STEPS:
             with suppress(SystemExit):
                 main([*shlex.split(command)[1:], "--link", url, "--types", PACKAGE, "--key", "1"])

@@ -199,7 +199,7 @@ def test_the_session_of_the_page_is_real(px4_types: Any, environment: dict[str, 
     lines = "\n".join(re.findall(r"^In \[\d+\]: (.*)$", block[1], re.MULTILINE))
     options = ["--simple-prompt", "--no-banner", "--no-confirm-exit", "--colors=NoColor"]
     command = [sys.executable, "-m", "IPython", *options, "--HistoryManager.enabled=False"]
-    with Simulator(px4_types, url, [Options(sync="off")]):
+    with Simulator(px4_types, url, [Options(sync="off", rate=10.0)]):
         code = lines.replace("udp://127.0.0.1:8888", url) + "\n"
         done = subprocess.run(
             command, input=code, env=environment, capture_output=True, text=True, timeout=120, check=True
@@ -218,6 +218,7 @@ CELLS = (
 )
 
 
+@pytest.mark.night  # a kernel of its own; by day, IPython shows the same
 @pytest.mark.usefixtures("environment")
 def test_a_notebook_shows_tables(px4_types: Any) -> None:
     """A headless notebook, in a kernel of its own."""
@@ -228,7 +229,7 @@ def test_a_notebook_shows_tables(px4_types: Any) -> None:
     url = f"udp://127.0.0.1:{free_port()}"
     new: Any = v4  # without types
     notebook = new.new_notebook(cells=[new.new_code_cell(cell.replace("URL", url)) for cell in CELLS])
-    with Simulator(px4_types, url, [Options(sync="off")]):
+    with Simulator(px4_types, url, [Options(sync="off", rate=10.0)]):
         nbclient.NotebookClient(notebook, timeout=60, kernel_name="python3").execute()
     outputs = [{**cell["outputs"][0]["data"]} for cell in notebook["cells"]]
     first, message, subscription, connected, several = outputs

@@ -19,6 +19,7 @@ from msggen.flight import BlockingFlight
 from msggen.link.link import Remote
 from msggen.sim import Options, Simulator
 from support.example_program import EXAMPLES, LONGEST, Program, interrupted
+from support.examples import by_day
 from support.ports import free_port
 from support.repository import ROOT
 
@@ -45,7 +46,7 @@ def run() -> Iterator[type[Program]]:
         program.end()
 
 
-SOON = Options(sync="short")
+SOON = Options(sync="short", rate=10.0)
 CONNECTING = sorted(
     str(path.relative_to(EXAMPLES)) for path in EXAMPLES.rglob("*.py") if "[udp://" in path.read_text(encoding="utf-8")
 )
@@ -54,11 +55,12 @@ CONNECTING = sorted(
 
 def test_listener(px4_types: ModuleType, address: str, run: type[Program]) -> None:
     program = run("listener.py", address)
-    with Simulator(px4_types, address, [SOON]):
+    with Simulator(px4_types, address, [Options(sync="short")]):
         program.wait_for(r"m/s\^2", r"m/s\^2")
     interrupted(program)
 
 
+@pytest.mark.night  # builds a package, and runs two programs
 def test_advertiser(tmp_path: Path, address: str, run: type[Program]) -> None:
     topics = (ROOT / "dds_topics.yaml").read_text(encoding="utf-8")
     more = "subscriptions:\n  - topic: /fmu/in/debug_vect\n    type: px4_msgs::msg::DebugVect\n"
@@ -72,7 +74,7 @@ def test_advertiser(tmp_path: Path, address: str, run: type[Program]) -> None:
     assert simulator.process.wait(LONGEST) == 0
 
 
-@pytest.mark.parametrize("name", CONNECTING)
+@by_day("name", CONNECTING, 4)
 def test_an_address_that_cannot_be_opened_is_one_line(name: str, run: type[Program]) -> None:
     goal = ["1", "2", "3"] if name == "enu_goal.py" else []
     program = run(name, *goal, "udp://127.0.0.1:x")
@@ -98,7 +100,7 @@ def test_offboard(px4_types: ModuleType, address: str, run: type[Program]) -> No
 
 def test_two_vehicles(px4_types: ModuleType, address: str, run: type[Program]) -> None:
     program = run("two_vehicles.py", address)
-    vehicles = [Options(sync="short", key=key, namespace=f"uav_{key}") for key in (1, 2)]
+    vehicles = [Options(sync="short", rate=10.0, key=key, namespace=f"uav_{key}") for key in (1, 2)]
     with Simulator(px4_types, address, vehicles):
         program.wait_for(r"\(key 1, namespace uav_1\)", r"\(key 2, namespace uav_2\)", "heights: .* m, .* m")
     interrupted(program)

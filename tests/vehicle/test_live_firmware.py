@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import importlib
-import sys
-from collections.abc import Iterator
 from typing import Any
 
 import pytest
 
+from msggen.generate.cache import package_of
 from msggen.link.link import Route, StaleError
 from msggen.live import FormatError, TopicError, Vehicle
 from msggen.messages.firmware import PROTOCOL_VERSION, REQUEST, RESPONSE, FormatCheck, identify, releases
@@ -19,26 +17,9 @@ from support.live_releases import TABLE, table
 
 
 @pytest.fixture(scope="module")
-def archived(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]:
+def archived() -> dict[str, Any]:
     """A package of each release, with archived versions where it has them."""
-    from msggen.base.location import Location
-    from msggen.generate.python.package import render_package
-    from msggen.sources.catalog import read_catalog
-    from msggen.sources.finding import find_sources, with_archived
-    from support.catalogs import write_definitions
-
-    folder = tmp_path_factory.mktemp("packages")
-    sys.path.insert(0, str(folder))
-    packages = {}
-    for release in ("v1.18", "v1.17", "v1.15"):
-        name = f"live_{release.replace('.', '_')}"
-        sources = find_sources(release)
-        if release != "v1.15":
-            sources = with_archived(sources, Location("archived", 0))
-        write_definitions(folder / name, dict(render_package(read_catalog(sources), name)))
-        packages[release] = importlib.import_module(name)
-    yield packages
-    sys.path.remove(str(folder))
+    return {release: package_of(release) for release in ("v1.18", "v1.17", "v1.15")}
 
 
 def known(release: str, namespace: str = "") -> list[Route]:

@@ -18,6 +18,7 @@ from msggen.link.xrce.agent import Agent
 from msggen.live import LinkError, LinkTimeoutError, Vehicle
 from msggen.sim import Options, Simulator
 from msggen.vehicle import vehicle as vehicle_module
+from support.examples import by_day
 from support.fake_link import FakeLink
 from support.link_records import nothing_is_left
 from support.ports import free_port
@@ -367,7 +368,7 @@ def test_a_new_vehicle_gets_another_link_than_the_one_that_has_failed(
         monkeypatch.setattr(link.agent, "tick", lambda _: 1 / 0)
         with pytest.raises(LinkError, match="the link failed: ZeroDivisionError"):
             failed.wait_connected(WAIT)
-        with Vehicle(url, px4_types) as vehicle, Simulator(px4_types, url, [Options(sync="off")]):
+        with Vehicle(url, px4_types) as vehicle, Simulator(px4_types, url, [Options(sync="off", rate=10.0)]):
             failed.close()  # and leaves the other one as it is
             assert vehicle.wait_connected(WAIT).key == 1
             with Vehicle(url, px4_types) as third:
@@ -422,7 +423,7 @@ print(link.closed.is_set())
 """
 
 
-@pytest.mark.parametrize(
+@by_day(
     "wait",
     [
         "next(iter(subscription))",
@@ -430,6 +431,7 @@ print(link.closed.is_set())
         "vehicle.wait_connected()",
         "__import__('asyncio').run(subscription.__aiter__().__anext__())",
     ],
+    2,
 )
 def test_ctrl_c_ends_a_wait(wait: str) -> None:
     places = {"root": str(ROOT), "tests": str(ROOT / "tests"), "generated": str(ROOT / "generated")}

@@ -14,6 +14,7 @@ from msggen.link.serial import SerialLink
 from msggen.link.tap import TapLink
 from msggen.link.udp import UdpLink
 from msggen.sim import Misbehaviour, Options, Simulator
+from support.examples import by_day
 from support.lines import joined
 from support.link_records import Records, nothing_is_left
 from support.ports import free_port
@@ -134,7 +135,7 @@ def test_a_link_that_is_opened_again_goes_on_with_the_session(kind: str, tmp_pat
             assert others.warnings == []
 
 
-@pytest.mark.parametrize("kind", ["udp", "serial", "tap"])
+@by_day("kind", ["udp", "serial", "tap"], 2)
 def test_without_a_record_of_its_session_a_vehicle_connects_anew(kind: str, px4_types: Any) -> None:
     with (
         line(kind) as (link, address),

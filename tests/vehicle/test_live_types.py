@@ -106,7 +106,7 @@ def test_mypy_knows_the_types(folder: Path) -> None:
     assert sorted(found) == WRONG_FILES, done.stdout
 
 
-@pytest.mark.slow  # the generated package is checked with it
+@pytest.mark.night  # by day, mypy judges the same files
 def test_pyright_knows_the_types(folder: Path) -> None:
     settings = {"include": ["."], "typeCheckingMode": "strict", "pythonVersion": "3.10"}
     paths = [str(ROOT), str(GENERATED)]

@@ -63,22 +63,19 @@ def steps_of(page: str) -> list[Step]:
     return [each for each in found if each.command and not _ENDLESS.match(each.command)]
 
 
-@pytest.mark.slow  # it flies in real time
+@pytest.mark.night  # it flies in real time; by day, other tests run each page and program
 @pytest.mark.timeout(600)
-@pytest.mark.parametrize("pages", [ORDER[:3], pytest.param(ORDER, marks=pytest.mark.night)], ids=["some", "all"])
 def test_a_reader_can_follow_the_pages_with_one_vehicle(
-    pages: tuple[str, ...], px4_types: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    px4_types: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """By day, the first pages without their programs, which fly for a minute: other tests run each page and program."""
     url = f"udp://127.0.0.1:{free_port()}"
     types = ROOT / "generated" / "px4_types"
     (tmp_path / "pyproject.toml").write_text(f'[tool.msggen]\nlink = "{url}"\ntypes = "{types}"\n')
     monkeypatch.chdir(tmp_path)
     with Simulator(px4_types, url, [Options(sync="short")]) as simulator:
-        for page in pages:
+        for page in ORDER:
             for step in steps_of(page):
-                if pages is ORDER or not step.is_program:
-                    _follow(step, url)
+                _follow(step, url)
             _wait_until_disarmed(simulator.vehicles[0].world)
 
 

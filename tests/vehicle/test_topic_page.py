@@ -27,7 +27,7 @@ def folder(px4_types: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator
     url = f"udp://127.0.0.1:{free_port()}"
     types = ROOT / "generated" / "px4_types"
     (made / "pyproject.toml").write_text(f'[tool.msggen]\nlink = "{url}"\ntypes = "{types}"\n')
-    with Simulator(px4_types, url, [Options(sync="short")]):
+    with Simulator(px4_types, url, [Options(sync="short", rate=10.0)]):
         yield made
 
 

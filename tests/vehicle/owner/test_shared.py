@@ -29,6 +29,7 @@ from msggen.vehicle.owned.greeting import connected
 from msggen.vehicle.owned.joining import SharedLink
 from msggen.vehicle.owned.places import place_of, runtime_folder
 from msggen.vehicle.owner.process import IDLE, idle
+from support.examples import by_day
 from support.link_records import nothing_is_left
 from support.owners import give, needs_owners
 from support.ports import free_port
@@ -71,7 +72,7 @@ def is_alive(pid: int) -> bool:
 
 
 def test_programs_share_a_link_and_the_vehicle_is_there_at_once(url: str, px4_types: Any) -> None:
-    with Simulator(px4_types, url, [Options(sync="off", rate=50.0)]):
+    with Simulator(px4_types, url, [Options(sync="off", rate=10.0)]):
         with Vehicle(url, px4_types) as first:
             first.wait_connected(WAIT)
             with Vehicle(url.replace("127.0.0.1", "localhost"), px4_types) as second:
@@ -102,7 +103,7 @@ with Vehicle({url!r}) as vehicle:
 """
 
 
-@pytest.mark.parametrize("times", [3, pytest.param(100, marks=[pytest.mark.night, pytest.mark.timeout(600)])])
+@pytest.mark.parametrize("times", [1, pytest.param(100, marks=[pytest.mark.night, pytest.mark.timeout(600)])])
 def test_programs_that_start_at_once_start_one_owner(url: str, times: int) -> None:
     for _ in range(times):
         program = PROGRAM.format(root=str(ROOT), url=url)
@@ -152,9 +153,9 @@ def test_a_stopped_program_delays_nobody(url: str, px4_types: Any) -> None:
         assert vehicle.lost == 0
 
 
-@pytest.mark.parametrize("times", [2, pytest.param(50, marks=[pytest.mark.night, pytest.mark.timeout(900)])])
+@pytest.mark.parametrize("times", [1, pytest.param(50, marks=[pytest.mark.night, pytest.mark.timeout(900)])])
 def test_a_killed_owner_is_started_again_and_programs_go_on(url: str, times: int, px4_types: Any) -> None:
-    with Simulator(px4_types, url, [Options(sync="off", rate=50.0)]), Vehicle(url, px4_types) as vehicle:
+    with Simulator(px4_types, url, [Options(sync="off", rate=10.0)]), Vehicle(url, px4_types) as vehicle:
         status = vehicle.subscribe("vehicle_status")
         vehicle.wait_connected(WAIT)
         for _ in range(times):
@@ -189,14 +190,14 @@ NO_RECORD = (
 )
 
 
-@pytest.mark.parametrize("is_direct", [True, False])
+@by_day("is_direct", [False, True], 2)
 def test_vehicles_without_a_record_connect_anew_and_are_told(
     is_direct: bool,  # noqa: FBT001
     url: str,
     px4_types: Any,
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    both = [Options(sync="off", rate=50.0, key=key, namespace=f"uav_{key}") for key in (1, 2)]
+    both = [Options(sync="off", rate=10.0, key=key, namespace=f"uav_{key}") for key in (1, 2)]
     with Simulator(px4_types, url, both):
         leave_unrecorded(url, px4_types, 2, is_direct=is_direct)
         assert NO_RECORD not in caplog.text
@@ -326,7 +327,10 @@ def test_a_free_port_is_opened_in_the_program_and_told(px4_types: Any, capsys: p
         assert owners() == []
         assert re.fullmatch(r"udp://127\.0\.0\.1:[1-9]\d*", vehicle.url)
         assert repr(vehicle) == f"<Vehicle on {vehicle.url}: not connected>"
-        with Vehicle("udp://127.0.0.1:0") as other, Simulator(px4_types, vehicle.url, [Options(sync="short")]):
+        with (
+            Vehicle("udp://127.0.0.1:0") as other,
+            Simulator(px4_types, vehicle.url, [Options(sync="short", rate=10.0)]),
+        ):
             assert other.url == vehicle.url, "Vehicles of a program share a link"
             assert vehicle.wait_connected(WAIT) == other.wait_connected(WAIT)
     assert main(["topic", "list", "--link", "udp://0", "--wait", "0.1"]) == 2
@@ -381,7 +385,7 @@ def test_the_command_lists_and_stops_owners(url: str, px4_types: Any, capsys: py
     assert capsys.readouterr().out.startswith(f"{url} is open; its log is ")
     assert main(["link", "serve", "--link", url]) == 2
     assert "another process owns this link" in capsys.readouterr().err
-    with Simulator(px4_types, url, [Options(sync="off")]), Vehicle(url) as vehicle:
+    with Simulator(px4_types, url, [Options(sync="off", rate=10.0)]), Vehicle(url) as vehicle:
         vehicle.wait_connected(WAIT)
         vehicle.wait_firmware(WAIT)
         assert main(["link", "list"]) == 0
@@ -397,7 +401,7 @@ def test_the_command_lists_and_stops_owners(url: str, px4_types: Any, capsys: py
 
 
 def test_serving_tells_of_a_vehicle_without_a_record(url: str, px4_types: Any) -> None:
-    with Simulator(px4_types, url, [Options(sync="off", rate=50.0, key=1)]):
+    with Simulator(px4_types, url, [Options(sync="off", rate=10.0, key=1)]):
         leave_unrecorded(url, px4_types, 1, is_direct=True)
         command = [sys.executable, "-m", "msggen", "link", "serve", "--link", url]
         environment = {**os.environ, "PYTHONPATH": str(ROOT)}
@@ -415,7 +419,7 @@ def test_serving_in_the_foreground_tells_what_happens(url: str, px4_types: Any) 
     with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout
         assert f"{url} is open" in process.stdout.readline()
-        with Simulator(px4_types, url, [Options(sync="off")]), Vehicle(url) as vehicle:
+        with Simulator(px4_types, url, [Options(sync="off", rate=10.0)]), Vehicle(url) as vehicle:
             vehicle.wait_connected(WAIT)
         process.send_signal(signal.SIGINT)
         told = process.stdout.read()
@@ -461,7 +465,7 @@ def test_the_link_goes_on_when_nobody_reads_what_it_tells(url: str, px4_types: A
         assert process.stderr
         process.stdout.readline()
         process.stdout.close()
-        with Simulator(px4_types, url, [Options(sync="off")]), Vehicle(url, px4_types) as vehicle:
+        with Simulator(px4_types, url, [Options(sync="off", rate=10.0)]), Vehicle(url, px4_types) as vehicle:
             assert vehicle.wait_connected(WAIT)
             assert vehicle.subscribe("vehicle_status").wait_for(bool, WAIT)
             assert process.poll() is None
