@@ -85,7 +85,8 @@ def _read(path: str) -> str:
 def _program(path: str, text: str) -> Program:
     """Return the parsed template. Raises InputError."""
     _check_empy(path)
-    from msggen.generate.text.empy_program import MarkupError, Program
+    from msggen.generate.text.empy_markup import MarkupError
+    from msggen.generate.text.empy_program import Program
 
     try:
         return Program(path, text)
@@ -101,7 +102,7 @@ def _check_empy(path: str) -> None:
     except ImportError as error:
         raise input_error(path, "T101", f"{wanted}: {error}", 0) from error
     version = str(getattr(em, "__version__", "without a version"))
-    if not version.startswith("3.3"):
+    if not version.startswith(("3.3", "4.")):
         raise input_error(path, "T101", f"{wanted}, found the module 'em' {version} at {em.__file__}", 0)
 
 
