@@ -42,7 +42,7 @@ class EmpyTemplate:
     def __init__(self, path: str, text: str | None = None) -> None:
         """Read the template at `path`, or use `text` as its content.
 
-        Raises InputError if EmPy 3.3 is not installed, if the file cannot be read, or if its markup is invalid.
+        Raises InputError if EmPy is not installed, if the file cannot be read, or if its markup is invalid.
         """
         self.path = path
         self._modules: dict[str, ModuleType] = {}
@@ -95,8 +95,8 @@ def _program(path: str, text: str) -> Program:
 
 
 def _check_empy(path: str) -> None:
-    """Raise InputError if the module `em` is missing or is not EmPy 3.3."""
-    wanted = "this template needs EmPy 3.3 (pip install 'empy>=3.3,<4')"
+    """Raise InputError if the module `em` is missing or is not EmPy 3.3 or 4."""
+    wanted = "this template needs EmPy 3.3 or 4 (pip install 'empy>=3.3,<5')"
     try:
         import em
     except ImportError as error:

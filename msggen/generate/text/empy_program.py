@@ -47,11 +47,11 @@ class Program:
         """Return the text of the template for `names`, to which its assignments are added. Raises any exception."""
         if "empy" in names:
             raise MarkupError("interpreter globals collision", 1)
-        output = _Output()
-        stdout = sys.stdout
-        machine = Machine(output, names, self.included)
-        sys.stdout = _Stdout(machine.streams.data[0])
+        output, printed = _Output(), _Stdout()
+        stdout, sys.stdout = sys.stdout, printed
         try:
+            machine = Machine(output, names, self.included)
+            printed.stream = machine.streams.data[0]
             try:
                 self.run_on(machine)
             finally:
@@ -145,10 +145,11 @@ class Machine(em.Interpreter):  # type: ignore[misc]  # EmPy has no types
         """Write as EmPy does, with fewer calls."""
         self.streams.data[-1].write(data)
 
-    def installProxy(self, *_arguments: object) -> None:  # noqa: N802 - EmPy's name
-        """Do nothing, because Program.run replaces `sys.stdout`."""
+    def installProxy(self, output: Any = None) -> Any:  # noqa: N802 - EmPy's name
+        """Return the output for EmPy 4. `sys.stdout` stays as it is, because Program.run replaces it."""
+        return output
 
-    install = uninstall = push = pop = installProxy
+    install = uninstall = uninstallProxy = push = pop = installProxy
 
 
 class _Output:
@@ -172,11 +173,12 @@ class _Stdout(io.TextIOBase):
     As in EmPy 3.3, it writes to the output of the template, also while the template expands a text.
     """
 
-    def __init__(self, stream: Any) -> None:
-        self._stream = stream
+    stream: Any
+    """The output of the template."""
 
     def write(self, data: str) -> int:
-        self._stream.write(data)
+        """Write `data`, and return its length."""
+        self.stream.write(data)
         return len(data)
 
     def push(self, _interpreter: object) -> None:
