@@ -149,7 +149,7 @@ class Machine(em.Interpreter):  # type: ignore[misc]  # EmPy has no types
         """Return the output for EmPy 4. `sys.stdout` stays as it is, because Program.run replaces it."""
         return output
 
-    install = uninstall = uninstallProxy = push = pop = installProxy
+    install = uninstall = uninstallProxy = push = pop = installProxy  # noqa: N815 - EmPy's names
 
 
 class _Output:
