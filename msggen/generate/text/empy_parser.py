@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from functools import lru_cache
-from types import CodeType
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import NamedTuple
 
+from msggen.generate.text.empy_functions import (
+    Block,
+    Code,
+    Evaluate,
+    Interpreter,
+    Run,
+    choose,
+    expand,
+    fall_back,
+    raising,
+    write,
+)
 from msggen.generate.text.empy_markup import Markup, MarkupError, first_outside_strings
-
-if TYPE_CHECKING:
-    from msggen.generate.text.empy_program import Machine
-
-Run: TypeAlias = "Callable[[Machine], None]"
-Evaluate: TypeAlias = "Callable[[Machine], Any]"
-Block: TypeAlias = "list[tuple[int, Run]]"
-"""Functions, each with its line in the template."""
 
 _NAME = re.compile(r"\s*([_a-zA-Z][_a-zA-Z0-9]*)\s*")
 _IN = re.compile(r"\bin\b")
@@ -57,7 +59,7 @@ class _Part(NamedTuple):
 class Parser:
     """A parser of a template. `run` runs a block."""
 
-    def __init__(self, path: str, text: str, run: Callable[[Block, Machine], None]) -> None:
+    def __init__(self, path: str, text: str, run: Callable[[Block, Interpreter], None]) -> None:
         self._path = path
         self._markup = Markup(text)
         self._run = run
@@ -74,7 +76,7 @@ class Parser:
         parts = [first]
         while True:
             if text := self._markup.plain():
-                parts[-1].block.append((self._markup.line, _write(text)))
+                parts[-1].block.append((self._markup.line, write(text)))
             mark = self._markup.mark()
             line = self._markup.line
             if not mark:
@@ -103,12 +105,12 @@ class Parser:
 
     def _control(self, part: _Part) -> Run:
         if part.kind in _FLOW:
-            return _raise(_FLOW[part.kind], f"control '{part.kind}' without 'for', 'while'", part.line)
+            return raising(_FLOW[part.kind], f"control '{part.kind}' without 'for', 'while'", part.line)
         start = self._markup.place
         parts = self._parts(part)
         if part.kind == "def":
             text = self._markup.text[start : self._markup.start]
-            return _Code(f"def {part.code}:\n return empy.expand({text!r}, locals())", "<string>", 1, "exec").execute
+            return Code(f"def {part.code}:\n return empy.expand({text!r}, locals())", "<string>", 1, "exec").execute
         if part.kind == "try":
             return self._try(part, parts[1:])
         otherwise = parts.pop().block if parts[-1].kind == "else" else []
@@ -122,7 +124,7 @@ class Parser:
         return self._for(target, self._expression(values[0], part.line), part.block, otherwise)
 
     def _if(self, branches: list[tuple[Evaluate, Block]], otherwise: Block) -> Run:
-        def run(machine: Machine) -> None:
+        def run(machine: Interpreter) -> None:
             for test, block in branches:
                 if test(machine):
                     self._run(block, machine)
@@ -135,7 +137,7 @@ class Parser:
         plain = _NAME.fullmatch(target)
         name = plain[1] if plain else ""
 
-        def run(machine: Machine) -> None:
+        def run(machine: Interpreter) -> None:
             for value in values(machine):
                 try:
                     if name and machine.scope is None:
@@ -155,7 +157,7 @@ class Parser:
     def _while(self, test: Evaluate, block: Block, otherwise: Block) -> Run:
         """Return a loop. In EmPy 3.3 its `else` is only run if the loop was never run."""
 
-        def run(machine: Machine) -> None:
+        def run(machine: Interpreter) -> None:
             ran = False
             while test(machine):
                 ran = True
@@ -185,7 +187,7 @@ class Parser:
         return self._try_except(part.block, handlers)
 
     def _try_finally(self, block: Block, last: Block) -> Run:
-        def run(machine: Machine) -> None:
+        def run(machine: Interpreter) -> None:
             try:
                 self._run(block, machine)
             finally:
@@ -194,7 +196,7 @@ class Parser:
         return run
 
     def _try_except(self, block: Block, handlers: list[tuple[Evaluate, str, Block]]) -> Run:
-        def run(machine: Machine) -> None:
+        def run(machine: Interpreter) -> None:
             try:
                 self._run(block, machine)
             except (_BreakError, _ContinueError):
@@ -221,7 +223,7 @@ class Parser:
             return lambda _: True
         if code in ("0", "False"):
             return lambda _: False
-        return _Code(code, self._path, line, "eval").evaluate
+        return Code(code, self._path, line, "eval").evaluate
 
     def _here(self, code: str) -> Evaluate:
         return self._expression(code, self._markup.line)
@@ -235,19 +237,19 @@ class Parser:
 
     def literal(self, mark: str) -> Run:
         """Read `@@` or an escaped bracket."""
-        return _write(mark)
+        return write(mark)
 
     def name(self, _mark: str) -> Run:
         """Read `@name`, `@name(1).other[0]`."""
-        return _expand(self._here(self._markup.name()))
+        return expand(self._here(self._markup.name()))
 
     def string(self, _mark: str) -> Run:
         """Read `@'a string of Python'`."""
-        return _expand(self._here(self._markup.string()))
+        return expand(self._here(self._markup.string()))
 
     def statement(self, mark: str) -> Run:
         """Read `@{statements}`."""
-        return _Code(self._markup.enclosed(mark), self._path, self._markup.line, "exec").execute
+        return Code(self._markup.enclosed(mark), self._path, self._markup.line, "exec").execute
 
     def bracketed(self, mark: str) -> Run:
         """Read `@(value)` or `@(test ? value ! otherwise $ after an exception)`."""
@@ -257,8 +259,8 @@ class Parser:
         value, otherwise = _split("!" if first_outside_strings("!", values) >= 0 else ":", values)
         evaluate = self._here(test)
         if value:
-            evaluate = _choose(evaluate, self._here(value), self._here(otherwise or "None"))
-        return _expand(_fall_back(evaluate, self._here(after)) if after else evaluate)
+            evaluate = choose(evaluate, self._here(value), self._here(otherwise or "None"))
+        return expand(fall_back(evaluate, self._here(after)) if after else evaluate)
 
     def repr(self, mark: str) -> Run:
         """Read `` @`value` ``."""
@@ -269,11 +271,11 @@ class Parser:
         """Read `@:value:what it was before:`."""
         code = self._markup.until(mark)
         self._markup.until(mark)
-        expand = _expand(self._here(code))
+        value = expand(self._here(code))
 
-        def run(machine: Machine) -> None:
+        def run(machine: Interpreter) -> None:
             machine.write(f"@:{code}:")
-            expand(machine)
+            value(machine)
             machine.write(":")
 
         return run
@@ -289,7 +291,7 @@ class Parser:
 
     def escape(self, _mark: str) -> Run:
         """Read the markup of an escaped character."""
-        return _write(self._markup.escape())
+        return write(self._markup.escape())
 
     def custom(self, mark: str) -> Run:
         """Read `@<text>`, for the function that a template registered."""
@@ -327,73 +329,3 @@ def _split(mark: str, code: str) -> tuple[str, str]:
     """Return the code before and after the first `mark`."""
     place = first_outside_strings(mark, code)
     return (code, "") if place < 0 else (code[:place], code[place + 1 :])
-
-
-def _write(text: str) -> Run:
-    return lambda machine: machine.write(text)
-
-
-def _expand(evaluate: Evaluate) -> Run:
-    def run(machine: Machine) -> None:
-        value = evaluate(machine)
-        if value is not None:
-            machine.write(str(value))
-
-    return run
-
-
-def _choose(test: Evaluate, value: Evaluate, otherwise: Evaluate) -> Evaluate:
-    return lambda machine: value(machine) if test(machine) else otherwise(machine)
-
-
-def _fall_back(evaluate: Evaluate, after: Evaluate) -> Evaluate:
-    def run(machine: Machine) -> object:
-        try:
-            return evaluate(machine)
-        except SyntaxError:
-            raise
-        except BaseException:  # noqa: BLE001 - as in EmPy
-            return after(machine)
-
-    return run
-
-
-def _raise(kind: type[MarkupError], message: str, line: int) -> Run:
-    def run(_machine: Machine) -> None:
-        raise kind(message, line)
-
-    return run
-
-
-class _Code:
-    """Python code of a template.
-
-    It is compiled when it first runs, because EmPy ignores errors in code that never runs.
-    """
-
-    def __init__(self, text: str, path: str, line: int, mode: str) -> None:
-        self._text, self._path, self._line, self._mode = text, path, line, mode
-        self._compiled: CodeType | None = None
-
-    def evaluate(self, machine: Machine) -> object:
-        return eval(self._compiled or self._compile(), machine.globals, machine.scope)  # noqa: S307 - a template is code
-
-    def execute(self, machine: Machine) -> None:
-        exec(self._compiled or self._compile(), machine.globals, machine.scope)  # noqa: S102 - a template is code
-
-    def _compile(self) -> CodeType:
-        """Compile the code with the line numbers of the template."""
-        self._compiled = _compile(self._text, self._mode, self._path, self._line)
-        return self._compiled
-
-
-@lru_cache(maxsize=4096)
-def _compile(text: str, mode: str, path: str, line: int) -> CodeType:
-    """Compile `text` without the whitespace that EmPy (statements) or `eval` (expressions) removes."""
-    if mode == "eval":
-        text = text.lstrip(" \t")
-    else:
-        text = text.replace("\r", "")
-        text = text if "\n" in text else text.strip()
-    code: CodeType = compile("\n" * (line - 1) + text, path, mode, dont_inherit=True)
-    return code

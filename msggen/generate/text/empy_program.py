@@ -11,15 +11,14 @@ import os
 import re
 import sys
 from functools import lru_cache
-from typing import Any, TypeAlias
+from typing import Any
 
 import em
 
 from msggen.base.disk.reading import read_text
+from msggen.generate.text.empy_functions import Block, Interpreter, Names
 from msggen.generate.text.empy_markup import MarkupError
-from msggen.generate.text.empy_parser import Block, Parser
-
-Names: TypeAlias = "dict[str, object]"
+from msggen.generate.text.empy_parser import Parser
 
 _IS_EMPY_3 = em.__version__.startswith("3.")
 
@@ -90,7 +89,7 @@ class Program:
             self._failed = error, min(machine.contexts.top().line, last) if machine.contexts else 1
             raise
 
-    def _run(self, block: Block, machine: Machine) -> None:
+    def _run(self, block: Block, machine: Interpreter) -> None:
         line = 1
         try:
             for line, run in block:  # noqa: B007 - used after an exception
