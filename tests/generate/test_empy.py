@@ -77,6 +77,7 @@ OF_EMPY_3 = {
     "@'literal' @\"other\" @`xs` @:x:: ": "literal other [1, 2, 3] @:x:7: ",
     "@(None)@None@(1)@(0)@(True)@(False)@(1 + 0)": "TrueFalseTrueFalse1",
     "@<custom>after": "after",
+    "identify the hook @(1)": "identify the hook True",
     "not at the end: @": "not at the end: ",
     "@x@(x)@": "77",
     "@(x ? '' ! 'no')@(count ? 'a' : 'b')": "b",

@@ -22,8 +22,11 @@ from msggen.generate.text.empy_parser import Parser
 
 _IS_EMPY_3 = em.__version__.startswith("3.")
 
-_OF_PARSER = re.compile(r"[hH]ooks?\b|(?:set|push|pop)Context|\.contexts?\b|set(?:Name|Line)\b|identify|@[!?]")
-"""Markup that reads or changes the state of EmPy's parser."""
+_OF_PARSER = re.compile(r"[hH]ooks?\b|(?:set|push|pop)Context|\.contexts?\b|set(?:Name|Line)\b|identify")
+"""What reads or changes the state of EmPy's parser, in a template that uses the object `empy`."""
+
+_CONTEXT = re.compile("@[!?]")
+"""Markup that changes the state of EmPy's parser."""
 
 
 def is_of_empy(error: BaseException) -> bool:
@@ -40,7 +43,8 @@ class Program:
         self._text = text
         self.included: dict[str, None] = {}
         self._failed: tuple[BaseException | None, int] = None, 1
-        self._block = None if _OF_PARSER.search(text) else Parser(path, text, self._run).program()
+        knows_parser = _CONTEXT.search(text) or ("empy" in text and _OF_PARSER.search(text))
+        self._block = None if knows_parser else Parser(path, text, self._run).program()
 
     def run(self, names: Names) -> str:
         """Return the text of the template for `names`, to which its assignments are added. Raises any exception."""
@@ -117,10 +121,11 @@ class Machine(em.Interpreter):  # type: ignore[misc]  # EmPy has no types
     def __init__(self, output: _Output, names: Names, included: dict[str, None]) -> None:
         """Start to write to `output`. The absolute paths of included files are added to `included`."""
         self.included = included  # absolute, because a build system may start in another folder
-        options = {em.RAW_OPT: True, em.BUFFERED_OPT: True, em.OVERRIDE_OPT: False} if _IS_EMPY_3 else {}
-        super().__init__(
-            output=output, globals=names, **({"options": options} if _IS_EMPY_3 else {"dispatcher": False})
-        )
+        if _IS_EMPY_3:
+            how: dict[str, Any] = {"options": {em.RAW_OPT: True, em.BUFFERED_OPT: True, em.OVERRIDE_OPT: False}}
+        else:
+            how = {"dispatcher": False}
+        super().__init__(output=output, globals=names, **how)
 
     def include(self, fileOrFilename: Any, locals: Names | None = None, **_others: object) -> None:  # noqa: A002, N803 - EmPy's names
         """Include a file, and record it."""
@@ -129,16 +134,15 @@ class Machine(em.Interpreter):  # type: ignore[misc]  # EmPy has no types
             text = read_text(fileOrFilename)
         else:
             text = fileOrFilename.read()
-        Program("<include>", text).run_on(self, locals)
+        _expanded(text).run_on(self, locals)
 
     def string(self, text: str, *others: Any, **named: Any) -> None:
         """Expand a text, with local names if a dictionary is among the arguments, whose order is that of EmPy."""
         if self.parses:
             super().string(text, *others, **named)
         else:
-            _expanded(text).run_on(
-                self, next((each for each in (*others, *named.values()) if isinstance(each, dict)), None)
-            )
+            scope = next((each for each in (*others, *named.values()) if isinstance(each, dict)), None)
+            _expanded(text).run_on(self, scope)
 
     def write(self, data: str) -> None:
         """Write as EmPy does, with fewer calls."""
