@@ -15,6 +15,7 @@ from msggen.base.location import Location
 from msggen.sources.embedded import names_release
 from msggen.sources.file import BoardOption
 from msggen.sources.finding import join_package, split_package
+from msggen.sources.installed import names_installed, wrong_installed
 
 
 class Settings(NamedTuple):
@@ -181,13 +182,15 @@ def _value(field: str, value: object, base: str, text: str, path: str) -> Any:
     if field in (*_PATHS, "board", "types"):
         refuse_url(value, Location(path, *place), f"'{key}': ")
     joined = os.path.join(base, os.path.expanduser(value))
+    if field == "px4" and names_installed(value) and os.path.lexists(joined):
+        _fail(path, "S132", f"'{key}': {wrong_installed(value, base)}", *place)
     return joined if _is_path(field, value, joined) else value
 
 
 def _is_path(field: str, value: str, joined: str) -> bool:
     """Whether the value of a setting is a path. `joined` is that path from the current folder."""
     if field == "px4":
-        return os.path.exists(joined) or not names_release(value)
+        return not names_installed(value) and (os.path.exists(joined) or not names_release(value))
     if field == "types":
         return names_folder(value)
     return field in _PATHS or (field == "board" and BoardOption(value).is_path)
@@ -197,7 +200,7 @@ def _folder(text: str, base: str, place: Location) -> str:
     """Return a folder, or `PKG=DIR`, with a path relative to the current folder."""
     refuse_url(text, place, "'msg-dir': ")
     package, folder = split_package(text, place)
-    return join_package(package, os.path.join(base, os.path.expanduser(folder)))
+    return text if names_installed(folder) else join_package(package, os.path.join(base, os.path.expanduser(folder)))
 
 
 def _texts(value: object, key: str, items: str, path: str, place: tuple[int, int]) -> tuple[str, ...]:
