@@ -41,15 +41,15 @@ def is_given(options: argparse.Namespace) -> bool:
 def given_types(options: argparse.Namespace) -> Types | None:
     """Return the types that the options name, or None. Raises InputError if they cannot be used."""
     if options.px4:
-        sources = named_sources(options.px4)
+        sources = _named_sources(options.px4)
         return _with_topics(Types(package_from(sources), sources.label if sources.is_installed else options.px4))
     return _with_topics(Types(import_package(options.types), options.types)) if options.types else None
 
 
-def named_sources(px4: str) -> Sources:
+def _named_sources(px4: str) -> Sources:
     """Return the firmware that an option names, with the topics of its release if it is px4_msgs. Raises InputError.
 
-    Prints a note if several installed packages can be meant.
+    Prints a note on the folder of an installed package.
     """
     sources = find_sources(px4)
     if sources.is_installed:

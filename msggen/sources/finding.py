@@ -119,7 +119,7 @@ class Sources(NamedTuple):
 
 
 def open_tree(text: str) -> Tree:
-    """Return the tree that `text` names: a folder, `folder@revision`, an archive, or an embedded or installed one.
+    """Return what `text` names: a folder, `folder@revision`, an archive, an embedded release or an installed package.
 
     Raises InputError.
     """
@@ -145,6 +145,8 @@ def open_tree(text: str) -> Tree:
 
         name = text.partition("@")[0] or text
         kind = "file" if format_named(text) else "folder"
+        if names_installed(name):
+            raise input_error(text, "S132", f"an installed package has no revisions: write '{name}'", 0)
         hint = near_release(text) or path_hint(name, is_meant=_is_source)
         raise input_error(name, "S101", f"no such {kind}{hint}", 0)
     return read_revision(folder, revision)

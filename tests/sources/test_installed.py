@@ -10,6 +10,7 @@ import pytest
 
 import msggen
 from msggen.base.diagnostics import InputError
+from msggen.definitions.parse.package_xml import read_manifest
 from msggen.generate.cache import package_of
 from msggen.sim import Options, Simulator
 from msggen.sources import installed
@@ -191,6 +192,19 @@ def test_nothing_of_an_installed_package_is_executed() -> None:
     assert not Path("executed").exists()
 
 
+def test_an_installed_package_has_no_revisions() -> None:
+    install(ISOLATED)
+    assert refused("installed@main") == "installed@main: S132 an installed package has no revisions: write 'installed'"
+
+
+@pytest.mark.parametrize("order", [("name", "version"), ("version", "name")])
+def test_an_element_inside_the_name_or_the_version_does_not_change_the_other(order: tuple[str, str]) -> None:
+    texts = {"name": "<name>px4_msgs</name>", "version": "<version>2.<b/>0.1</version>"}
+    assert (
+        read_manifest(f"<package>{''.join(texts[each] for each in order)}</package>".encode(), "x").name == "px4_msgs"
+    )
+
+
 # Commands
 
 
@@ -210,6 +224,15 @@ def test_check_tells_whether_it_matches_the_firmware_and_what_to_do() -> None:
     assert summary.startswith(f"{told} differs from the embedded PX4 v1.18: ")
     two = run(["check", "v1.18", "installed", "--output-format", "concise"])
     assert two.stdout.splitlines()[-1] == summary
+
+
+def test_a_recording_is_no_firmware_to_install_from() -> None:
+    """The command that mends a package needs all of its definitions."""
+    install_release(ISOLATED, "v1.17")
+    assert run(["sim", "--log", "flight.ulg", "-q", "--for", "2"]).code == 0
+    outcome = run(["check", "--px4", "flight.ulg", "installed", "--output-format", "concise"])
+    assert outcome.code == 1
+    assert "msggen sync" not in outcome.stdout
 
 
 def test_breaking_compares_with_it() -> None:

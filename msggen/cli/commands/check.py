@@ -99,7 +99,7 @@ def _check(options: argparse.Namespace) -> int:
     if is_unnamed:
         report = _with_advice(report, previous)
     elif current.is_installed:
-        report = _with_installation(report, reference)
+        report = report if previous.is_partial else _with_installation(report, reference)
     elif options.other is None:
         report = _with_commands(report, _sync_command(options, current, known), known)
     print_report(report, options)

@@ -139,10 +139,10 @@ def _of_package_without_topics(options: argparse.Namespace) -> Expected | None:
     from msggen.sources.finding import find_sources
     from msggen.sources.installed import names_installed
 
-    settings = settings_of(options)
     px4 = options.px4
-    if not (px4 or options.types or settings.types) and settings.px4 and names_installed(settings.px4):
-        px4 = settings.px4
+    if not (px4 or options.types):
+        settings = settings_of(options)
+        px4 = settings.px4 if not settings.types and settings.px4 and names_installed(settings.px4) else None
     sources = find_sources(px4) if px4 else None
     return _of_sources(sources) if sources and not sources.bridge and sources.has_own else None
 
