@@ -128,7 +128,7 @@ def open_tree(text: str) -> Tree:
     if names_release(text):
         return open_release(text)[1]
     if names_installed(text):
-        return Folder(find_installed(text).path)
+        return _installed_root(text).tree
     if os.path.isdir(text):
         return Folder(text)
     if os.path.isfile(text):

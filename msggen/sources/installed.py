@@ -108,8 +108,9 @@ def _all_share_folders(package: str) -> Iterator[str]:
 
 
 def _absence(package: str) -> str:
-    """Return where a package was looked for, and what to do, or the nearest name of one that is installed."""
-    near = suggestion(package, {name for share in _all_share_folders(package) for name in _names(share)})
+    """Return where a package was looked for, and what to do. For others than px4_msgs, it can be the nearest name."""
+    folders = () if package == _package_of(INSTALLED) else (_WORKSPACE, *_all_share_folders(package))
+    near = suggestion(package, {name for each in folders for name in _names(each) if _NAME.fullmatch(name)})
     environment = PREFIXES if share_folders() else f"{PREFIXES}, which is not set"
     places = f"not in the folders of {environment}, not in '{_WORKSPACE}' here, and not in {_SYSTEM}"
     return f"{package} is not installed{near or f': {places}; source the setup file of its workspace'}"

@@ -127,9 +127,16 @@ def test_none_is_an_error_with_the_places_and_what_to_do(tmp_path: Path, monkeyp
         assert outcome.stderr.startswith(text)
 
 
-def test_the_nearest_installed_package_is_named() -> None:
-    install("opt/ros/kilted/share", name="lamp_msgs")
+@pytest.mark.parametrize("share", ["opt/ros/kilted/share", "install/lamp_msgs/share", MERGED])
+def test_the_nearest_installed_package_is_named(share: str) -> None:
+    install(share, name="lamp_msgs")
     assert refused("installed:lamp_msg").endswith("lamp_msg is not installed, did you mean 'lamp_msgs'?")
+
+
+def test_no_other_package_is_named_for_px4_msgs() -> None:
+    """`px4_msgs_old` is another one, with a near name."""
+    install("opt/ros/kilted/share", name="px4_msgs_old")
+    assert "source the setup file" in refused("installed")
 
 
 @pytest.mark.parametrize("name", ["", "../x", "/etc", "Px4", "a b", "px4_msgs@main", "px4_msgs\n"])
@@ -295,12 +302,14 @@ def link() -> str:
     return f"udp://127.0.0.1:{free_port()}"
 
 
-@pytest.mark.parametrize(("release", "code"), [("v1.18", 0), ("v1.17", 1)])
-def test_one_command_compares_it_with_the_vehicle(release: str, code: int, link: str) -> None:
+@pytest.mark.parametrize(("release", "code", "words"), [("v1.18", 0, ["--px4", "installed"]), ("v1.17", 1, [])])
+def test_one_command_compares_it_with_the_vehicle(release: str, code: int, words: list[str], link: str) -> None:
+    """`check --live` and the doctor, by an option or the settings."""
     install_release(ISOLATED, release)
+    Path("pyproject.toml").write_text('[tool.msggen]\npx4 = "installed"\n')
     with Simulator(package_of("v1.18"), link, [Options(sync="short")]):
         outcome = run(["check", "--live", "--link", link, "installed"])
-        doctor = run(["doctor", "--link", link, "--px4", "installed", "--for", "1"])
+        doctor = run(["doctor", "--link", link, "--for", "1", *words])
     assert outcome.code == code
     verdict = "differs from" if code else "matches"
     assert f"the installed px4_msgs 2.0.1 {verdict} the vehicle on {link}: 63 definitions compared" in outcome.stdout
