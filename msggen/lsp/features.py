@@ -19,8 +19,8 @@ from msggen.lsp.hints import hints
 from msggen.lsp.hover import explained, hover, primitive
 from msggen.lsp.names import Kind, Name, Span, Use, at, definitions, elements, uses
 from msggen.lsp.project import Problem, Project, State
-from msggen.lsp.server import Server, path_of, span_of, word_at
-from msggen.lsp.settings import complete_settings
+from msggen.lsp.server import SETTINGS_FILE, Server, path_of, span_of, word_at
+from msggen.lsp.settings import about_setting, complete_settings
 
 _ICONS = {
     What.TYPE: lsp.CompletionItemKind.Keyword,
@@ -93,9 +93,13 @@ async def _at(server: Server, uri: str, position: lsp.Position) -> tuple[Project
 def _add_reading(server: Server) -> None:
     @server.feature(lsp.TEXT_DOCUMENT_HOVER)
     async def _hover(parameters: lsp.HoverParams) -> lsp.Hover | None:
+        path = path_of(parameters.text_document.uri)
+        if os.path.basename(path) == SETTINGS_FILE:
+            lines = server.buffers.get(path, b"").decode(errors="replace").split("\n")
+            return _shown(about_setting(lines, parameters.position.line + 1))
         project, state, path, place = await _at(server, parameters.text_document.uri, parameters.position)
         text = await server.aside(partial(_text_at, server, project, state, path, place))
-        return lsp.Hover(lsp.MarkupContent(lsp.MarkupKind.Markdown, text)) if text else None
+        return _shown(text)
 
     @server.feature(lsp.TEXT_DOCUMENT_DEFINITION)
     async def _definition(parameters: lsp.DefinitionParams) -> list[lsp.Location]:
@@ -144,6 +148,10 @@ def _add_reading(server: Server) -> None:
         ]
 
 
+def _shown(text: str) -> lsp.Hover | None:
+    return lsp.Hover(lsp.MarkupContent(lsp.MarkupKind.Markdown, text)) if text else None
+
+
 def _text_at(server: Server, project: Project, state: State, path: str, place: tuple[int, int]) -> str:
     """Return what to show about a place: about the name there, and about the problems there."""
 
@@ -185,7 +193,7 @@ def _proposals(state: State, path: str, lines: Sequence[str], line: int, prefix:
     name = os.path.basename(path)
     if name.endswith(_SUFFIXES):
         yield from in_definition(state, _message_at(state, path, line), prefix)
-    elif name == "pyproject.toml":
+    elif name == SETTINGS_FILE:
         yield from complete_settings(lines, line, prefix)
     elif state.sources and state.sources.bridge and state.sources.bridge.path == path:
         yield from in_bridge(state, lines, line, prefix)

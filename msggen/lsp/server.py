@@ -41,7 +41,7 @@ _LEVELS = {
     Level.NOTE: lsp.DiagnosticSeverity.Information,
 }
 _WORD = re.compile(r"[\w/:.@-]+(\[[^\]\s]*\])?|\S")
-_SETTINGS = "pyproject.toml"
+SETTINGS_FILE = "pyproject.toml"
 _Answer = TypeVar("_Answer")
 
 
@@ -85,7 +85,7 @@ class Server(LanguageServer):
 
     def changed(self, path: str, *, on_disk: bool) -> None:
         """Read and check the project of a file anew."""
-        if os.path.basename(path) == _SETTINGS:
+        if os.path.basename(path) == SETTINGS_FILE:
             self._check_settings(path)
             return
         self._touch(self.project_of(path), on_disk=on_disk)

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from msggen.base.diagnostics import Diagnostic, InputError
 from msggen.lsp.completion import Proposal, What
 from msggen.show.report.selection import selected_rules
-from msggen.sources.settings import KEYS, parse_settings
+from msggen.sources.settings import SETTINGS, parse_settings
 
 _HEADER = re.compile(r"\s*\[tool\.msggen\]\s*(#.*)?")
 _KEY = re.compile(r"([\w-]*)")
@@ -32,4 +32,16 @@ def complete_settings(lines: Sequence[str], line: int, prefix: str) -> Iterator[
     found = _KEY.fullmatch(prefix)
     if _HEADER.fullmatch(above) and found:
         given = {each.partition("=")[0].strip() for each in lines}
-        yield from (Proposal(f"{key} = ", What.KEY, 1) for key in KEYS if key not in given)
+        for setting in SETTINGS:
+            if setting.key not in given:
+                yield Proposal(f"{setting.key} = ", What.KEY, 1, setting.about)
+
+
+def about_setting(lines: Sequence[str], line: int) -> str:
+    """Return the text about the setting on a line, "" if there is none."""
+    key = lines[line - 1].partition("=")[0].strip() if line <= len(lines) else ""
+    known = {setting.key: setting for setting in SETTINGS}
+    inside = any(_HEADER.fullmatch(each) for each in lines[: line - 1])
+    if key not in known or not inside:
+        return ""
+    return f"**{key}**: {known[key].about}\n\ndefault: {known[key].default}"

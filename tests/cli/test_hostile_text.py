@@ -128,6 +128,7 @@ CASES: dict[str, list[list[str]]] = {
         ["--px4", f"{FILE}.px4", "--template", FILE, "-o", "x"],
     ],
     "rules": [[], ["--output-format", "json"]],
+    "settings": [[], ["--json"], ["--schema"], [NAME]],
     "sim": [
         *(["--namespace", NAME], ["--types", NAME], ["--wrong-hash", NAME], [NAME]),
         *(["--param", NAME], ["--param", f"RTL_MIN_DIST={NAME}"], ["--fault", NAME], ["--fault", f"1:{NAME}"]),

@@ -128,7 +128,7 @@ def previous_sources(options: argparse.Namespace, settings: Settings) -> Sources
             topics = _bridge_in(kept_or_revised(os.path.dirname(topics) or os.curdir, repository, revision), topics)
     found = find_sources(previous, folders, topics, options.release or settings.release)
     found = with_board(found, board_of(options, settings, optional=True))
-    if found.embedded:
+    if found.embedded or found.is_installed:
         return found
     if revision and options.against in EMBEDDED:
         text = f"the revision of {repository} is read, not the embedded release '{PREFIX}{options.against}'"

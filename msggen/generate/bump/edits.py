@@ -37,8 +37,9 @@ from msggen.generate.bump.version_step import (
     read_definition,
 )
 from msggen.sources.catalog import COMPARABLE, read_catalog
-from msggen.sources.finding import find_sources, open_tree, refuse_part_of_tree
+from msggen.sources.finding import find_sources, open_tree
 from msggen.sources.history import ALL_TRANSLATIONS, ARCHIVE, TRANSLATIONS, VERSIONED
+from msggen.sources.refusals import refuse_part_of_tree
 from msggen.sources.revision import revised
 from msggen.sources.tree import Folder
 
