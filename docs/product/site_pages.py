@@ -13,7 +13,16 @@ GROUPS = {
         *("docs/cmake", "docs/render"),
     ),
     "Firmware in step": (
-        *("docs/sync", "docs/check", "docs/lint", "docs/bump", "docs/ci", "docs/px4_generate", "docs/site"),
+        *(
+            "docs/sync",
+            "docs/check",
+            "docs/lint",
+            "docs/editor",
+            "docs/bump",
+            "docs/ci",
+            "docs/px4_generate",
+            "docs/site",
+        ),
     ),
     "Vehicle": (
         *("docs/vehicle", "docs/topic", "docs/doctor", "docs/flight", "docs/flight_safety", "docs/flight_tests"),

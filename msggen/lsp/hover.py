@@ -145,7 +145,8 @@ def _extent(layout: Layout | None, name: str) -> Iterator[str]:
     offset, size = layout.extents()[name]
     padding = next(leaf.padding for leaf in layout.leaves if leaf.path[0][0] == name)
     after = f", after {padding} bytes of padding" if padding else ""
-    yield f"bytes {offset} to {offset + size - 1} of {layout.size}{after}"
+    place = f"bytes {offset} to {offset + size - 1}" if size > 1 else f"byte {offset}"
+    yield f"{place} of {layout.size}{after}"
 
 
 def _constant(message: Message, constant: Constant) -> Iterator[str]:

@@ -7,7 +7,7 @@ import logging
 from typing import Any
 
 from msggen.base.exit_codes import DONE
-from msggen.cli.options import Commands, add_command
+from msggen.cli.options import FAILED_CODES, Commands, add_command
 from msggen.cli.packages import needing
 
 
@@ -20,7 +20,8 @@ def add_to(commands: Commands) -> None:
         help="serve an editor: problems, hover, completion, renaming and fixes in definitions",
         description="Serve an editor by the Language Server Protocol on standard input and output, for .msg and .srv "
         "files, dds_topics.yaml and [tool.msggen] of pyproject.toml. Editors start it by themselves.",
-        epilog="It needs the extra `lsp`. docs/editor.md has the settings of VS Code, Neovim, Emacs and Helix.",
+        epilog=f"Exit codes: 0 ended by the editor, {FAILED_CODES} It needs the extra `lsp`. docs/editor.md has the "
+        "settings of Neovim, Visual Studio Code, Emacs and Helix.",
     )
 
 
