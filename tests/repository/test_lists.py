@@ -33,7 +33,7 @@ NAMED = re.compile(rf"(?<!\.tar)[.|]({'|'.join(SUFFIXES)})\b", re.IGNORECASE)
 
 READ = {name for name, row in FORMATS.items() if not row.storage}
 """The formats that are only read: a module asks their row, or a channel, what they can do."""
-QUOTED = re.compile(rf"""["']({'|'.join((*LINK_TYPES, *FORMATS))})\b""")
+QUOTED = re.compile(rf"""["']({"|".join((*LINK_TYPES, *FORMATS))})\b""")
 STARTS = {"startswith", "endswith", "removeprefix"}
 
 
