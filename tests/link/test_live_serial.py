@@ -217,12 +217,12 @@ def test_what_waited_for_a_line_is_not_written_later(vehicle: Vehicle, monkeypat
         monkeypatch.setattr(os, "write", _refuse)
         for number in range(10):
             link.publish(records.remotes[0], route, b"\0\1\0\0" + struct.pack("<Q", number))
-        assert link.statistics().unsent == 0
+        assert link.unsent == 0
         time.sleep(LONGEST_S + 0.1)
         monkeypatch.undo()
         link.publish(records.remotes[0], route, b"\0\1\0\0" + struct.pack("<Q", 99))
         assert numbers(vehicle.received(numbers)) == [99]
-        assert link.statistics().unsent == 10
+        assert link.unsent == 10  # without answers that the vehicle has not acknowledged, which the agent counts
 
 
 def test_a_program_that_stood_still_is_not_taken_for_a_slow_line(vehicle: Vehicle) -> None:
