@@ -14,7 +14,6 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-
 from draw_top import FORMAT
 from rich.console import Console
 from rich.style import Style

@@ -55,14 +55,15 @@ def _add_files(server: Server) -> None:
         document = parameters.text_document
         path = path_of(document.uri)
         server.uris[path] = document.uri
-        server.buffers[path] = document.text.encode(errors="surrogateescape")
+        server.forget(path)
+        server.keep(path, document.text)
         server.changed(path, on_disk=True)
 
     @server.feature(lsp.TEXT_DOCUMENT_DID_CHANGE)
     def _changed(parameters: lsp.DidChangeTextDocumentParams) -> None:
         uri = parameters.text_document.uri
         path = path_of(uri)
-        server.buffers[path] = server.workspace.get_text_document(uri).source.encode(errors="surrogateescape")
+        server.keep(path, server.workspace.get_text_document(uri).source)
         server.changed(path, on_disk=False)
 
     @server.feature(lsp.TEXT_DOCUMENT_DID_CLOSE)
@@ -70,6 +71,7 @@ def _add_files(server: Server) -> None:
         path = path_of(parameters.text_document.uri)
         server.buffers.pop(path, None)
         server.uris.pop(path, None)
+        server.forget(path)
         server.changed(path, on_disk=True)
 
     @server.feature(lsp.TEXT_DOCUMENT_DID_SAVE)

@@ -60,19 +60,25 @@ class Root(NamedTuple):
     settings: Settings
 
 
-def root_of(path: str) -> Root:
+def root_of(path: str, *, is_plain: bool = False) -> Root:
     """Return the root of a file: a PX4-Autopilot tree, a ROS package or a folder of definitions.
 
-    Settings that name definitions take precedence if the file is one of them.
+    If settings name definitions, the root has these, unless it `is_plain`.
     """
     folder = os.path.dirname(path)
     try:
         settings = read_settings(folder)
     except InputError:  # shown at the settings
         settings = Settings()
-    if settings.px4 or settings.msg_dir:
-        return Root(os.path.dirname(settings.origin), settings)
-    return Root(folder_of(folder), settings)
+    if is_plain:
+        settings = settings._replace(px4=None, msg_dir=())
+    root = Root("", settings)
+    return root._replace(folder=os.path.dirname(settings.origin) if is_set(root) else folder_of(folder))
+
+
+def is_set(root: Root) -> bool:
+    """Whether the settings name the definitions."""
+    return bool(root.settings.px4 or root.settings.msg_dir)
 
 
 def folder_of(folder: str) -> str:
@@ -167,7 +173,7 @@ class Project:
     def sources(self) -> Sources:
         """Return the files of the root. Raises InputError."""
         settings = self.root.settings
-        if not (settings.px4 or settings.msg_dir):
+        if not is_set(self.root):
             return find_sources(BufferedFolder(self.root.folder, self.buffers))
         px4 = settings.px4
         tree = BufferedFolder(px4, self.buffers) if px4 and os.path.isdir(px4) else px4

@@ -21,16 +21,21 @@ from pygls.lsp.server import LanguageServer
 from pygls.uris import from_fs_path, to_fs_path
 
 from msggen.base.diagnostics import InputError, Level
+from msggen.base.disk.git import GitError
 from msggen.base.version import __version__
+from msggen.check.lint.rules import LINT
 from msggen.lsp import fixes
 from msggen.lsp.buffers import Buffers
 from msggen.lsp.names import Span
-from msggen.lsp.project import NOTHING, Problem, Project, Root, State, folder_of, problems_of, root_of
+from msggen.lsp.project import NOTHING, Problem, Project, Root, State, is_set, problems_of, root_of
 from msggen.lsp.settings import check_settings
 
-_SITE = "https://msggen.github.io/msggen"
+_SITE = "https://msggen.github.io/msggen/docs"
 _PAUSE = 0.3
 """Seconds without a change before definitions are compared with the last commit."""
+
+_LARGEST = 2**20
+"""Maximum number of bytes of an open file. A larger one is read when it is saved. PX4's largest has 31 kB."""
 
 _MOST = 500
 """Maximum number of problems that are shown in a file."""
@@ -62,25 +67,33 @@ class Server(LanguageServer):
         self._settling: dict[Project, asyncio.Task[None]] = {}
         self._pauses: dict[Project, asyncio.TimerHandle] = {}
         self._published: dict[Project, set[str]] = {}
+        self._last: dict[str, list[lsp.Diagnostic]] = {}
+        """What the editor shows in each file."""
         self._reader = ThreadPoolExecutor(1, "read")
         self._comparer = ThreadPoolExecutor(1, "compare")
 
     # Files
 
-    def project_of(self, path: str) -> Project:
-        """Return the project that a file belongs to."""
-        root = root_of(path)
-        return self._project(root, path)
+    def keep(self, path: str, text: str) -> None:
+        """Take the text of an open file instead of the one on disk, unless it is too large to be read at each key."""
+        data = text.encode(errors="surrogateescape")
+        if len(data) <= _LARGEST:
+            self.buffers[path] = data
+        else:
+            self.buffers.pop(path, None)
 
-    def _project(self, root: Root, path: str) -> Project:
+    def project_of(self, path: str) -> Project:
+        """Return the project that a file belongs to, with the settings that apply now."""
+        root = root_of(path)
+        project = self._project(root)
+        state = self.states.get(project)
+        if is_set(root) and state and state.sources and path not in state.contents:
+            return self._project(root_of(path, is_plain=True))  # the settings name other definitions
+        return project
+
+    def _project(self, root: Root) -> Project:
         project = self.projects.setdefault(_key(root), Project(root, self.buffers))
-        if root.settings.px4 or root.settings.msg_dir:
-            state = self.states.get(project)
-            if state and state.sources and path not in state.contents:  # the settings name other definitions
-                plain = root._replace(
-                    folder=folder_of(os.path.dirname(path)), settings=root.settings._replace(px4=None, msg_dir=())
-                )
-                return self.projects.setdefault(_key(plain), Project(plain, self.buffers))
+        project.root = root
         return project
 
     def changed(self, path: str, *, on_disk: bool) -> None:
@@ -91,9 +104,13 @@ class Server(LanguageServer):
         self._touch(self.project_of(path), on_disk=on_disk)
 
     def changed_on_disk(self) -> None:
-        """Read and check all projects anew."""
-        for project in self.projects.values():
-            self._touch(project, on_disk=True)
+        """Read and check the projects of all open files anew."""
+        for path in self.buffers:
+            self.changed(path, on_disk=True)
+
+    def forget(self, path: str) -> None:
+        """Forget what the editor shows in a file, which it forgets when the file is closed."""
+        self._last.pop(path, None)
 
     def _touch(self, project: Project, *, on_disk: bool) -> None:
         self._due[project] = self._due.get(project, False) or on_disk
@@ -111,10 +128,19 @@ class Server(LanguageServer):
                 read = project.read if on_disk else partial(project.changed, before)
                 self.states[project], self.linted[project] = await self.aside(partial(self._read, project, read))
             self._show(project)
+            self._touch_others()
             loop = asyncio.get_running_loop()
             self._pauses[project] = loop.call_later(_PAUSE, lambda: asyncio.ensure_future(self._compare(project)))
         finally:
             del self._settling[project]
+
+    def _touch_others(self) -> None:
+        """Read the projects of open files that turned out not to be in the one that the settings name."""
+        for path in self.buffers:
+            if os.path.basename(path) != SETTINGS_FILE:
+                project = self.project_of(path)
+                if project not in self.states and project not in self._settling:
+                    self._touch(project, on_disk=True)
 
     def _read(self, project: Project, read: Callable[[], State]) -> tuple[State, dict[str, list[Problem]]]:
         state = read()
@@ -126,7 +152,7 @@ class Server(LanguageServer):
         loop = asyncio.get_running_loop()
         try:
             report = await loop.run_in_executor(self._comparer, project.breaking, state)
-        except InputError as error:
+        except (InputError, GitError) as error:
             self._log(str(error))
             report = None
         if self.states[project] is state:
@@ -146,12 +172,14 @@ class Server(LanguageServer):
 
     async def settled(self, path: str) -> tuple[Project, State]:
         """Return the project of a file, and its state after all changes so far."""
-        project = self.project_of(path)
-        if project not in self.states and project not in self._settling:
-            self._touch(project, on_disk=True)
-        while task := self._settling.get(project):
-            await asyncio.shield(task)
-        return project, self.states.get(project, NOTHING)
+        while True:
+            project = self.project_of(path)
+            if project not in self.states and project not in self._settling:
+                self._touch(project, on_disk=True)
+            while task := self._settling.get(project):
+                await asyncio.shield(task)
+            if self.project_of(path) is project:
+                return project, self.states.get(project, NOTHING)
 
     # Problems
 
@@ -179,18 +207,20 @@ class Server(LanguageServer):
             self._publish(path, found)
         self._published[project] = {path for path, found in shown.items() if found}
 
-    def _publish(self, path: str, found: Sequence[lsp.Diagnostic]) -> None:
-        self.text_document_publish_diagnostics(lsp.PublishDiagnosticsParams(self.uri(path), [*found]))
+    def _publish(self, path: str, found: list[lsp.Diagnostic]) -> None:
+        if self._last.get(path, []) == found:
+            return
+        self._last[path] = found
+        self.text_document_publish_diagnostics(lsp.PublishDiagnosticsParams(self.uri(path), found))
 
     def diagnostic(self, state: State, problem: Problem) -> lsp.Diagnostic:
         """Return a problem as the protocol has it, with the page about its code."""
-        page = f"{_SITE}/errors.html#{problem.code.lower()}" if problem.finding is None else f"{_SITE}/rules.html"
         return lsp.Diagnostic(
             range=self.range(span_of(state, problem), state.lines(problem.location.path)),
             message=problem.message,
             severity=_LEVELS[problem.level],
             code=problem.code,
-            code_description=lsp.CodeDescription(page),
+            code_description=lsp.CodeDescription(page_about(problem)),
             source="msggen",
         )
 
@@ -278,6 +308,13 @@ class Server(LanguageServer):
 def _key(root: Root) -> tuple[str, Any]:
     settings = root.settings
     return root.folder, (settings.px4, settings.msg_dir, settings.topics, settings.release)
+
+
+def page_about(problem: Problem) -> str:
+    """Return the address of the page about a code or a rule."""
+    if problem.finding is None:
+        return f"{_SITE}/errors.html#{problem.code.lower()}"
+    return f"{_SITE}/{'lint' if problem.finding.rule in LINT else 'check'}.html#rules"
 
 
 def span_of(state: State, problem: Problem) -> Span:

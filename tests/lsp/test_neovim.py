@@ -17,7 +17,7 @@ PROGRAM = Path(__file__).parent / "hour.lua"
 ALL = "msg/translation_node/translations/all_translations.h"
 SAID = """\
 hover: **nav_state** `uint8` of VehicleStatus
-problem: 3 VERSION_NOT_RAISED 'VehicleStatus' changed: expected MESSAGE_VERSION = 5, found 4, 1 topic
+problem: 4 VERSION_NOT_RAISED 'VehicleStatus' changed: expected MESSAGE_VERSION = 5, found 4, 1 topic
 problem: {last} FIELD_ADDED 'uint8 added' at byte 83 is not in HEAD, 1 topic, silent for new readers
 action: msggen bump VehicleStatus
 line: uint32 MESSAGE_VERSION = 5
