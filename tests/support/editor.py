@@ -55,8 +55,9 @@ class Editor:
 
         return self.wait(sent())
 
-    def start(self, *command: str) -> None:
-        self.wait(self.client.start_io(sys.executable, "-m", "msggen", "lsp", *command))
+    def start(self, cwd: Path | None) -> None:
+        command = (str(Path(sys.executable).with_name("msggen")), "lsp")
+        self.wait(self.client.start_io(*command, cwd=cwd))
         self.wait(self.client.initialize_async(lsp.InitializeParams(capabilities=lsp.ClientCapabilities())))
         self.client.initialized(lsp.InitializedParams())
 
@@ -80,6 +81,9 @@ class Editor:
         whole = lsp.TextDocumentContentChangeWholeDocument(text)
         self.client.text_document_did_change(lsp.DidChangeTextDocumentParams(document, [whole]))
 
+    def save(self, path: Path) -> None:
+        self.client.text_document_did_save(lsp.DidSaveTextDocumentParams(_document(path)))
+
     def close(self, path: Path) -> None:
         del self.texts[path]
         self.client.text_document_did_close(lsp.DidCloseTextDocumentParams(_document(path)))
@@ -87,7 +91,7 @@ class Editor:
     def problems(self, path: Path, code: str) -> list[lsp.Diagnostic]:
         """Wait until a problem with a code is shown in a file, and return all problems of that code there."""
         with self._news:
-            self._news.wait_for(lambda: self.codes(path).count(code), LONGEST)
+            assert self._news.wait_for(lambda: self.codes(path).count(code), LONGEST), self.shown.get(path)
             return [each for each in self.shown.get(path, []) if each.code == code]
 
     def wait_until_gone(self, path: Path, code: str) -> None:
@@ -188,9 +192,9 @@ def edited(text: str, edit: lsp.TextEdit) -> str:
 
 
 @contextmanager
-def editor() -> Iterator[Editor]:
+def editor(cwd: Path | None = None) -> Iterator[Editor]:
     """An editor that has started `msggen lsp`."""
     session = Editor()
-    session.start()
+    session.start(cwd)
     yield session
     session.stop()
