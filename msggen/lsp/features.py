@@ -19,7 +19,7 @@ from msggen.lsp.hints import hints
 from msggen.lsp.hover import explained, hover, primitive
 from msggen.lsp.names import Kind, Name, Span, Use, at, definitions, elements, uses
 from msggen.lsp.project import Problem, Project, State
-from msggen.lsp.server import SETTINGS_FILE, Server, path_of, span_of, word_at
+from msggen.lsp.server import SETTINGS_FILE, SUFFIXES, Server, path_of, span_of, word_at
 from msggen.lsp.settings import about_setting, complete_settings
 
 _ICONS = {
@@ -32,7 +32,6 @@ _ICONS = {
     What.FIELD: lsp.CompletionItemKind.Field,
     What.KEY: lsp.CompletionItemKind.Property,
 }
-_SUFFIXES = (".msg", ".srv")
 _MOST = 2000
 """Maximum number of proposals in an answer. An editor asks again when more is typed."""
 
@@ -54,6 +53,8 @@ def _add_files(server: Server) -> None:
     def _opened(parameters: lsp.DidOpenTextDocumentParams) -> None:
         document = parameters.text_document
         path = path_of(document.uri)
+        if not path:
+            return
         server.uris[path] = document.uri
         server.forget(path)
         server.keep(path, document.text)
@@ -62,13 +63,15 @@ def _add_files(server: Server) -> None:
     @server.feature(lsp.TEXT_DOCUMENT_DID_CHANGE)
     def _changed(parameters: lsp.DidChangeTextDocumentParams) -> None:
         uri = parameters.text_document.uri
-        path = path_of(uri)
-        server.keep(path, server.workspace.get_text_document(uri).source)
-        server.changed(path, on_disk=False)
+        if path := path_of(uri):
+            server.keep(path, server.workspace.get_text_document(uri).source)
+            server.changed(path, on_disk=False)
 
     @server.feature(lsp.TEXT_DOCUMENT_DID_CLOSE)
     def _closed(parameters: lsp.DidCloseTextDocumentParams) -> None:
         path = path_of(parameters.text_document.uri)
+        if not path:
+            return
         server.buffers.pop(path, None)
         server.uris.pop(path, None)
         server.forget(path)
@@ -193,7 +196,7 @@ def _whole_file(state: State, path: str, line: int) -> Use | None:
 
 def _proposals(state: State, path: str, lines: Sequence[str], line: int, prefix: str) -> Iterator[Proposal]:
     name = os.path.basename(path)
-    if name.endswith(_SUFFIXES):
+    if name.endswith(SUFFIXES):
         yield from in_definition(state, _message_at(state, path, line), prefix)
     elif name == SETTINGS_FILE:
         yield from complete_settings(lines, line, prefix)

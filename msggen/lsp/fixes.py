@@ -181,11 +181,10 @@ def _with_topics(lines: Sequence[str], message: Message, topics: Sequence[str]) 
 
 def rename(state: State, name: Name, new: str) -> Edit:
     """Return the edit that renames a message, a field, a constant or a topic wherever it stands. Raises InputError."""
-    pattern = _RENAMED.get(name.kind)
-    if pattern is None or not pattern.fullmatch(new):
-        wanted = (
-            "CamelCase" if name.kind is Kind.MESSAGE else "UPPER_CASE" if name.kind is Kind.CONSTANT else "lower_case"
-        )
+    if name.kind is Kind.ENUM:
+        raise input_error("rename", "M201", "a prefix has the name of its constants: rename these", 0)
+    if not _RENAMED[name.kind].fullmatch(new):
+        wanted = {Kind.MESSAGE: "CamelCase", Kind.CONSTANT: "UPPER_CASE"}.get(name.kind, "lower_case")
         raise input_error("rename", "M201", f"'{new}': expected a name in {wanted}", 0)
     if any(use.name == name._replace(text=_text(name, new)) for use in uses(state)):
         raise input_error("rename", "M202", f"there is a {name.kind.value} '{new}' already", 0)

@@ -16,7 +16,7 @@ from functools import partial
 from typing import Any, TypeVar
 
 from lsprotocol import types as lsp
-from pygls.exceptions import JsonRpcInvalidParams
+from pygls.exceptions import FeatureRequestError
 from pygls.lsp.server import LanguageServer
 from pygls.uris import from_fs_path, to_fs_path
 
@@ -29,6 +29,7 @@ from msggen.lsp.buffers import Buffers
 from msggen.lsp.names import Span
 from msggen.lsp.project import NOTHING, Problem, Project, Root, State, is_set, problems_of, root_of
 from msggen.lsp.settings import check_settings
+from msggen.sources.settings import Settings
 
 _SITE = "https://msggen.github.io/msggen/docs"
 _PAUSE = 0.3
@@ -40,6 +41,8 @@ _LARGEST = 2**20
 _MOST = 500
 """Maximum number of problems that are shown in a file."""
 
+_NOWHERE = Root("", Settings())
+
 _LEVELS = {
     Level.ERROR: lsp.DiagnosticSeverity.Error,
     Level.WARNING: lsp.DiagnosticSeverity.Warning,
@@ -47,6 +50,9 @@ _LEVELS = {
 }
 _WORD = re.compile(r"[\w/:.@-]+(\[[^\]\s]*\])?|\S")
 SETTINGS_FILE = "pyproject.toml"
+SUFFIXES = (".msg", ".srv")
+_BRIDGE = "dds_topics.yaml"
+_YAML = (".yaml", ".yml")
 _Answer = TypeVar("_Answer")
 
 
@@ -71,6 +77,11 @@ class Server(LanguageServer):
         """What the editor shows in each file."""
         self._reader = ThreadPoolExecutor(1, "read")
         self._comparer = ThreadPoolExecutor(1, "compare")
+
+    def report_server_error(self, error: Exception, source: Any) -> None:
+        """Write an error into the log of the editor, in a line. A request gets its error as the answer."""
+        if source is not FeatureRequestError:
+            self._log(f"{type(error).__name__}: {' '.join(str(error).split())}")
 
     # Files
 
@@ -167,11 +178,15 @@ class Server(LanguageServer):
         return await asyncio.get_running_loop().run_in_executor(self._reader, work)
 
     def states_of(self, path: str) -> State:
-        """Return the last known state around a file, without a wait for changes."""
+        """Return the last known state around a file, without a wait for changes. Settings and "" are in none."""
+        if not path or os.path.basename(path) == SETTINGS_FILE:
+            return NOTHING
         return self.states.get(self.project_of(path), NOTHING)
 
     async def settled(self, path: str) -> tuple[Project, State]:
-        """Return the project of a file, and its state after all changes so far."""
+        """Return the project of a file, and its state after all changes so far. Settings and "" are in none."""
+        if not path or os.path.basename(path) == SETTINGS_FILE:
+            return Project(_NOWHERE, {}), NOTHING
         while True:
             project = self.project_of(path)
             if project not in self.states and project not in self._settling:
@@ -333,8 +348,18 @@ def word_at(lines: Sequence[str], path: str, line: int, column: int) -> Span:
 
 
 def path_of(uri: str) -> str:
-    """Return the path of a file. Raises an error of the protocol for another URI."""
+    """Return the path of a file that the server knows to read, "" for any other URI.
+
+    An editor may send all YAML, TOML and text files.
+    """
     path = to_fs_path(uri)
-    if not path:
-        raise JsonRpcInvalidParams(f"not the URI of a file: {uri[:200]}")
-    return os.path.normpath(path)
+    if not path or "\0" in path:
+        return ""
+    path = os.path.normpath(path)
+    name = os.path.basename(path)
+    if name.endswith(SUFFIXES) or name in (SETTINGS_FILE, _BRIDGE):
+        return path
+    if name.endswith(_YAML):
+        topics = root_of(path).settings.topics
+        return path if topics and os.path.abspath(topics) == path else ""
+    return ""
