@@ -16,7 +16,7 @@ from functools import partial
 from typing import Any, TypeVar
 
 from lsprotocol import types as lsp
-from pygls.exceptions import FeatureRequestError
+from pygls.exceptions import FeatureRequestError, JsonRpcException
 from pygls.lsp.server import LanguageServer
 from pygls.uris import from_fs_path, to_fs_path
 
@@ -80,7 +80,7 @@ class Server(LanguageServer):
 
     def report_server_error(self, error: Exception, source: Any) -> None:
         """Write an error into the log of the editor, in a line. A request gets its error as the answer."""
-        if source is not FeatureRequestError:
+        if source is not FeatureRequestError and not isinstance(error, JsonRpcException):
             self._log(f"{type(error).__name__}: {' '.join(str(error).split())}")
 
     # Files
