@@ -287,22 +287,22 @@ def test_every_code_that_a_diagnostic_can_have_is_explained() -> None:
     assert all(code in explained(code) for code in CODES)
 
 
-def test_files_of_other_kinds_have_no_problems_and_no_answers(session: Editor, tmp_path: Path) -> None:
+def test_files_of_other_kinds_have_no_problems_and_no_answers(tmp_path: Path) -> None:
     """An editor that shows YAML and text files may send all of them."""
-    before = dict(session.shown)
-    for name in ("compose.yaml", "notes.txt", "Cargo.toml", "msg", "a.yml"):
-        path = tmp_path / name
-        session.open(path, "services: [\n")
-        session.type(path, "services: {\n")
-        assert session.hover(path, 0, 0) == ""
-        assert session.proposals(path, 0, 3) == {}
-        assert session.actions(path, 0, 0) == {}
-        session.close(path)
-    untitled = lsp.TextDocumentItem("untitled:Untitled-1", "plaintext", 1, "x")
-    session.client.text_document_did_open(lsp.DidOpenTextDocumentParams(untitled))
-    assert session.hover(tmp_path / "compose.yaml", 0, 0) == ""
-    assert session.shown == before
-    assert not session.logged
+    with editor() as session:
+        for name in ("compose.yaml", "notes.txt", "Cargo.toml", "msg", "a.yml"):
+            path = tmp_path / name
+            session.open(path, "services: [\n")
+            session.type(path, "services: {\n")
+            assert session.hover(path, 0, 0) == ""
+            assert session.proposals(path, 0, 3) == {}
+            assert session.actions(path, 0, 0) == {}
+            session.close(path)
+        untitled = lsp.TextDocumentItem("untitled:Untitled-1", "plaintext", 1, "x")
+        session.client.text_document_did_open(lsp.DidOpenTextDocumentParams(untitled))
+        assert session.hover(tmp_path / "compose.yaml", 0, 0) == ""
+        assert session.shown == {}
+        assert session.logged == []
 
 
 def test_the_topics_of_settings_may_have_another_name(session: Editor, tree: Path) -> None:
