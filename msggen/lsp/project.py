@@ -20,6 +20,7 @@ from msggen.definitions.model import Catalog, FieldType, Message
 from msggen.definitions.nesting import Extent, cycles, too_large
 from msggen.definitions.parse.text import decode_text
 from msggen.lsp.buffers import BufferedFolder, Buffers, buffered
+from msggen.lsp.packages import nested_packages
 from msggen.show.report.line import silent_mark
 from msggen.show.report.selection import selected_rules
 from msggen.sources.catalog import COMPARABLE, look, read_catalog
@@ -174,7 +175,10 @@ class Project:
         """Return the files of the root. Raises InputError."""
         settings = self.root.settings
         if not is_set(self.root):
-            return find_sources(BufferedFolder(self.root.folder, self.buffers))
+            own = BufferedFolder(self.root.folder, self.buffers)
+            found = find_sources(own)
+            packages = nested_packages((*found.messages, *found.services), os.path.dirname(self.root.folder))
+            return find_sources(own, packages) if packages else found
         px4 = settings.px4
         tree = BufferedFolder(px4, self.buffers) if px4 and os.path.isdir(px4) else px4
         release = settings.release

@@ -55,6 +55,34 @@ def test_settings_name_the_definitions_of_their_files_only(tmp_path: Path) -> No
         assert "M301" not in session.codes(tmp_path / "mine/msg/Rotor.msg")
 
 
+def package(folder: Path, files: dict[str, str]) -> Path:
+    """Write a ROS package with these messages."""
+    (folder / "msg").mkdir(parents=True)
+    (folder / "package.xml").write_text(f"<package><name>{folder.name}</name><version>1.0.0</version></package>\n")
+    for name, text in files.items():
+        (folder / "msg" / name).write_text(text)
+    return folder
+
+
+def test_packages_of_the_workspace_and_installed_ones_are_nested(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path / "ros"))
+    package(tmp_path / "ros/share/builtin_interfaces", {"Time.msg": "int32 sec\nuint32 nanosec\n"})
+    package(tmp_path / "ros/share/std_msgs", {"Header.msg": "builtin_interfaces/Time stamp\nstring frame_id\n"})
+    package(tmp_path / "src/parts", {"Wheel.msg": "float32 speed\n"})
+    text = "std_msgs/Header header\nparts/Wheel[2] wheels\nmissing_msgs/Thing thing\n"
+    cart = package(tmp_path / "src/cart_msgs", {"Cart.msg": text}) / "msg" / "Cart.msg"
+    with editor() as session:
+        session.open(cart)
+        [problem] = session.problems(cart, "M301")
+        assert problem.range.start.line == 2
+        [header] = session.definition(cart, 0, 10)
+        assert header.uri == (tmp_path / "ros/share/std_msgs/msg/Header.msg").as_uri()
+        [wheel] = session.definition(cart, 1, 7)
+        assert wheel.uri == (tmp_path / "src/parts/msg/Wheel.msg").as_uri()
+
+
 def test_settings_that_are_saved_count_at_once(tmp_path: Path) -> None:
     path = tmp_path / "msg" / "Padded.msg"
     path.parent.mkdir()
