@@ -72,6 +72,7 @@ class Server(LanguageServer):
         """The projects with changes, and whether files on disk can have changed, too."""
         self._settling: dict[Project, asyncio.Task[None]] = {}
         self._pauses: dict[Project, asyncio.TimerHandle] = {}
+        self._comparing: dict[Project, asyncio.Task[None]] = {}
         self._published: dict[Project, set[str]] = {}
         self._last: dict[str, list[lsp.Diagnostic]] = {}
         """What the editor shows in each file."""
@@ -140,22 +141,27 @@ class Server(LanguageServer):
                 self.states[project], self.linted[project] = await self.aside(partial(self._read, project, read))
             self._show(project)
             self._touch_others()
-            loop = asyncio.get_running_loop()
-            self._pauses[project] = loop.call_later(_PAUSE, lambda: asyncio.ensure_future(self._compare(project)))
+            self._pauses[project] = asyncio.get_running_loop().call_later(_PAUSE, self._start_comparison, project)
         finally:
             del self._settling[project]
 
     def _touch_others(self) -> None:
         """Read the projects of open files that turned out not to be in the one that the settings name."""
-        for path in self.buffers:
-            if os.path.basename(path) != SETTINGS_FILE:
-                project = self.project_of(path)
-                if project not in self.states and project not in self._settling:
-                    self._touch(project, on_disk=True)
+        for path in self._definitions():
+            project = self.project_of(path)
+            if project not in self.states and project not in self._settling:
+                self._touch(project, on_disk=True)
+
+    def _definitions(self) -> list[str]:
+        """Return the open files without settings."""
+        return [path for path in self.buffers if os.path.basename(path) != SETTINGS_FILE]
 
     def _read(self, project: Project, read: Callable[[], State]) -> tuple[State, dict[str, list[Problem]]]:
         state = read()
         return state, {path: [*project.lint(state, path)] for path in [*self.buffers] if path in state.contents}
+
+    def _start_comparison(self, project: Project) -> None:
+        self._comparing[project] = asyncio.ensure_future(self._compare(project))
 
     async def _compare(self, project: Project) -> None:
         """Compare a project with the last commit, and show what a change of it breaks."""
@@ -212,7 +218,7 @@ class Server(LanguageServer):
             by_path.setdefault(problem.location.path, []).append(problem)
         known = {path: found for path, found in by_path.items() if path in state.contents}
         others = [problem for path, found in by_path.items() if path not in known for problem in found]
-        opened = [path for path in self.buffers if _key(root_of(path)) == _key(project.root)] if others else []
+        opened = [path for path in self._definitions() if self.project_of(path) is project] if others else []
         shown = {path: [self.diagnostic(state, each) for each in found[:_MOST]] for path, found in known.items()}
         for path in opened:  # what has no place in a file is shown at the top of the open ones
             shown[path] = [*shown.get(path, []), *(self._without_place(each) for each in others[:_MOST])]
