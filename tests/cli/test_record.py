@@ -24,6 +24,7 @@ from msggen.link.xrce.wire import ENCAPSULATION
 from msggen.sim import Misbehaviour, Options, Simulator
 from msggen.sim.endpoints import object_ids_of
 from support.examples import by_day
+from support.imports import forget
 from support.ports import free_port
 from support.recordings import START, Found, check_decoded, check_read, read_mcap
 from support.repository import ROOT
@@ -211,8 +212,7 @@ def test_errors_have_codes(words: list[str], text: str, here: Path, capsys: pyte
 def test_a_package_that_is_missing_is_named(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for name in [name for name in sys.modules if name.partition(".")[0] == "mcap"]:
-        monkeypatch.delitem(sys.modules, name)
+    forget(monkeypatch, "mcap")
     monkeypatch.setitem(sys.modules, "mcap", None)
     for words in (["record"], ["play", "a.mcap"]):
         assert main(words) == 2

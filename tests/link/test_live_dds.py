@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import builtins
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -18,6 +17,7 @@ from msggen.link.dds import LOOPBACK, DdsLink, Endpoint, endpoint_of
 from msggen.link.link import LinkError, Remote, Route, Service
 from support.commands import run
 from support.dds_vehicle import domains, vehicle
+from support.imports import forget
 from support.link_records import Records, nothing_is_left
 from support.repository import ROOT
 
@@ -227,9 +227,7 @@ def test_closing_at_once_and_twice_leaves_nothing() -> None:
 
 
 def test_the_error_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in [name for name in sys.modules if name.partition(".")[0] == "cyclonedds"]:
-        monkeypatch.delitem(sys.modules, name)
-    monkeypatch.delitem(sys.modules, "msggen.link.cyclone", raising=False)
+    forget(monkeypatch, "cyclonedds", "msggen.link.cyclone")
     real = builtins.__import__
 
     def missing(name: str, *args: Any) -> Any:

@@ -13,6 +13,7 @@ from msggen.base.exit_codes import DONE, FAILED, FINDINGS
 from msggen.base.missing import installing
 from msggen.cli import main
 from msggen.sim import Options, Simulator
+from support.imports import forget
 from support.ports import free_port
 from support.pseudo_terminal import TerminalProgram
 from support.repository import ROOT
@@ -145,8 +146,7 @@ def test_errors_come_before_any_waiting(
 def test_a_package_that_is_not_installed_is_named(
     package: str, url: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for name in [name for name in sys.modules if name.startswith(("msggen.show.plot", "msggen.recordings"))]:
-        monkeypatch.delitem(sys.modules, name)
+    forget(monkeypatch, "msggen.show.plot", "msggen.recordings")
     monkeypatch.setitem(sys.modules, package, None)
     assert run([FIELDS[0], "-o", "plot.png"], url) == FAILED
     assert f"{package}: L111 this package is not installed: {installing('plot')}" in capsys.readouterr().err

@@ -1,4 +1,12 @@
-"""Modules that are slow to import."""
+"""Modules that are slow to import, and modules that a test imports anew."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import pytest
 
 HEAVY = {
     "dataclasses",
@@ -39,3 +47,15 @@ READING = {
     "yaml",
 }
 """Modules that reading a ULog must not import, which has its own definitions, unless numpy does."""
+
+
+def forget(monkeypatch: pytest.MonkeyPatch, *packages: str) -> None:
+    """Let packages be imported anew until the end of a test, when the modules from before are there again.
+
+    A module is also an attribute of its package. Without that, tests that follow would find two modules of one name.
+    """
+    for name in [name for name in sys.modules if f"{name}.".startswith(tuple(f"{each}." for each in packages))]:
+        package, _, child = name.rpartition(".")
+        if vars(sys.modules.get(package, sys)).get(child) is sys.modules[name]:
+            monkeypatch.delattr(sys.modules[package], child)
+        monkeypatch.delitem(sys.modules, name)
