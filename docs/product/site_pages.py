@@ -25,8 +25,16 @@ GROUPS = {
         ),
     ),
     "Vehicle": (
-        *("docs/vehicle", "docs/topic", "docs/doctor", "docs/flight", "docs/flight_safety", "docs/flight_tests"),
-        *("docs/sim", "docs/links", "docs/connect", "docs/ros2"),
+        *("docs/vehicle", "docs/topic", "docs/doctor", "docs/errors_of_others"),
+        *(
+            "docs/flight",
+            "docs/flight_safety",
+            "docs/flight_tests",
+            "docs/sim",
+            "docs/links",
+            "docs/connect",
+            "docs/ros2",
+        ),
     ),
     "Recordings": (
         "docs/recordings",
