@@ -107,7 +107,7 @@ def shape(catalog: Catalog, new: str, old: str) -> set[tuple[str, ...]]:
     def named(text: str) -> str:
         return re.sub(rf"\b{new}\b", old, text) if new else text
 
-    rows = {
+    rows: set[tuple[str, ...]] = {
         (named(message.name), kind, named(str(each.type)), named(each.name))
         for message in every(catalog)
         for kind, elements in (("field", message.fields), ("constant", message.constants))

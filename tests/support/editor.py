@@ -33,7 +33,7 @@ class Editor:
         self._versions: dict[Path, int] = {}
         self._news = threading.Condition()
 
-        @self.client.feature(lsp.TEXT_DOCUMENT_PUBLISH_DIAGNOSTICS)
+        @self.client.feature(lsp.TEXT_DOCUMENT_PUBLISH_DIAGNOSTICS)  # type: ignore[untyped-decorator]
         def _shown(parameters: lsp.PublishDiagnosticsParams) -> None:
             self._show(parameters)
 
@@ -64,7 +64,7 @@ class Editor:
     def stop(self) -> None:
         self.wait(self.client.shutdown_async(None))
         self._loop.call_soon_threadsafe(self.client.exit, None)
-        self.wait(self.client.stop())
+        self.wait(self.client.stop())  # type: ignore[no-untyped-call]
         self._loop.call_soon_threadsafe(self._loop.stop)
 
     def open(self, path: Path, text: str | None = None) -> None:
@@ -125,7 +125,7 @@ class Editor:
     def rename(self, path: Path, line: int, column: int, name: str) -> lsp.WorkspaceEdit:
         place = lsp.RenameParams(_document(path), lsp.Position(line, column), name)
         found = self.wait(self.client.text_document_rename_async(place))
-        assert found is not None
+        assert isinstance(found, lsp.WorkspaceEdit)
         return found
 
     def actions(self, path: Path, first: int, last: int) -> dict[str, lsp.CodeAction]:
@@ -134,7 +134,9 @@ class Editor:
         return {each.title: each for each in self.wait(self.client.text_document_code_action_async(place))}
 
     def resolve(self, action: lsp.CodeAction) -> lsp.CodeAction:
-        return self.wait(self.client.code_action_resolve_async(action))
+        found = self.wait(self.client.code_action_resolve_async(action))
+        assert isinstance(found, lsp.CodeAction)
+        return found
 
     def hints(self, path: Path) -> list[lsp.InlayHint]:
         whole = lsp.Range(lsp.Position(0, 0), lsp.Position(10**6, 0))
