@@ -59,18 +59,8 @@ def front_page() -> str:
         [
             *("---", "hide-toc: true", "---", "", "# msggen", "", LEAD, ""),
             *('<div class="front">', wide_picture(), tall_picture(), "</div>", ""),
-            *(
-                "```console",
-                "$ pip install msggen",
-                *_sessions(),
-                "```",
-                "",
-                INSTALLING,
-                "",
-                *_starts(),
-                "",
-                contents(),
-            ),
+            *("```console", "$ pip install msggen", *_sessions(), "```", "", INSTALLING, ""),
+            *(*_starts(), "", contents()),
         ]
     )
 

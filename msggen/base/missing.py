@@ -50,7 +50,7 @@ def _command(wanted: list[str], others: tuple[str, ...]) -> list[str]:
     if _has("uv-receipt.toml"):
         return ["uv", "tool", "install", *wanted, *_each("--with", others)]
     if os.path.basename(os.path.dirname(sys.prefix)).startswith("archive-v"):
-        return ["uvx", *_each("--with", others), "--from", *wanted, "msggen"]
+        return ["uvx", *_each("--with", others), "--from", wanted[-1], "msggen"]
     return [*_pip(), *wanted, *others]
 
 
