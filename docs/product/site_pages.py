@@ -7,7 +7,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 
 GROUPS = {
-    "Start": ("README", "docs/first-flight"),
+    "Start": ("README", "docs/install", "docs/first-flight"),
     "Types": (
         *("docs/build", "docs/package", "docs/meaning", "docs/batches", "docs/frames", "docs/time", "docs/versions"),
         *("docs/cmake", "docs/render"),
