@@ -62,7 +62,9 @@ def ros(px4_types: Any, tmp_path_factory: pytest.TempPathFactory) -> Ros:
         px4_types.OffboardControlMode,
         px4_types.TrajectorySetpoint,
         px4_types.VehicleCommand,
+        px4_types.VehicleCommandAck,
         archived.AirspeedValidatedV0,
+        services={"VehicleCommand": (ROOT / "srv" / "VehicleCommand.srv").read_text(encoding="utf-8")},
     )
     transforms = {"TFMessage": "geometry_msgs/TransformStamped[] transforms\n"}  # tf2_msgs has no wheel
     return Ros(python, compile_package(python, folder, "tf2_msgs", transforms), folder)
@@ -115,7 +117,7 @@ def test_a_node_flies_through_the_relay(px4_types: Any, ros: Ros, programs: list
     relay = ros.run(domain, "-m", "msggen", "relay", *options)
     programs.append(relay)
     with Simulator(px4_types, address, [Options(sync="short", namespace="uav_1", parts=("airspeed",))]):
-        relay.wait_for("2 topics to ROS, 4 from ROS", "airspeed_validated: AirspeedValidated as version 0", "  pose: ")
+        relay.wait_for("4 topics to ROS, 4 from ROS", "airspeed_validated: AirspeedValidated as version 0", "  pose: ")
         parameters = ["--ros-args", "-r", "__ns:=/uav_1", "-p", "height:=2.0", "-p", "hover:=0.1"]
         flight = ros.run(domain, "-m", "msggen_ros.offboard", *parameters)
         reader = ros.run(domain, str(ROOT / "tests" / "support" / "ros_reader.py"))
@@ -141,6 +143,28 @@ def test_a_node_flies_through_the_relay(px4_types: Any, ros: Ros, programs: list
     interrupted(relay)
     assert re.search(r"^  /uav_1/fmu/in/trajectory_setpoint +\d", relay.printed, re.MULTILINE)
     assert "not carried" not in relay.printed.rpartition("samples to ROS")[2]
+
+
+@pytest.mark.night  # in ROS 2
+@pytest.mark.tools("g++")
+def test_nodes_call_the_service_of_a_vehicle(px4_types: Any, ros: Ros, programs: list[Program]) -> None:
+    """The answers are those of the vehicle, to each call its own: one that it carries out, and one without meaning."""
+    domain, address = next(DOMAINS), f"udp://127.0.0.1:{free_port()}"
+    name, types = "/uav_1/fmu/vehicle_command", str(ROOT / "generated" / "px4_types")
+    relay = ros.run(domain, "-m", "msggen", "relay", "vehicle_command", "--link", address, "--types", types)
+    programs.append(relay)
+    with Simulator(px4_types, address, [Options(sync="short", namespace="uav_1")]):
+        relay.wait_for(f"{name}: px4_msgs/srv/VehicleCommand, a service")
+        arm, unknown = px4_types.VehicleCommand.VEHICLE_CMD_COMPONENT_ARM_DISARM, 60000
+        caller = ros.run(domain, str(ROOT / "tests" / "support" / "ros_caller.py"), name, str(arm), str(unknown))
+        programs.append(caller)
+        caller.wait_for("^all answered$")
+    results = px4_types.VehicleCommandAck.VehicleCmdResult
+    expected = [(arm, results.ACCEPTED), (unknown, results.UNSUPPORTED)]
+    answers = [f"{name} {command} {int(result)} True" for command, result in expected]
+    assert caller.printed.splitlines() == [*answers, "all answered"]
+    interrupted(relay)
+    assert f"2 calls of {name} answered" in relay.printed
 
 
 @pytest.mark.night  # in ROS 2

@@ -225,7 +225,7 @@ def test_ctrl_c_leaves_no_object_of_rclpy_half_made(handler: Any, monkeypatch: p
         monkeypatch.setitem(sys.modules, name, value)
     monkeypatch.setattr(sys, "unraisablehook", ignored.append)
     vehicle: Any = SimpleNamespace(watch=lambda _: SimpleNamespace(close=lambda: calls.append("relay closed")))
-    empty: Any = SimpleNamespace(rows=(), sources={})
+    empty: Any = SimpleNamespace(rows=(), sources={}, services=())
     before = signal.signal(signal.SIGINT, handler)
     is_ignored = handler is signal.SIG_IGN
     try:

@@ -1,4 +1,4 @@
-"""`msggen relay`: the topics of a vehicle in ROS 2, without an agent."""
+"""`msggen relay`: topics and services of a vehicle in ROS 2, without an agent."""
 
 from __future__ import annotations
 
@@ -40,10 +40,10 @@ def add_to(commands: Commands) -> None:
         "relay",
         _relay,
         help="carry the topics of a vehicle to ROS 2 and back, without an agent",
-        description="Carry the topics of a vehicle to ROS 2 and back, as an agent does, until Ctrl-C. It needs rclpy, "
-        "and px4_msgs with the definitions of the vehicle: samples pass unchanged. Topics whose definition differs are "
-        "refused, or converted with --translate. Behind a link of tap:// or dds://, where an agent publishes the "
-        "topics, only --standard and --translate add topics.",
+        description="Carry the topics and the service of a vehicle to ROS 2, as an agent does, until Ctrl-C. It needs "
+        "rclpy, and px4_msgs with the definitions of the vehicle: samples pass unchanged. Topics whose definition "
+        "differs are refused, or converted with --translate. Behind a link of tap:// or dds://, where an agent "
+        "publishes the topics, only --standard and --translate add topics.",
         epilog=f"Exit codes: 0 ended by Ctrl-C, {FAILED_CODES}",
     )
     parser.add_argument(
@@ -164,14 +164,14 @@ def _plan(options: argparse.Namespace, found: Connection) -> Plan:
     except LinkTimeoutError:
         hashes = vehicle.firmware.hashes
     packages = (found.package, *((package_of(EMBEDDED[0]),) if options.translate else ()))
-    topics = Topics(vehicle.routes, vehicle.remote.namespace, hashes, packages)
+    topics = Topics(vehicle.routes, vehicle.remote.namespace, hashes, packages, vehicle.services)
     is_beside_agent = type_named(found.link).needs_agent
     wish = Wish(options.topics, options.translate, options.standard, is_beside_agent)
     try:
         plan = planned(topics, wish)
     except ValueError as error:
         raise input_error("TOPIC", "L105", str(error), 0) from None
-    if not plan.rows and not plan.sources:
+    if not plan.rows and not plan.sources and not plan.services:
         raise input_error(found.link, "L105", _absence(plan, found, is_beside_agent=is_beside_agent), 0)
     return plan
 
@@ -199,6 +199,8 @@ def _is_over(is_interrupted: Callable[[], bool], vehicle: Vehicle, remote: Remot
 
 def _report(options: argparse.Namespace, found: Connection, plan: Plan, relay: Relay) -> None:
     """Print what is carried, and to stderr what is not."""
+    from msggen.ros.plan import service_type
+
     rows = plan.rows
     out = sum(row.route.direction == "out" for row in rows)
     for name, reason in plan.refused:
@@ -214,6 +216,8 @@ def _report(options: argparse.Namespace, found: Connection, plan: Plan, relay: R
     for row in rows:
         if row.convert is not None:
             print(f"  {row.name}: {row.theirs.__name__} as version {row.own.__msg__.message_version}")
+    for each in plan.services:
+        print(f"  {each.service.name}: {service_type(each.service)}, a service")
     for name, ros_type in relay.standard:
         print(f"  {name}: {ros_type}")
     print(end="", flush=True)
@@ -228,11 +232,13 @@ class _Totals:
         self.refusals = Refusals()
         self._to_ros: Counter[str] = Counter()
         self._to_vehicle: Counter[str] = Counter()
+        self._calls: Counter[str] = Counter()
 
     def add(self, relay: Relay) -> None:
         """Add what a relay has carried."""
         self._to_ros += relay.to_ros
         self._to_vehicle += relay.to_vehicle
+        self._calls += relay.answered
 
     def show(self, seconds: float) -> None:
         """Print the numbers."""
@@ -242,5 +248,7 @@ class _Totals:
         width = max((len(name) for name, _ in rows), default=0)
         for name, number in rows:
             print(f"  {name:{width}}  {number:7}  {number / seconds:7.1f} Hz")
+        for name, number in sorted(self._calls.items()):
+            print(f"  {counted(number, 'call')} of {name} answered")
         for name, number in self.refusals.counts.items():
-            print(printable(f"  not carried: {counted(number, 'sample')} of {name}: {self.refusals.reasons[name]}"))
+            print(printable(f"  not carried: {counted(number, 'time')}, {name}: {self.refusals.reasons[name]}"))
