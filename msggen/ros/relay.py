@@ -58,8 +58,8 @@ def interrupt_at_end() -> Iterator[Callable[[], bool]]:
 
 
 @contextmanager
-def node(namespace: str) -> Iterator[Any]:
-    """Start a node of rclpy, `msggen_relay` in the namespace of a vehicle, and end it.
+def started() -> Iterator[None]:
+    """Start rclpy, and end it.
 
     Ctrl-C stays Python's: rclpy would only tell its own waits. rclpy reads the part of `sys.argv` after `--ros-args`.
     """
@@ -70,9 +70,19 @@ def node(namespace: str) -> Iterator[Any]:
         with interrupt_at_end():
             rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
             ends.callback(rclpy.try_shutdown)
-            found = rclpy.create_node("msggen_relay", namespace=f"/{namespace}")
-            ends.callback(found.destroy_node)
+        yield
+
+
+@contextmanager
+def node(namespace: str) -> Iterator[Any]:
+    """Make the node `msggen_relay` in the namespace of a vehicle, and end it."""
+    import rclpy
+
+    found = rclpy.create_node("msggen_relay", namespace=f"/{namespace}")
+    try:
         yield found
+    finally:
+        found.destroy_node()
 
 
 def profile(qos: Any) -> Any:

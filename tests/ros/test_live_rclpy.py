@@ -124,6 +124,7 @@ def test_a_node_flies_through_the_relay(px4_types: Any, ros: Ros, programs: list
         programs += [flight, reader]
         reader.wait_for("^all arrived$")
         flight.wait_for("taking off", "landing", "landed")
+        flight.process.wait(30)  # it still selects Hold
     seen = dict(line.split(" ", 1) for line in reader.printed.splitlines() if line.startswith("/"))
     own = px4_types.VehicleStatus
     status = "/uav_1/fmu/out/vehicle_status_v4"
@@ -147,24 +148,25 @@ def test_a_node_flies_through_the_relay(px4_types: Any, ros: Ros, programs: list
 
 @pytest.mark.night  # in ROS 2
 @pytest.mark.tools("g++")
-def test_nodes_call_the_service_of_a_vehicle(px4_types: Any, ros: Ros, programs: list[Program]) -> None:
-    """The answers are those of the vehicle, to each call its own: one that it carries out, and one without meaning."""
+def test_nodes_call_the_services_of_two_vehicles(px4_types: Any, ros: Ros, programs: list[Program]) -> None:
+    """Each call gets its own answer of its vehicle: to what it carries out, and to a command that does not exist."""
     domain, address = next(DOMAINS), f"udp://127.0.0.1:{free_port()}"
-    name, types = "/uav_1/fmu/vehicle_command", str(ROOT / "generated" / "px4_types")
+    names, types = [f"/uav_{key}/fmu/vehicle_command" for key in (1, 2)], str(ROOT / "generated" / "px4_types")
     relay = ros.run(domain, "-m", "msggen", "relay", "vehicle_command", "--link", address, "--types", types)
     programs.append(relay)
-    with Simulator(px4_types, address, [Options(sync="short", namespace="uav_1")]):
-        relay.wait_for(f"{name}: px4_msgs/srv/VehicleCommand, a service")
-        arm, unknown = px4_types.VehicleCommand.VEHICLE_CMD_COMPONENT_ARM_DISARM, 60000
-        caller = ros.run(domain, str(ROOT / "tests" / "support" / "ros_caller.py"), name, str(arm), str(unknown))
-        programs.append(caller)
-        caller.wait_for("^all answered$")
+    arm, unknown = px4_types.VehicleCommand.VEHICLE_CMD_COMPONENT_ARM_DISARM, 60000
     results = px4_types.VehicleCommandAck.VehicleCmdResult
-    expected = [(arm, results.ACCEPTED), (unknown, results.UNSUPPORTED)]
-    answers = [f"{name} {command} {int(result)} True" for command, result in expected]
-    assert caller.printed.splitlines() == [*answers, "all answered"]
+    with Simulator(px4_types, address, [Options(key=key, sync="short", namespace=f"uav_{key}") for key in (1, 2)]):
+        relay.wait_for(*["vehicle_command: px4_msgs/srv/VehicleCommand, a service"] * 2)
+        for name in names:
+            caller = ros.run(domain, str(ROOT / "tests" / "support" / "ros_caller.py"), name, str(arm), str(unknown))
+            programs.append(caller)
+            caller.wait_for("^all answered$")
+            expected = [(arm, results.ACCEPTED), (unknown, results.UNSUPPORTED)]
+            answers = [f"{name} {command} {int(result)} True" for command, result in expected]
+            assert caller.printed.splitlines() == [*answers, "all answered"]
     interrupted(relay)
-    assert f"2 calls of {name} answered" in relay.printed
+    assert all(f"2 calls of {name} answered" in relay.printed for name in names)
 
 
 @pytest.mark.night  # in ROS 2

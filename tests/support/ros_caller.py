@@ -23,7 +23,7 @@ def main(name: str, commands: list[int]) -> None:
         request = VehicleCommand.Request()
         request.request.command = number
         request.request.param1 = 1.0
-        request.request.target_system = request.request.target_component = 1
+        request.request.target_system = request.request.target_component = 0  # all
         calls.append(client.call_async(request))
     for call in calls:
         rclpy.spin_until_future_complete(node, call)

@@ -5,11 +5,12 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
-from functools import partial
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext, suppress
+from logging import ERROR, getLogger
 from typing import TYPE_CHECKING, Any
 
 from msggen.base.diagnostics import counted, few, input_error, printable
@@ -19,9 +20,12 @@ from msggen.cli.options import FAILED_CODES, Commands, add_command, add_shared
 from msggen.cli.values import non_empty
 from msggen.cli.watching import watching
 from msggen.generate.cache import package_of
-from msggen.link.link import NotConnectedError
+from msggen.link.link import LinkError, LinkTimeoutError, NotConnectedError
 from msggen.link.link_types import type_named
+from msggen.ros.fleet import clashes, sort
 from msggen.sources.embedded import EMBEDDED
+from msggen.vehicle.hub import OTHERS
+from msggen.vehicle.selection import is_same
 
 if TYPE_CHECKING:
     from msggen.link.link import Remote
@@ -30,7 +34,15 @@ if TYPE_CHECKING:
     from msggen.vehicle.vehicle import Vehicle
 
 _ASKED = 10.0
-"""How long to wait in s for the vehicle's hashes of its definitions."""
+"""How long to wait in s for the vehicle's hashes of its definitions, and for the end of a thread."""
+_OTHERS = 3.0
+"""How long to wait in s until all vehicles on a new link have connected."""
+_JOIN = 5.0
+"""How long to wait in s for a vehicle that has connected before."""
+_SLICE = 0.2
+"""The longest wait in s without a look at the end."""
+_LOCK = threading.Lock()
+"""Held while a thread prints what belongs together."""
 
 
 def add_to(commands: Commands) -> None:
@@ -111,58 +123,205 @@ def _check_package(found: Connection) -> None:
 
 
 def _run(options: argparse.Namespace, found: Connection) -> None:
-    """Carry samples until Ctrl-C. Each time that the vehicle connects, its definitions are compared anew."""
-    from msggen.ros.relay import Relay, interrupt_at_end
-    from msggen.ros.standard import Converter, Frames
+    """Carry samples of all vehicles until Ctrl-C. Raises InputError if there is nothing to carry."""
+    from msggen.ros.relay import interrupt_at_end
 
-    totals, started, reported = _Totals(), time.monotonic(), None
-    namespace = found.vehicle.remote.namespace
+    getLogger(OTHERS).setLevel(ERROR)  # they are carried, too
+    carriers, begun = _Carriers(options, found), time.monotonic()
     try:
-        with watching(), _started(namespace) as node:
-            while True:
-                plan, remote = _plan(options, found), found.vehicle.remote
-                frames = Frames().inside(namespace)
-                converter = Converter(found.package, frames, totals.refusals) if options.standard else None
-                with (
-                    interrupt_at_end() as is_interrupted,
-                    Relay(node, found.vehicle, plan, totals.refusals, converter) as relay,
-                ):
-                    if plan != reported:  # not each time that the vehicle connects again
-                        _report(options, found, plan, relay)
-                        reported = plan
-                    try:
-                        relay.spin(partial(_is_over, is_interrupted, found.vehicle, remote))
-                    finally:
-                        totals.add(relay)
+        with watching(), _started(), interrupt_at_end() as is_interrupted, closing(carriers):
+            carriers.check(is_interrupted)
+            while not is_interrupted():
+                carriers.look()
+                time.sleep(_SLICE)
     finally:
-        if reported is not None and not options.quiet:
-            totals.show(time.monotonic() - started)
+        if not options.quiet:
+            carriers.show(time.monotonic() - begun)
 
 
 @contextmanager
-def _started(namespace: str) -> Iterator[Any]:
-    """Start a node of rclpy, and end it. Raises InputError if ROS cannot be started."""
-    from msggen.ros.relay import node
+def _started() -> Iterator[None]:
+    """Start rclpy, and end it. Raises InputError if it cannot be started."""
+    from msggen.ros.relay import started
 
     with ExitStack() as stack:
         try:
-            made = stack.enter_context(node(namespace))
+            stack.enter_context(started())
         except Exception as error:  # noqa: BLE001 - rclpy raises errors of its own for a wrong environment
             raise input_error("rclpy", "L105", f"cannot be started: {error}", 0) from None
-        yield made
+        yield
 
 
-def _plan(options: argparse.Namespace, found: Connection) -> Plan:
+class _Carriers:
+    """The vehicles that are carried, each in a thread of its own."""
+
+    def __init__(self, options: argparse.Namespace, found: Connection) -> None:
+        self._options, self._found = options, found
+        self._running: list[_Carrier] = []
+        self._all: list[_Carrier] = []
+        self._done: set[int] = set()
+        """The numbers of the sessions that are refused or have failed. The next session of a vehicle is tried anew."""
+
+    def check(self, is_interrupted: Callable[[], bool]) -> None:
+        """Wait until the vehicles on the link have connected. Raises InputError if two have one namespace."""
+        deadline = time.monotonic() + _OTHERS
+        while not self._found.vehicle.is_settled and time.monotonic() < deadline and not is_interrupted():
+            time.sleep(_SLICE)
+        found = clashes(self._present())
+        if found:
+            raise input_error(self._found.link, "L105", found[0], 0)
+
+    def look(self) -> None:
+        """Carry vehicles that have connected. Raises the error of a vehicle that cannot be carried, if it is alone."""
+        for carrier in [each for each in self._running if each.error is not None]:
+            self._running.remove(carrier)
+            self._done.add(carrier.session)
+            if not self._running:
+                assert carrier.error is not None  # noqa: S101 - for the type checker
+                raise carrier.error
+            _tell(f"{carrier.remote} is not carried: {carrier.error}")
+        found = sort((each.remote for each in self._running), self._present())
+        for remote, reason in found.refused:
+            self._done.add(remote.number)
+            _tell(f"not carried: {reason}")
+        for remote in found.new:
+            carrier = _Carrier(self._options, remote, self._opener(remote))
+            self._running.append(carrier)
+            self._all.append(carrier)
+
+    def _present(self) -> list[Remote]:
+        vehicle = self._found.vehicle
+        present = [*vehicle.others]
+        with suppress(LinkError):  # it has gone, and may come again
+            present.append(vehicle.remote)
+        return [remote for remote in present if remote.number not in self._done]
+
+    def _opener(self, remote: Remote) -> AbstractContextManager[Connection]:
+        """Return the connection to a vehicle, which is opened with the types of its own release."""
+        with suppress(LinkError):
+            if is_same(self._found.vehicle.remote, remote):
+                return nullcontext(self._found)
+        selected = {"key": remote.key or None, "namespace": remote.namespace, "wait": _JOIN}
+        return connection(argparse.Namespace(**{**vars(self._options), **selected}))
+
+    def close(self) -> None:
+        """End all threads."""
+        for carrier in self._running:
+            carrier.end()
+        for carrier in self._running:
+            carrier.join()
+
+    def show(self, seconds: float) -> None:
+        """Print what was carried, if it was anything."""
+        if any(carrier.has_reported for carrier in self._all):
+            total = _Totals()
+            for carrier in self._all:
+                total.merge(carrier.totals)
+            total.show(seconds)
+
+
+class _Carrier:
+    """The thread that carries the topics of one vehicle, until it is ended or fails."""
+
+    def __init__(
+        self, options: argparse.Namespace, remote: Remote, connected: AbstractContextManager[Connection]
+    ) -> None:
+        self.remote, self.session = remote, remote.number
+        self.error: Exception | None = None
+        self.totals = _Totals()
+        self.has_reported = False
+        self._options, self._connected = options, connected
+        self._is_ended = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=f"relay {remote}", daemon=True)
+        self._thread.start()
+
+    def end(self) -> None:
+        """Let the thread end."""
+        self._is_ended.set()
+
+    def join(self) -> None:
+        """Wait for the end of the thread."""
+        self._thread.join(_ASKED)
+
+    def _run(self) -> None:
+        from msggen.ros.relay import node
+
+        try:
+            with self._connected as found, node(self.remote.namespace) as made:
+                if self._options.standard:
+                    _check_package(found)
+                self._carry(found, made)
+        except Exception as error:  # noqa: BLE001 - the main thread tells or raises it
+            self.error = error
+
+    def _carry(self, found: Connection, node: Any) -> None:
+        """Carry samples. Each time that the vehicle connects, its definitions are compared anew."""
+        reported: Plan | None = None
+        while not self._is_ended.is_set():
+            try:
+                if not self._wait(found.vehicle):
+                    continue
+                remote = found.vehicle.remote
+                plan = _plan(self._options, found, self._hashes(found.vehicle))
+            except NotConnectedError:
+                continue
+            self.session = remote.number
+            reported = self._relay(found, node, plan, reported)
+
+    def _relay(self, found: Connection, node: Any, plan: Plan, reported: Plan | None) -> Plan:
+        """Carry the samples of a session. Return the plan, which is reported if it is another one than before."""
+        from msggen.ros.relay import Relay
+        from msggen.ros.standard import Converter, Frames
+
+        frames = Frames().inside(self.remote.namespace)
+        converter = Converter(found.package, frames, self.totals.refusals) if self._options.standard else None
+        with Relay(node, found.vehicle, plan, self.totals.refusals, converter) as relay:
+            if plan != reported:  # not each time that the vehicle connects again
+                with _LOCK:
+                    _report(self._options, found, plan, relay)
+                self.has_reported = True
+            try:
+                relay.spin(lambda: self._is_over(found.vehicle))
+            finally:
+                self.totals.add(relay, self.remote.namespace)
+        return plan
+
+    def _wait(self, vehicle: Vehicle) -> bool:
+        """Wait for the vehicle for a moment, and return whether it is connected. Raises LinkError."""
+        try:
+            vehicle.wait_connected(_SLICE)
+        except LinkTimeoutError:
+            return False
+        return True
+
+    def _hashes(self, vehicle: Vehicle) -> Mapping[str, int]:
+        """Return the hashes of the vehicle's definitions, as far as it tells them in time. Raises NotConnectedError."""
+        deadline = time.monotonic() + _ASKED
+        while not self._is_ended.is_set() and time.monotonic() < deadline:
+            with suppress(LinkTimeoutError):
+                return vehicle.wait_firmware(_SLICE).hashes
+        return vehicle.firmware.hashes
+
+    def _is_over(self, vehicle: Vehicle) -> bool:
+        """Whether the vehicle has begun another session, or the end has come. While none is connected, it goes on."""
+        if self._is_ended.is_set():
+            return True
+        try:
+            return vehicle.remote.number != self.session
+        except NotConnectedError:
+            return False
+
+
+def _tell(text: str) -> None:
+    with _LOCK:
+        print(printable(text), file=sys.stderr, flush=True)
+
+
+def _plan(options: argparse.Namespace, found: Connection, hashes: Mapping[str, int]) -> Plan:
     """Return what to carry for the vehicle that is connected. Raises InputError if it is nothing."""
-    from msggen.link.link import LinkTimeoutError
     from msggen.ros.plan import Topics, Wish, planned
 
     vehicle = found.vehicle
-    vehicle.wait_connected()
-    try:
-        hashes = vehicle.wait_firmware(_ASKED).hashes
-    except LinkTimeoutError:
-        hashes = vehicle.firmware.hashes
     packages = (found.package, *((package_of(EMBEDDED[0]),) if options.translate else ()))
     topics = Topics(vehicle.routes, vehicle.remote.namespace, hashes, packages, vehicle.services)
     is_beside_agent = type_named(found.link).needs_agent
@@ -189,14 +348,6 @@ def _cure(found: Connection) -> str:
     return f"write px4_msgs with `msggen sync --px4 {release} <folder of px4_msgs>` and build it with colcon"
 
 
-def _is_over(is_interrupted: Callable[[], bool], vehicle: Vehicle, remote: Remote) -> bool:
-    """Whether the vehicle has begun another session, or Ctrl-C came. While none is connected, the old one stands."""
-    try:
-        return is_interrupted() or vehicle.remote != remote
-    except NotConnectedError:
-        return False
-
-
 def _report(options: argparse.Namespace, found: Connection, plan: Plan, relay: Relay) -> None:
     """Print what is carried, and to stderr what is not."""
     from msggen.ros.plan import service_type
@@ -212,7 +363,9 @@ def _report(options: argparse.Namespace, found: Connection, plan: Plan, relay: R
     if options.quiet:
         return
     domain = os.environ.get("ROS_DOMAIN_ID") or "0"
-    print(f"{found.label} on {found.link}: {counted(out, 'topic')} to ROS, {len(rows) - out} from ROS, domain {domain}")
+    name = found.vehicle.remote.namespace if found.vehicle.is_connected else ""
+    place = f"{found.link}, namespace {name}" if name else found.link
+    print(f"{found.label} on {place}: {counted(out, 'topic')} to ROS, {len(rows) - out} from ROS, domain {domain}")
     for row in rows:
         if row.convert is not None:
             print(f"  {row.name}: {row.theirs.__name__} as version {row.own.__msg__.message_version}")
@@ -234,11 +387,21 @@ class _Totals:
         self._to_vehicle: Counter[str] = Counter()
         self._calls: Counter[str] = Counter()
 
-    def add(self, relay: Relay) -> None:
-        """Add what a relay has carried."""
-        self._to_ros += relay.to_ros
+    def add(self, relay: Relay, namespace: str) -> None:
+        """Add what a relay has carried for a vehicle with a namespace, or ""."""
+        front = f"{namespace}/" if namespace else ""
+        for name, number in relay.to_ros.items():
+            self._to_ros[name if name.startswith("/") else f"{front}{name}"] += number
         self._to_vehicle += relay.to_vehicle
         self._calls += relay.answered
+
+    def merge(self, other: _Totals) -> None:
+        """Add what was carried for another vehicle."""
+        self._to_ros += other._to_ros
+        self._to_vehicle += other._to_vehicle
+        self._calls += other._calls
+        self.refusals.counts += other.refusals.counts
+        self.refusals.reasons.update(other.refusals.reasons)
 
     def show(self, seconds: float) -> None:
         """Print the numbers."""
