@@ -32,8 +32,8 @@ PATIENCE = 300.0
 
 def ros_python() -> Path:
     """Return the Python of the environment. Install it first, which takes half a minute, or skip the test."""
-    if sys.platform != "linux" or platform.machine() != "x86_64" or not (3, 10) <= sys.version_info[:2] <= (3, 13):
-        pytest.skip("rclpy has wheels for Linux on x86-64 and Python 3.10 to 3.13 only")
+    if sys.platform != "linux" or platform.machine() != "x86_64" or not (3, 10) <= sys.version_info[:2] <= (3, 14):
+        pytest.skip("rclpy has wheels for Linux on x86-64 and Python 3.10 to 3.14 only")
     if not Path(sysconfig.get_path("include"), "Python.h").is_file():
         pytest.skip("needs the headers of Python")
     python = FOLDER / "bin" / "python"
