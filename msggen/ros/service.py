@@ -69,10 +69,14 @@ class Server:
         return None if header is None else (request, header)
 
     def _answer(self, request: Any, header: Any) -> None:
-        response = self._response(request, waited_since(header.source_timestamp))
-        with self._lock:
-            if response is not None and not self._is_closed.is_set():
-                self._made.send_response(response, header)
+        """Answer a call. An error of rclpy, as when the caller has gone, ends this call alone."""
+        try:
+            response = self._response(request, waited_since(header.source_timestamp))
+            with self._lock:
+                if response is not None and not self._is_closed.is_set():
+                    self._made.send_response(response, header)
+        except Exception as error:  # noqa: BLE001 - rclpy has errors of its own, and other calls follow
+            self._refusals.add(self._row.service.name, error)
 
     def _response(self, request: Any, waited: float) -> Any:
         """Return the answer of the vehicle, or one that says that there is none. None if the service cannot say so."""

@@ -31,6 +31,8 @@ class FakeService:
     def __init__(self) -> None:
         self.requests: queue.SimpleQueue[tuple[Any, Any]] = queue.SimpleQueue()
         self.answers: queue.SimpleQueue[tuple[Any, Any]] = queue.SimpleQueue()
+        self.errors: list[Exception] = []
+        """What the next answers raise."""
 
     @property
     def handle(self) -> FakeService:
@@ -49,6 +51,8 @@ class FakeService:
             return None, None
 
     def send_response(self, response: Any, header: Any) -> None:
+        if self.errors:
+            raise self.errors.pop()
         self.answers.put((response, header))
 
     def ask(self, request: Any, waited: float = 0.0) -> Any:
@@ -250,6 +254,17 @@ def test_a_vehicle_that_goes_and_one_that_takes_nothing(bench: Bench) -> None:
         assert bench.answer()[0].result == 0
     assert len(bench.link.calls) == 2
     assert len(bench.warned) == 3
+
+
+def test_a_caller_that_is_gone_ends_no_service(bench: Bench) -> None:
+    bench.service.errors.append(RuntimeError("rcl_send_response failed"))  # as RCLError of rclpy
+    with served(bench):
+        for command in (1, 2):
+            bench.service.ask(bench.request(command))
+            number, _ = bench.called()
+            bench.reply(number, command=command)
+        assert bench.answer()[0].command == 2
+    assert bench.refusals.reasons == {NAME: "rcl_send_response failed"}
 
 
 def test_a_call_during_the_end_gets_no_answer(bench: Bench) -> None:
