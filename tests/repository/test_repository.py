@@ -15,6 +15,7 @@ import pytest
 import yaml
 
 from msggen.base.version import __version__
+from support.interpreters import VERSIONS
 from support.repository import ROOT
 
 if sys.version_info >= (3, 11):
@@ -60,6 +61,7 @@ def test_the_files_that_a_page_names_are_there(page: str) -> None:
 def test_the_versions_of_python_agree() -> None:
     assert PROJECT["requires-python"] == f">={PYTHONS[0]}"
     assert load(GITHUB / "workflows" / "ci.yml")["jobs"]["test"]["strategy"]["matrix"]["python"] == PYTHONS
+    assert VERSIONS == PYTHONS
     assert f"Python {PYTHONS[0]} to {PYTHONS[-1]}." in (ROOT / "README.md").read_text(encoding="utf-8")
 
 

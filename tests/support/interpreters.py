@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-VERSIONS = ["3.10", "3.11", "3.12", "3.13"]
+VERSIONS = ["3.10", "3.11", "3.12", "3.13", "3.14"]
+"""Those of pyproject.toml."""
 
 
 def interpreter(version: str) -> str:
