@@ -16,6 +16,7 @@ LEAD = (
     "msggen generates Python types from PX4's message definitions, keeps ROS 2 packages in step with the firmware, "
     "and brings the messages of a vehicle or a recording into Python. It needs neither ROS nor an agent."
 )
+INSTALLING = "[Install](/docs/install.md) has what works before the first release, with uv, pipx and Docker."
 SHOWN = (
     ("README.md", "msggen check --px4 PX4-Autopilot ros2_ws/src/px4_msgs"),
     ("docs/topic.md", "msggen topic echo vehicle_status --field nav_state --field arming_state --once"),
@@ -58,7 +59,8 @@ def front_page() -> str:
         [
             *("---", "hide-toc: true", "---", "", "# msggen", "", LEAD, ""),
             *('<div class="front">', wide_picture(), tall_picture(), "</div>", ""),
-            *("```console", "$ pip install msggen", *_sessions(), "```", "", *_starts(), "", contents()),
+            *("```console", "$ pip install msggen", *_sessions(), "```", "", INSTALLING, ""),
+            *(*_starts(), "", contents()),
         ]
     )
 

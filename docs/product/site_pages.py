@@ -7,17 +7,34 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 
 GROUPS = {
-    "Start": ("README", "docs/first-flight"),
+    "Start": ("README", "docs/install", "docs/first-flight"),
     "Types": (
         *("docs/build", "docs/package", "docs/meaning", "docs/batches", "docs/frames", "docs/time", "docs/versions"),
         *("docs/cmake", "docs/render"),
     ),
     "Firmware in step": (
-        *("docs/sync", "docs/check", "docs/lint", "docs/bump", "docs/ci", "docs/px4_generate", "docs/site"),
+        *(
+            "docs/sync",
+            "docs/check",
+            "docs/lint",
+            "docs/editor",
+            "docs/bump",
+            "docs/ci",
+            "docs/px4_generate",
+            "docs/site",
+        ),
     ),
     "Vehicle": (
-        *("docs/vehicle", "docs/topic", "docs/doctor", "docs/flight", "docs/flight_safety", "docs/flight_tests"),
-        *("docs/sim", "docs/links", "docs/connect", "docs/ros2"),
+        *("docs/vehicle", "docs/topic", "docs/doctor", "docs/errors_of_others"),
+        *(
+            "docs/flight",
+            "docs/flight_safety",
+            "docs/flight_tests",
+            "docs/sim",
+            "docs/links",
+            "docs/connect",
+            "docs/ros2",
+        ),
     ),
     "Recordings": (
         "docs/recordings",

@@ -107,6 +107,8 @@ CODES: Mapping[str, Level] = MappingProxyType(
         "S129": Level.ERROR,
         "S130": Level.ERROR,
         "S131": Level.ERROR,
+        "S132": Level.ERROR,
+        "S133": Level.NOTE,
         "B101": Level.ERROR,
         "B102": Level.ERROR,
         "B103": Level.ERROR,

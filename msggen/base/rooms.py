@@ -34,9 +34,10 @@ ROOMS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "ros": ("base", "link", "messages", "vehicle"),
         "doctor": ("base", "definitions", "check", "link", "messages", "vehicle"),
         "show": ("base", "definitions", "sources", "check", "link", "messages", "vehicle", "recordings", "doctor"),
+        "lsp": ("base", "definitions", "sources", "check", "generate.bump", "show"),
         "cli": (
             *("base", "definitions", "sources", "check", "generate", "link", "messages", "vehicle", "sim"),
-            *("recordings", "exports", "ros", "doctor", "show"),
+            *("recordings", "exports", "ros", "doctor", "show", "lsp"),
         ),
     }
 )

@@ -87,7 +87,7 @@ def breaking(
     comparison = Comparison(before, after)
     rules, ignored = _as_strict(rules, current), ignored or {}
     found = list(find(comparison, rules))
-    kept = [finding for finding in found if not _is_ignored(finding, ignored)]
+    kept = [finding for finding in found if not is_ignored(finding, ignored)]
     applied = _applied(rules, ignored)
     report = _report(comparison, applied, kept, ("does not break", "breaks"), ignored=len(found) - len(kept))
     notices = (*previous.notices, *comparison.current.catalog.notices)
@@ -116,7 +116,7 @@ def lint(
     definitions = _named(messages, definitions_of(sources, catalog, contents), sources.label)
     ignored = ignored or {}
     found = [Finding(rule, change) for each in definitions for rule in applied for change in rule.find(each)]
-    findings = [finding for finding in found if not _is_ignored(finding, ignored)]
+    findings = [finding for finding in found if not is_ignored(finding, ignored)]
     hidden = len(found) - len(findings)
     subjects = {finding.change.subject for finding in findings}
     word = "finding" if sources.strict else "warning"
@@ -220,7 +220,8 @@ def _with_renamed(sources: Sources, files: Collection[str], before: Catalog) -> 
     return read_catalog(sources, wanted=files, tolerated=COMPARABLE)
 
 
-def _is_ignored(finding: Finding, ignored: Mapping[str, Collection[Rule]]) -> bool:
+def is_ignored(finding: Finding, ignored: Mapping[str, Collection[Rule]]) -> bool:
+    """Whether a finding is about a name in `ignored`, for its rule."""
     return any(
         finding.rule.id in {rule.id for rule in rules} and _is_matched(name, _names_of(finding))
         for name, rules in ignored.items()

@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.base.diagnostics import InputError, few, input_error
 from msggen.cli.packages import import_package, topics_of
+from msggen.cli.printing import print_notices
 from msggen.cli.source_options import is_named, settings_of, sources_of
 from msggen.generate.cache import package_from, package_of
+from msggen.sources.borrowed import with_borrowed_bridge
 from msggen.sources.embedded import EMBEDDED
 from msggen.sources.finding import Sources, find_sources
 from msggen.sources.settings import Settings
@@ -39,8 +41,20 @@ def is_given(options: argparse.Namespace) -> bool:
 def given_types(options: argparse.Namespace) -> Types | None:
     """Return the types that the options name, or None. Raises InputError if they cannot be used."""
     if options.px4:
-        return _with_topics(Types(package_from(find_sources(options.px4)), options.px4))
+        sources = _named_sources(options.px4)
+        return _with_topics(Types(package_from(sources), sources.label if sources.is_installed else options.px4))
     return _with_topics(Types(import_package(options.types), options.types)) if options.types else None
+
+
+def _named_sources(px4: str) -> Sources:
+    """Return the firmware that an option names, with the topics of its release if it is px4_msgs. Raises InputError.
+
+    Prints a note on the folder of an installed package.
+    """
+    sources = find_sources(px4)
+    if sources.is_installed:
+        print_notices(sources.notices)
+    return with_borrowed_bridge(sources)
 
 
 def folder_types(options: argparse.Namespace, *, is_needed: bool = False) -> Types | None:
@@ -69,7 +83,7 @@ def folder_firmware(options: argparse.Namespace, *, is_needed: bool = False) -> 
     """
     try:
         sources = folder_sources(settings_of(options))
-        return None if sources is None else Types(package_from(sources), sources.label)
+        return None if sources is None else Types(package_from(with_borrowed_bridge(sources)), sources.label)
     except InputError as error:
         if is_needed:
             raise

@@ -91,6 +91,7 @@ def names_of(options: argparse.Namespace) -> Names:
     """
     from msggen.cli.chosen_types import folder_sources
     from msggen.generate.cache import folder_from, folder_of
+    from msggen.sources.borrowed import with_borrowed_bridge
     from msggen.sources.embedded import EMBEDDED
     from msggen.sources.finding import find_sources
     from msggen.sources.settings import read_settings
@@ -101,7 +102,7 @@ def names_of(options: argparse.Namespace) -> Names:
     if types and not sources:
         folder = types if names_folder(types) else _installed(types)
     else:
-        folder = folder_from(sources) if sources else folder_of(EMBEDDED[0])
+        folder = folder_from(with_borrowed_bridge(sources)) if sources else folder_of(EMBEDDED[0])
     return read_names(read_bytes(os.path.join(folder, "names.json")))
 
 

@@ -23,7 +23,7 @@ COMPARING_CODES = f"{FINDING_CODES} Handled findings and warnings do not fail th
 
 SOURCE_KINDS = (
     "a PX4-Autopilot tree, a px4_msgs package, a folder of .msg files, PATH@REVISION of one of these in git, "
-    "an archive of one, or an embedded release such as v1.16"
+    "an archive of one, an embedded release such as v1.16, or installed, which is the px4_msgs of ROS"
 )
 
 

@@ -24,10 +24,10 @@ from msggen.cli.values import Deferred
 
 _GROUPS = {
     "Types": ("build", "render", "docs", "px4-generate"),
-    "Firmware in step": ("sync", "check", "breaking", "lint", "bump"),
+    "Firmware in step": ("sync", "check", "breaking", "lint", "bump", "lsp"),
     "Vehicle": ("topic", "top", "view", "command", "call", "doctor", "link", "relay", "sim"),
     "Recordings": ("record", "play", "log"),
-    "Help": ("releases", "rules", "explain", "completion"),
+    "Help": ("releases", "settings", "rules", "explain", "completion"),
 }
 """The commands by the group in the help."""
 _NAMES = tuple(chain.from_iterable(_GROUPS.values()))

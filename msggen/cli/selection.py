@@ -1,19 +1,16 @@
-"""The choice of rules by `--select`, `--ignore` and the settings of the same names."""
+"""The options `--select` and `--ignore`, and a look at the settings of the same names."""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterable
-from functools import partial
 from typing import TYPE_CHECKING
 
-from msggen.base.diagnostics import Diagnostic, InputError, sorted_out, suggestion
-from msggen.base.location import Location
+from msggen.base.diagnostics import Diagnostic, sorted_out
 from msggen.cli.values import non_empty
 from msggen.sources.settings import Settings
 
 if TYPE_CHECKING:
-    from msggen.check.finding import Report, Rule
+    from msggen.check.finding import Report
 
 
 def add_selection(parser: argparse.ArgumentParser) -> None:
@@ -28,44 +25,6 @@ def _list(text: str) -> tuple[str, ...]:
     return tuple(name.strip() for name in non_empty(text).split(","))
 
 
-def selected_rules(
-    command: str, options: argparse.Namespace, settings: Settings
-) -> tuple[tuple[Rule, ...], dict[str, list[Rule]]]:
-    """Return the rules that `command` applies, and those to ignore by message. Raises InputError with all errors.
-
-    `breaking` and `lint` have the same settings, so that each of them leaves out the rules of the other. An option
-    must name rules of the command.
-    """
-    from msggen.show.report.table import COMMANDS, named
-
-    own = COMMANDS[command]
-    settable = {rule.id for name in ("breaking", "lint") for rule in COMMANDS[name]}
-    errors: list[Diagnostic] = []
-
-    def all_named(names: Iterable[str], allowed: set[str], place: Callable[[str], Location]) -> set[str]:
-        found = {name: {rule.id for rule in named(name)} & allowed for name in names}
-        errors.extend(
-            Diagnostic(place(name), "C104", _unknown(name, command)) for name, ids in found.items() if not ids
-        )
-        return {each for ids in found.values() for each in ids}
-
-    def chosen(key: str, names: Iterable[str] | None, given: Iterable[str] | None) -> set[str]:
-        if given is not None:
-            return all_named(given, {rule.id for rule in own}, lambda _: Location(f"--{key}", 0))
-        return all_named(names or (), settable, partial(settings.place, key))
-
-    selected = chosen("select", settings.select, options.select)
-    ignored = {"*": chosen("ignore", settings.ignore, options.ignore)}
-    for message, names in settings.per_message_ignores.items():
-        ids = all_named(names, settable, partial(settings.place, "per-message-ignores", message))
-        ignored[message] = ignored.get(message, set()) | ids
-    if errors:
-        raise InputError(errors)
-    rules = tuple(rule for rule in own if rule.id in selected) or tuple(rule for rule in own if rule.is_default)
-    of_command = {message: [rule for rule in own if rule.id in ids] for message, ids in ignored.items()}
-    return rules, {message: found for message, found in of_command.items() if found}
-
-
 def unmatched(report: Report, settings: Settings, *, strict: bool) -> tuple[Diagnostic, ...]:
     """Return a warning for each name in the settings that matches no message, service or topic.
 
@@ -77,13 +36,3 @@ def unmatched(report: Report, settings: Settings, *, strict: bool) -> tuple[Diag
         for name, hint in report.unmatched.items()
     )
     return sorted_out(found, strict=strict)
-
-
-def _unknown(name: str, command: str) -> str:
-    from msggen.show.report.table import COMMANDS, commands_of, named
-
-    rules = named(name)
-    if rules:
-        return f"'{name}' is a rule of {' and '.join(commands_of(rules[0]))} only"
-    known = [*(rule.category.name for rule in COMMANDS[command]), *(rule.id for rule in COMMANDS[command])]
-    return f"unknown rule '{name}'{suggestion(name, known)}"

@@ -14,6 +14,7 @@ from msggen.cli.printing import print_notices
 from msggen.sources.embedded import names_release, near_release, unknown_release
 from msggen.sources.file import BoardOption
 from msggen.sources.finding import Sources, find_sources, split_package, with_board
+from msggen.sources.installed import names_installed, wrong_installed
 from msggen.sources.settings import Settings, read_settings
 from msggen.sources.tree import Folder
 from msggen.sources.tree_layout import find_manifest, is_firmware, tree_above, whole_tree
@@ -63,6 +64,8 @@ def sources_of(options: argparse.Namespace, settings: Settings, *, packages: boo
 
 def is_recording(path: str) -> bool:
     """Whether a path is named as recordings are: a file, or a folder of rosbag2."""
+    if names_installed(path):
+        return False
     if os.path.isdir(path):
         from msggen.recordings.files.paths import is_bag
 
@@ -211,14 +214,13 @@ def _missing(options: argparse.Namespace, settings: Settings) -> Iterator[Diagno
 
 def _missing_folder(path: str, settings: Settings, key: str | None) -> Iterator[Diagnostic]:
     """Yield an error if `path` is neither a path nor a revision of a folder. `key` is its setting, or None."""
+    if names_installed(path):
+        yield from _wrong_name(path, "S132", wrong_installed(path), settings, key)
+        return
     if os.path.exists(path):
         return
     if names_release(path):
-        wrong = unknown_release(path)
-        if wrong:
-            yield Diagnostic(
-                settings.place(key) if key else Location(path, 0), "S105", f"'{path}': {wrong}" if key else wrong
-            )
+        yield from _wrong_name(path, "S105", unknown_release(path), settings, key)
         return
     from msggen.base.disk.names import path_hint
     from msggen.sources.revision import split_revision
@@ -231,3 +233,11 @@ def _missing_folder(path: str, settings: Settings, key: str | None) -> Iterator[
         yield Diagnostic(settings.place(key), "S101", f"'{folder}': no such folder{hint}")
     else:
         yield Diagnostic(Location(folder, 0), "S101", f"no such folder{hint}")
+
+
+def _wrong_name(name: str, code: str, wrong: str, settings: Settings, key: str | None) -> Iterator[Diagnostic]:
+    """Yield an error if something is `wrong` with a name, at its setting `key` if that is not None."""
+    if wrong and key:
+        yield Diagnostic(settings.place(key), code, f"'{name}': {wrong}")
+    elif wrong:
+        yield Diagnostic(Location(name, 0), code, wrong)

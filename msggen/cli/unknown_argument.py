@@ -15,6 +15,7 @@ from typing import Any
 from msggen.base.diagnostics import suggestion
 from msggen.base.disk.git import is_revision
 from msggen.sources.embedded import names_release
+from msggen.sources.installed import names_installed
 from msggen.sources.tree import Folder
 from msggen.sources.tree_layout import is_firmware
 
@@ -207,7 +208,7 @@ def hint_for_second_value(wrong: str, words: Sequence[str]) -> str:
 
 
 def _is_firmware(word: str) -> bool:
-    return names_release(word) or ("\0" not in word and is_firmware(Folder(word)))
+    return names_release(word) or names_installed(word) or ("\0" not in word and is_firmware(Folder(word)))
 
 
 def _is_revision(folder: str, word: str) -> bool:

@@ -212,7 +212,7 @@ def _enumeration(
 
 def _identifier(name: str, whole: str) -> str:
     """Return `name`, with the words before it if it cannot stand alone: `TYPE_2D` of FIX_TYPE_2D."""
-    while not name.isidentifier():
+    while not name.isidentifier() and len(name) < len(whole):
         before = whole[: -len(name) - 1]
         name = f"{before.rpartition('_')[2]}_{name}"
     return name

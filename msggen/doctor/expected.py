@@ -69,4 +69,5 @@ def expected_of_catalog(catalog: Catalog, label: str) -> Expected:
         )
         for message in catalog.uorb_messages
     }
-    return Expected(label, is_given=True, messages=messages)
+    uorb = frozenset(topic for message in catalog.uorb_messages for topic in message.topic_names)
+    return Expected(label, is_given=True, messages=messages, uorb=uorb)

@@ -1,4 +1,4 @@
-"""Which topics of a vehicle are relayed to and from ROS 2, with which installed types, and why others are not."""
+"""Which topics and services of a vehicle ROS 2 gets, with which installed types, and why it does not get others."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from types import ModuleType
 from typing import Any, NamedTuple
 
 from msggen.base.diagnostics import few, suggestion
-from msggen.link.link import Route
+from msggen.link.link import Route, Service
 from msggen.messages.names import stem_of, version_of, without_namespace
 from msggen.messages.packages import Message, Packages
 from msggen.ros.standard import SOURCES
-from msggen.ros.types import Finder, differences, installed
+from msggen.ros.types import Finder, differences, installed, nested_classes
 
 _OLD = "px4_msgs_old"
 """The package with PX4's archived versions, whose types have the version in their names."""
@@ -51,6 +51,30 @@ class Row(NamedTuple):
         return converted
 
 
+class ServiceRow(NamedTuple):
+    """A service of ROS, and the service of the vehicle that it stands for. Both have the same name."""
+
+    service: Service
+    ros: Any
+    """The class of rclpy, with `Request` and `Response`."""
+    request: type[Message]
+    """The message of the vehicle."""
+    response: type[Message]
+
+    def failure(self, request: Message, result: str) -> Message | None:
+        """Return an answer with a result of VehicleCommandAck, for a call that the vehicle has not answered.
+
+        Its time is 0. Returns None if the response has no acknowledgement.
+        """
+        response: Any = self.response
+        asked, unset = getattr(request, "request", None), getattr(response(), "reply", None)
+        if asked is None or unset is None:
+            return None
+        reply = type(unset)(command=asked.command, result=unset.__msg__.enum("result")[result])
+        failed: Message = response(reply=reply)
+        return failed
+
+
 class Source(NamedTuple):
     """A topic of PX4 that standard messages of ROS are made from."""
 
@@ -69,13 +93,14 @@ class Plan(NamedTuple):
     """The types that are not installed."""
     sources: Mapping[str, Source]
     """The topics that standard messages are made from, by their names."""
+    services: tuple[ServiceRow, ...] = ()
 
 
 class Wish(NamedTuple):
     """What the user asks for."""
 
     topics: Sequence[str] = ()
-    """Names or patterns of topics, all if there are none: `vehicle_status`, `/fmu/out/*`."""
+    """Names or patterns of topics and services, all if there are none: `vehicle_status`, `/fmu/out/*`."""
     is_translated: bool = False
     """Whether to convert versions, so that ROS also gets the versions that are installed."""
     is_standard: bool = False
@@ -85,7 +110,7 @@ class Wish(NamedTuple):
 
 
 class Topics(NamedTuple):
-    """The topics of a connected vehicle, and generated packages with their definitions."""
+    """The topics and services of a connected vehicle, and generated packages with their definitions."""
 
     routes: Sequence[Route]
     namespace: str
@@ -93,17 +118,23 @@ class Topics(NamedTuple):
     """The `message_hash` of each type as the vehicle has told. One that it has not told is not compared."""
     packages: Packages
     """The package of the vehicle, then others with versions to convert to."""
+    services: Sequence[Service] = ()
 
     def chosen(self, patterns: Sequence[str]) -> list[Route]:
         """Return the routes that names or patterns select. Raises ValueError for one that selects nothing."""
-        ordered = sorted(self.routes)
-        if not patterns:
-            return ordered
+        names = [*(route.name for route in self.routes), *(service.name for service in self.services)]
         for pattern in patterns:
-            if not any(self._is_chosen(route.name, pattern) for route in ordered):
-                stems = {stem_of(route.name).rpartition("/")[2] for route in ordered}
+            if not any(self._is_chosen(name, pattern) for name in names):
+                stems = {stem_of(name).rpartition("/")[2] for name in names}
                 raise ValueError(f"the vehicle has no topic '{pattern}'{suggestion(pattern, sorted(stems))}")
-        return [route for route in ordered if any(self._is_chosen(route.name, pattern) for pattern in patterns)]
+        return [route for route in sorted(self.routes) if self._is_one_of(route.name, patterns)]
+
+    def chosen_services(self, patterns: Sequence[str]) -> list[Service]:
+        """Return the services that names or patterns select."""
+        return [service for service in sorted(self.services) if self._is_one_of(service.name, patterns)]
+
+    def _is_one_of(self, name: str, patterns: Sequence[str]) -> bool:
+        return not patterns or any(self._is_chosen(name, pattern) for pattern in patterns)
 
     def _is_chosen(self, name: str, pattern: str) -> bool:
         plain = self.plain(name)
@@ -128,6 +159,26 @@ class Topics(NamedTuple):
         if others:
             raise ValueError(f"the vehicle's definition has the hash {known:#010x}, and that of --types {others[0]}")
         raise ValueError("not in the definitions of --types")
+
+    def service_of(self, service: Service) -> Any:
+        """Return the class with the vehicle's definition of a service. Raises ValueError if no package has it."""
+        name = service_type(service).rpartition("/")[2]
+        problem = "not in the definitions of --types"
+        for package in self.packages:
+            found = getattr(getattr(package, "srv", None), name, None)
+            if found is None:
+                continue
+            nested = [cls for part in (found.Request, found.Response) for cls in nested_classes(part)]
+            wrong = [cls for cls in nested if not self._is_known(cls)]
+            if not wrong:
+                return found
+            problem = f"the vehicle has another definition of {wrong[0].__name__} than --types"
+        raise ValueError(problem)
+
+    def _is_known(self, cls: type[Message]) -> bool:
+        """Whether the vehicle has not told another definition of a message."""
+        info = cls.__msg__
+        return self.hashes.get(info.ros_type) in (None, info.message_hash)
 
     def versions_of(self, route: Route) -> Iterator[tuple[ModuleType, Any]]:
         """Yield the versions of a topic that the packages have: package and endpoint."""
@@ -169,8 +220,38 @@ def planned(topics: Topics, wish: Wish, find: Finder = installed) -> Plan:
             missing[theirs.__msg__.ros_type] = None
         elif not found:
             refused.append((route.name, _reason(topics, route, theirs, find)))
+    services: list[ServiceRow] = []
+    for service in () if wish.is_beside_agent else topics.chosen_services(wish.topics):
+        try:
+            services.append(_service(topics, service, find))
+        except LookupError:
+            missing[service_type(service)] = None
+        except ValueError as error:
+            refused.append((service.name, str(error)))
     made, more = topics.sources() if wish.is_standard else ({}, [])
-    return Plan(tuple(rows), tuple(dict.fromkeys([*refused, *more])), tuple(missing), made)
+    return Plan(tuple(rows), tuple(dict.fromkeys([*refused, *more])), tuple(missing), made, tuple(services))
+
+
+def service_type(service: Service) -> str:
+    """Return the type of a service in ROS 2: `px4_msgs/srv/VehicleCommand`."""
+    return service.request_type.removesuffix("_Request")
+
+
+def _service(topics: Topics, service: Service, find: Finder) -> ServiceRow:
+    """Return a service with its installed type.
+
+    A service has no version. Its messages may have one: their fields decide. Raises ValueError if they differ, and
+    LookupError if the type is not installed.
+    """
+    theirs, ros_type = topics.service_of(service), service_type(service)
+    ros = find(ros_type)
+    if ros is None:
+        raise LookupError(ros_type)
+    pairs = ((theirs.Request, ros.Request), (theirs.Response, ros.Response))
+    found = [text for own, other in pairs for text in differences(own, other, find)]
+    if found:
+        raise ValueError(f"the vehicle's definition differs, and {ros_type} has {few(found)}")
+    return ServiceRow(service, ros, theirs.Request, theirs.Response)
 
 
 def _rows(topics: Topics, route: Route, theirs: type[Message], find: Finder, *, is_translated: bool) -> Iterator[Row]:

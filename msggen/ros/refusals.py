@@ -1,4 +1,4 @@
-"""Samples that are not carried: how many of each topic, and why."""
+"""Samples and calls that are not carried: how many of each topic and service, and why."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ LOGGER = getLogger("msggen.live.ros")
 
 
 class Refusals:
-    """Counts the samples of each topic that are not carried. The first reason of a topic is logged and kept."""
+    """Counts what is not carried of each topic and service. The first reason of each is logged and kept."""
 
     def __init__(self) -> None:
         self.counts: Counter[str] = Counter()
         self.reasons: dict[str, str] = {}
 
     def add(self, topic: str, reason: object) -> None:
-        """Count a sample."""
+        """Count a sample or a call."""
         if topic not in self.reasons:
             self.reasons[topic] = printable(str(reason))
-            text = "a sample of '%s' is not carried, and further ones are only counted: %s"
+            text = "'%s' is not carried this time, and further times are only counted: %s"
             LOGGER.warning(text, topic, self.reasons[topic])
         self.counts[topic] += 1

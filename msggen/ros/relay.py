@@ -1,10 +1,9 @@
-"""A node of rclpy with the topics of a vehicle."""
+"""A node of rclpy with the topics and the services of a vehicle."""
 
 from __future__ import annotations
 
 import signal
 import threading
-import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
@@ -14,8 +13,10 @@ from msggen.base.qos import DEPTH
 from msggen.link.age import LATE, LONGEST_S
 from msggen.link.link import LinkError, Route
 from msggen.messages.names import stem_of
+from msggen.ros.service import Server
 from msggen.ros.standard import SOURCES, TYPES, Converter, filled
 from msggen.ros.types import installed
+from msggen.ros.waiting import waited_since
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -57,8 +58,8 @@ def interrupt_at_end() -> Iterator[Callable[[], bool]]:
 
 
 @contextmanager
-def node(namespace: str) -> Iterator[Any]:
-    """Start a node of rclpy, `msggen_relay` in the namespace of a vehicle, and end it.
+def started() -> Iterator[None]:
+    """Start rclpy, and end it.
 
     Ctrl-C stays Python's: rclpy would only tell its own waits. rclpy reads the part of `sys.argv` after `--ros-args`.
     """
@@ -69,9 +70,19 @@ def node(namespace: str) -> Iterator[Any]:
         with interrupt_at_end():
             rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
             ends.callback(rclpy.try_shutdown)
-            found = rclpy.create_node("msggen_relay", namespace=f"/{namespace}")
-            ends.callback(found.destroy_node)
+        yield
+
+
+@contextmanager
+def node(namespace: str) -> Iterator[Any]:
+    """Make the node `msggen_relay` in the namespace of a vehicle, and end it."""
+    import rclpy
+
+    found = rclpy.create_node("msggen_relay", namespace=f"/{namespace}")
+    try:
         yield found
+    finally:
+        found.destroy_node()
 
 
 def profile(qos: Any) -> Any:
@@ -87,9 +98,9 @@ def profile(qos: Any) -> Any:
 
 
 class Relay:
-    """Carries samples between a vehicle and a node of rclpy, until it is closed.
+    """Carries samples and calls between a vehicle and a node of rclpy, until it is closed.
 
-    The thread of the link publishes in ROS. Samples from ROS arrive while `spin` runs.
+    The thread of the link publishes in ROS. Samples from ROS arrive while `spin` runs, and calls in other threads.
     """
 
     def __init__(
@@ -112,6 +123,7 @@ class Relay:
         """Held while the thread of the link publishes, so that no publisher is removed meanwhile."""
         for row in plan.rows:
             self._add(row)
+        self._servers = [Server(node, vehicle, row, refusals) for row in plan.services]
         self._standard = self._publishers() if converter else {}
         self._watch = vehicle.watch(self._take)
 
@@ -119,6 +131,11 @@ class Relay:
     def standard(self) -> list[tuple[str, str]]:
         """The topics with standard messages, and their types."""
         return [(topic, TYPES[topic]) for topic in self._standard]
+
+    @property
+    def answered(self) -> Counter[str]:
+        """The calls that the vehicle has answered, by the names of the services."""
+        return sum((server.answered for server in self._servers), Counter())
 
     def spin(self, is_over: Callable[[], bool]) -> None:
         """Carry samples from ROS until `is_over` is true. It is asked several times in a second."""
@@ -134,8 +151,10 @@ class Relay:
             executor.shutdown()
 
     def close(self) -> None:
-        """Remove the topics from the node."""
+        """Remove topics and services from the node."""
         self._watch.close()
+        for server in self._servers:
+            server.close()
         with self._lock:
             self._rows.clear()
             self._sources = {}
@@ -157,7 +176,7 @@ class Relay:
             return
 
         def send(payload: bytes, info: Mapping[str, int]) -> None:
-            self._send(row, bytes(payload), _waited(info))
+            self._send(row, bytes(payload), waited_since(info.get("source_timestamp", 0)))
 
         def send_undated(payload: bytes) -> None:
             send(payload, {})
@@ -231,12 +250,6 @@ def _is_dated() -> bool:
     from rclpy.subscription import Subscription
 
     return hasattr(Subscription, "CallbackType")
-
-
-def _waited(info: Mapping[str, int]) -> float:
-    """Return for how many s a sample has waited since it was published, 0 if that is not known."""
-    published = info.get("source_timestamp", 0)
-    return max(0.0, (time.time_ns() - published) / 1e9) if published > 0 else 0.0
 
 
 def _standard_profile(*, is_kept: bool) -> Any:

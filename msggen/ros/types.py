@@ -20,7 +20,10 @@ class RosType(Protocol):
 
 
 Finder: TypeAlias = Callable[[str], Any]
-"""Returns the class of a type such as `px4_msgs/msg/VehicleStatus`, or None if it is not installed."""
+"""Returns the class of a type such as `px4_msgs/msg/VehicleStatus` or `px4_msgs/srv/VehicleCommand`.
+
+None if it is not installed.
+"""
 
 _NAMES = {"bool": "boolean", "byte": "octet", "char": "uint8", "float32": "float", "float64": "double"}
 """The names of rosidl for types that it renames."""
@@ -46,6 +49,14 @@ def spelled(field_type: str) -> str:
     if length.isdecimal():
         return f"{item}[{length}]"
     return f"sequence<{item}, {length.removeprefix('<=')}>" if length else f"sequence<{item}>"
+
+
+def nested_classes(cls: type[Message]) -> Iterator[type[Message]]:
+    """Yield the classes of the nested messages of a message class, without those inside them."""
+    info = import_module(f"{package_of_class(cls).__name__}.info")
+    for field in cls.__msg__.fields:
+        if field.base[0].isupper() or "/" in field.base:
+            yield info.nested_class(cls, field.base)
 
 
 def differences(cls: type[Message], ros: type[RosType], find: Finder = installed) -> tuple[str, ...]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterator, Mapping
-from functools import lru_cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -220,10 +219,21 @@ def _place_of_version(message: Message) -> Location:
     return places[0] if places else message.location
 
 
-@lru_cache(maxsize=2048)
+_MOST_KEPT = 1 << 15
+"""Maximum number of files whose parsed definitions are kept. A release of the firmware has some 260."""
+
+_kept: dict[str, tuple[tuple[str, str, str, bool], tuple[Message, list[Diagnostic]]]] = {}
+
+
 def _parsed(text: str, path: str, name: str, package: str, *, of_uorb: bool) -> tuple[Message, list[Diagnostic]]:
-    """Return the result of `parse_message`. An editor asks for the same files at each change of one of them."""
-    return parse_message(text, path, name, package, of_uorb=of_uorb)
+    """Return the result of `parse_message`. An editor asks for all files again when one of them changes."""
+    given = (text, name, package, of_uorb)
+    known = _kept.get(path)
+    if known is None or known[0] != given:
+        if len(_kept) >= _MOST_KEPT:
+            _kept.clear()
+        known = _kept[path] = given, parse_message(text, path, name, package, of_uorb=of_uorb)
+    return known[1]
 
 
 class _Reader:

@@ -5,14 +5,16 @@ import re
 from collections.abc import Iterator, Mapping
 from itertools import chain
 from types import MappingProxyType
-from typing import TYPE_CHECKING, NamedTuple, NoReturn
+from typing import TYPE_CHECKING, NamedTuple
 
 from msggen.base.diagnostics import Diagnostic, input_error, suggestion
 from msggen.base.location import Location
 from msggen.base.recording_formats import format_named
-from msggen.definitions.parse.package_xml import package_name
+from msggen.definitions.parse.package_xml import package_name, read_manifest
 from msggen.sources.embedded import EMBEDDED, PREFIX, names_release, near_release, open_release
 from msggen.sources.file import BoardOption, File, read_file
+from msggen.sources.installed import find_installed, names_installed
+from msggen.sources.refusals import fail_without_definitions, refuse_old_tree, refuse_part_of_tree
 from msggen.sources.tree import Folder, Snapshot, Tree
 from msggen.sources.tree_layout import (
     ARCHIVE,
@@ -25,9 +27,7 @@ from msggen.sources.tree_layout import (
     find_files,
     find_manifest,
     is_firmware,
-    is_too_old,
     unread_folders,
-    whole_tree,
 )
 
 if TYPE_CHECKING:
@@ -53,7 +53,8 @@ class Sources(NamedTuple):
       these messages and by `is_tree`: whether the first source is a PX4-Autopilot tree.
     - `label` is a short description of the sources. `root` is the tree of the first source.
     - `archived` and `translations` are the archived versions and their headers, if they were requested.
-    - `embedded` is the name of the embedded release, if the first source is one.
+    - `embedded` is the name of the embedded release, if the first source is one. `is_installed` is set if it is an
+      installed package.
     - `client` has the files of CLIENT_SOURCES that exist in the tree.
     - With `strict`, warnings are errors. `notices` are findings about the sources themselves.
     - `lists` is the file in which the tree lists the messages that it builds. `unbuilt` has the messages that the
@@ -83,6 +84,7 @@ class Sources(NamedTuple):
     board: Board | None = None
     unbuilt: Mapping[File, str] = MappingProxyType({})
     is_partial: bool = False
+    is_installed: bool = False
 
     @property
     def has_own(self) -> bool:
@@ -117,7 +119,7 @@ class Sources(NamedTuple):
 
 
 def open_tree(text: str) -> Tree:
-    """Return the tree that `text` names: a folder, `folder@revision`, an archive or an embedded release.
+    """Return what `text` names: a folder, `folder@revision`, an archive, an embedded release or an installed package.
 
     Raises InputError.
     """
@@ -125,6 +127,8 @@ def open_tree(text: str) -> Tree:
         raise input_error(text, "S101", "no such folder", 0)
     if names_release(text):
         return open_release(text)[1]
+    if names_installed(text):
+        return _installed_root(text).tree
     if os.path.isdir(text):
         return Folder(text)
     if os.path.isfile(text):
@@ -141,6 +145,8 @@ def open_tree(text: str) -> Tree:
 
         name = text.partition("@")[0] or text
         kind = "file" if format_named(text) else "folder"
+        if names_installed(name):
+            raise input_error(text, "S132", f"an installed package has no revisions: write '{name}'", 0)
         hint = near_release(text) or path_hint(name, is_meant=_is_source)
         raise input_error(name, "S101", f"no such {kind}{hint}", 0)
     return read_revision(folder, revision)
@@ -171,7 +177,7 @@ def find_sources(
         roots.append(_root(px4))
         if not roots[0].embedded:
             refuse_part_of_tree(roots[0].tree)
-            _refuse_old_tree(roots[0].tree)
+            refuse_old_tree(roots[0].tree)
         package = _name_in(roots[0].manifest)
     roots += [_further_root(text, package) for text in folders]
     is_named = bool(roots)
@@ -180,7 +186,7 @@ def find_sources(
     services = [_definitions(root, "srv", ".srv") for root in roots]
     for root, *found in zip(roots, messages, services, strict=True):
         if not any(found):
-            _fail_without_definitions(root.tree)
+            fail_without_definitions(root.tree)
     first = roots[0]
     bridge = File(topics, os.path.basename(topics)) if isinstance(topics, str) else topics
     if bridge is None and (px4 is not None or not is_named):
@@ -201,7 +207,8 @@ def find_sources(
         embedded=first.embedded,
         client=tuple(File(first.tree.place(name), name, first.tree) for name in client),
         lists=None if first.package else find_file(first.tree, LISTS),
-        notices=(*(_shadowed(px4) if isinstance(px4, str) else ()), *chain(*map(_unread_folders, roots))),
+        notices=(*(_shadowed(px4) if isinstance(px4, str) else ()), *chain(*(_notices(root) for root in roots))),
+        is_installed=first.is_installed,
     )
 
 
@@ -294,14 +301,33 @@ class _Root(NamedTuple):
     manifest: File | None
     package: str = ""
     embedded: str = ""
+    is_installed: bool = False
+    notices: tuple[Diagnostic, ...] = ()
 
 
 def _root(named: str | Tree, label: str = "") -> _Root:
     if isinstance(named, str) and names_release(named):
         release, tree = open_release(named)
         return _Root(tree, f"the embedded PX4 {release}", None, embedded=release)
+    if isinstance(named, str) and names_installed(named):
+        return _installed_root(named)
     tree = open_tree(named) if isinstance(named, str) else named
     return _Root(tree, label or tree.path, find_manifest(tree))
+
+
+def _installed_root(text: str) -> _Root:
+    """Return an installed package. Raises InputError if there is none, or its folder has another package."""
+    found = find_installed(text)
+    tree = Folder(found.path)
+    manifest = find_manifest(tree)
+    if manifest is None:
+        raise input_error(found.path, "S102", "no package.xml here: expected an installed ROS package", 0)
+    name, version = read_manifest(read_file(manifest), manifest.path)
+    if name != found.package:
+        problem = f"the package is named '{name}', expected '{found.package}' as its folder"
+        raise input_error(manifest.path, "S106", problem, 0)
+    label = f"the installed {name} {version}".rstrip()
+    return _Root(tree, label, manifest, is_installed=True, notices=(found.notice(text),))
 
 
 def _shadowed(path: str) -> Iterator[Diagnostic]:
@@ -345,41 +371,10 @@ def _definitions(root: _Root, folder: str, suffix: str) -> list[File]:
     return find_definitions(root.tree, folder, suffix, root.package, is_flat=root.manifest is not None)
 
 
-def _unread_folders(root: _Root) -> Iterator[Diagnostic]:
-    return iter(()) if root.manifest or root.package else unread_folders(root.tree)
-
-
-def refuse_part_of_tree(root: Tree) -> None:
-    """Raise InputError for a folder of definitions in a firmware tree, which lacks the bridge and other inputs."""
-    folder, revision = root.path, ""
-    if isinstance(root, Snapshot):
-        from msggen.sources.revision import split_revision
-
-        folder, revision = split_revision(root.path)
-    whole = whole_tree(folder)
-    if whole:
-        hint = f"{whole}@{revision}" if revision else whole
-        raise input_error(root.path, "S102", f"only a part of a firmware tree, did you mean '{hint}'?", 0)
-
-
-def _refuse_old_tree(root: Tree) -> None:
-    if is_too_old(root):
-        text = f"a PX4-Autopilot tree before {EMBEDDED[-1]}, the first release that msggen reads"
-        raise input_error(root.path, "S105", text, 0)
-
-
-def _fail_without_definitions(root: Tree) -> NoReturn:
-    parent = os.path.dirname(os.path.abspath(root.path))
-    near = isinstance(root, Folder) and os.path.isdir(os.path.join(parent, "msg"))
-    hint = f", did you mean '{parent}'?" if near else ""
-    hint = f"; the embedded release is '{PREFIX}{root.path}'" if root.path in EMBEDDED else hint
-    if isinstance(root, Folder) and not root.names(""):
-        raise input_error(root.path, "S102", f"empty folder: a submodule that is not checked out?{hint}", 0)
-    if isinstance(root, Folder) and root.is_file("topics.py"):
-        text = "a package that msggen has generated, not definitions: `msggen build --check` tells if it is up to date"
-        raise input_error(root.path, "S102", text, 0)
-    text = f"no .msg file here or in msg/: expected a PX4-Autopilot tree, px4_msgs or a folder{hint}"
-    raise input_error(root.path, "S102", text, 0)
+def _notices(root: _Root) -> Iterator[Diagnostic]:
+    yield from root.notices
+    if not (root.manifest or root.package):
+        yield from unread_folders(root.tree)
 
 
 def _is_source(path: str) -> bool:

@@ -29,8 +29,8 @@ def read(  # noqa: PLR0913 - keywords, each of which has a default
     """Read and check all definitions of a source, and return them as a catalog.
 
     `source` is a PX4-Autopilot tree, a px4_msgs package, a folder of `.msg` files, `folder@revision` of git, an
-    archive of one of them, or an embedded release such as "v1.16". Without `source` and `folders` it is the newest
-    embedded release.
+    archive of one of them, an embedded release such as "v1.16", or "installed" for the installed px4_msgs
+    ("installed:NAME" for another package). Without `source` and `folders` it is the newest embedded release.
 
     `folders` contain further definitions. Those of another ROS package are "PKG=DIR", or a folder with a package.xml.
     `topics` is the dds_topics.yaml to use instead of the tree's own. `release` names the conventions to use instead of

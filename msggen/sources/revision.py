@@ -10,7 +10,10 @@ from typing import NoReturn
 
 from msggen.base.diagnostics import input_error, suggestion
 from msggen.base.disk.git import GitError, commit_of, git, is_revision, revisions
+from msggen.definitions.model import DEFAULT_PACKAGE
 from msggen.sources.embedded import EMBEDDED, PREFIX, names_release, near_release
+from msggen.sources.installed import INSTALLED, names_installed
+from msggen.sources.installed import PREFIX as OF_INSTALLED
 from msggen.sources.tree import Amount, Snapshot, TooMuchError, Wanted, is_wanted
 
 _RANGE = re.compile(r"(.*[^./])?\.{2,3}([^./].*)?")
@@ -29,20 +32,24 @@ def split_revision(text: str) -> tuple[str, str]:
 
 
 def revised(tree: str, against: str) -> str:
-    """Return the source that `against` names: `tree` at a revision of its repository, or another tree or release.
+    """Return the source that `against` names: `tree` at a revision of its repository, or another source.
 
     Raises InputError if `against` could be both or is neither.
     """
-    if against.startswith(PREFIX):
+    if against.startswith((PREFIX, OF_INSTALLED)):
         return against
     folder = split_revision(tree)[0]
     known = os.path.isdir(folder) and is_revision(folder, against)
+    if known and names_installed(against):
+        text = f"'{against}' is a revision, and the name of the installed {DEFAULT_PACKAGE}"
+        ways = f"write '{OF_INSTALLED}{DEFAULT_PACKAGE}' for the package, or '{folder}@{against}' for the revision"
+        _fail("--against", "S108", f"{text}: {ways}")
     if known and os.path.isdir(against):
         text = f"'{against}' is a revision and a folder: write '{os.path.join('.', against)}' for the folder"
         _fail("--against", "S108", f"{text}, or '{folder}@{against}' for the revision")
     if known:
         return f"{folder}@{against}"
-    if not (against in EMBEDDED or os.path.exists(against) or split_revision(against)[1]):
+    if not (against in (*EMBEDDED, INSTALLED) or os.path.exists(against) or split_revision(against)[1]):
         _fail_to_find(folder, against)
     return against
 

@@ -5,7 +5,7 @@ import re
 import sys
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, Literal, NamedTuple, NoReturn
 
 from msggen.base.diagnostics import Diagnostic, input_error, suggestion
 from msggen.base.disk.ownership import is_own
@@ -15,6 +15,75 @@ from msggen.base.location import Location
 from msggen.sources.embedded import names_release
 from msggen.sources.file import BoardOption
 from msggen.sources.finding import join_package, split_package
+from msggen.sources.installed import names_installed, wrong_installed
+
+
+class Setting(NamedTuple):
+    """A key of `[tool.msggen]`.
+
+    `about` says what it names, `default` what counts without it. `kind` is the kind of its value; a list of `items` can
+    also be a single text. A text or an item that `is_path` is no URL.
+    """
+
+    key: str
+    about: str
+    default: str
+    kind: Literal["text", "flag", "list", "table"] = "text"
+    items: str = ""
+    is_path: bool = False
+
+    @property
+    def field(self) -> str:
+        """The name of the field of `Settings` that has its value."""
+        return self.key.replace("-", "_")
+
+
+_SOURCE = "a PX4-Autopilot tree, px4_msgs, a folder of .msg files, an archive, a release such as v1.16, or installed"
+
+SETTINGS = (
+    Setting("px4", f"The firmware: {_SOURCE}.", "the current folder, or the newest embedded release", is_path=True),
+    Setting(
+        "msg-dir",
+        "Folders of more messages: of external modules, or of other ROS packages, as PKG=DIR.",
+        "none",
+        "list",
+        "folders",
+        is_path=True,
+    ),
+    Setting("topics", "The dds_topics.yaml to use.", "that of the firmware", is_path=True),
+    Setting("release", "The release whose conventions apply to DDS names and ids.", "that of the firmware"),
+    Setting(
+        "board", "A board, such as px4_sitl_default, or a .px4board file.", "all messages of the tree", is_path=True
+    ),
+    Setting("output", "The folder that the generated package is written to.", "generated", is_path=True),
+    Setting("package", "The name of the generated Python package.", "px4_types"),
+    Setting("ros-package", "The name of the ROS package that sync writes.", "that of the package, or px4_msgs"),
+    Setting("archived", "Whether build includes the archived versions of messages.", "false", "flag"),
+    Setting("strict", "Whether warnings are errors.", "false", "flag"),
+    Setting("link", "The address of the link to a vehicle.", "udp://127.0.0.1:8888"),
+    Setting(
+        "types",
+        "The generated package with the messages of the vehicle: its name, or its folder, such as ./src/px4_types.",
+        "those of the firmware, or of the vehicle's release",
+        is_path=True,
+    ),
+    Setting(
+        "select",
+        "The rules of breaking and lint to apply, or their categories.",
+        "all that are not optional",
+        "list",
+        "rules",
+    ),
+    Setting("ignore", "The rules of breaking and lint to leave out, or their categories.", "none", "list", "rules"),
+    Setting(
+        "per-message-ignores",
+        "The rules to leave out by message, service or topic, or by a pattern such as Debug*.",
+        "none",
+        "table",
+        "rules",
+    ),
+)
+"""All settings. The parser, `msggen settings` and the schema ask this list."""
 
 
 class Settings(NamedTuple):
@@ -64,8 +133,6 @@ _DOT = r"\.[ \t]*[\w\"'-]"
 _MOST_DOTS = 64
 """Maximum number of dots in a key. The time that tomllib needs for a key grows with their square."""
 
-_PATHS = ("px4", "msg_dir", "topics", "output")
-
 
 def read_settings(folder: str) -> Settings:
     """Return the settings from the nearest pyproject.toml, in `folder` or above, that has a table for msggen.
@@ -78,11 +145,11 @@ def read_settings(folder: str) -> Settings:
     notices: tuple[Diagnostic, ...] = ()
     while True:
         path = os.path.join(here, "pyproject.toml")
-        shown = os.path.relpath(path, folder)
+        shown = os.path.normpath(os.path.join(folder, os.path.relpath(path, folder)))
         text = _text(path)
         if "msggen" in text and re.search(_MENTIONED, text):
             if _is_trusted(path):
-                found = _parse(text, shown)
+                found = parse_settings(text, shown)
                 if found is not None:
                     return found._replace(notices=notices)
             else:
@@ -124,7 +191,20 @@ def _note(folder: str, path: str) -> Diagnostic:
     return Diagnostic(Location(path, 0), "C106", f"not used, because it is the file of another user: {cure}")
 
 
-def _parse(text: str, path: str) -> Settings | None:
+def given_keys(settings: Settings) -> frozenset[str]:
+    """Return the keys that the file of the settings has, none if there is no file. Raises InputError."""
+    table = _table(_text(settings.origin), settings.origin) if settings.origin else None
+    return frozenset(table or ())
+
+
+def parse_settings(text: str, path: str) -> Settings | None:
+    """Return the settings in the `text` of a pyproject.toml, None if it has none. Raises InputError."""
+    table = _table(text, path)
+    return None if table is None else _checked(table, text, path)
+
+
+def _table(text: str, path: str) -> Mapping[str, Any] | None:
+    """Return the table of msggen in a pyproject.toml, None if it has none. Raises InputError."""
     if sys.version_info >= (3, 11):
         import tomllib
     else:
@@ -147,57 +227,61 @@ def _parse(text: str, path: str) -> Settings | None:
     table = tool["msggen"]
     if not isinstance(table, dict):
         _fail(path, "C103", f"'tool.msggen': expected a table, found {table!r}", *_place(text, "msggen"))
-    values = {_field(key, text, path): value for key, value in table.items()}
+    return table
+
+
+def _checked(table: Mapping[str, Any], text: str, path: str) -> Settings:
+    values = {_setting(key, text, path): value for key, value in table.items()}
     base = os.path.dirname(path)
-    checked = {key: _value(key, value, base, text, path) for key, value in values.items()}
+    checked = {setting.field: _value(setting, value, base, text, path) for setting, value in values.items()}
     return Settings(**{"output": os.path.join(base, "generated"), **checked, "origin": path})
 
 
-def _field(key: str, text: str, path: str) -> str:
-    known = {name.replace("_", "-"): name for name in Settings._fields if name not in ("origin", "notices")}
+def _setting(key: str, text: str, path: str) -> Setting:
+    known = {setting.key: setting for setting in SETTINGS}
     if key not in known:
         _fail(path, "C102", f"unknown setting '{key}'{suggestion(key, known)}", *_place(text, key))
     return known[key]
 
 
-def _value(field: str, value: object, base: str, text: str, path: str) -> Any:
-    key = field.replace("_", "-")
+def _value(setting: Setting, value: object, base: str, text: str, path: str) -> Any:
+    key, field, items = setting.key, setting.field, setting.items
     place = _place(text, key)
-    if field == "per_message_ignores":
+    if setting.kind == "table":
         if not isinstance(value, dict):
-            _fail(path, "C103", f"'{key}': expected a table of lists of rules, found {value!r}", *place)
-        return {message: _texts(rules, f"{key}.{message}", "rules", path, place) for message, rules in value.items()}
-    if field in ("select", "ignore"):
-        return _texts(value, key, "rules", path, place)
-    if field == "msg_dir":
-        folders = _texts(value, key, "folders", path, place)
-        return tuple(_folder(item, base, Location(path, *place)) for item in folders)
-    if field in ("archived", "strict"):
+            _fail(path, "C103", f"'{key}': expected a table of lists of {items}, found {value!r}", *place)
+        return {message: _texts(rules, f"{key}.{message}", items, path, place) for message, rules in value.items()}
+    if setting.kind == "list":
+        texts = _texts(value, key, items, path, place)
+        return tuple(_folder(item, base, Location(path, *place)) for item in texts) if setting.is_path else texts
+    if setting.kind == "flag":
         if not isinstance(value, bool):
             _fail(path, "C103", f"'{key}': expected true or false, found {value!r}", *place)
         return value
     if not isinstance(value, str) or not value:
         _fail(path, "C103", f"'{key}': expected a string, found {value!r}", *place)
-    if field in (*_PATHS, "board", "types"):
+    if setting.is_path:
         refuse_url(value, Location(path, *place), f"'{key}': ")
     joined = os.path.join(base, os.path.expanduser(value))
-    return joined if _is_path(field, value, joined) else value
+    if field == "px4" and names_installed(value) and os.path.lexists(joined):
+        _fail(path, "S132", f"'{key}': {wrong_installed(value, base)}", *place)
+    return joined if setting.is_path and _is_path(field, value, joined) else value
 
 
 def _is_path(field: str, value: str, joined: str) -> bool:
-    """Whether the value of a setting is a path. `joined` is that path from the current folder."""
+    """Whether the value of a setting that can be a path is one. `joined` is that path from the current folder."""
     if field == "px4":
-        return os.path.exists(joined) or not names_release(value)
+        return not names_installed(value) and (os.path.exists(joined) or not names_release(value))
     if field == "types":
         return names_folder(value)
-    return field in _PATHS or (field == "board" and BoardOption(value).is_path)
+    return field != "board" or BoardOption(value).is_path
 
 
 def _folder(text: str, base: str, place: Location) -> str:
     """Return a folder, or `PKG=DIR`, with a path relative to the current folder."""
     refuse_url(text, place, "'msg-dir': ")
     package, folder = split_package(text, place)
-    return join_package(package, os.path.join(base, os.path.expanduser(folder)))
+    return text if names_installed(folder) else join_package(package, os.path.join(base, os.path.expanduser(folder)))
 
 
 def _texts(value: object, key: str, items: str, path: str, place: tuple[int, int]) -> tuple[str, ...]:

@@ -18,6 +18,8 @@ from msggen.vehicle.selection import order, shown, why_missing
 from msggen.vehicle.watch import Watch
 
 LOGGER = getLogger("msggen.live")
+OTHERS = "msggen.live.others"
+"""The logger that warns of further vehicles, which a program of several vehicles does not need."""
 
 
 class Hub:
@@ -176,7 +178,7 @@ class Hub:
     def others(self, member: Member) -> Sequence[Remote]:
         """Return the further vehicles on the link that a member without a selection could have, in their order."""
         own = member.entry
-        if own is None or not member.selection.is_any:
+        if not member.selection.is_any:
             return ()
         return sorted((each.remote for each in tuple(self.entries.values()) if each is not own), key=order)
 
@@ -261,7 +263,7 @@ class Hub:
         text = "" if member.has_told_of_another or is_taken else member.about_another(remote)
         if text:
             member.has_told_of_another = True
-            LOGGER.warning("%s", text)
+            getLogger(OTHERS).warning("%s", text)
 
     def _is_route_of(self, topic: NamedTopic, route: Route, entry: Entry) -> bool:
         return route.direction == topic.direction and entry.has(topic, route)

@@ -6,7 +6,7 @@ NAME = "msggen_ros"
 
 setup(
     name=NAME,
-    version="0.1.0",
+    version="1.0.0",
     description="A PX4 vehicle in ROS 2 without an agent",
     license="BSD-3-Clause",
     packages=[NAME],

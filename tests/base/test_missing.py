@@ -79,6 +79,40 @@ def test_pip_is_that_of_the_environment(tmp_path: Path, monkeypatch: pytest.Monk
     assert installing("dds").startswith("pip install ")
 
 
+@pytest.mark.parametrize(
+    ("files", "place", "expected"),
+    [
+        ({"pipx_metadata.json": "{}"}, "msggen", "pipx install --force 'msggen[dds]' --preinstall pandas"),
+        ({"uv-receipt.toml": ""}, "msggen", "uv tool install 'msggen[dds]' --with pandas"),
+        ({"pyvenv.cfg": "uv = 0.9\n"}, "archive-v0/xyz", "uvx --with pandas --from 'msggen[dds]' msggen"),
+        ({"pyvenv.cfg": "home = /\nuv = 0.9\n"}, ".venv", "uv pip install --python PREFIX 'msggen[dds]' pandas"),
+        ({"pyvenv.cfg": "home = /\nuv = 0.9\n", "scripts/pip": ""}, ".venv", "PIP install 'msggen[dds]' pandas"),
+        ({"pyvenv.cfg": "home = /\n"}, ".venv", "pip install 'msggen[dds]' pandas"),
+        ({}, ".venv", "pip install 'msggen[dds]' pandas"),
+    ],
+    ids=["pipx", "uv tool", "uvx", "uv venv", "uv venv --seed", "venv --without-pip", "a folder"],
+)
+def test_the_command_is_that_of_the_program_that_made_the_environment(
+    files: dict[str, str], place: str, expected: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    prefix = tmp_path / place
+    for name, text in files.items():
+        (prefix / name).parent.mkdir(parents=True, exist_ok=True)
+        (prefix / name).write_text(text, encoding="utf-8")
+    monkeypatch.setattr(sys, "prefix", str(prefix))
+    monkeypatch.setattr(sysconfig, "get_path", lambda _: str(prefix / "scripts"))
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr(missing, "checkout", lambda: None)
+    monkeypatch.setattr(missing, "_record", dict)
+    shown = {"PREFIX": str(prefix), "PIP": str(prefix / "scripts" / "pip")}
+    for name, path in shown.items():
+        expected = expected.replace(name, shlex.quote(path))
+    assert installing("dds", "pandas") == expected
+    if place == ".venv" and expected.startswith("uv"):
+        monkeypatch.setenv("VIRTUAL_ENV", str(prefix))
+        assert installing("dds") == "uv pip install 'msggen[dds]'"
+
+
 def test_no_other_module_writes_such_a_command() -> None:
     files = [path for path in (ROOT / "msggen").rglob("*") if path.suffix in (".py", ".yaml")]
     command = re.compile(r"pip install [^\n]*msggen\[")

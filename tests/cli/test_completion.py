@@ -34,6 +34,8 @@ CASES = {
     "msggen bre": ["breaking"],
     "msggen build --px4 v1.": ["v1.18", "v1.17", "v1.16", "v1.15", "v1.14"],
     "msggen build --px4 f": ["flight.ulg", "fw/"],
+    "msggen build --px4 ins": ["installed"],
+    "msggen check fw ins": ["installed"],
     "msggen build --release ma": ["main"],
     "msggen build --px4 fw --board px4_s": ["px4_sitl_default"],
     "msggen breaking --px4 fw --against v1.1": ["v1.18", "v1.17", "v1.16", "v1.15", "v1.14", "v1.16-mine"],

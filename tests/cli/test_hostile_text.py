@@ -120,6 +120,7 @@ CASES: dict[str, list[list[str]]] = {
     ],
     "px4-generate": [["--headers", "-f", f"{FILE}.px4/msg/Rpm.msg", "-i", FILE, "-e", FILE, "-o", FILE], [NAME]],
     "record": [["--for", "0.3", "-o", f"{FILE}.rec.mcap"], ["--for", "0.3", "--json", "-o", f"{FILE}.j.mcap"], [NAME]],
+    "lsp": [[NAME]],
     "relay": [[NAME]],
     "releases": [[], [NAME]],
     "render": [
@@ -128,6 +129,7 @@ CASES: dict[str, list[list[str]]] = {
         ["--px4", f"{FILE}.px4", "--template", FILE, "-o", "x"],
     ],
     "rules": [[], ["--output-format", "json"]],
+    "settings": [[], ["--json"], ["--schema"], [NAME]],
     "sim": [
         *(["--namespace", NAME], ["--types", NAME], ["--wrong-hash", NAME], [NAME]),
         *(["--param", NAME], ["--param", f"RTL_MIN_DIST={NAME}"], ["--fault", NAME], ["--fault", f"1:{NAME}"]),

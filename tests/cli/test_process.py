@@ -52,6 +52,8 @@ COMMANDS = (
     "render --template name.txt.j2 -o made",
     "px4-generate --headers",
     "releases",
+    "settings",
+    "settings --schema",
     "rules",
     "rules --output-format json",
     "explain FIELD_MOVED",

@@ -2,18 +2,30 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
+import sys
 from pathlib import Path
 
 import pytest
+from jsonschema import Draft7Validator
 
 from msggen.base.diagnostics import InputError
 from msggen.base.exit_codes import FAILED
 from msggen.cli import main
-from msggen.sources.settings import Settings, read_settings
+from msggen.cli.parser import parser_for
+from msggen.link.link_types import DEFAULT
+from msggen.sources.settings import SETTINGS, Settings, read_settings
 from support.catalogs import write_definitions
+from support.commands import run
 from support.owners import OTHER, give, needs_owners
+from support.repository import ROOT
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
 
 LAMP = {"Lamp.msg": "# A lamp.\n\nuint64 timestamp\n"}
 FAN = {"Fan.msg": "# A fan.\n\nuint64 timestamp\n"}
@@ -28,16 +40,24 @@ def settings_file(text: str, folder: str = ".") -> None:
 
 
 def refused(text: str) -> str:
-    """Return the error about the settings `text`."""
+    """Return the error about the settings `text`. An editor must tell a wrong key or kind, and a URL, by the schema."""
     settings_file(text)
     with pytest.raises(InputError) as caught:
         read_settings(".")
+    if caught.value.diagnostics[0].code in ("C102", "C103", "S131"):
+        assert wrong_by_schema(text)
     return str(caught.value)
 
 
-def test_all_keys_are_read() -> None:
-    settings_file(
-        """
+def wrong_by_schema(text: str) -> list[str]:
+    """Return what the schema says against the settings in a pyproject.toml."""
+    schema = json.loads(run(["settings", "--schema"]).stdout)
+    Draft7Validator.check_schema(schema)
+    found = Draft7Validator(schema).iter_errors(tomllib.loads(text)["tool"]["msggen"])
+    return [error.message for error in found]
+
+
+ALL_KEYS = """
 [tool.msggen]
 px4 = "firmware"
 msg-dir = ["mine", "../yours"]
@@ -55,7 +75,10 @@ select = "WIRE"
 ignore = ["FIELD_ADDED", "DRIFT"]
 per-message-ignores = { "Debug*" = ["WIRE", "HASH"] }
 """
-    )
+
+
+def test_all_keys_are_read() -> None:
+    settings_file(ALL_KEYS)
     expected = Settings(
         "firmware",
         ("mine", "../yours"),
@@ -301,6 +324,7 @@ def test_a_setting_with_an_impossible_value_is_refused(
     settings_file(f"[tool.msggen]\n{line}\n")
     assert main(["build"]) == 2
     assert f" {code} " in capsys.readouterr().err
+    assert bool(wrong_by_schema(f"[tool.msggen]\n{line}\n")) is ("class" not in line)  # a keyword is a name there
     assert os.listdir() == ["pyproject.toml"]
 
 
@@ -438,3 +462,105 @@ def test_the_pipe_of_another_user_stops_nobody(monkeypatch: pytest.MonkeyPatch) 
         read_settings(".")
     give(monkeypatch, Path("pyproject.toml"))
     assert read_settings(".") == Settings()
+
+
+# What is in force, and the schema
+
+
+def test_the_list_has_all_settings() -> None:
+    fields = [name for name in Settings._fields if name not in ("origin", "notices")]
+    assert [setting.field for setting in SETTINGS] == fields
+
+
+def test_the_defaults_of_the_list_are_those_of_the_commands() -> None:
+    defaults = {setting.key: setting.default for setting in SETTINGS}
+    assert defaults["link"] == DEFAULT
+    assert run(["build", "--list-outputs"]).stdout.startswith(f"{defaults['output']}/{defaults['package']}/")
+    options = vars(parser_for(["build"]).parse_args(["build"]))
+    assert [options[key] for key in ("archived", "strict")] == [None, None]
+    assert (defaults["archived"], defaults["strict"]) == ("false", "false")
+
+
+def test_settings_that_are_not_set_are_told_with_what_counts() -> None:
+    lines = run(["settings"]).stdout.splitlines()
+    assert lines[0].split() == ["setting", "value", "from"]
+    assert [line.split()[0] for line in lines[1:]] == [setting.key for setting in SETTINGS]
+    assert all(line.endswith("  default") for line in lines[1:])
+    assert re.search(r"^output +generated +default$", "\n".join(lines), re.MULTILINE)
+
+
+def test_settings_are_told_with_their_lines(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An unset `output` is beside the file, and one that is set to its default is told as set."""
+    settings_file(ALL_KEYS)
+    Path("below").mkdir()
+    monkeypatch.chdir("below")
+    rows = [re.split("  +", line) for line in run(["settings"]).stdout.splitlines()[1:]]
+    assert ["px4", "../firmware", "../pyproject.toml:3"] in rows
+    assert ["msg-dir", "../mine, ../../yours", "../pyproject.toml:4"] in rows
+    assert ["per-message-ignores", "Debug*: WIRE, HASH", "../pyproject.toml:17"] in rows
+    assert not any("default" in row for row in rows)
+    settings_file('[tool.msggen]\noutput = "generated"\n')
+    told = {row["key"]: row for row in json.loads(run(["settings", "--json"]).stdout)}
+    assert told["output"] == {
+        "key": "output",
+        "value": "generated",
+        "from": "pyproject.toml:2",
+        "default": "generated",
+    }
+    assert told["strict"] == {"key": "strict", "value": None, "from": None, "default": "false"}
+
+
+def test_hostile_settings_are_told_without_control_characters() -> None:
+    settings_file('[tool.msggen]\npackage = "a\\u001b[31m\\n"\n')
+    outcome = run(["settings"])
+    assert outcome.code == 0
+    assert "\x1b" not in outcome.stdout
+    assert len(outcome.stdout.splitlines()) == 1 + len(SETTINGS)
+
+
+def test_wrong_settings_are_errors_of_the_command() -> None:
+    settings_file('[tool.msggen]\npackge = "x"\n')
+    outcome = run(["settings"])
+    assert outcome.code == FAILED
+    assert outcome.stderr.startswith("pyproject.toml:2:1: C102 unknown setting")
+    assert run(["settings", "--schema"]).code == 0
+
+
+def test_the_page_shows_what_is_printed() -> None:
+    page = (ROOT / "docs/build.md").read_text(encoding="utf-8").partition("\n## Settings\n")[2]
+    (example, *_), (shown,) = (
+        re.findall(r"```toml\n(.*?)```", page, re.DOTALL),
+        re.findall(r"```console\n\$ msggen settings\n(.*?)```", page, re.DOTALL),
+    )
+    settings_file(example)
+    assert run(["settings"]).stdout == shown
+
+
+def documented() -> list[str]:
+    """Return the examples of the settings in all pages."""
+    pages = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+    blocks = [block for page in pages for block in re.findall(r"```toml\n(.*?)```", page.read_text("utf-8"), re.DOTALL)]
+    return [block for block in blocks if "[tool.msggen" in block]
+
+
+def test_pages_have_examples() -> None:
+    assert len(documented()) >= 5
+
+
+@pytest.mark.parametrize("text", [*documented(), ALL_KEYS, "[tool.msggen]\n", '[tool.msggen]\nmsg-dir = "mine"\n'])
+def test_the_schema_takes_what_msggen_reads(text: str) -> None:
+    settings_file(text)
+    read_settings(".")
+    assert wrong_by_schema(text) == []
+
+
+@pytest.mark.parametrize("line", ['ros-package = "My-msgs"', 'select = [""]', "per-message-ignores = { A = 1 }"])
+def test_the_schema_refuses_what_msggen_refuses(line: str) -> None:
+    assert wrong_by_schema(f"[tool.msggen]\n{line}\n")
+
+
+def test_each_setting_of_the_schema_says_what_it_is() -> None:
+    schema = json.loads(run(["settings", "--schema"]).stdout)
+    assert schema["$schema"] == "http://json-schema.org/draft-07/schema#"
+    assert [*schema["properties"]] == [setting.key for setting in SETTINGS]
+    assert all(re.fullmatch(r"[A-Z].* Default: .+\.", each["description"]) for each in schema["properties"].values())

@@ -45,6 +45,7 @@ NAMES = (
     "records",
     "stalls",
     "owners",
+    "editors",
 )
 """The campaigns, each a module of this package."""
 

@@ -51,6 +51,7 @@ COMMANDS = (
         "sync px4_msgs",
     ),
     *("breaking --against v1.17", "check .", "docs -o docs", "tab", "tab", "read", "read"),
+    *("settings", "settings --json"),
 )
 PLAIN = "[tool.msggen]\ntypes = {types}\nlink = {link}\n"
 TEXTS = (
@@ -58,7 +59,12 @@ TEXTS = (
     *("[tool]\nmsggen.types = {types}\nmsggen.link = {link}\n", "[tool.'msggen']\ntypes = {types}\nlink = {link}\n"),
     *(PLAIN + "output = '../..'\n", PLAIN + "px4 = '../../{package}'\n", PLAIN + "package = '../../x'\n"),
     *(PLAIN + "msg-dir = ['{package}']\n", PLAIN + "[tool.msggen.per-message-ignores]\n'*' = ['WIRE']\n", "", "["),
-    *("# msggen]\n", PLAIN + "select = 'NOTHING'\n", PLAIN + "board = 'x'\nstrict = true\narchived = true\n"),
+    *(
+        "# msggen]\n",
+        PLAIN + "px4 = 'installed'\n",
+        PLAIN + "select = 'NOTHING'\n",
+        PLAIN + "board = 'x'\nstrict = true\narchived = true\n",
+    ),
 )
 """Texts of a file. {types} names the package in the folder of the file."""
 

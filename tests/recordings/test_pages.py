@@ -19,7 +19,7 @@ from tempfile import TemporaryDirectory
 
 import pytest
 
-from support.interpreters import environment
+from support.interpreters import build, environment
 from support.network import isolated
 from support.pages import (
     INSTALL,
@@ -116,11 +116,7 @@ def _imports(node: ast.AST) -> Iterator[str]:
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("wheel")
-    command = [sys.executable, "-m", "build", "--wheel", "--outdir", str(folder), str(ROOT)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
-    return next(folder.glob("msggen-*.whl"))
+    return build(ROOT, tmp_path_factory.mktemp("wheel"))
 
 
 @pytest.mark.night  # installs, and starts the servers of Ray

@@ -17,8 +17,10 @@ from typing import Any
 import pytest
 import yaml
 
+from msggen.base.version import __version__
 from msggen.cli import main
 from support.catalogs import write_definitions
+from support.interpreters import build
 from support.repository import DEFINITIONS, ROOT
 
 ATTITUDE = (ROOT / "msg" / "versioned" / "VehicleAttitude.msg").read_text(encoding="utf-8")
@@ -182,13 +184,17 @@ def test_inputs_never_become_part_of_a_script() -> None:
     assert [step["name"] for step in ACTION["runs"]["steps"] if "${{" in step["run"]] == []
 
 
-def run_step(step: dict[str, Any], folder: Path, runner: Path, inputs: dict[str, str]) -> tuple[int, str]:
+def run_step(  # noqa: PLR0913
+    step: dict[str, Any], folder: Path, runner: Path, inputs: dict[str, str], *, ref: str = "main", server: str = ""
+) -> tuple[int, str]:
     """Run a step as GitHub does: with expressions filled in, the script in a file, and bash with the same options."""
-    values = {name: about.get("default", "") for name, about in ACTION["inputs"].items()} | inputs
+    values = {f"inputs.{name}": about.get("default", "") for name, about in ACTION["inputs"].items()}
+    values |= {f"inputs.{name}": text for name, text in inputs.items()}
+    values |= {"github.action_ref": ref, "github.action_repository": "msggen/msggen"}
     environment = {
-        name: re.sub(r"\${{ inputs\.(\w+) }}", lambda match: values[match[1]], text)
+        name: re.sub(r"\${{ ([\w.]+) }}", lambda match: values[match[1]], text)
         for name, text in step.get("env", {}).items()
-    }
+    } | {"GITHUB_SERVER_URL": server}
     script = runner / "step.sh"
     script.write_text(step["run"])
     command = ["bash", "--noprofile", "--norc", "-eo", "pipefail", str(script)]
@@ -204,6 +210,50 @@ def runner(tmp_path_factory: pytest.TempPathFactory) -> Path:
     code, output = run_step(INSTALL, folder, folder, {})
     assert code == 0, output
     return folder
+
+
+WHEEL = f"msggen-{__version__}-py3-none-any.whl"
+RELEASED = f"server/msggen/msggen/releases/download/v{__version__}/{WHEEL}"
+PIP = """#!/bin/sh
+for word; do :; done
+echo "$2 $3 $word"
+case "$word" in http*) exit %d ;; esac
+"""
+"""The program `python3` that prints what pip installs, and fails to install a URL."""
+
+
+@pytest.mark.parametrize(
+    ("ref", "code", "installed"),
+    [
+        (f"v{__version__}", 0, [f"https://{RELEASED}"]),
+        (f"v{__version__}", 1, [f"https://{RELEASED}", str(ROOT)]),
+        (f"v{__version__}0", 0, [str(ROOT)]),
+        ("main", 0, [str(ROOT)]),
+        ("0123abc", 0, [str(ROOT)]),
+        ("", 0, [str(ROOT)]),
+    ],
+    ids=["a release", "a tag without a wheel", "another tag", "a branch", "a commit", "a folder"],
+)
+def test_the_action_installs_the_wheel_of_its_release(
+    ref: str, code: int, installed: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "python3").write_text(PIP % code, encoding="utf-8")
+    (tmp_path / "python3").chmod(0o755)
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "python3"))
+    done, output = run_step(INSTALL, tmp_path, tmp_path, {}, ref=ref, server="https://server")
+    lines = [f"pip install {each}" for each in installed]
+    if installed[-1] == str(ROOT):
+        lines.insert(-1, f"{ref or 'the action'} has no wheel: msggen is built from its files")
+    assert (done, output.splitlines()) == (0, lines)
+
+
+@pytest.mark.night  # installs
+def test_the_action_works_with_the_wheel(checkout: Path, tmp_path: Path) -> None:
+    assert build(ROOT, (tmp_path / RELEASED).parent) == tmp_path / RELEASED
+    server = (tmp_path / "server").as_uri()
+    code, output = run_step(INSTALL, tmp_path, tmp_path, {}, ref=f"v{__version__}", server=server)
+    assert (code, "is built from its files" in output) == (0, False), output
+    assert run_step(RUN, checkout, tmp_path, {"arguments": "old old"})[0] == 0
 
 
 @pytest.fixture

@@ -35,9 +35,9 @@ def test_every_page_is_listed_in_the_readme() -> None:
     assert [page.name for page in PAGES[1:] if f"docs/{page.name}" not in README] == []
 
 
-@pytest.mark.parametrize("page", PAGES, ids=[page.name for page in PAGES])
+@pytest.mark.parametrize("page", [page for page in PAGES if page.name != "install.md"], ids=lambda page: page.name)
 def test_a_page_that_installs_from_the_index_says_how_to_install_from_a_clone(page: Path) -> None:
-    """An extra in the text has its name only, and README.md says how to install it."""
+    """An extra in the text has its name only, and docs/install.md, which compares both, says how to install it."""
     for line in page.read_text(encoding="utf-8").splitlines():
         if extras := re.search(r"pip install '?msggen\[([\w,]+)\]", line):
             command = f"  # in a clone: '.[{extras[1]}]'"
@@ -127,7 +127,7 @@ def test_the_sessions_of_a_page_are_real(page: str, tmp_path: Path) -> None:
     done = subprocess.run(
         ["bash", "-c", script],
         cwd=tmp_path,
-        env={**os.environ, "PATH": path},
+        env={**os.environ, "PATH": path, "AMENT_PREFIX_PATH": ""},
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,

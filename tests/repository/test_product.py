@@ -29,7 +29,7 @@ from msggen.cli import parser_for
 from support.browser import complaints, prefer, resize, wait_for
 from support.catalogs import write_definitions
 from support.html import Elements, broken_links
-from support.interpreters import environment
+from support.interpreters import build, environment
 from support.repository import ROOT
 
 if sys.version_info >= (3, 11):
@@ -224,9 +224,7 @@ def test_an_environment_with_only_the_extra_builds_the_site(tmp_path: Path) -> N
     """With the lines of the workflow, except that it leaves no traces in the checkout."""
     if sys.version_info < (3, 11):
         pytest.skip("the site needs Python 3.11")
-    command = [sys.executable, "-m", "build", "--wheel", "--outdir", str(tmp_path), str(ROOT)]
-    subprocess.run(command, capture_output=True, check=True)
-    (wheel,) = tmp_path.glob("msggen-*.whl")
+    wheel = build(ROOT, tmp_path)
     programs = environment(sys.executable, tmp_path / "environment", f"{wheel}[site]")
     command = [str(programs / "python"), BUILD[1], "-o", str(tmp_path / "site")]
     variables = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}

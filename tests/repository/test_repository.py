@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from datetime import datetime, timezone
+from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ import pytest
 import yaml
 
 from msggen.base.version import __version__
+from support.interpreters import VERSIONS
 from support.repository import ROOT
 
 if sys.version_info >= (3, 11):
@@ -59,6 +61,7 @@ def test_the_files_that_a_page_names_are_there(page: str) -> None:
 def test_the_versions_of_python_agree() -> None:
     assert PROJECT["requires-python"] == f">={PYTHONS[0]}"
     assert load(GITHUB / "workflows" / "ci.yml")["jobs"]["test"]["strategy"]["matrix"]["python"] == PYTHONS
+    assert VERSIONS == PYTHONS
     assert f"Python {PYTHONS[0]} to {PYTHONS[-1]}." in (ROOT / "README.md").read_text(encoding="utf-8")
 
 
@@ -110,6 +113,7 @@ def test_workflows_may_do_no_more_than_they_need(path: Path) -> None:
     workflow = load(path)
     assert workflow["permissions"] == {"contents": "read"}
     allowed = {
+        "attest": {"id-token": "write", "attestations": "write"},
         "publish": {"id-token": "write"},
         "release": {"contents": "write"},
         "pages": {"pages": "write", "id-token": "write"},
@@ -135,7 +139,36 @@ def test_ci_builds_the_site_and_a_release_publishes_it() -> None:
     release = load(GITHUB / "workflows" / "release.yml")["jobs"]
     assert any("deploy-pages" in step["uses"] for step in release["pages"]["steps"])
     assert release["pages"]["needs"] == "publish", "a page shows what is on PyPI"
-    assert "test" in release["publish"]["needs"], "the job whose artifact is published"
+    assert "publish" in needed_by(release, "pages")
+    assert "test" in needed_by(release, "pages"), "the job whose artifact is published"
+
+
+def needed_by(jobs: dict[str, Any], job: str) -> set[str]:
+    """Return the jobs that have to pass before this one starts."""
+    needs = jobs[job].get("needs", [])
+    direct = {needs} if isinstance(needs, str) else {*needs}
+    return direct.union(*(needed_by(jobs, each) for each in direct))
+
+
+def test_a_release_is_built_once_tested_and_attested_before_it_is_published() -> None:
+    jobs = load(GITHUB / "workflows" / "release.yml")["jobs"]
+    assert needed_by(jobs, "publish") == {"test", "build", "wheel", "image", "attest"}
+    assert {"test", "wheel", "image"} <= needed_by(jobs, "attest")
+    built = [name for name, job in jobs.items() for step in job.get("steps", ()) if "-m build" in step.get("run", "")]
+    assert built == ["build"]
+    (kept,) = (step["with"]["path"] for step in jobs["build"]["steps"] if "upload-artifact" in step.get("uses", ""))
+    for name in ("wheel", "image", "attest", "publish", "release"):
+        (taken,) = (step["with"] for step in jobs[name]["steps"] if "download-artifact" in step.get("uses", ""))
+        assert taken == {"name": "release", "path": kept}
+    (attested,) = (step["with"] for step in jobs["attest"]["steps"] if "/attest-" in step["uses"])
+    (published,) = (step["with"] for step in jobs["publish"]["steps"] if "pypi-publish" in step["uses"])
+    assert attested["subject-path"] == f"{published['packages-dir']}/*" == f"{kept}/dist/*"
+    assert published["attestations"] is True
+
+
+def test_a_release_tries_the_wheel_where_ci_tests() -> None:
+    release, ci = (load(GITHUB / "workflows" / name)["jobs"] for name in ("release.yml", "ci.yml"))
+    assert release["wheel"]["strategy"]["matrix"] == ci["test"]["strategy"]["matrix"]
 
 
 @pytest.mark.parametrize("workflow", ["nightly", "release"])
@@ -174,7 +207,7 @@ def test_the_scripts_of_ci_are_bash_and_can_be_run(script: str) -> None:
 
 CHANGELOG = """# Changelog
 
-## [{version}] - {date}
+## [{section}] - {date}
 
 ### Added
 
@@ -188,23 +221,30 @@ CHANGELOG = """# Changelog
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("tag", "version", "date", "code"),
+    ("tag", "version", "section", "date", "code"),
     [
-        (f"v{__version__}", __version__, "2026-12-01", 0),
-        (f"v{__version__}1", __version__, "2026-12-01", 1),
-        (__version__, __version__, "2026-12-01", 1),
-        (f"v{__version__}", __version__, "unreleased", 1),
-        (f"v{__version__}", "9.9.9", "2026-12-01", 1),
+        ("v2.0.0", "2.0.0", "2.0.0", "2026-12-01", 0),
+        ("v2.0.0rc1", "2.0.0rc1", "2.0.0", "unreleased", 0),
+        ("v2.0.0rc1", "2.0.0rc1", "2.0.0", "2026-12-01", 0),
+        ("v2.0.01", "2.0.0", "2.0.0", "2026-12-01", 1),
+        ("v2.0.0", "2.0.0rc1", "2.0.0", "2026-12-01", 1),
+        ("2.0.0", "2.0.0", "2.0.0", "2026-12-01", 1),
+        ("v2.0.0", "2.0.0", "2.0.0", "unreleased", 1),
+        ("v2.0.0", "2.0.0", "9.9.9", "2026-12-01", 1),
+        ("v2.0.0rc1", "2.0.0rc1", "9.9.9", "unreleased", 1),
     ],
-    ids=["right", "another version", "without v", "without a date", "not in the changelog"],
+    ids=[
+        *("right", "a candidate", "a candidate, with a date", "another version", "a version that is a candidate"),
+        *("without v", "without a date", "not in the changelog", "a candidate that is not in the changelog"),
+    ],
 )
-def test_a_release_needs_its_tag_its_version_and_its_changes(
-    tag: str, version: str, date: str, code: int, tmp_path: Path
+def test_a_release_needs_its_tag_its_version_and_its_changes(  # noqa: PLR0913, PLR0917
+    tag: str, version: str, section: str, date: str, code: int, tmp_path: Path
 ) -> None:
     steps = load(GITHUB / "workflows" / "release.yml")["jobs"]["build"]["steps"]
     (script,) = (step["run"] for step in steps if step.get("name", "").startswith("Compare the tag"))
-    (tmp_path / "CHANGELOG.md").write_text(CHANGELOG.format(version=version, date=date), encoding="utf-8")
-    (tmp_path / "msggen").symlink_to(ROOT / "msggen")
+    (tmp_path / "CHANGELOG.md").write_text(CHANGELOG.format(section=section, date=date), encoding="utf-8")
+    (tmp_path / "msggen.py").write_text(f"__version__ = {version!r}\n", encoding="utf-8")
     (tmp_path / "python").symlink_to(sys.executable)
     path = os.pathsep.join([str(tmp_path), os.environ["PATH"]])
     done = subprocess.run(
@@ -218,8 +258,58 @@ def test_a_release_needs_its_tag_its_version_and_its_changes(
     assert done.returncode == code, done.stdout + done.stderr
     assert done.stdout.startswith("::error::") == bool(code)
     if not code:
-        notes = (tmp_path / "release" / "notes.md").read_text(encoding="utf-8")
+        notes = (tmp_path / "build" / "release" / "notes.md").read_text(encoding="utf-8")
         assert notes.strip() == "### Added\n\n- A thing."
+
+
+VERSION = re.compile(
+    r"(?:^(?:\*\*)?msggen |msggen(?:\.git)?[-@#]v?|`@v|rev: v|git (?:tag|checkout -q) v)(\d+\.\d+\.\d+(?:rc\d+)?)",
+    re.MULTILINE,
+)
+"""The version of msggen, as pages have it: in tags, the names of files, and what `msggen --version` prints."""
+
+
+def test_the_version_is_the_same_wherever_it_is_written() -> None:
+    release = re.fullmatch(r"(\d+\.\d+\.\d+)(?:rc\d+)?", __version__)
+    assert release, "action.yml and release.yml read no other versions"
+    changelog = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    assert re.search(r"^## \[(.*?)\]", changelog, re.MULTILINE)[1] == release[1]  # type: ignore[index]
+    texts = [path.read_text(encoding="utf-8") for path in (ROOT / "CONTRIBUTING.md", *(ROOT / "docs").glob("*.md"))]
+    used = {version for text in texts for version in VERSION.findall(text)}
+    assert used == {__version__}
+
+
+# --- the image
+
+
+def test_the_image_is_built_from_what_is_there() -> None:
+    text = re.sub(r"^#.*\n", "", (ROOT / "Dockerfile").read_text(encoding="utf-8"), flags=re.MULTILINE)
+    lines = text.replace("\\\n", " ").split("\n")
+    words = [line.partition(" ")[::2] for line in lines if line.strip()]
+    assert [word for word, _ in words] == ["FROM", "RUN", "ARG", "RUN", "USER", "WORKDIR", "ENTRYPOINT"]
+    values = dict(words)
+    assert re.fullmatch(rf"python:({'|'.join(PYTHONS)})-slim".replace(".", r"\."), values["FROM"])
+    assert values["ARG"] == "PACKAGE=."
+    assert "useradd --create-home --uid 1000 msggen" in words[1][1]
+    assert values["USER"] == "msggen"
+    assert values["ENTRYPOINT"] == '["msggen"]'
+    assert "msggen" in PROJECT["scripts"]
+    assert "--no-cache-dir" in values["RUN"]
+    assert "rm -rf /var/lib/apt/lists/*" in words[1][1]
+    (mounted,) = re.findall(r"--mount=type=bind,target=(\S+)", values["RUN"])
+    assert values["RUN"].endswith(f'"{mounted}/$PACKAGE"')
+
+
+def test_nothing_that_is_built_is_hidden_from_the_image() -> None:
+    hatch = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["hatch"]["build"]["targets"]
+    built = [*hatch["wheel"]["packages"], *hatch["wheel"]["force-include"], "pyproject.toml", PROJECT["readme"]]
+    hidden = (ROOT / ".dockerignore").read_text(encoding="utf-8").split()
+    names = {path.name for each in built for path in (ROOT / each, *(ROOT / each).rglob("*"))} | {"build", "dist"}
+    found = {name for name in names for pattern in hidden if fnmatch(name, pattern.removeprefix("**/"))}
+    assert found <= {"__pycache__", *(name for name in names if name.endswith("_cache"))}
+    release = load(GITHUB / "workflows" / "release.yml")["jobs"]
+    (script,) = (step["run"] for step in release["image"]["steps"] if "run" in step)
+    assert 'docker build --tag msggen --build-arg PACKAGE="$(echo build/release/dist/*.whl)" .' in script
 
 
 def test_pre_commit_accepts_our_own_hooks() -> None:

@@ -62,7 +62,9 @@ def ros(px4_types: Any, tmp_path_factory: pytest.TempPathFactory) -> Ros:
         px4_types.OffboardControlMode,
         px4_types.TrajectorySetpoint,
         px4_types.VehicleCommand,
+        px4_types.VehicleCommandAck,
         archived.AirspeedValidatedV0,
+        services={"VehicleCommand": (ROOT / "srv" / "VehicleCommand.srv").read_text(encoding="utf-8")},
     )
     transforms = {"TFMessage": "geometry_msgs/TransformStamped[] transforms\n"}  # tf2_msgs has no wheel
     return Ros(python, compile_package(python, folder, "tf2_msgs", transforms), folder)
@@ -115,13 +117,14 @@ def test_a_node_flies_through_the_relay(px4_types: Any, ros: Ros, programs: list
     relay = ros.run(domain, "-m", "msggen", "relay", *options)
     programs.append(relay)
     with Simulator(px4_types, address, [Options(sync="short", namespace="uav_1", parts=("airspeed",))]):
-        relay.wait_for("2 topics to ROS, 4 from ROS", "airspeed_validated: AirspeedValidated as version 0", "  pose: ")
+        relay.wait_for("4 topics to ROS, 4 from ROS", "airspeed_validated: AirspeedValidated as version 0", "  pose: ")
         parameters = ["--ros-args", "-r", "__ns:=/uav_1", "-p", "height:=2.0", "-p", "hover:=0.1"]
         flight = ros.run(domain, "-m", "msggen_ros.offboard", *parameters)
         reader = ros.run(domain, str(ROOT / "tests" / "support" / "ros_reader.py"))
         programs += [flight, reader]
         reader.wait_for("^all arrived$")
         flight.wait_for("taking off", "landing", "landed")
+        flight.process.wait(30)  # it still selects Hold
     seen = dict(line.split(" ", 1) for line in reader.printed.splitlines() if line.startswith("/"))
     own = px4_types.VehicleStatus
     status = "/uav_1/fmu/out/vehicle_status_v4"
@@ -141,6 +144,29 @@ def test_a_node_flies_through_the_relay(px4_types: Any, ros: Ros, programs: list
     interrupted(relay)
     assert re.search(r"^  /uav_1/fmu/in/trajectory_setpoint +\d", relay.printed, re.MULTILINE)
     assert "not carried" not in relay.printed.rpartition("samples to ROS")[2]
+
+
+@pytest.mark.night  # in ROS 2
+@pytest.mark.tools("g++")
+def test_nodes_call_the_services_of_two_vehicles(px4_types: Any, ros: Ros, programs: list[Program]) -> None:
+    """Each call gets its own answer of its vehicle: to what it carries out, and to a command that does not exist."""
+    domain, address = next(DOMAINS), f"udp://127.0.0.1:{free_port()}"
+    names, types = [f"/uav_{key}/fmu/vehicle_command" for key in (1, 2)], str(ROOT / "generated" / "px4_types")
+    relay = ros.run(domain, "-m", "msggen", "relay", "vehicle_command", "--link", address, "--types", types)
+    programs.append(relay)
+    arm, unknown = px4_types.VehicleCommand.VEHICLE_CMD_COMPONENT_ARM_DISARM, 60000
+    results = px4_types.VehicleCommandAck.VehicleCmdResult
+    with Simulator(px4_types, address, [Options(key=key, sync="short", namespace=f"uav_{key}") for key in (1, 2)]):
+        relay.wait_for(*["vehicle_command: px4_msgs/srv/VehicleCommand, a service"] * 2)
+        for name in names:
+            caller = ros.run(domain, str(ROOT / "tests" / "support" / "ros_caller.py"), name, str(arm), str(unknown))
+            programs.append(caller)
+            caller.wait_for("^all answered$")
+            expected = [(arm, results.ACCEPTED), (unknown, results.UNSUPPORTED)]
+            answers = [f"{name} {command} {int(result)} True" for command, result in expected]
+            assert caller.printed.splitlines() == [*answers, "all answered"]
+    interrupted(relay)
+    assert all(f"2 calls of {name} answered" in relay.printed for name in names)
 
 
 @pytest.mark.night  # in ROS 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import runpy
 import shutil
 import subprocess
@@ -12,6 +13,7 @@ from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import pytest
+import yaml
 from catkin_pkg.package import parse_package  # type: ignore[import-untyped]
 
 from msggen.base.version import __version__
@@ -25,11 +27,19 @@ LAUNCH = PACKAGE / "launch" / "px4.launch.py"
 def test_the_manifest_is_one_of_an_ament_python_package() -> None:
     manifest = parse_package(str(PACKAGE / "package.xml"))
     manifest.validate()
-    assert (manifest.name, manifest.version, manifest.get_build_type()) == (PACKAGE.name, __version__, "ament_python")
+    release = __version__.partition("rc")[0]  # a manifest has no candidates
+    assert (manifest.name, manifest.version, manifest.get_build_type()) == (PACKAGE.name, release, "ament_python")
     text = (PACKAGE / "setup.py").read_text(encoding="utf-8")
-    assert f'version="{__version__}"' in text
+    assert f'version="{release}"' in text
     imported = {"geometry_msgs", "launch", "launch_ros", "nav_msgs", "px4_msgs", "rclpy", "sensor_msgs", "tf2_msgs"}
-    assert {each.name for each in manifest.exec_depends} == imported
+    assert {each.name for each in manifest.exec_depends} == {*imported, "python3-msggen-pip"}
+
+
+def test_the_key_of_rosdep_is_the_one_that_the_manifest_names() -> None:
+    page = (ROOT / "docs" / "install.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"```yaml\n(python3-.*?)```", page, re.DOTALL)
+    assert yaml.safe_load(block) == {"python3-msggen-pip": {"*": {"pip": {"packages": ["msggen"]}}}}
+    assert "rosdep install --from-paths src --skip-keys python3-msggen-pip" in page
 
 
 @pytest.mark.night  # installs setuptools into an environment of its own

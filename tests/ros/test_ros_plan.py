@@ -7,9 +7,13 @@ from typing import Any
 import pytest
 
 from msggen.generate.cache import package_of
-from msggen.ros.plan import Topics, Wish, planned
-from support.fake_link import routes_of
-from support.ros_types import px4_msgs_of
+from msggen.link.link import Service
+from msggen.ros.plan import Plan, Topics, Wish, planned
+from support.fake_link import SERVICE, routes_of
+from support.ros_types import class_with, px4_msgs_of, services_of
+
+NAMED = SERVICE._replace(name="/uav_1/fmu/vehicle_command")
+COMMAND_SERVICE = "px4_msgs/srv/VehicleCommand"
 
 
 @pytest.fixture(scope="module")
@@ -18,9 +22,11 @@ def archived() -> dict[str, Any]:
     return {release: package_of(release) for release in ("v1.18", "v1.16")}
 
 
-def topics_of(*packages: Any, namespace: str = "", hashes: dict[str, int] | None = None) -> Topics:
+def topics_of(
+    *packages: Any, namespace: str = "", hashes: dict[str, int] | None = None, services: tuple[Service, ...] = ()
+) -> Topics:
     """Return the topics of a vehicle with the firmware of the first package."""
-    return Topics(routes_of(packages[0], namespace), namespace, hashes or {}, packages)
+    return Topics(routes_of(packages[0], namespace), namespace, hashes or {}, packages, services)
 
 
 def messages_of(package: Any) -> list[Any]:
@@ -122,7 +128,7 @@ def test_both_versions_are_published_with_px4_msgs_old(archived: dict[str, Any])
     ]
     beside = planned(topics_of(new, new), Wish(["vehicle_status"], is_translated=True, is_beside_agent=True), find)
     assert [row.name for row in beside.rows] == ["/fmu/out/vehicle_status_v1"], "an agent has the other one"
-    assert planned(topics_of(new), Wish(is_beside_agent=True), find) == ((), (), (), {})
+    assert planned(topics_of(new), Wish(is_beside_agent=True), find) == Plan((), (), (), {})
 
 
 def test_a_vehicle_with_another_hash_is_refused(px4_types: Any) -> None:
@@ -146,5 +152,74 @@ def test_the_sources_of_standard_messages(px4_types: Any) -> None:
     found, refused = topics_of(px4_types, hashes={"px4_msgs/msg/SensorGps": 1}).sources()
     assert len(found) == 3
     plan = planned(topics_of(px4_types), Wish(is_standard=True, is_beside_agent=True), lambda _: None)
-    assert plan == ((), (), (), topics_of(px4_types).sources()[0])
+    assert plan == Plan((), (), (), topics_of(px4_types).sources()[0])
     assert [name for name, _ in refused] == ["/fmu/out/vehicle_gps_position"]
+
+
+@pytest.mark.parametrize(
+    ("patterns", "count"),
+    [([], 1), (["vehicle_command"], 1), (["/fmu/vehicle_command"], 1), (["/fmu/out/*"], 0), (["w*"], 0)],
+)
+def test_a_service_is_carried_if_its_type_is_installed(px4_types: Any, patterns: list[str], count: int) -> None:
+    topics = topics_of(px4_types, namespace="uav_1", services=(NAMED,))
+    find = services_of(px4_types.srv.VehicleCommand)
+    plan = planned(topics, Wish(patterns), find)
+    assert [row.service for row in plan.services] == [NAMED] * count
+    for row in plan.services:
+        assert row.ros is find(COMMAND_SERVICE)
+        assert row.request is px4_types.srv.VehicleCommand.Request
+    assert planned(topics, Wish(patterns, is_beside_agent=True), find).services == (), "the agent has it"
+    missing = planned(topics, Wish(patterns), lambda _: None)
+    assert (COMMAND_SERVICE in missing.missing, missing.services) == (count == 1, ())
+
+
+@pytest.mark.parametrize("vehicle", ["v1.18", "v1.17", "v1.16", "v1.15"])
+@pytest.mark.parametrize("installed", ["v1.18", "v1.15"])
+def test_the_service_is_the_same_in_all_releases(vehicle: str, installed: str) -> None:
+    """VehicleCommandAck has a version 1 in v1.18, with the fields of version 0."""
+    theirs, ours = package_of(vehicle), package_of(installed)
+    hashes = {f"px4_msgs/msg/{cls.__name__}": cls.__msg__.message_hash for cls in messages_of(theirs)}
+    topics = topics_of(theirs, hashes=hashes, services=(SERVICE,))
+    (row,) = planned(topics, Wish(["vehicle_command"]), services_of(ours.srv.VehicleCommand)).services
+    assert row.response is theirs.srv.VehicleCommand.Response
+
+
+def test_a_service_that_differs_is_refused(px4_types: Any) -> None:
+    service = px4_types.srv.VehicleCommand
+    find = services_of(service)
+    topics = topics_of(px4_types, services=(SERVICE,))
+    ack = find("px4_msgs/msg/VehicleCommandAck").get_fields_and_field_types()
+    other = class_with({name: kind for name, kind in ack.items() if name != "result_param2"})
+
+    def differing(name: str) -> Any:
+        return other if name == "px4_msgs/msg/VehicleCommandAck" else find(name)
+
+    wish = Wish(["/fmu/vehicle_command"])
+    reasons = [
+        (
+            planned(topics, wish, differing),
+            "the vehicle's definition differs, and px4_msgs/srv/VehicleCommand has no field 'reply.result_param2'",
+        ),
+        (
+            planned(topics._replace(hashes={"px4_msgs/msg/VehicleCommand": 7}), wish, find),
+            "the vehicle has another definition of VehicleCommand than --types",
+        ),
+        (
+            planned(topics._replace(services=(SERVICE._replace(request_type="a/srv/Other_Request"),)), wish, find),
+            "not in the definitions of --types",
+        ),
+    ]
+    for plan, reason in reasons:
+        assert (plan.services, plan.refused) == ((), ((SERVICE.name, reason),))
+
+
+def test_the_answer_to_a_call_that_failed(px4_types: Any) -> None:
+    (row,) = planned(
+        topics_of(px4_types, services=(SERVICE,)),
+        Wish(["/fmu/vehicle_command"]),
+        services_of(px4_types.srv.VehicleCommand),
+    ).services
+    command = px4_types.VehicleCommand(command=400)
+    answer: Any = row.failure(px4_types.srv.VehicleCommand.Request(request=command), "FAILED")
+    assert answer.reply == px4_types.VehicleCommandAck(command=400, result=4)
+    assert row._replace(response=px4_types.VehicleCommand).failure(command, "FAILED") is None

@@ -209,15 +209,16 @@ def test_ctrl_c_leaves_no_object_of_rclpy_half_made(handler: Any, monkeypatch: p
             Half()
             calls.append("spun")
 
-    def create_node(name: str, namespace: str) -> Any:
+    def init(**_: Any) -> None:
         Half()
+        calls.append("rclpy started")
+
+    def create_node(name: str, namespace: str) -> Any:
         calls.append(f"{namespace}/{name}")
         return SimpleNamespace(destroy_node=lambda: calls.append("node ended"))
 
     modules: dict[str, Any] = {
-        "rclpy": SimpleNamespace(
-            init=lambda **_: None, create_node=create_node, try_shutdown=lambda: calls.append("rclpy ended")
-        ),
+        "rclpy": SimpleNamespace(init=init, create_node=create_node, try_shutdown=lambda: calls.append("rclpy ended")),
         "rclpy.signals": SimpleNamespace(SignalHandlerOptions=SimpleNamespace(NO=None)),
         "rclpy.executors": SimpleNamespace(SingleThreadedExecutor=Executor),
     }
@@ -225,14 +226,15 @@ def test_ctrl_c_leaves_no_object_of_rclpy_half_made(handler: Any, monkeypatch: p
         monkeypatch.setitem(sys.modules, name, value)
     monkeypatch.setattr(sys, "unraisablehook", ignored.append)
     vehicle: Any = SimpleNamespace(watch=lambda _: SimpleNamespace(close=lambda: calls.append("relay closed")))
-    empty: Any = SimpleNamespace(rows=(), sources={})
+    empty: Any = SimpleNamespace(rows=(), sources={}, services=())
     before = signal.signal(signal.SIGINT, handler)
     is_ignored = handler is signal.SIG_IGN
     try:
-        with nullcontext() if is_ignored else pytest.raises(KeyboardInterrupt), module.node("uav_1"):
-            calls.append("started")
-        ended = ["node ended", "rclpy ended"]
-        assert calls == ["/uav_1/msggen_relay", *(["started"] if is_ignored else []), *ended]
+        expected = nullcontext() if is_ignored else pytest.raises(KeyboardInterrupt)
+        with expected, module.started(), module.node("uav_1"):
+            calls.append("made")
+        made = ["/uav_1/msggen_relay", "made", "node ended"] if is_ignored else []
+        assert calls == ["rclpy started", *made, "rclpy ended"]
         calls.clear()
         with (
             nullcontext() if is_ignored else pytest.raises(KeyboardInterrupt),

@@ -1,7 +1,7 @@
-"""Compile messages of a package for rclpy, as colcon does, but only what rclpy needs, in a few seconds.
+"""Compile messages and services of a package for rclpy, as colcon does, but only what rclpy needs, in a few seconds.
 
 Run by the Python of an environment with the wheels of ROS 2. Arguments: the folder for the package, whose name is that
-of the package, and .msg files. Nested messages are of `DEPENDENCIES`. The files must not contain constants.
+of the package, and .msg and .srv files. Nested messages are of `DEPENDENCIES`. The files must not contain constants.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import rosidl_typesupport_c
 from rosidl_adapter.msg import convert_msg_to_idl
+from rosidl_adapter.srv import convert_srv_to_idl
 from rosidl_cli.command.helpers import generate_visibility_control_file
 from rosidl_generator_c import generate_c
 from rosidl_generator_py import generate_py
@@ -22,8 +23,8 @@ from rosidl_generator_type_description import generate_type_hash
 from rosidl_typesupport_fastrtps_c import generate_typesupport_fastrtps_c
 
 PREFIX = Path(sys.prefix)
-DEPENDENCIES = ("builtin_interfaces", "std_msgs", "geometry_msgs")
-"""The packages that nested messages can be of, which the environment has."""
+DEPENDENCIES = ("builtin_interfaces", "service_msgs", "std_msgs", "geometry_msgs")
+"""The packages that nested messages can be of, also those of events of services. The environment has them."""
 LIBRARIES = ("rosidl_runtime_c", "rosidl_typesupport_c", "rosidl_typesupport_fastrtps_c", "fastcdr", "rcutils")
 KINDS = ("rosidl_generator_c", "rosidl_generator_py", "rosidl_typesupport_fastrtps_c")
 """The libraries of each dependency."""
@@ -32,19 +33,22 @@ KINDS = ("rosidl_generator_c", "rosidl_generator_py", "rosidl_typesupport_fastrt
 def generate(folder: Path, definitions: list[Path]) -> None:
     """Write the sources of a package."""
     package = folder.name
+    convert = {"msg": convert_msg_to_idl, "srv": convert_srv_to_idl}
+    names = []
     for definition in definitions:
-        convert_msg_to_idl(definition.parent, package, Path(definition.name), folder / "msg")
-    names = [definition.stem for definition in definitions]
+        kind = definition.suffix.removeprefix(".")
+        convert[kind](definition.parent, package, Path(definition.name), folder / kind)
+        names.append(f"{kind}/{definition.stem}")
 
     def arguments(generator: str) -> str:
         written = {
             "package_name": package,
             "output_dir": str(folder),
             "template_dir": str(PREFIX / "share" / generator / "resource"),
-            "idl_tuples": [f"{folder}:msg/{name}.idl" for name in names],
+            "idl_tuples": [f"{folder}:{name}.idl" for name in names],
             "ros_interface_files": [str(definition) for definition in definitions],
             "ros_interface_dependencies": [],
-            "type_description_tuples": [f"msg/{name}.idl:{folder}/msg/{name}.json" for name in names],
+            "type_description_tuples": [f"{name}.idl:{folder}/{name}.json" for name in names],
             "target_dependencies": [],
             "include_paths": [f"{name}:{PREFIX / 'share' / name}" for name in DEPENDENCIES],
         }

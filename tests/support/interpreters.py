@@ -1,7 +1,8 @@
-"""The supported versions of Python on this machine, and environments for them."""
+"""The supported versions of Python on this machine, environments for them, and the wheel that these get."""
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 import sys
@@ -9,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-VERSIONS = ["3.10", "3.11", "3.12", "3.13"]
+VERSIONS = ["3.10", "3.11", "3.12", "3.13", "3.14"]
+"""Those of pyproject.toml."""
 
 
 def interpreter(version: str) -> str:
@@ -24,13 +26,22 @@ def interpreter(version: str) -> str:
     pytest.skip(f"needs Python {version}")
 
 
-def environment(python: str, folder: Path, wheel: Path | str) -> Path:
-    """Create an environment with a wheel and what it needs in `folder`, and return the folder of its programs.
+def build(source: Path, folder: Path, *kinds: str, **variables: str) -> Path:
+    """Build the wheel of msggen in `folder`, and return it. `kinds` are options of `build`, such as `--sdist`."""
+    command = [sys.executable, "-m", "build", "--wheel", *kinds, "--outdir", str(folder), str(source)]
+    done = subprocess.run(command, env={**os.environ, **variables}, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    (wheel,) = folder.glob("msggen-*.whl")
+    return wheel
 
-    A wheel can have extras: `msggen-0.1.0-py3-none-any.whl[site]`. The pip of this process installs, so
+
+def environment(python: str, folder: Path, *wanted: Path | str) -> Path:
+    """Create an environment with packages and what they need in `folder`, and return the folder of its programs.
+
+    A wheel can have extras: `msggen-1.0.0-py3-none-any.whl[site]`. The pip of this process installs, so
     that the environment needs none.
     """
     subprocess.run([python, "-m", "venv", "--without-pip", folder], check=True)
     pip = [sys.executable, "-m", "pip", f"--python={folder / 'bin' / 'python'}", "install", "--quiet", "--no-compile"]
-    subprocess.run([*pip, wheel], check=True)
+    subprocess.run([*pip, *wanted], check=True)
     return folder / "bin"

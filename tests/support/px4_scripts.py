@@ -38,10 +38,9 @@ class Output:
 def expand(text: str, names: Mapping[str, Any]) -> str:
     """Return the output of EmPy for `text`, run as in the scripts. Raise the exceptions of the template."""
     output, stdout = Output(), sys.stdout
-    em.Interpreter._wasProxyInstalled = False
+    em.Interpreter._wasProxyInstalled = False  # of EmPy 3
     try:
-        options = {em.RAW_OPT: True, em.BUFFERED_OPT: True}
-        interpreter = em.Interpreter(output=output, globals=dict(names), options=options)
+        interpreter = em.Interpreter(output=output, globals=dict(names), **options())
         try:
             interpreter.file(StringIO(text))
         finally:
@@ -51,6 +50,13 @@ def expand(text: str, names: Mapping[str, Any]) -> str:
         sys.stdout = stdout
         em.Interpreter._wasProxyInstalled = False
     return output.text
+
+
+def options() -> dict[str, Any]:
+    """Return the arguments with which an interpreter raises the exceptions of a template."""
+    if em.__version__.startswith("3."):
+        return {"options": {em.RAW_OPT: True, em.BUFFERED_OPT: True}}
+    return {"dispatcher": False}
 
 
 def messages(kind: str, files: Sequence[str], includes: Sequence[str], templates: Path) -> dict[str, str]:

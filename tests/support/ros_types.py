@@ -32,11 +32,25 @@ def class_with(fields: dict[str, str], name: str = "Type") -> Any:
 
 def px4_msgs_of(messages: Iterable[Any], package: str = "px4_msgs") -> Callable[[str], Any]:
     """Return a finder of the types that a px4_msgs with the definitions of these classes has."""
-    types = {}
+    types: dict[str, Any] = {}
     for cls in messages:
         name = cls.__name__ if package != "px4_msgs" else cls.__msg__.ros_type.rpartition("/")[2]
         for part, text in parts_of(cls.__msg__.definition, name).items():
             types[f"{package}/msg/{part}"] = class_with(fields_of(text, package), part)
+    return types.get
+
+
+def services_of(*services: Any) -> Callable[[str], Any]:
+    """Return a finder of these services of a package, and of their messages, as px4_msgs has them."""
+    types: dict[str, Any] = {}
+    for service in services:
+        halves = {}
+        for half in ("Request", "Response"):
+            message = getattr(service, half)
+            own, *nested = parts_of(message.__msg__.definition, half).items()
+            halves[half] = class_with(fields_of(own[1]), half)
+            types |= {f"px4_msgs/msg/{name}": class_with(fields_of(text), name) for name, text in nested}
+        types[f"px4_msgs/srv/{service.__name__}"] = type(service.__name__, (), halves)
     return types.get
 
 

@@ -9,6 +9,8 @@ from msggen.base.location import Location
 
 _URL = re.compile(r"(?:\w+=)?([A-Za-z][A-Za-z0-9+.-]+)://")
 """The scheme at the beginning of a URL, also behind `PKG=`. A single letter is a drive of Windows."""
+NO_URL = rf"^(?!{_URL.pattern})"
+"""A regular expression, also of JSON Schema, for what is no URL."""
 STORES = ("s3", "gs", "az")
 """The schemes of stores, which recordings are read from and written to."""
 _SERVERS = ("https", "http")

@@ -82,14 +82,19 @@ def find_avoidable_padding(definition: Definition) -> Iterator[Change]:
     catalog, message = definition.catalog, definition.message
     if not is_static(catalog, message):
         return
-    alignments = {field.name: _alignment(catalog, message, field) for field in message.fields}
-    ordered = sorted(message.fields, key=lambda field: -alignments[field.name])
-    size, least = (_size(catalog, each) for each in (message, message._replace(fields=tuple(ordered))))
+    ordered = sorted_by_alignment(catalog, message)
+    size, least = (_size(catalog, each) for each in (message, message._replace(fields=ordered)))
     if least < size:
         first = next(field for field, best in zip(message.fields, ordered, strict=True) if field is not best)
         best = ordered[message.fields.index(first)]
         text = f"samples have {size} bytes, but {least} if the fields are sorted by alignment"
         yield definition.change(first, f"{text}: put '{best.name}' before '{first.name}'")
+
+
+def sorted_by_alignment(catalog: Catalog, message: Message) -> tuple[Field, ...]:
+    """Return the fields of a static message with the largest alignment first, which needs the least padding."""
+    alignments = {field.name: _alignment(catalog, message, field) for field in message.fields}
+    return tuple(sorted(message.fields, key=lambda field: -alignments[field.name]))
 
 
 def _size(catalog: Catalog, message: Message) -> int:

@@ -13,10 +13,12 @@ from msggen.definitions.model import Comment, Field
 from msggen.definitions.primitives import PRIMITIVES
 from msggen.definitions.unit import normalized_unit
 
-_FRAMES = ("NED", "ENU", "FRD", "FLU", "Body", "Sensor", "ECEF", "WGS84", "MSL", "AMSL")
+FRAMES = ("NED", "ENU", "FRD", "FLU", "Body", "Sensor", "ECEF", "WGS84", "MSL", "AMSL")
+"""The frames of reference that tags name."""
+
 _SPELLINGS = frozenset(
     [
-        *(frame.lower() for frame in _FRAMES),
+        *(frame.lower() for frame in FRAMES),
         *("body frd", "body flu", "body frame", "body frame frd", "body frame flu", "local frd", "local flu"),
     ]
 )
@@ -59,7 +61,7 @@ def frame_problem(definition: Definition, content: str) -> str:
         return "" if _POSE_FRAME in names else f"'[@frame {content}]' can be any frame: expected NED or FRD"
     if is_frame(" ".join(content.split())):
         return ""
-    hint = suggestion(content, _FRAMES) or f": expected one of {', '.join(_FRAMES)}"
+    hint = suggestion(content, FRAMES) or f": expected one of {', '.join(FRAMES)}"
     return f"unknown frame '{content}'{hint}"
 
 

@@ -13,7 +13,7 @@ from msggen.base.location import Location
 from msggen.check.finding import Effect
 from msggen.cli.options import COMPARING_CODES, Commands, add_command, add_output_format, add_shared, add_sources
 from msggen.cli.printing import print_report
-from msggen.cli.selection import add_selection, selected_rules, unmatched
+from msggen.cli.selection import add_selection, unmatched
 from msggen.cli.source_options import board_of, firmware_path, settings_of, shell_options, sources_of
 from msggen.show.report import OF_CHANGES
 from msggen.sources.embedded import EMBEDDED, PREFIX
@@ -56,13 +56,14 @@ def add_to(commands: Commands) -> None:
 def _breaking(options: argparse.Namespace) -> int:
     from msggen.check.compare.rules import with_remedies
     from msggen.check.run import breaking
+    from msggen.show.report.selection import selected_rules
     from msggen.sources.history import VERSIONED
 
     settings = settings_of(options)
     named = options.px4
     options.px4 = firmware_path(options, settings)
     options.against = options.against or _last_commit(options)
-    rules, ignored = selected_rules("breaking", options, settings)
+    rules, ignored = selected_rules("breaking", settings, options.select, options.ignore)
     current = sources_of(options, settings)
     if current.label == os.curdir:
         current = current._replace(label="the working tree")
@@ -127,7 +128,7 @@ def previous_sources(options: argparse.Namespace, settings: Settings) -> Sources
             topics = _bridge_in(kept_or_revised(os.path.dirname(topics) or os.curdir, repository, revision), topics)
     found = find_sources(previous, folders, topics, options.release or settings.release)
     found = with_board(found, board_of(options, settings, optional=True))
-    if found.embedded:
+    if found.embedded or found.is_installed:
         return found
     if revision and options.against in EMBEDDED:
         text = f"the revision of {repository} is read, not the embedded release '{PREFIX}{options.against}'"

@@ -28,6 +28,7 @@ from msggen.cli.source_options import (
 from msggen.cli.values import local_path
 from msggen.sources.file import read_file
 from msggen.sources.finding import Sources, find_sources, with_board
+from msggen.sources.installed import names_installed
 from msggen.sources.overlap import KINDS
 from msggen.sources.settings import Settings
 from msggen.sources.tree import Folder
@@ -97,6 +98,8 @@ def _check(options: argparse.Namespace) -> int:
     report = check(previous, current, topics_only=topics_only)
     if is_unnamed:
         report = _with_advice(report, previous)
+    elif current.is_installed:
+        report = report if previous.is_partial else _with_installation(report, reference)
     elif options.other is None:
         report = _with_commands(report, _sync_command(options, current, known), known)
     print_report(report, options)
@@ -138,7 +141,7 @@ def _of_recording(options: argparse.Namespace, recording: str, path: str) -> Sou
 
 def _is_generated(path: str) -> bool:
     """Whether a folder is a package that `msggen build` has written."""
-    return os.path.isfile(os.path.join(path, "topics.py"))
+    return not names_installed(path) and os.path.isfile(os.path.join(path, "topics.py"))
 
 
 def _topics_only(options: argparse.Namespace, known: Record) -> bool:
@@ -178,6 +181,15 @@ def _with_commands(report: Report, command: str, known: Record) -> Report:
 
     owned = owned_names(known)
     return with_remedies(report, lambda found: command if is_synced(found, owned) else "")
+
+
+def _with_installation(report: Report, reference: str) -> Report:
+    """Return `report` with the way to install a package that matches `reference`."""
+    from dataclasses import replace
+
+    command = f"msggen sync{shell_options({'--px4': reference})} src/px4_msgs"
+    way = f"`{command}` (--create if it is new), then build it with colcon and source its setup file"
+    return replace(report, advice=f"to fix: in a workspace, {way}") if report.fails else report
 
 
 def _sync_command(options: argparse.Namespace, current: Sources, known: Record) -> str:

@@ -64,7 +64,7 @@ def complete() -> None:
             if action.dest in live:
                 action.completer = _live(live[action.dest])  # type: ignore[attr-defined]
             elif action.dest in _NAMES:
-                action.completer = _names_or_paths(_NAMES[action.dest])  # type: ignore[attr-defined]
+                action.completer = _names_or_paths(_NAMES[action.dest], action.dest)  # type: ignore[attr-defined]
             elif action.metavar in ("DIR", "PKG"):
                 action.completer = DirectoriesCompleter()  # type: ignore[attr-defined]
     argcomplete.autocomplete(parser, always_complete_options="long", validator=_is_proposed)
@@ -97,8 +97,11 @@ def _live(names: Callable[[str, argparse.Namespace], Iterable[str]]) -> Callable
     return completer
 
 
-def _names_or_paths(names: Callable[[argparse.Namespace], Iterable[str]]) -> Callable[..., list[str]]:
-    """Return a completer of `names`, or of paths where a word looks like one. Without names, the shell reports none."""
+def _names_or_paths(names: Callable[[argparse.Namespace], Iterable[str]], dest: str) -> Callable[..., list[str]]:
+    """Return a completer of `names`, or of paths where a word looks like one. Without names, the shell reports none.
+
+    A source that someone has begun to write can be both: `inst` is the beginning of `installed` and of `install/`.
+    """
     from argcomplete.completers import FilesCompleter
 
     from msggen.base.diagnostics import InputError
@@ -109,7 +112,8 @@ def _names_or_paths(names: Callable[[argparse.Namespace], Iterable[str]]) -> Cal
             own = [name for name in names(parsed_args) if name.lower().startswith(word.lower()) and name.isprintable()]
         except (InputError, OSError):
             own = []
-        return [f"{done}{comma}{name}" for name in own] or list(FilesCompleter()(prefix))
+        found = [f"{done}{comma}{name}" for name in own]
+        return [*found, *FilesCompleter()(prefix)] if not found or (word and dest in _SOURCES) else found
 
     return completer
 
@@ -147,16 +151,17 @@ def _releases(_: argparse.Namespace) -> Iterable[str]:
     return RELEASES
 
 
-def _embedded(_: argparse.Namespace) -> Iterable[str]:
+def _named(_: argparse.Namespace) -> Iterable[str]:
     from msggen.sources.embedded import EMBEDDED
+    from msggen.sources.installed import INSTALLED
 
-    return EMBEDDED
+    return [*EMBEDDED, INSTALLED]
 
 
 def _revisions(options: argparse.Namespace) -> Iterable[str]:
     from msggen.base.disk.git import revisions
 
-    return [*_embedded(options), *revisions(_sources(options) or os.curdir)]
+    return [*_named(options), *revisions(_sources(options) or os.curdir)]
 
 
 def _rules(_: argparse.Namespace) -> Iterable[str]:
@@ -174,9 +179,9 @@ def _explained(options: argparse.Namespace) -> Iterable[str]:
 
 
 _NAMES: Mapping[str, Callable[[argparse.Namespace], Iterable[str]]] = {
-    "px4": _embedded,
-    "side": _embedded,
-    "other": _embedded,
+    "px4": _named,
+    "side": _named,
+    "other": _named,
     "against": _revisions,
     "release": _releases,
     "board": _boards,
@@ -187,6 +192,9 @@ _NAMES: Mapping[str, Callable[[argparse.Namespace], Iterable[str]]] = {
     "ignore": _rules,
 }
 """The names that complete the value of an argument, by its name in argparse. Paths complete the others."""
+
+_SOURCES = ("px4", "side", "other", "against")
+"""Those that are also paths."""
 
 
 _WORD = re.compile(r"[\w.\[\]]*\Z")

@@ -13,7 +13,8 @@ from msggen.cli.chosen_types import known_types
 from msggen.cli.link import add_link, link_errors, link_of
 from msggen.cli.options import FAILED_CODES, Commands, add_command, add_output_format, add_shared
 from msggen.cli.packages import import_package
-from msggen.cli.printing import print_report
+from msggen.cli.printing import print_notices, print_report
+from msggen.cli.source_options import settings_of
 from msggen.cli.values import non_empty
 from msggen.sources.embedded import EMBEDDED
 
@@ -73,13 +74,16 @@ def _doctor(options: argparse.Namespace) -> int:
     from msggen.doctor.watching import look_around
 
     options.output_format = "json" if options.json else options.output_format
-    given = known_types(options)
+    own = _of_package_without_topics(options)
+    given = None if own else known_types(options)
     address = _address(options)
     seen = _observe(options, address, getattr(options, "for") or _SECONDS)
     seen = look_around(seen, address._replace(port=seen.port))
     seen = decoded(seen, lambda vehicle: _packages(given and given.package, vehicle.release))
     expected: Mapping[int, Expected]
-    if given is None:
+    if own is not None:
+        expected = dict.fromkeys((each.remote.number for each in seen.vehicles), own)
+    elif given is None:
         expected = {each.remote.number: _embedded(each.release) for each in seen.vehicles}
     else:
         from msggen.doctor.expected import expected_of
@@ -127,6 +131,22 @@ def _packages(given: ModuleType | None, release: str) -> Iterator[ModuleType]:
         yield package_of(release)
 
 
+def _of_package_without_topics(options: argparse.Namespace) -> Expected | None:
+    """Return what --px4 expects, or an installed package of the settings, if it tells no topics, as px4_msgs. Or None.
+
+    Raises InputError.
+    """
+    from msggen.sources.finding import find_sources
+    from msggen.sources.installed import names_installed
+
+    px4 = options.px4
+    if not (px4 or options.types):
+        settings = settings_of(options)
+        px4 = settings.px4 if not settings.types and settings.px4 and names_installed(settings.px4) else None
+    sources = find_sources(px4) if px4 else None
+    return _of_sources(sources) if sources and not sources.bridge and sources.has_own else None
+
+
 def _embedded(release: str) -> Expected:
     from msggen.doctor.expected import expected_of
     from msggen.generate.cache import package_of
@@ -171,6 +191,7 @@ def _of_sources(sources: Sources) -> Expected:
     from msggen.doctor.expected import expected_of_catalog
     from msggen.sources.catalog import COMPARABLE, read_catalog
 
+    print_notices(sources.notices)
     return expected_of_catalog(read_catalog(sources, tolerated=COMPARABLE), sources.label)
 
 

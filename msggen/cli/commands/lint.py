@@ -10,7 +10,7 @@ from msggen.base.diagnostics import input_error
 from msggen.base.exit_codes import DONE, FINDINGS
 from msggen.cli.options import FINDING_CODES, Commands, add_command, add_output_format, add_sources
 from msggen.cli.printing import print_report
-from msggen.cli.selection import add_selection, selected_rules, unmatched
+from msggen.cli.selection import add_selection, unmatched
 from msggen.cli.source_options import settings_of, sources_of
 from msggen.cli.values import local_path
 from msggen.sources.tree import Folder
@@ -45,9 +45,10 @@ def add_to(commands: Commands) -> None:
 
 def _lint(options: argparse.Namespace) -> int:
     from msggen.check.run import lint
+    from msggen.show.report.selection import selected_rules
 
     settings = settings_of(options)
-    rules, ignored = selected_rules("lint", options, settings)
+    rules, ignored = selected_rules("lint", settings, options.select, options.ignore)
     sources = sources_of(options, settings)
     if sources.embedded and not (options.px4 or settings.px4 or options.msg_dir or settings.msg_dir):
         named = [os.path.dirname(each) or os.curdir for each in options.messages if os.path.isfile(each)]

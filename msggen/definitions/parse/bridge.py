@@ -19,11 +19,13 @@ from msggen.base.location import Location
 from msggen.definitions.model import BridgeEntry, Direction
 from msggen.definitions.parse.yaml_nodes import describe, is_null, read_yaml, value_of
 
-_LISTS = {
+LISTS = {
     "publications": (Direction.OUT, False),
     "subscriptions": (Direction.IN, False),
     "subscriptions_multi": (Direction.IN, True),
 }
+"""The lists of the file, with the direction of their topics, and whether they route to instances."""
+
 _NAMED = {"/fmu/out/": Direction.OUT, "/fmu/in/": Direction.IN}
 """The direction that the beginning of a topic's name says."""
 
@@ -74,7 +76,7 @@ class Bridge(NamedTuple):
     def has_new_keys(self) -> bool:
         """Whether the file has a key that is neither known nor similar to a known one."""
         unknown = {*self.extra, *(key for entry in self.entries for key in entry.extra)}.difference(KEYS)
-        return any(not suggestion(key, (*KEYS, *_LISTS)) for key in unknown)
+        return any(not suggestion(key, (*KEYS, *LISTS)) for key in unknown)
 
 
 def parse_bridge(data: bytes, path: str) -> Bridge:
@@ -96,11 +98,11 @@ class _Reader:
         self.found: list[Diagnostic] = []
 
     def bridge(self, root: yaml.Node) -> Bridge:
-        lists, extra = self.mapping(root, tuple(_LISTS), "the file")
+        lists, extra = self.mapping(root, tuple(LISTS), "the file")
         return Bridge(tuple(self.entries(lists)), MappingProxyType(extra))
 
     def entries(self, lists: Mapping[str, yaml.Node]) -> Iterator[BridgeEntry]:
-        for name in _LISTS:
+        for name in LISTS:
             node = lists.get(name)
             if node is None or is_null(node):
                 continue
@@ -121,7 +123,7 @@ class _Reader:
         type_name = self.text(values.get("type"), "type", _TYPE, "a type such as 'px4_msgs::msg::VehicleStatus'")
         if not (topic and type_name):
             return None
-        direction, multi = _LISTS[name]
+        direction, multi = LISTS[name]
         self.check_direction(values["topic"], name)
         entry = BridgeEntry(
             direction=direction,
@@ -143,8 +145,8 @@ class _Reader:
     def check_direction(self, node: yaml.Node, name: str) -> None:
         """Warn about a topic whose name says that it belongs in a list of the other direction."""
         for start, direction in _NAMED.items():
-            if node.value.startswith(start) and _LISTS[name][0] is not direction:
-                other = next(each for each, (found, _) in _LISTS.items() if found is direction)
+            if node.value.startswith(start) and LISTS[name][0] is not direction:
+                other = next(each for each, (found, _) in LISTS.items() if found is direction)
                 self.note(node, "Y109", f"'{node.value}' in '{name}': topics '{start}...' belong in '{other}'")
 
     def without_effect(self, values: Mapping[str, yaml.Node], name: str) -> dict[str, object]:

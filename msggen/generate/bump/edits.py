@@ -37,8 +37,9 @@ from msggen.generate.bump.version_step import (
     read_definition,
 )
 from msggen.sources.catalog import COMPARABLE, read_catalog
-from msggen.sources.finding import find_sources, open_tree, refuse_part_of_tree
+from msggen.sources.finding import find_sources, open_tree
 from msggen.sources.history import ALL_TRANSLATIONS, ARCHIVE, TRANSLATIONS, VERSIONED
+from msggen.sources.refusals import refuse_part_of_tree
 from msggen.sources.revision import revised
 from msggen.sources.tree import Folder
 
@@ -73,15 +74,15 @@ class Edits(NamedTuple):
     notices: tuple[Diagnostic, ...] = ()
 
 
-def plan_bump(firmware: str, name: str, against: str | None) -> Edits:
+def plan_bump(firmware: str | Folder, name: str, against: str | None) -> Edits:
     """Return the edits that give the message `name` of the tree `firmware` its next version.
 
     `against` has the old definition: a revision of the tree's repository, or another tree. None stands for the last
     commit or, without a repository, for the tree itself. Raises InputError.
     """
-    tree = _open_firmware(firmware)
-    catalog = read_catalog(find_sources(firmware), tolerated=COMPARABLE)
-    previous = _previous(firmware, against)
+    tree = _firmware(Folder(firmware) if isinstance(firmware, str) else firmware)
+    catalog = read_catalog(find_sources(tree), tolerated=COMPARABLE)
+    previous = _previous(tree.path, against)
     new = _find_message(tree, catalog, previous, name)
     old = read_definition(previous.tree, new.name)
     if old is None:
@@ -93,8 +94,8 @@ def plan_bump(firmware: str, name: str, against: str | None) -> Edits:
     return _plan(step)._replace(notices=notices)
 
 
-def _open_firmware(path: str) -> Folder:
-    tree = Folder(path)
+def _firmware(tree: Folder) -> Folder:
+    path = tree.path
     if not os.path.isdir(path):
         is_other = "@" in path or os.path.exists(path)
         problem, hint = ("not a folder", "") if is_other else ("no such folder", path_hint(path))
@@ -266,7 +267,7 @@ def bump(firmware: str, name: str, against: str | None) -> Edits:
     """
     with locked(firmware) if os.path.isdir(firmware) else nullcontext():
         plan = plan_bump(firmware, name, against)
-        files = {_target(plan.firmware, change): change.after for change in plan.changes}
+        files = {target_of(plan.firmware, change): change.after for change in plan.changes}
         errors = [*_read_only(plan.firmware, files)]
         if errors:
             raise InputError(errors)
@@ -275,7 +276,7 @@ def bump(firmware: str, name: str, against: str | None) -> Edits:
         return plan
 
 
-def _target(firmware: str, change: Change) -> str:
+def target_of(firmware: str, change: Change) -> str:
     """Return the path to write to, with symbolic links resolved. Raises InputError if it is outside the firmware."""
     path = Folder(firmware).place(change.name)
     target, root = os.path.realpath(path), os.path.realpath(firmware)

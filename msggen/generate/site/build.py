@@ -115,4 +115,6 @@ def title_of(sources: Sources) -> str:
 
 def title_of_previous(sources: Sources) -> str:
     """Return a name of previous definitions: as `title_of`, or the revision."""
-    return title_of(sources) if sources.embedded else escaped(os.path.basename(os.path.normpath(sources.label)))
+    if sources.embedded or sources.is_installed:
+        return title_of(sources)
+    return escaped(os.path.basename(os.path.normpath(sources.label)))

@@ -42,7 +42,7 @@ class EmpyTemplate:
     def __init__(self, path: str, text: str | None = None) -> None:
         """Read the template at `path`, or use `text` as its content.
 
-        Raises InputError if EmPy 3.3 is not installed, if the file cannot be read, or if its markup is invalid.
+        Raises InputError if EmPy is not installed, if the file cannot be read, or if its markup is invalid.
         """
         self.path = path
         self._modules: dict[str, ModuleType] = {}
@@ -85,7 +85,8 @@ def _read(path: str) -> str:
 def _program(path: str, text: str) -> Program:
     """Return the parsed template. Raises InputError."""
     _check_empy(path)
-    from msggen.generate.text.empy_program import MarkupError, Program
+    from msggen.generate.text.empy_markup import MarkupError
+    from msggen.generate.text.empy_program import Program
 
     try:
         return Program(path, text)
@@ -94,14 +95,14 @@ def _program(path: str, text: str) -> Program:
 
 
 def _check_empy(path: str) -> None:
-    """Raise InputError if the module `em` is missing or is not EmPy 3.3."""
-    wanted = "this template needs EmPy 3.3 (pip install 'empy>=3.3,<4')"
+    """Raise InputError if the module `em` is missing or is not EmPy 3.3 or 4."""
+    wanted = "this template needs EmPy 3.3 or 4 (pip install 'empy>=3.3,<5')"
     try:
         import em
     except ImportError as error:
         raise input_error(path, "T101", f"{wanted}: {error}", 0) from error
     version = str(getattr(em, "__version__", "without a version"))
-    if not version.startswith("3.3"):
+    if not version.startswith(("3.3", "4.")):
         raise input_error(path, "T101", f"{wanted}, found the module 'em' {version} at {em.__file__}", 0)
 
 

@@ -1,43 +1,37 @@
-"""Parsed EmPy templates, made with the scanner and the tokens of EmPy.
+"""Parsed EmPy templates. EmPy gives them their object `empy`.
 
-EmPy parses and compiles a template each time it is expanded. Here this is done once for the markup that most templates
-use. EmPy itself runs all rare markup, so the output is the same.
+EmPy parses and compiles a template each time it is expanded. Here this is done once, with the markup of EmPy 3.3, so
+that the output is the same under EmPy 3.3 and EmPy 4. EmPy itself runs a template that knows EmPy's parser.
 """
 
 from __future__ import annotations
 
+import io
 import os
 import re
 import sys
-from bisect import bisect_right
-from collections.abc import Callable, Mapping
 from functools import lru_cache
-from io import StringIO
-from types import CodeType
-from typing import Any, TypeAlias
+from typing import Any
 
 import em
 
-Run: TypeAlias = "Callable[[Machine], None]"
-Block: TypeAlias = "list[tuple[int, Run]]"
+from msggen.base.disk.reading import read_text
+from msggen.generate.text.empy_functions import Block, Interpreter, Names
+from msggen.generate.text.empy_markup import MarkupError
+from msggen.generate.text.empy_parser import Parser
 
-_BOOKKEEPING = re.compile(r"[hH]ooks?\b|(?:set|push|pop)Context|\.contexts?\b|set(?:Name|Line)\b|identify|@[!?]")
-"""Markup that reads or changes the state of EmPy's parser: EmPy itself runs a template that has it."""
+_IS_EMPY_3 = em.__version__.startswith("3.")
 
-_NAME = re.compile(r"\s*([_a-zA-Z][_a-zA-Z0-9]*)\s*")
+_OF_PARSER = re.compile(r"[hH]ooks?\b|(?:set|push|pop)Context|\.contexts?\b|set(?:Name|Line)\b|identify")
+"""What reads or changes the state of EmPy's parser, in a template that uses the object `empy`."""
 
-
-class MarkupError(Exception):
-    """An error in the markup of a template, on `line`."""
-
-    def __init__(self, message: str, line: int) -> None:
-        super().__init__(message)
-        self.line = line
+_CONTEXT = re.compile("@[!?]")
+"""Markup that changes the state of EmPy's parser."""
 
 
 def is_of_empy(error: BaseException) -> bool:
-    """Whether `error` is an error of EmPy about markup."""
-    return isinstance(error, em.Error)
+    """Whether `error` is an error about markup, of EmPy or of the parser here."""
+    return isinstance(error, (MarkupError, em.Error, em.FlowError if _IS_EMPY_3 else em.Flow))
 
 
 class Program:
@@ -48,29 +42,38 @@ class Program:
         self._path = path
         self._text = text
         self.included: dict[str, None] = {}
-        self._lines = [0, *(match.end() for match in re.finditer("\n", text))]
         self._failed: tuple[BaseException | None, int] = None, 1
-        self._block = None if _BOOKKEEPING.search(text) else self._parse()
+        knows_parser = _CONTEXT.search(text) or ("empy" in text and _OF_PARSER.search(text))
+        self._block = None if knows_parser else Parser(path, text, self._run).program()
 
-    def run(self, names: dict[str, object]) -> str:
+    def run(self, names: Names) -> str:
         """Return the text of the template for `names`, to which its assignments are added. Raises any exception."""
-        output = _Output()
-        stdout, sys.stdout = sys.stdout, _Stdout(sys.stdout)
+        if "empy" in names:
+            raise MarkupError("interpreter globals collision", 1)
+        output, printed = _Output(), _Stdout()
+        stdout, sys.stdout = sys.stdout, printed
         try:
-            machine = Machine(output=output, globals=names, options={em.RAW_OPT: True, em.BUFFERED_OPT: True})
-            machine.included = self.included
+            machine = Machine(output, names, self.included)
+            printed.stream = machine.streams.data[0]
             try:
-                if self._block is None:
-                    self._run_in_empy(machine)
-                else:
-                    machine.push()
-                    self._run(self._block, machine)
-                    machine.pop()
+                self.run_on(machine)
             finally:
                 machine.shutdown()
         finally:
             sys.stdout = stdout
         return output.text()
+
+    def run_on(self, machine: Machine, scope: Names | None = None) -> None:
+        """Write the text of the template to the output of `machine`. `scope` has the local names, if there are any."""
+        outer = machine.scope, machine.parses
+        machine.scope, machine.parses = scope, self._block is None
+        try:
+            if self._block is None:
+                self._run_in_empy(machine, scope)
+            else:
+                self._run(self._block, machine)
+        finally:
+            machine.scope, machine.parses = outer
 
     def line_of(self, error: BaseException) -> int:
         """Return the line of the template that raised `error`: a line of its code, or else of its markup."""
@@ -82,14 +85,15 @@ class Program:
             trace = trace.tb_next
         return line or (self._failed[1] if self._failed[0] is error else 1)
 
-    def _run_in_empy(self, machine: Machine) -> None:
+    def _run_in_empy(self, machine: Machine, scope: Names | None) -> None:
         try:
-            machine.file(StringIO(self._text))
+            machine.file(io.StringIO(self._text), locals=scope)
         except BaseException as error:
-            self._failed = error, min(machine.context().line, len(self._lines)) if machine.contexts else 1
+            last = self._text.count("\n") + 1
+            self._failed = error, min(machine.contexts.top().line, last) if machine.contexts else 1
             raise
 
-    def _run(self, block: Block, machine: Machine) -> None:
+    def _run(self, block: Block, machine: Interpreter) -> None:
         line = 1
         try:
             for line, run in block:  # noqa: B007 - used after an exception
@@ -99,237 +103,56 @@ class Program:
                 self._failed = error, line
             raise
 
-    def _parse(self) -> Block:
-        text = f"@#{self._text[2:]}" if self._text.startswith(em.BANGPATH) else self._text
-        scanner = _Scanner(em.DEFAULT_PREFIX, text)
-        tokens: list[Any] = []
-        try:
-            try:
-                scanner.read_into(tokens)
-            except em.TransientParseError:
-                if scanner and scanner.rest()[-1] != "\n":
-                    scanner.feed(f"{em.DEFAULT_PREFIX}\n")
-                scanner.read_into(tokens)
-        except em.TransientParseError as error:
-            raise MarkupError(f"unterminated markup: {error}", self._line(scanner.failed)) from error
-        except em.ParseError as error:
-            raise MarkupError(str(error), self._line(scanner.failed)) from error
-        return self._block_of(tokens, scanner)
 
-    def _line(self, position: int) -> int:
-        return bisect_right(self._lines, position)
-
-    def _block_of(self, tokens: list[Any], scanner: _Scanner) -> Block:
-        block = []
-        for token in tokens:
-            line = self._line(scanner.starts[token])
-            run = self._run_of(token, line, scanner)
-            if run:
-                block.append((line, run))
-        return block
-
-    def _run_of(self, token: Any, line: int, scanner: _Scanner) -> Run | None:
-        """Return a function that does the same as `token`, or None if the token does nothing."""
-        kind = type(token)
-        if kind in (em.CommentToken, em.WhitespaceToken):
-            return None
-        if kind is em.NullToken:
-            return _write(token.data)
-        if kind is em.SimpleExpressionToken or (
-            kind is em.ExpressionToken and not (token.thenCode or token.exceptCode)
-        ):
-            return _expand(self._expression(token.code if kind is em.SimpleExpressionToken else token.testCode, line))
-        if kind is em.StatementToken:
-            return _execute(_Code(token.code, self._path, line, "exec"))
-        if kind is em.ControlToken and token.type in ("if", "for"):
-            return self._control(token, line, scanner)
-        return _run_token(token)
-
-    def _expression(self, text: str, line: int) -> Callable[[Machine], object]:
-        if text in ("1", "True"):
-            return lambda _: True
-        if text in ("0", "False"):
-            return lambda _: False
-        return _Code(text, self._path, line, "eval").evaluate
-
-    def _control(self, token: Any, line: int, scanner: _Scanner) -> Run:
-        """Return a function that does the same as an `if` or a `for`. EmPy runs invalid ones, to report errors."""
-        try:
-            parts = token.build(["elif", "else"] if token.type == "if" else ["else"])
-        except em.ParseError:
-            return _run_token(token)
-        otherwise = self._block_of(parts.pop()[1], scanner) if parts[-1][0].type == "else" else []
-        if any(secondary.type == "else" for secondary, _ in parts):
-            return _run_token(token)
-        blocks = [self._block_of(tokens, scanner) for _, tokens in parts]
-        if token.type == "if":
-            tests = [self._expression(head.rest, self._line(scanner.starts[head])) for head, _ in parts]
-            return self._if([*zip(tests, blocks, strict=True)], otherwise)
-        sides = token.IN_RE.split(token.rest, 1)
-        if len(sides) != len(("target", "values")):
-            return _run_token(token)
-        return self._for(sides[0], self._expression(sides[1], line), blocks[0], otherwise)
-
-    def _if(self, branches: list[tuple[Callable[[Machine], object], Block]], otherwise: Block) -> Run:
-        def run(machine: Machine) -> None:
-            for test, block in branches:
-                if test(machine):
-                    self._run(block, machine)
-                    return
-            self._run(otherwise, machine)
-
-        return run
-
-    def _for(self, target: str, values: Callable[[Machine], Any], block: Block, otherwise: Block) -> Run:
-        plain = _NAME.fullmatch(target)
-        name = plain[1] if plain else ""
-
-        def run(machine: Machine) -> None:
-            for value in values(machine):
-                try:
-                    if name:
-                        machine.globals[name] = value
-                    else:
-                        machine.assign(target, value, None)
-                    self._run(block, machine)
-                except em.ContinueFlow:
-                    continue
-                except em.BreakFlow:
-                    break
-            else:
-                self._run(otherwise, machine)
-
-        return run
-
-
-def _write(text: str) -> Run:
-    return lambda machine: machine.write(text)
-
-
-def _expand(evaluate: Callable[[Machine], object]) -> Run:
-    def run(machine: Machine) -> None:
-        value = evaluate(machine)
-        if value is not None:
-            machine.write(str(value))
-
-    return run
-
-
-def _execute(code: _Code) -> Run:
-    return code.execute
-
-
-def _run_token(token: Any) -> Run:
-    return lambda machine: token.run(machine, None)
-
-
-class _Code:
-    """Python code of a template.
-
-    It is compiled when it first runs, because EmPy ignores errors in code that never runs.
-    """
-
-    def __init__(self, text: str, path: str, line: int, mode: str) -> None:
-        self._text, self._path, self._line, self._mode = text, path, line, mode
-        self._compiled: CodeType | None = None
-
-    def evaluate(self, machine: Machine) -> object:
-        return eval(self._compiled or self._compile(), machine.globals)  # noqa: S307 - a template is code
-
-    def execute(self, machine: Machine) -> None:
-        exec(self._compiled or self._compile(), machine.globals)  # noqa: S102 - a template is code
-
-    def _compile(self) -> CodeType:
-        """Compile the code with the line numbers of the template."""
-        self._compiled = _compile(self._text, self._mode, self._path, self._line)
-        return self._compiled
-
-
-@lru_cache(maxsize=4096)
-def _compile(text: str, mode: str, path: str = "<string>", line: int = 1) -> CodeType:
-    """Compile `text` without the whitespace that EmPy (statements) or `eval` (expressions) removes."""
-    if mode == "eval":
-        text = text.lstrip(" \t")
-    else:
-        text = text.replace("\r", "")
-        text = text if "\n" in text else text.strip()
-    code: CodeType = compile("\n" * (line - 1) + text, path, mode, dont_inherit=True)
-    return code
+@lru_cache(maxsize=256)
+def _expanded(text: str) -> Program:
+    return Program("<expand>", text)
 
 
 class Machine(em.Interpreter):  # type: ignore[misc]  # EmPy has no types
-    """An interpreter of EmPy that caches compiled code; templates know it as `empy`."""
+    """An interpreter of EmPy that expands parsed templates; templates know it as `empy`."""
 
-    included: dict[str, None]
-    """The absolute paths of the included files, because a build system may start in another folder."""
+    scope: Names | None = None
+    """The local names of the template that is being expanded."""
 
-    def include(self, fileOrFilename: Any, locals: Any = None) -> None:  # noqa: A002, N803 - EmPy's names
-        """Include a file as EmPy does, and record it."""
+    parses = False
+    """Whether EmPy itself parses the template that is being expanded."""
+
+    def __init__(self, output: _Output, names: Names, included: dict[str, None]) -> None:
+        """Start to write to `output`. The absolute paths of included files are added to `included`."""
+        self.included = included  # absolute, because a build system may start in another folder
+        if _IS_EMPY_3:
+            how: dict[str, Any] = {"options": {em.RAW_OPT: True, em.BUFFERED_OPT: True, em.OVERRIDE_OPT: False}}
+        else:
+            how = {"dispatcher": False}
+        super().__init__(output=output, globals=names, **how)
+
+    def include(self, fileOrFilename: Any, locals: Names | None = None, **_others: object) -> None:  # noqa: A002, N803 - EmPy's names
+        """Include a file, and record it."""
         if isinstance(fileOrFilename, str):
             self.included[os.path.abspath(fileOrFilename)] = None
-        super().include(fileOrFilename, locals)
+            text = read_text(fileOrFilename)
+        else:
+            text = fileOrFilename.read()
+        _expanded(text).run_on(self, locals)
 
-    def evaluate(self, expression: str, locals: Mapping[str, object] | None = None) -> object:  # noqa: A002 - EmPy's name
-        """Evaluate an expression as EmPy does, with cached code."""
-        if self.hooksEnabled or expression in ("0", "1", "False", "True"):
-            return super().evaluate(expression, locals)
-        self.push()
-        try:
-            return eval(_compile(expression, "eval"), self.globals, locals)  # noqa: S307 - a template is code
-        finally:
-            self.pop()
-
-    def execute(self, statements: str, locals: Any = None) -> None:  # noqa: A002 - EmPy's name
-        """Execute statements as EmPy does, with cached code."""
-        if self.hooksEnabled:
-            super().execute(statements, locals)
-            return
-        self.push()
-        try:
-            exec(_compile(statements, "exec"), self.globals, locals)  # noqa: S102 - a template is code
-        finally:
-            self.pop()
+    def string(self, text: str, *others: Any, **named: Any) -> None:
+        """Expand a text, with local names if a dictionary is among the arguments, whose order is that of EmPy."""
+        if self.parses:
+            super().string(text, *others, **named)
+        else:
+            scope = next((each for each in (*others, *named.values()) if isinstance(each, dict)), None)
+            _expanded(text).run_on(self, scope)
 
     def write(self, data: str) -> None:
         """Write as EmPy does, with fewer calls."""
         self.streams.data[-1].write(data)
 
-    def __del__(self) -> None:
-        """Shut down an interpreter that a template created and did not shut down, while `sys.stdout` is a proxy."""
-        if self.streams and isinstance(sys.stdout, em.ProxyFile):
-            self.shutdown()
+    def installProxy(self, output: Any = None) -> Any:  # noqa: N802 - EmPy's name
+        """Return the output for EmPy 4. `sys.stdout` stays as it is, because Program.run replaces it."""
+        return output
 
-    def installProxy(self) -> None:  # noqa: N802 - EmPy's name
-        """Do nothing, because Program.run installs and removes the proxy."""
-
-
-class _Scanner(em.Scanner):  # type: ignore[misc]  # EmPy has no types
-    """A scanner of EmPy that records where each token starts."""
-
-    def __init__(self, prefix: str, text: str) -> None:
-        super().__init__(prefix, text)
-        self.starts: dict[Any, int] = {}
-        self.failed = -1
-        self._gone = 0
-
-    def read_into(self, tokens: list[Any]) -> None:
-        self.failed = -1
-        while (token := self.one()) is not None:
-            tokens.append(token)
-
-    def one(self) -> Any:
-        start = self._gone + self.pointer
-        try:
-            token = super().one()
-        except em.ParseError:
-            self.failed = start if self.failed < 0 else self.failed
-            raise
-        self.starts[token] = start
-        return token
-
-    def sync(self) -> None:
-        self._gone += self.pointer if self.lock == 0 else 0
-        super().sync()
+    install = uninstall = uninstallProxy = push = pop = installProxy  # noqa: N815 - EmPy's names
 
 
 class _Output:
@@ -347,9 +170,24 @@ class _Output:
     def close(self) -> None: ...
 
 
-class _Stdout(em.ProxyFile):  # type: ignore[misc]  # EmPy has no types
-    """The `sys.stdout` of a template. As in EmPy, it writes to the stream of the interpreter that was started first."""
+class _Stdout(io.TextIOBase):
+    """The `sys.stdout` of a template.
 
-    def write(self, data: str) -> None:
-        running = self.stack.data
-        (running[0][1] if running else self.bottom).write(data)
+    As in EmPy 3.3, it writes to the output of the template, also while the template expands a text.
+    """
+
+    stream: Any
+    """The output of the template."""
+
+    def write(self, data: str) -> int:
+        """Write `data`, and return its length."""
+        self.stream.write(data)
+        return len(data)
+
+    def push(self, _interpreter: object) -> None:
+        """Do nothing for another interpreter of EmPy 3.3 that a template starts."""
+
+    pop = clear = push
+
+    def _testProxy(self) -> None:  # noqa: N802 - EmPy's name
+        """Tell EmPy 3.3 that `sys.stdout` is replaced."""

@@ -18,6 +18,7 @@ from msggen.definitions.model import DEFAULT_PACKAGE
 from msggen.definitions.parse.definition import parse_message
 from msggen.definitions.parse.package_xml import package_name
 from msggen.recordings.source.source import SEPARATOR
+from msggen.sources.installed import PREFIXES, share_folders
 
 Find = Callable[[str, str], Sequence[str]]
 """Returns the definitions for the name of a topic, which does not matter here, and its type."""
@@ -25,8 +26,6 @@ TextOf = Callable[[str, str], str | None]
 """Returns the text of a message by its package and its name, or None."""
 _MANIFEST = "package.xml"
 _TYPE = re.compile(r"([a-z][a-z0-9_]*)/(?:msg/)?([A-Z][A-Za-z0-9]*)", re.ASCII)
-_PREFIXES = "AMENT_PREFIX_PATH"
-"""The environment variable with the folders of an installation, which its setup script sets."""
 _RELEASES = ("ros2_foxy", "latest")
 """The tables of rosbags that are tried, in this order."""
 _MOST = 256
@@ -35,9 +34,9 @@ _MOST = 256
 
 def standard_types() -> Iterator[tuple[str, Find]]:
     """Yield the names and the definitions of what has the standard types here, the most likely first."""
-    prefixes = [each for each in os.environ.get(_PREFIXES, "").split(os.pathsep) if each]
-    if prefixes:
-        yield f"the ROS of {_PREFIXES}", _found_by(_text_below([os.path.join(each, "share") for each in prefixes]))
+    folders = share_folders()
+    if folders:
+        yield f"the ROS of {PREFIXES}", _found_by(_text_below(folders))
     yield "msggen's table of ROS 2 Humble", _found_by(_embedded_text)
     for release in _RELEASES:
         find = _of_rosbags(release)

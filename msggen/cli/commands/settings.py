@@ -1,0 +1,93 @@
+"""`msggen settings`: print the settings that are in force, and where they come from."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+from msggen.base.exit_codes import DONE
+from msggen.cli.options import Commands, add_command, add_shared
+from msggen.cli.source_options import settings_of
+from msggen.cli.table import DIM, Column, print_table
+from msggen.sources.settings import SETTINGS, Settings, given_keys
+
+_DEFAULT = "default"
+
+
+def add_to(commands: Commands) -> None:
+    """Add the command to the command line."""
+    parser = add_command(
+        commands,
+        "settings",
+        _settings,
+        help="list the settings that are in force",
+        description="List the settings of [tool.msggen] in the nearest pyproject.toml, in the current folder or above "
+        "it, with the line that each comes from, and what counts for those that are not set. Paths are those from the "
+        "current folder. Options of a command take precedence.",
+    )
+    form = parser.add_mutually_exclusive_group()
+    add_shared(form, "--json")
+    form.add_argument("--schema", action="store_true", help="print the JSON Schema of [tool.msggen], for editors")
+
+
+def _settings(options: argparse.Namespace) -> int:
+    if options.schema:
+        from msggen.show.report.json import dump
+        from msggen.sources.settings_schema import schema_of_settings
+
+        print(dump(schema_of_settings()))
+        return DONE
+    rows = list(_rows(settings_of(options)))
+    if options.json:
+        from msggen.cli.table import objects_of
+        from msggen.show.report.json import dump
+
+        print(dump(objects_of(_COLUMNS, rows)))
+    else:
+        print_table(_COLUMNS, rows)
+    return DONE
+
+
+class _Row(NamedTuple):
+    """A setting. Its value and the place that it comes from are None if it is not set."""
+
+    key: str
+    value: Any
+    place: str | None
+    default: str
+
+    @property
+    def in_force(self) -> str:
+        """What counts, for people."""
+        return self.default if self.place is None else _text(self.value)
+
+
+_COLUMNS: tuple[Column[_Row], ...] = (
+    Column("key", "setting", lambda row: row.key),
+    Column("value", "", lambda row: row.value),
+    Column("", "value", lambda row: row.in_force),
+    Column("from", "", lambda row: row.place),
+    Column("", "from", lambda row: row.place or _DEFAULT, style=lambda place: DIM if place == _DEFAULT else 0),
+    Column("default", "", lambda row: row.default),
+)
+
+
+def _rows(settings: Settings) -> Iterator[_Row]:
+    given = given_keys(settings)
+    for setting in SETTINGS:
+        if setting.key in given:
+            place = settings.place(setting.key)
+            value, where = getattr(settings, setting.field), f"{place.path}:{place.line}"
+            yield _Row(setting.key, value, where, setting.default)
+        else:
+            yield _Row(setting.key, None, None, setting.default)
+
+
+def _text(value: Any) -> str:
+    """Return a value as text: `src`, `true`, `WIRE, HASH`, `Debug*: WIRE, HASH; /fmu/out/rpm: TOPIC`."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, dict):
+        return "; ".join(f"{key}: {_text(rules)}" for key, rules in value.items())
+    return value if isinstance(value, str) else ", ".join(value)

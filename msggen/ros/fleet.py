@@ -1,0 +1,48 @@
+"""Which of the vehicles on a link a relay carries: each namespace once, because ROS tells vehicles apart by it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Final, NamedTuple
+
+from msggen.link.link import Remote
+from msggen.vehicle.selection import is_same, order, shown
+
+_CURE: Final = (
+    "give each one its own, `uxrce_dds_client start -n uav_1` or UXRCE_DDS_NS_IDX, or select one with --key {}"
+)
+
+
+class Sorted(NamedTuple):
+    """The vehicles that have connected and are not carried yet."""
+
+    new: tuple[Remote, ...]
+    """Those to carry from now on."""
+    refused: tuple[tuple[Remote, str], ...]
+    """Those whose topics would have the names of another vehicle's, each with the reason."""
+
+
+def sort(carried: Iterable[Remote], present: Iterable[Remote]) -> Sorted:
+    """Sort the vehicles on a link. One that is carried and has connected again is not new."""
+    kept, new, refused = [*carried], list[Remote](), list[tuple[Remote, str]]()
+    for remote in sorted(present, key=order):
+        if any(is_same(each, remote) for each in kept):
+            continue
+        twin = next((each for each in kept if each.namespace == remote.namespace), None)
+        if twin is None:
+            kept.append(remote)
+            new.append(remote)
+        else:
+            refused.append((remote, clash(twin, remote)))
+    return Sorted(tuple(new), tuple(refused))
+
+
+def clash(first: Remote, second: Remote) -> str:
+    """Return why a relay cannot carry two vehicles, and what to do."""
+    name = f"the namespace '{first.namespace}'" if first.namespace else "no namespace"
+    return f"{shown(first)} and {shown(second)} both have {name}: {_CURE.format(second.key)}"
+
+
+def clashes(present: Sequence[Remote]) -> list[str]:
+    """Return why a relay cannot carry vehicles that have connected before it knows which one is meant."""
+    return [reason for _, reason in sort((), present).refused]
