@@ -214,15 +214,16 @@ def test_what_waited_for_a_line_is_not_written_later(vehicle: Vehicle, monkeypat
         connect(vehicle, link, records)
         route = records.route("/fmu/in/trajectory_setpoint")
         assert isinstance(route, Route)
+        before = link.unsent
         monkeypatch.setattr(os, "write", _refuse)
         for number in range(10):
             link.publish(records.remotes[0], route, b"\0\1\0\0" + struct.pack("<Q", number))
-        assert link.unsent == 0
+        assert link.unsent == before
         time.sleep(LONGEST_S + 0.1)
         monkeypatch.undo()
         link.publish(records.remotes[0], route, b"\0\1\0\0" + struct.pack("<Q", 99))
         assert numbers(vehicle.received(numbers)) == [99]
-        assert link.unsent == 10  # without answers that the vehicle has not acknowledged, which the agent counts
+        assert link.unsent >= before + 10  # answers that the agent repeats have waited, too
 
 
 def test_a_program_that_stood_still_is_not_taken_for_a_slow_line(vehicle: Vehicle) -> None:
