@@ -163,12 +163,12 @@ def test_a_tree_of_20000_messages_is_served(tmp_path: Path) -> None:
     for number in range(20_000):
         path = tmp_path / "msg" / f"Message{number}.msg"
         path.parent.mkdir(exist_ok=True)
-        path.write_text(f"{RPM}uint8 number_{number}\n")
+        path.write_text(f"# One of many.\n\n{RPM}uint8 number_{number}\n")
     with editor() as session:
         path = tmp_path / "msg" / "Message7.msg"
         session.open(path, path.read_text() + "Message8 other\n")
         assert "Message7" in session.hover(path, 0, 0)
-        [found] = session.definition(path, 3, 2)
+        [found] = session.definition(path, 5, 2)
         assert found.uri.endswith("Message8.msg")
 
 
@@ -177,7 +177,7 @@ def test_a_file_of_10_megabytes_is_read_when_it_is_saved(tmp_path: Path) -> None
     path = tmp_path / "msg" / "Large.msg"
     path.parent.mkdir()
     path.write_text(RPM)
-    (tmp_path / "msg" / "Small.msg").write_text(RPM)
+    (tmp_path / "msg" / "Small.msg").write_text(f"# Small.\n\n{RPM}")
     large = RPM + "".join(f"uint8 field_{number} # {'x' * 80}\n" for number in range(100_000))
     with editor() as session:
         session.open(path, large)

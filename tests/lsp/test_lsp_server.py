@@ -299,7 +299,7 @@ def test_files_of_other_kinds_have_no_problems_and_no_answers(tmp_path: Path) ->
             assert session.actions(path, 0, 0) == {}
             session.close(path)
         untitled = lsp.TextDocumentItem("untitled:Untitled-1", "plaintext", 1, "x")
-        session.client.text_document_did_open(lsp.DidOpenTextDocumentParams(untitled))
+        session.tell(session.client.text_document_did_open, lsp.DidOpenTextDocumentParams(untitled))
         assert session.hover(tmp_path / "compose.yaml", 0, 0) == ""
         assert session.shown == {}
         assert session.logged == []

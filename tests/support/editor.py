@@ -6,7 +6,7 @@ import asyncio
 import os
 import sys
 import threading
-from collections.abc import Coroutine, Iterator
+from collections.abc import Callable, Coroutine, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
@@ -47,6 +47,10 @@ class Editor:
     def wait(self, answer: Coroutine[Any, Any, _Answer] | Any) -> Any:
         return asyncio.run_coroutine_threadsafe(_of(answer), self._loop).result(LONGEST)
 
+    def tell(self, send: Callable[[Any], None], parameters: Any) -> None:
+        """Send a notification. Only the thread of the loop may write."""
+        self._loop.call_soon_threadsafe(send, parameters)
+
     def ask(self, method: str, parameters: Any) -> Any:
         """Send any request, and return the answer."""
 
@@ -59,7 +63,7 @@ class Editor:
         command = (str(Path(sys.executable).with_name("msggen")), "lsp")
         self.wait(self.client.start_io(*command, cwd=cwd))
         self.wait(self.client.initialize_async(lsp.InitializeParams(capabilities=lsp.ClientCapabilities())))
-        self.client.initialized(lsp.InitializedParams())
+        self.tell(self.client.initialized, lsp.InitializedParams())
 
     def stop(self) -> None:
         self.wait(self.client.shutdown_async(None))
@@ -71,7 +75,7 @@ class Editor:
         self.texts[path] = path.read_text(encoding="utf-8") if text is None else text
         self._versions[path] = 1
         document = lsp.TextDocumentItem(path.as_uri(), "uorb", 1, self.texts[path])
-        self.client.text_document_did_open(lsp.DidOpenTextDocumentParams(document))
+        self.tell(self.client.text_document_did_open, lsp.DidOpenTextDocumentParams(document))
 
     def type(self, path: Path, text: str) -> None:
         """Replace the text of a file."""
@@ -79,14 +83,14 @@ class Editor:
         self._versions[path] += 1
         document = lsp.VersionedTextDocumentIdentifier(version=self._versions[path], uri=path.as_uri())
         whole = lsp.TextDocumentContentChangeWholeDocument(text)
-        self.client.text_document_did_change(lsp.DidChangeTextDocumentParams(document, [whole]))
+        self.tell(self.client.text_document_did_change, lsp.DidChangeTextDocumentParams(document, [whole]))
 
     def save(self, path: Path) -> None:
-        self.client.text_document_did_save(lsp.DidSaveTextDocumentParams(_document(path)))
+        self.tell(self.client.text_document_did_save, lsp.DidSaveTextDocumentParams(_document(path)))
 
     def close(self, path: Path) -> None:
         del self.texts[path]
-        self.client.text_document_did_close(lsp.DidCloseTextDocumentParams(_document(path)))
+        self.tell(self.client.text_document_did_close, lsp.DidCloseTextDocumentParams(_document(path)))
 
     def problems(self, path: Path, code: str) -> list[lsp.Diagnostic]:
         """Wait until a problem with a code is shown in a file, and return all problems of that code there."""
@@ -155,7 +159,7 @@ class Editor:
             else:
                 assert isinstance(change, lsp.TextDocumentEdit)
                 self._edit(_path(change.text_document.uri), change)
-        self.client.workspace_did_change_watched_files(lsp.DidChangeWatchedFilesParams([]))
+        self.tell(self.client.workspace_did_change_watched_files, lsp.DidChangeWatchedFilesParams([]))
 
     def _edit(self, path: Path, change: lsp.TextDocumentEdit) -> None:
         text = self.texts.get(path) or path.read_text(encoding="utf-8")
