@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterator, Sequence
 from functools import partial
 from itertools import islice
@@ -19,7 +20,7 @@ from msggen.lsp.hints import hints
 from msggen.lsp.hover import explained, hover, primitive
 from msggen.lsp.names import Kind, Name, Span, Use, at, definitions, elements, uses
 from msggen.lsp.project import Problem, Project, State
-from msggen.lsp.server import SETTINGS_FILE, SUFFIXES, Server, path_of, span_of, word_at
+from msggen.lsp.server import SUFFIXES, Server, is_settings, path_of, span_of
 from msggen.lsp.settings import about_setting, complete_settings
 
 _ICONS = {
@@ -34,7 +35,6 @@ _ICONS = {
 }
 _MOST = 2000
 """Maximum number of proposals in an answer. An editor asks again when more is typed."""
-
 
 _MOST_FIXED = 50
 """Maximum number of problems for which an answer has fixes."""
@@ -99,7 +99,7 @@ def _add_reading(server: Server) -> None:
     @server.feature(lsp.TEXT_DOCUMENT_HOVER)
     async def _hover(parameters: lsp.HoverParams) -> lsp.Hover | None:
         path = path_of(parameters.text_document.uri)
-        if os.path.basename(path) == SETTINGS_FILE:
+        if is_settings(path):
             lines = server.buffers.get(path, b"").decode(errors="replace").split("\n")
             return _shown(about_setting(lines, parameters.position.line + 1))
         project, state, path, place = await _at(server, parameters.text_document.uri, parameters.position)
@@ -175,14 +175,11 @@ def _text_at(server: Server, project: Project, state: State, path: str, place: t
 
 
 def _word(state: State, path: str, place: tuple[int, int]) -> str:
+    """Return the word at a place, "" in a comment."""
     line, column = place
-    lines = state.lines(path)
-    text = lines[line - 1] if line <= len(lines) else ""
-    start = column - 1
-    while start and (text[start - 1].isalnum() or text[start - 1] == "_"):
-        start -= 1
-    span = word_at(lines, path, line, start + 1)
-    return text[span.start - 1 : span.end - 1].partition("[")[0] if "#" not in text[:start] else ""
+    code = "".join(state.lines(path)[line - 1 : line]).partition("#")[0]
+    found = (word for word in re.finditer(r"\w+", code) if word.start() < column <= word.end() + 1)
+    return next((word[0] for word in found), "")
 
 
 def _whole_file(state: State, path: str, line: int) -> Use | None:
@@ -198,7 +195,7 @@ def _proposals(state: State, path: str, lines: Sequence[str], line: int, prefix:
     name = os.path.basename(path)
     if name.endswith(SUFFIXES):
         yield from in_definition(state, _message_at(state, path, line), prefix)
-    elif name == SETTINGS_FILE:
+    elif is_settings(path):
         yield from complete_settings(lines, line, prefix)
     elif state.sources and state.sources.bridge and state.sources.bridge.path == path:
         yield from in_bridge(state, lines, line, prefix)
@@ -279,7 +276,9 @@ def _action(server: Server, edit: fixes.Edit, state: State) -> lsp.CodeAction:
     return lsp.CodeAction(
         title=edit.title,
         kind=lsp.CodeActionKind.QuickFix,
-        diagnostics=[server.diagnostic(state, edit.problem)] if edit.problem else None,
+        diagnostics=[server.diagnostic(state.lines(edit.problem.location.path), edit.problem)]
+        if edit.problem
+        else None,
         edit=server.edit(edit),
     )
 
@@ -288,13 +287,13 @@ def _bumps(server: Server, state: State, path: str, found: list[Problem]) -> lis
     """Return an action for each message whose change a new version covers. Its edit is made when it is chosen."""
     by_message: dict[str, list[Problem]] = {}
     for problem in found:
-        if title := fixes.bump_title(problem):
-            by_message.setdefault(title.split()[-1], []).append(problem)
+        if message := fixes.bumped(problem):
+            by_message.setdefault(message, []).append(problem)
     return [
         lsp.CodeAction(
             title=f"msggen bump {message}",
             kind=lsp.CodeActionKind.QuickFix,
-            diagnostics=[server.diagnostic(state, each) for each in problems],
+            diagnostics=[server.diagnostic(state.lines(path), each) for each in problems],
             data={"bump": message, "path": path},
         )
         for message, problems in by_message.items()

@@ -14,6 +14,7 @@ from types import MappingProxyType
 from msggen.base.diagnostics import input_error
 from msggen.check.lint.fields import sorted_by_alignment
 from msggen.definitions.model import Direction, Message, snake_case
+from msggen.definitions.parse.definition import CONSTANT_NAME, FIELD_NAME, TOPIC_NAME
 from msggen.definitions.parse.field_type import MESSAGE_NAME
 from msggen.generate.bump.edits import plan_bump, target_of
 from msggen.lsp.buffers import BufferedFolder
@@ -29,9 +30,9 @@ _PADDING = "PADDING_AVOIDABLE"
 _RENAMED: Mapping[Kind, re.Pattern[str]] = MappingProxyType(
     {
         Kind.MESSAGE: MESSAGE_NAME,
-        Kind.FIELD: re.compile(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)*"),
-        Kind.CONSTANT: re.compile(r"[A-Z][A-Z0-9]*(?:_[A-Z0-9]+)*"),
-        Kind.TOPIC: re.compile(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)*"),
+        Kind.FIELD: FIELD_NAME,
+        Kind.CONSTANT: CONSTANT_NAME,
+        Kind.TOPIC: TOPIC_NAME,
     }
 )
 """What a new name of each kind must be."""
@@ -51,7 +52,7 @@ def nearest_name(state: State, problem: Problem) -> Edit | None:
     """Return the edit that writes the name that a problem suggests."""
     hint = _HINT.search(problem.message)
     place = problem.location
-    lines = state.lines(place.path)
+    lines = state.source(place.path)
     if not hint or not 0 < place.line <= len(lines):
         return None
     line = lines[place.line - 1]
@@ -66,10 +67,10 @@ def nearest_name(state: State, problem: Problem) -> Edit | None:
     return None
 
 
-def bump_title(problem: Problem) -> str:
-    """Return the command that gives a message its next version, if that is the remedy of a problem; "" otherwise."""
+def bumped(problem: Problem) -> str:
+    """Return the message whose next version is the remedy of a problem, "" for another remedy or none."""
     remedy = problem.finding.remedy if problem.finding else ""
-    return remedy if remedy.startswith(_BUMP) else ""
+    return remedy.removeprefix(_BUMP) if remedy.startswith(_BUMP) else ""
 
 
 def bump(project: Project, message: str) -> Edit:
@@ -92,7 +93,7 @@ def reorder(state: State, problem: Problem) -> Edit | None:
     message = state.in_file(path)[0]
     if message.folder != "msg":
         return None
-    lines = state.lines(path)
+    lines = state.source(path)
     blocks = _blocks(lines, message)
     new: list[str] = []
     done = 0
@@ -133,7 +134,7 @@ def at_topic(state: State, use: Use) -> Iterator[Edit]:
     if owner is None or state.catalog is None:
         return
     if bridge and not any(entry.uorb_topic == name for entry in state.catalog.bridge):
-        lines = state.lines(bridge.path)
+        lines = state.source(bridge.path)
         for list_, direction in (("publications", Direction.OUT), ("subscriptions", Direction.IN)):
             text = _with_entry(lines, list_, f"/fmu/{direction.value}/{name}", f"{owner.package}::msg::{owner.name}")
             if text is not None:
@@ -165,7 +166,7 @@ def declare(state: State, problem: Problem) -> Edit | None:
     message = next((each for each in messages if found and each.name == found[2]), None)
     if not found or message is None:
         return None
-    text = _with_topics(state.lines(message.location.path), message, (*message.topic_names, found[1]))
+    text = _with_topics(state.source(message.location.path), message, (*message.topic_names, found[1]))
     return Edit(f"declare {found[1]} in {message.name}.msg", {message.location.path: text}, problem=problem)
 
 
@@ -175,7 +176,7 @@ def _with_topics(lines: Sequence[str], message: Message, topics: Sequence[str]) 
         line = message.topics[-1].location.line
         more = [topic for topic in topics if topic not in message.topic_names]
         return "\n".join([*lines[: line - 1], " ".join([lines[line - 1].rstrip(), *more]), *lines[line:]])
-    whole = "\n".join(lines).rstrip("\n")
+    whole = "\n".join(lines).rstrip("\r\n")
     return f"{whole}\n\n# TOPICS {' '.join(topics)}\n"
 
 
@@ -192,18 +193,14 @@ def rename(state: State, name: Name, new: str) -> Edit:
     for use in uses(state):
         if use.name == name and use.span.start < use.span.end:
             spans.setdefault(use.span.path, []).append(use)
-    files = {file.path for file in (*state.sources.messages, *state.sources.services)} if state.sources else set()
-    moved = {}
-    if name.kind is Kind.MESSAGE:
-        path = next((each.location.path for each in state.messages if each.key == name.text), "")
-        if path in files:
-            moved[path] = os.path.join(os.path.dirname(path), f"{new}.msg")
-    texts = {path: _replaced(state.lines(path), found, new) for path, found in spans.items()}
+    renamed = (each.location.path for each in state.messages if Name(Kind.MESSAGE, each.key) == name)
+    moved = {path: os.path.join(os.path.dirname(path), f"{new}.msg") for path in renamed}
+    texts = {path: _replaced(state.source(path), found, new) for path, found in spans.items()}
     for message in state.messages:
         implied = (Name(Kind.MESSAGE, message.key), Name(Kind.TOPIC, snake_case(message.name)))
         if name in implied and message.folder == "msg" and not message.topics:
             path = message.location.path  # the name of the message is no longer that of the topic
-            lines = texts.get(path, "\n".join(state.lines(path))).split("\n")
+            lines = texts.get(path, "\n".join(state.source(path))).split("\n")
             texts[path] = _with_topics(lines, message, [new] if name.kind is Kind.TOPIC else message.topic_names)
     return Edit(f"rename to {new}", texts, moved)
 

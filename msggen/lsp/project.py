@@ -26,6 +26,7 @@ from msggen.show.report.selection import selected_rules
 from msggen.sources.catalog import COMPARABLE, look, read_catalog
 from msggen.sources.finding import Sources, find_sources, read_files
 from msggen.sources.inferred import Inference
+from msggen.sources.previous import at_revision
 from msggen.sources.released import check_archived
 from msggen.sources.revision import revised
 from msggen.sources.settings import Settings, read_settings
@@ -120,6 +121,11 @@ class State:
         """Return the lines of a file, none if the root does not have it."""
         return _lines(self.contents[path]) if path in self.contents else ()
 
+    def source(self, path: str) -> tuple[str, ...]:
+        """Return the lines of a file to edit: with their ends and all characters as they are, without a mark."""
+        text = self.contents.get(path, b"").decode("utf-8", "surrogateescape")
+        return (*text.removeprefix("\ufeff").split("\n"),)
+
     def complete(self, message: Message) -> Message:
         """Return `message` with the tags that are inferred for its fields."""
         return self.inference.message(message) if self.inference else message
@@ -190,7 +196,7 @@ class Project:
             sources = self.sources()
             contents = read_files(sources)
         except InputError as error:
-            return State(None, {}, None, tuple(_problems((*error.diagnostics, *error.notices))))
+            return State(None, {}, None, tuple(problems_in((*error.diagnostics, *error.notices))))
         return self._state(sources, contents, Inference(sources))
 
     def changed(self, before: State) -> State:
@@ -205,7 +211,7 @@ class Project:
         if not any(each.level is Level.ERROR for each in found):
             found += check_archived(catalog)
         kept = {each for each in found if each.code not in _LEFT_OUT}
-        return State(sources, contents, catalog, tuple(_problems(sorted(kept))), inference)
+        return State(sources, contents, catalog, tuple(problems_in(sorted(kept))), inference)
 
     def lint(self, state: State, path: str) -> Iterator[Problem]:
         """Yield the findings of `lint` in one file. Definitions of other packages have none."""
@@ -237,7 +243,10 @@ class Project:
         commit = commit_of(folder, _REVISION)
         if self.previous is None or self.previous[0] != commit:
             settings = self.root.settings
-            sources = find_sources(revised(folder, _REVISION), settings.msg_dir, None, settings.release)
+            earlier = revised(folder, _REVISION)
+            sources = at_revision(earlier, settings.msg_dir, settings.topics, settings.release)
+            if not is_set(self.root):
+                sources = sources.with_packages_of(state.sources)
             sources = sources._replace(label=_REVISION)
             self.previous = commit, sources, read_catalog(sources, tolerated=COMPARABLE)
         rules, ignored = self._rules("breaking")
@@ -272,6 +281,7 @@ def _of(finding: Finding, message: str = "") -> Problem:
     return Problem(change.location, finding.rule.id, message or change.message, Level.WARNING, finding)
 
 
-def _problems(found: Iterable[Diagnostic]) -> Iterator[Problem]:
+def problems_in(found: Iterable[Diagnostic]) -> Iterator[Problem]:
+    """Yield diagnostics as problems."""
     for each in found:
         yield Problem(each.location, each.code, each.message, each.level)

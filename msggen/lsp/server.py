@@ -27,7 +27,7 @@ from msggen.check.lint.rules import LINT
 from msggen.lsp import fixes
 from msggen.lsp.buffers import Buffers
 from msggen.lsp.names import Span
-from msggen.lsp.project import NOTHING, Problem, Project, Root, State, is_set, problems_of, root_of
+from msggen.lsp.project import NOTHING, Problem, Project, Root, State, is_set, problems_in, problems_of, root_of
 from msggen.lsp.settings import check_settings
 from msggen.sources.settings import Settings
 
@@ -110,7 +110,7 @@ class Server(LanguageServer):
 
     def changed(self, path: str, *, on_disk: bool) -> None:
         """Read and check the project of a file anew."""
-        if os.path.basename(path) == SETTINGS_FILE:
+        if is_settings(path):
             self._check_settings(path)
             return
         self._touch(self.project_of(path), on_disk=on_disk)
@@ -154,7 +154,7 @@ class Server(LanguageServer):
 
     def _definitions(self) -> list[str]:
         """Return the open files without settings."""
-        return [path for path in self.buffers if os.path.basename(path) != SETTINGS_FILE]
+        return [path for path in self.buffers if not is_settings(path)]
 
     def _read(self, project: Project, read: Callable[[], State]) -> tuple[State, dict[str, list[Problem]]]:
         state = read()
@@ -185,13 +185,13 @@ class Server(LanguageServer):
 
     def states_of(self, path: str) -> State:
         """Return the last known state around a file, without a wait for changes. Settings and "" are in none."""
-        if not path or os.path.basename(path) == SETTINGS_FILE:
+        if not path or is_settings(path):
             return NOTHING
         return self.states.get(self.project_of(path), NOTHING)
 
     async def settled(self, path: str) -> tuple[Project, State]:
         """Return the project of a file, and its state after all changes so far. Settings and "" are in none."""
-        if not path or os.path.basename(path) == SETTINGS_FILE:
+        if not path or is_settings(path):
             return Project(_NOWHERE, {}), NOTHING
         while True:
             project = self.project_of(path)
@@ -219,7 +219,9 @@ class Server(LanguageServer):
         known = {path: found for path, found in by_path.items() if path in state.contents}
         others = [problem for path, found in by_path.items() if path not in known for problem in found]
         opened = [path for path in self._definitions() if self.project_of(path) is project] if others else []
-        shown = {path: [self.diagnostic(state, each) for each in found[:_MOST]] for path, found in known.items()}
+        shown = {
+            path: [self.diagnostic(state.lines(path), each) for each in found[:_MOST]] for path, found in known.items()
+        }
         for path in opened:  # what has no place in a file is shown at the top of the open ones
             shown[path] = [*shown.get(path, []), *(self._without_place(each) for each in others[:_MOST])]
         for path in self._published.get(project, set()) - shown.keys():
@@ -234,10 +236,10 @@ class Server(LanguageServer):
         self._last[path] = found
         self.text_document_publish_diagnostics(lsp.PublishDiagnosticsParams(self.uri(path), found))
 
-    def diagnostic(self, state: State, problem: Problem) -> lsp.Diagnostic:
-        """Return a problem as the protocol has it, with the page about its code."""
+    def diagnostic(self, lines: Sequence[str], problem: Problem) -> lsp.Diagnostic:
+        """Return a problem as the protocol has it, with the page about its code. `lines` are those of its file."""
         return lsp.Diagnostic(
-            range=self.range(span_of(state, problem), state.lines(problem.location.path)),
+            range=self.range(word_at(lines, *problem.location), lines),
             message=problem.message,
             severity=_LEVELS[problem.level],
             code=problem.code,
@@ -246,28 +248,13 @@ class Server(LanguageServer):
         )
 
     def _without_place(self, problem: Problem) -> lsp.Diagnostic:
-        start = lsp.Position(0, 0)
         text = f"{problem.location}: {problem.message}"
-        return lsp.Diagnostic(lsp.Range(start, start), text, _LEVELS[problem.level], problem.code, source="msggen")
+        return self.diagnostic((), problem._replace(message=text))
 
     def _check_settings(self, path: str) -> None:
-        data = self.buffers.get(path)
-        found = check_settings(data, path) if data is not None else []
-        lines = (data or b"").decode(errors="replace").split("\n")
-        self._publish(
-            path,
-            [
-                lsp.Diagnostic(
-                    self.range(word_at(lines, each.location.path, each.location.line, each.location.column), lines),
-                    each.message,
-                    _LEVELS[each.level],
-                    each.code,
-                    lsp.CodeDescription(f"{_SITE}/errors.html#{each.code.lower()}"),
-                    "msggen",
-                )
-                for each in found
-            ],
-        )
+        data = self.buffers.get(path, b"")
+        lines = data.decode(errors="replace").split("\n")
+        self._publish(path, [self.diagnostic(lines, each) for each in problems_in(check_settings(data, path))])
 
     # Positions
 
@@ -340,8 +327,7 @@ def page_about(problem: Problem) -> str:
 
 def span_of(state: State, problem: Problem) -> Span:
     """Return the word at which a problem is."""
-    path, line, column = problem.location
-    return word_at(state.lines(path), path, line, column)
+    return word_at(state.lines(problem.location.path), *problem.location)
 
 
 def word_at(lines: Sequence[str], path: str, line: int, column: int) -> Span:
@@ -351,6 +337,11 @@ def word_at(lines: Sequence[str], path: str, line: int, column: int) -> Span:
     start = max(1, min(column, len(text) + 1))
     found = _WORD.match(text, start - 1)
     return Span(path, row, start, found.end() + 1 if found else len(text) + 1)
+
+
+def is_settings(path: str) -> bool:
+    """Whether a file can have settings. It belongs to no project."""
+    return os.path.basename(path) == SETTINGS_FILE
 
 
 def path_of(uri: str) -> str:

@@ -136,7 +136,7 @@ def _check_span(state: State, span: Span) -> None:
 
 def _check_edit(state: State, edit: fixes.Edit) -> None:
     assert edit.texts.keys() <= state.contents.keys()
-    assert all(text != "\n".join(state.lines(path)) for path, text in edit.texts.items()), edit.title
+    assert all(text != "\n".join(state.source(path)) for path, text in edit.texts.items()), edit.title
 
 
 def _ask(state: State, path: str, part: float) -> None:

@@ -83,6 +83,30 @@ def test_packages_of_the_workspace_and_installed_ones_are_nested(
         assert wheel.uri == (tmp_path / "src/parts/msg/Wheel.msg").as_uri()
 
 
+def test_a_changed_ros_package_is_compared_with_its_last_commit(tmp_path: Path) -> None:
+    package(tmp_path / "src/parts", {"Wheel.msg": "float32 speed\n"})
+    cart = package(tmp_path / "src/cart_msgs", {"Cart.msg": "parts/Wheel[2] wheels\n"}) / "msg" / "Cart.msg"
+    committed(tmp_path / "src/cart_msgs")
+    with editor() as session:
+        session.open(cart, cart.read_text() + "uint8 added\n")
+        assert session.problems(cart, "FIELD_ADDED")
+
+
+def test_an_edit_keeps_ends_of_lines_and_control_characters(tmp_path: Path) -> None:
+    path = tmp_path / "msg" / "Rpm.msg"
+    path.parent.mkdir()
+    text = "uint64 timestamp # a\x01b\r\nflaot32 speed # c\r\n"
+    with editor() as session:
+        path.write_bytes(b"")
+        session.open(path, text)
+        problem = session.problems(path, "M301")[0]
+        line = problem.range.start.line
+        [edit] = [each.edit for each in session.actions(path, line, line).values()]
+        assert edit is not None
+        session.apply(edit)
+        assert session.texts[path] == text.replace("flaot32", "float32")
+
+
 def test_settings_that_are_saved_count_at_once(tmp_path: Path) -> None:
     path = tmp_path / "msg" / "Padded.msg"
     path.parent.mkdir()

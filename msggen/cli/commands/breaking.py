@@ -17,8 +17,7 @@ from msggen.cli.selection import add_selection, unmatched
 from msggen.cli.source_options import board_of, firmware_path, settings_of, shell_options, sources_of
 from msggen.show.report import OF_CHANGES
 from msggen.sources.embedded import EMBEDDED, PREFIX
-from msggen.sources.file import File
-from msggen.sources.finding import Sources, find_sources, join_package, open_tree, split_package, with_board
+from msggen.sources.finding import Sources, with_board
 from msggen.sources.settings import Settings
 from msggen.sources.tree import Folder
 
@@ -116,17 +115,13 @@ def _key(name: str) -> str:
 
 def previous_sources(options: argparse.Namespace, settings: Settings) -> Sources:
     """Return the sources at the revision --against. Folders outside of that repository are read as they are."""
-    from msggen.sources.revision import kept_or_revised, revised, split_revision
+    from msggen.sources.previous import at_revision
+    from msggen.sources.revision import revised, split_revision
 
     previous = revised(options.px4, options.against)
     repository, revision = split_revision(previous)
     folders = tuple(options.msg_dir or settings.msg_dir)
-    topics: str | File | None = options.topics or settings.topics
-    if revision:
-        folders = tuple(_revised_folder(text, repository, revision) for text in folders)
-        if isinstance(topics, str):
-            topics = _bridge_in(kept_or_revised(os.path.dirname(topics) or os.curdir, repository, revision), topics)
-    found = find_sources(previous, folders, topics, options.release or settings.release)
+    found = at_revision(previous, folders, options.topics or settings.topics, options.release or settings.release)
     found = with_board(found, board_of(options, settings, optional=True))
     if found.embedded or found.is_installed:
         return found
@@ -135,15 +130,3 @@ def previous_sources(options: argparse.Namespace, settings: Settings) -> Sources
         note = Diagnostic(Location("--against", 0), "S120", f"'{options.against}': {text}")
         found = found._replace(notices=(*found.notices, note))
     return found._replace(label=options.against)
-
-
-def _revised_folder(text: str, repository: str, revision: str) -> str:
-    from msggen.sources.revision import kept_or_revised
-
-    package, folder = split_package(text)
-    return join_package(package, kept_or_revised(folder, repository, revision))
-
-
-def _bridge_in(folder: str, topics: str) -> File | str:
-    tree, name = open_tree(folder), os.path.basename(topics)
-    return File(tree.place(name), name, tree) if tree.is_file(name) else topics

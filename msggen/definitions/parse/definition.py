@@ -48,9 +48,10 @@ _SPACED_TYPE = re.compile(r"\s*([^\s\[\]]+)\s*\[([^\[\]]*)\]\s*(\S*)")
 _SPACED_LENGTH = re.compile(r"\s*(\S+)\s+(\w+)\[([^\[\]]*)\]")
 """The parts of such lines."""
 
-_FIELD_NAME = re.compile(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)*")
-_CONSTANT_NAME = re.compile(r"[A-Z][A-Z0-9]*(?:_[A-Z0-9]+)*")
-_TOPIC_NAME = re.compile(r"(?!.*__)[a-z][a-z0-9_]*")
+FIELD_NAME = re.compile(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)*")
+CONSTANT_NAME = re.compile(r"[A-Z][A-Z0-9]*(?:_[A-Z0-9]+)*")
+TOPIC_NAME = re.compile(r"(?!.*__)[a-z][a-z0-9_]*")
+"""The names of fields, constants and topics that ROS 2 and the firmware accept."""
 
 _FIELD_NAME_IN_PX4 = re.compile(r"[a-z][a-z0-9_]*")
 _TOPIC_NAME_IN_PX4 = re.compile(r"_?[a-z][a-z0-9_]*")
@@ -240,7 +241,7 @@ class _Body:
                 shown = f"'{name}'" if topic == name else f"'{name}' ('{topic}' in the firmware)"
                 if topic in _CPP_KEYWORDS:
                     self.error("M205", number, column, f"topic name {shown} {_IS_KEYWORD}")
-                elif not _TOPIC_NAME.fullmatch(topic):
+                elif not TOPIC_NAME.fullmatch(topic):
                     text = f"topic name {shown}: ROS 2 expects a letter first, and single underscores"
                     self.error("M205", number, column, text)
             column += len(name) + 1
@@ -298,7 +299,7 @@ class _Body:
 
     def _check_field_name(self, name: str, line: int, column: int, *, is_constant: bool) -> None:
         kind = "constant" if is_constant else "field"
-        pattern, wanted = (_CONSTANT_NAME, "UPPER_CASE") if is_constant else (_FIELD_NAME, "lower_case")
+        pattern, wanted = (CONSTANT_NAME, "UPPER_CASE") if is_constant else (FIELD_NAME, "lower_case")
         if not pattern.fullmatch(name):
             near = re.sub(r"[^a-z0-9]+", "_", re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()).strip("_")
             near = near.upper() if is_constant else near
