@@ -9,6 +9,7 @@ import math
 from collections.abc import Coroutine, Sequence
 from typing import Any, TypeVar
 
+from msggen.flight.answering import Check
 from msggen.flight.elsewhere import Hinted
 from msggen.flight.executor import Executor
 from msggen.flight.feeds import Condition
@@ -116,7 +117,7 @@ class FlightCalls(Waits):
         """See `Flight.wait_for_status`."""
         self._wait(self._own.wait_for_status(condition, seconds))
 
-    def add(self, *parts: type[Mode | Executor] | Mode | Executor) -> None:
+    def add(self, *parts: type[Mode | Executor | Check] | Mode | Executor | Check) -> None:
         """See `Flight.add`."""
         self._wait(self._own.add(*parts))
 

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 import msggen.flight
-from msggen.flight import BlockingFlight, Executor, Flight, FlightError, Mode
+from msggen.flight import BlockingFlight, Check, Executor, Flight, FlightError, Mode
 from msggen.flight.blocking import BlockingOffboard, BlockingTelemetry
 from msggen.flight.elsewhere import ATTRIBUTES, IMPORTED, Hinted, told
 from msggen.flight.offboard import Offboard
@@ -18,7 +18,7 @@ from msggen.flight.telemetry import Telemetry
 from support.flown import Flown, fly
 from support.repository import ROOT
 
-FACADES = (Flight, BlockingFlight, Mode, Executor, Offboard, BlockingOffboard, Telemetry, BlockingTelemetry)
+FACADES = (Flight, BlockingFlight, Mode, Executor, Check, Offboard, BlockingOffboard, Telemetry, BlockingTelemetry)
 PAGE = (ROOT / "docs" / "flight.md").read_text(encoding="utf-8")
 
 

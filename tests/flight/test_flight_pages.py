@@ -46,7 +46,7 @@ def test_the_programs_print_what_the_page_shows(
     monkeypatch.setattr(asyncio, "run", fly)
     names: dict[str, Any] = {}
     blocks = BLOCK.findall(TEXTS[page])
-    assert len(blocks) == {"flight": 7, "flight_safety": 1}[page]
+    assert len(blocks) == {"flight": 8, "flight_safety": 1}[page]
     for code, shown in blocks:
         names.pop("program", None)
         exec(code, names)  # noqa: S102 - the code of the page
