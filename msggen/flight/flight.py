@@ -20,7 +20,8 @@ from msggen.flight.limits import NO_LIMITS, Fence, Limits
 from msggen.flight.link import LinkConnection, Need, Which, connected
 from msggen.flight.mode import Mode
 from msggen.flight.offboard import Offboard, offboard
-from msggen.flight.registered import NEEDED, Part, Parts
+from msggen.flight.part import NEEDED, Part
+from msggen.flight.registered import Parts
 from msggen.flight.registration import Ids
 from msggen.flight.running_mode import ActiveMode
 from msggen.flight.space import Frame

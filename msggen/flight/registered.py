@@ -5,10 +5,10 @@ from __future__ import annotations
 import asyncio
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from logging import getLogger
-from typing import Any, Final, NamedTuple
+from typing import Any
 
 from msggen.flight.actions import Actions
 from msggen.flight.answering import Active, Answering, Check
@@ -20,18 +20,18 @@ from msggen.flight.errors import FlightError, NoAnswerError, RegistrationError, 
 from msggen.flight.executor import Executor
 from msggen.flight.feeds import Feeds
 from msggen.flight.limits import Fence
-from msggen.flight.link import LinkConnection, Need
+from msggen.flight.link import LinkConnection
 from msggen.flight.memory import Memory
 from msggen.flight.mode import Mode
 from msggen.flight.overrides import Overrides, check_overrides
-from msggen.flight.registration import ARMED, NONE, ArmedError, Ids, Registrar, Wanted
+from msggen.flight.part import Part, needed_topics
+from msggen.flight.registration import ARMED, NONE, ArmedError, Ids, Registrar
 from msggen.flight.restarts import Restarts
 from msggen.flight.resuming import FRESH, Resuming, is_asked
 from msggen.flight.running_executor import Charge
 from msggen.flight.running_mode import ActiveMode
 from msggen.flight.states import is_armed, is_disarmed, name_of
 from msggen.messages.commands import OF_EXECUTOR
-from msggen.messages.setpoints import SENT
 
 LOGGER = getLogger("msggen.flight")
 _READY = 1.0
@@ -41,61 +41,6 @@ _READ = 0.1
 _APART = 0.02
 """The time in s between two unregistrations: PX4's queue holds one, and PX4 reads it within 10 ms."""
 _AGAIN = 1.0
-_ALWAYS: Final = (
-    Need("in", "register_ext_component_request"),
-    Need("out", "register_ext_component_reply"),
-    Need("in", "unregister_ext_component"),
-    Need("out", "arming_check_request"),
-    Need("in", "arming_check_reply"),
-    Need("in", "mode_completed"),
-)
-_CONFIGURATION: Final = (
-    Need("in", "setpoint_config"),
-    Need("out", "setpoint_config_reply"),
-    Need("in", "config_control_setpoints"),
-)
-"""Needed as far as the release has them."""
-_OF_EXECUTORS: Final = Need("in", "vehicle_command_mode_executor")
-NEEDED: Final = (
-    *_ALWAYS,
-    *_CONFIGURATION,
-    _OF_EXECUTORS,
-    *(Need("in", kind.topic) for kind in SENT),
-)
-"""All topics that modes, executors and checks can need."""
-
-
-class Part(NamedTuple):
-    """A mode, and the executor that it belongs to, or a check."""
-
-    subject: Mode | Check
-    executor: Executor | None = None
-
-    @property
-    def wanted(self) -> Wanted:
-        """The registration to request."""
-        mode, executor = self.subject, self.executor
-        if isinstance(mode, Check):
-            return Wanted(mode.name, is_mode=False)
-        return Wanted(
-            mode.name,
-            executor=executor is not None,
-            replaces=mode.replaces,
-            is_immediate=executor is not None and executor.starts == "registered",
-            is_selectable=mode.is_selectable,
-        )
-
-
-def _needs_of(connection: Connection, parts: list[Part]) -> Iterator[Need]:
-    """Yield the topics that modes, executors and checks need."""
-    topics = Topics(connection.package)
-    yield from _ALWAYS
-    yield from (each for each in _CONFIGURATION if topics.has(*each))
-    modes = [part.subject for part in parts if isinstance(part.subject, Mode)]
-    for topic in {kind.topic for mode in modes for kind in mode.setpoints}:
-        yield Need("in", topic)
-    if any(part.executor is not None for part in parts):
-        yield _OF_EXECUTORS
 
 
 class Parts:
@@ -125,7 +70,7 @@ class Parts:
         for part in parts:
             self._check(part)
         if isinstance(self.connection, LinkConnection):
-            self.connection.check(_needs_of(self.connection, parts))
+            self.connection.check(needed_topics(self.connection, parts))
         added: list[Part] = []
         try:
             for part in parts:
