@@ -25,7 +25,8 @@ from msggen.doctor.observation import (
 from msggen.link.link import Client, Remote, Route, Statistics
 from msggen.messages.commands import ARM_DISARM, SET_MODE, TEMPORARILY_REJECTED
 from msggen.messages.names import uorb_name
-from msggen.messages.nav_states import ARMED, DISARMED, HOLD, LAND, OFFBOARD, ROTARY_WING
+from msggen.messages.nav_states import ARMED, DISARMED, HOLD, LAND, OFFBOARD
+from msggen.messages.vehicle_types import ROTARY_WING
 from msggen.vehicle.selection import Selection
 
 _NOW = 1_767_225_600_000_000_000  # 2026-01-01

@@ -13,9 +13,9 @@ from msggen.doctor.case import Case, matches
 from msggen.doctor.observation import InputSeen, VehicleSeen
 from msggen.link.link import Route
 from msggen.messages.names import uorb_name
-from msggen.messages.nav_states import ROTARY_WING
 from msggen.messages.setpoints import KINDS, SELECTORS, TRAJECTORY
 from msggen.messages.setpoints import OFFBOARD_CONTROL_MODE as MODE
+from msggen.messages.vehicle_types import ROTARY_WING
 
 Values: TypeAlias = Mapping[str, Any]
 
@@ -23,7 +23,7 @@ CONTROLS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {field: tuple(topic for kind in KINDS if field in kind.selectors for topic in kind.topics) for field in SELECTORS}
 )
 """The fields of OffboardControlMode, and the topics of their setpoints. PX4 takes the first field that is set."""
-SETPOINTS = tuple(topic for kind in KINDS for topic in kind.topics)
+SETPOINTS = tuple(topic for kind in KINDS if kind.selectors for topic in kind.topics)
 _OTHER_SETPOINTS = ("rover_", "fixed_wing_")
 """The starts of the names of setpoints whose choice depends on the type of the vehicle."""
 _EXTERNAL = "arming_check_reply"

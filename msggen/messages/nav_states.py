@@ -23,8 +23,6 @@ EXTERNAL: Final = range(23, 31)
 DISARMED: Final = 1
 ARMED: Final = 2
 """ARMING_STATE_* of VehicleStatus."""
-ROTARY_WING: Final = 1
-"""VEHICLE_TYPE_ROTARY_WING of VehicleStatus."""
 
 _MODES: Final[Mapping[int, tuple[str, str]]] = MappingProxyType(
     {

@@ -6,6 +6,8 @@ from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
+from msggen.messages.vehicle_types import ALL, FIXED_WING, ROTARY_WING, ROVER, UNSPECIFIED
+
 OFFBOARD_CONTROL_MODE: Final = "offboard_control_mode"
 """The topic of the message that selects a setpoint in Offboard mode."""
 SELECTORS: Final = (
@@ -20,6 +22,8 @@ SELECTORS: Final = (
 """The fields of OffboardControlMode. PX4 takes the first one that is set."""
 _ATTITUDE: Final = ("allocation", "rates", "attitude")
 _POSITION: Final = (*_ATTITUDE, "altitude", "climb_rate", "acceleration", "velocity", "position")
+_FLYING: Final = frozenset({ROTARY_WING, FIXED_WING})
+_DRIVING: Final = frozenset({ROVER})
 
 
 class Kind(NamedTuple):
@@ -31,11 +35,15 @@ class Kind(NamedTuple):
     topics: tuple[str, ...] = ()
     """The topics of its messages."""
     controls: tuple[str, ...] = ()
-    """What it controls on a multicopter: `flag_control_..._enabled` of VehicleControlMode."""
+    """What it controls: `flag_control_..._enabled` of VehicleControlMode."""
     selectors: tuple[str, ...] = ()
     """The fields of OffboardControlMode that select it."""
     rate: float = 0.0
     """How often a mode of `msggen.flight` sends it, in Hz. 0: it sends none."""
+    followed_by: frozenset[int] = ALL
+    """The types of vehicles that follow it in the mode of a program."""
+    accepted_by: frozenset[int] = ALL
+    """The types of vehicles for which PX4 v1.18 accepts its SetpointConfig."""
 
     @property
     def topic(self) -> str:
@@ -53,28 +61,82 @@ class Kind(NamedTuple):
         return requirements_of(self.controls)
 
 
-TRAJECTORY: Final = Kind("trajectory", 4, ("trajectory_setpoint",), _POSITION, SELECTORS[:3], 50.0)
-GOTO: Final = Kind("goto", 2, ("goto_setpoint",), _POSITION, SELECTORS[:1], 30.0)
-ATTITUDE: Final = Kind("attitude", 6, ("vehicle_attitude_setpoint",), _ATTITUDE, ("attitude",), 100.0)
-RATES: Final = Kind("rates", 5, ("vehicle_rates_setpoint",), _ATTITUDE[:2], ("body_rate",), 200.0)
+TRAJECTORY: Final = Kind(
+    "trajectory", 4, ("trajectory_setpoint",), _POSITION, SELECTORS[:3], 50.0, frozenset({ROTARY_WING})
+)
+GOTO: Final = Kind(
+    "goto",
+    2,
+    ("goto_setpoint",),
+    _POSITION,
+    SELECTORS[:1],
+    30.0,
+    frozenset({ROTARY_WING}),
+    frozenset({ROTARY_WING}),
+)
+ATTITUDE: Final = Kind("attitude", 6, ("vehicle_attitude_setpoint",), _ATTITUDE, ("attitude",), 100.0, _FLYING)
+RATES: Final = Kind("rates", 5, ("vehicle_rates_setpoint",), _ATTITUDE[:2], ("body_rate",), 200.0, _FLYING)
+FIXED_WING_KIND: Final = Kind(
+    "fixed wing",
+    3,
+    (
+        "fixed_wing_lateral_setpoint",
+        "fixed_wing_longitudinal_setpoint",
+        "lateral_control_configuration",
+        "longitudinal_control_configuration",
+    ),
+    _POSITION,
+    followed_by=frozenset({FIXED_WING}),
+    accepted_by=frozenset({FIXED_WING}),
+)
+
+
+def _rover(number: int, speed: str, turn: str, controls: tuple[str, ...]) -> Kind:
+    topics = f"rover_{speed}_setpoint", f"rover_{turn}_setpoint"
+    name = f"rover {speed} and {turn}"
+    return Kind(name, number, topics, controls, followed_by=_DRIVING, accepted_by=_DRIVING)
+
+
+ROVER_POSITION: Final = Kind(
+    "rover position",
+    7,
+    ("rover_position_setpoint",),
+    (*_ATTITUDE, "velocity", "position"),
+    followed_by=_DRIVING,
+    accepted_by=_DRIVING,
+)
+ROVER_KINDS: Final = (
+    ROVER_POSITION,
+    *(
+        _rover(first + index, speed, turn, (*controls, "velocity"))
+        for first, speed in ((8, "speed"), (11, "throttle"))
+        for index, (turn, controls) in enumerate(
+            (("attitude", _ATTITUDE), ("rate", _ATTITUDE[:2]), ("steering", _ATTITUDE[:1]))
+        )
+    ),
+)
+THRUST_AND_TORQUE: Final = Kind(
+    "thrust and torque",
+    15,
+    ("vehicle_thrust_setpoint", "vehicle_torque_setpoint"),
+    _ATTITUDE[:1],
+    ("thrust_and_torque",),
+    followed_by=_FLYING,
+)
+ACTUATORS: Final = Kind("direct actuators", 1, ("actuator_motors", "actuator_servos"), (), ("direct_actuator",))
 KINDS: Final = (
     TRAJECTORY,
     GOTO,
     ATTITUDE,
     RATES,
-    Kind(
-        "thrust and torque",
-        15,
-        ("vehicle_thrust_setpoint", "vehicle_torque_setpoint"),
-        _ATTITUDE[:1],
-        ("thrust_and_torque",),
-    ),
-    Kind("direct actuators", 1, ("actuator_motors", "actuator_servos"), (), ("direct_actuator",)),
-    Kind("position triplet", 16, (), (*_POSITION, "auto")),
+    THRUST_AND_TORQUE,
+    ACTUATORS,
+    Kind("position triplet", 16, (), (*_POSITION, "auto"), followed_by=frozenset()),
+    FIXED_WING_KIND,
+    *ROVER_KINDS,
+    Kind("6dof", 14, (), _POSITION, followed_by=frozenset(), accepted_by=frozenset({UNSPECIFIED})),
 )
-"""The kinds that a multicopter follows."""
-OF_OTHERS: Final = frozenset({3, *range(7, 15)})
-"""The types of fixed-wing aircraft, rovers and vehicles with six degrees of freedom."""
+"""All kinds. PX4 takes no position triplet and no 6dof trajectory from a program: their topics are not bridged."""
 BY_NUMBER: Final[Mapping[int, Kind]] = MappingProxyType({kind.number: kind for kind in KINDS})
 SENT: Final = tuple(kind for kind in KINDS if kind.rate)
 """The kinds that modes of `msggen.flight` send."""

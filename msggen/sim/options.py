@@ -20,6 +20,8 @@ class Options(NamedTuple):
     key: int = 1
     """The key of the client and the system id of the vehicle: UXRCE_DDS_KEY and MAV_SYS_ID, from 1 to 255."""
     namespace: str = ""
+    vehicle: str = "multicopter"
+    """The kind of vehicle: one of `AIRFRAMES` in msggen.sim.airframes."""
     rate: float | None = None
     """The rate in Hz at which all topics are published, None for the rate of each."""
     sync: Sync = "px4"

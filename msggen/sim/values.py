@@ -21,11 +21,11 @@ from msggen.messages.nav_states import (
     MANUAL,
     OFFBOARD,
     RETURN,
-    ROTARY_WING,
     STABILIZED,
     TAKEOFF,
     TERMINATION,
 )
+from msggen.messages.vehicle_types import ROTARY_WING
 from msggen.sim.battery import Battery
 from msggen.sim.commander.setpoint_types import ALL, Controls
 from msggen.sim.commander.states import PILOTED

@@ -9,7 +9,7 @@ import pytest
 
 from msggen.definitions.model import Message
 from msggen.flight.states import name_of
-from msggen.messages import commands, nav_states
+from msggen.messages import commands, nav_states, vehicle_types
 from msggen.messages.commands import RESULTS
 from msggen.messages.nav_states import MODE_CONSTANTS, MODE_NAMES, SELECTABLE, mode_number
 from msggen.sources.embedded import EMBEDDED
@@ -54,7 +54,13 @@ def test_every_mode_of_a_release_has_a_name(messages: Any) -> None:
 def test_vehicles_are_disarmed_and_armed_as_in_a_release(messages: Any) -> None:
     found = constants(messages["VehicleStatus"], "ARMING_STATE_")
     assert (found[nav_states.DISARMED], found[nav_states.ARMED]) == ("DISARMED", "ARMED")
-    assert constants(messages["VehicleStatus"], "VEHICLE_TYPE_")[nav_states.ROTARY_WING] == "ROTARY_WING"
+
+
+def test_the_types_of_vehicles_are_those_of_a_release(messages: Any) -> None:
+    found = constants(messages["VehicleStatus"], "VEHICLE_TYPE_")
+    named = (vehicle_types.ROTARY_WING, vehicle_types.FIXED_WING, vehicle_types.ROVER)
+    assert [found[number] for number in named] == ["ROTARY_WING", "FIXED_WING", "ROVER"]
+    assert found.keys() <= vehicle_types.ALL, "0 is unknown in v1.15"
 
 
 def test_the_newest_release_has_every_mode_and_command() -> None:

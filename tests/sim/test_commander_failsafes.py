@@ -336,9 +336,8 @@ def test_types_of_setpoints_and_what_they_require() -> None:
     driver.register("Own")
     results = {kind: driver.commander.configure(23, kind, is_applied=False) for kind in (*range(18), 99)}
     unknown = {0, 17, 99}
-    assert {kind for kind, (result, _) in results.items() if result == setpoints.UNSUPPORTED_TYPE} == {
-        *setpoints.OF_OTHERS
-    }
+    unsupported = {kind for kind, (result, _) in results.items() if result == setpoints.UNSUPPORTED_TYPE}
+    assert unsupported == {3, *range(7, 15)}
     assert {kind for kind, (result, _) in results.items() if result == setpoints.UNKNOWN_TYPE} == unknown
     assert results[1][1] == results[15][1] == set()
     assert results[2][1] == results[4][1] == results[16][1] == NEEDS

@@ -12,6 +12,7 @@ from typing import NamedTuple
 from msggen.messages import nav_states
 from msggen.messages.commands import ACCEPTED, EXECUTOR, TEMPORARILY_REJECTED
 from msggen.messages.setpoints import OTHER_FAILURE, SUCCESS, requirements_of
+from msggen.sim.airframes import AIRFRAMES, Airframe
 from msggen.sim.commander import failsafe, states
 from msggen.sim.commander.checks import Checks, Reply, Request
 from msggen.sim.commander.components import (
@@ -55,8 +56,13 @@ class Commander:
     It is one class: each step looks at mode, arming, failsafe and components together, in PX4's order.
     """
 
-    def __init__(self, rules: Rules, parameters: Mapping[str, float]) -> None:
+    def __init__(
+        self, rules: Rules, parameters: Mapping[str, float], airframe: Airframe = AIRFRAMES["multicopter"]
+    ) -> None:
         self.rules = rules
+        self.airframe = airframe
+        self.vehicle_type = airframe.vehicle_type
+        """That of VehicleStatus, which a VTOL changes in flight."""
         self.components = Components()
         self.checks = Checks(rules)
         self.failsafe = Failsafe(round(parameters["COM_FAIL_ACT_T"] * 1e6))
@@ -73,7 +79,7 @@ class Commander:
         """The requests to arming checks that were not yet taken."""
         self.completed: deque[int] = deque(maxlen=8)
         """The modes of PX4 that have reported their end and were not yet taken."""
-        self.requirements = Requirements()
+        self.requirements = Requirements(self.vehicle_type)
         self.senses = self._sensed = Senses()
         """What the vehicle knew of itself at the last look at what modes require, and what it knows now."""
         self.is_ready = True
@@ -154,7 +160,7 @@ class Commander:
         modes = self.components.modes
         replaced = {mode: own.replaces for mode, own in modes.items() if own.replaces is not None}
         registered = {each.mode for each in self.checks.registered.values()} & modes.keys()
-        self.requirements = Requirements(registered, self.checks.verdicts(), replaced)
+        self.requirements = Requirements(self.vehicle_type, registered, self.checks.verdicts(), replaced)
         self.is_ready = not self.missing
 
     def _decide(self) -> None:
@@ -273,7 +279,8 @@ class Commander:
         """Take a SetpointConfig. Return the result, and the requirements of the type."""
         if mode not in self.components.modes:
             return OTHER_FAILURE, frozenset()
-        result, controls = controls_of(kind)
+        is_both = self.airframe.is_vtol and self.rules.takes_both_of_vtol
+        result, controls = controls_of(kind, self.vehicle_type, is_vtol=is_both)
         if result == SUCCESS and is_applied:
             self._controls[mode] = controls
         return result, requirements_of(controls)

@@ -1,6 +1,6 @@
 """What modes need, and whether they can run.
 
-The masks of PX4's own modes are those that v1.18 reports of a multicopter in FailsafeFlags.
+The masks of PX4's own modes are those that v1.18 reports in FailsafeFlags.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from typing import Final, NamedTuple
 
 from msggen.messages.nav_states import EXTERNAL
 from msggen.messages.refusals import MEANINGS
+from msggen.messages.vehicle_types import FIXED_WING, ROTARY_WING, ROVER
 from msggen.sim.commander.checks import Reply
 
 OTHER: Final = "other"
@@ -37,6 +38,18 @@ OF_PX4: Mapping[str, int] = MappingProxyType(
     }
 )
 """The modes that have each requirement, as bits: `mode_req_...` of FailsafeFlags while no program has registered."""
+_OF_TYPES: Mapping[int, Mapping[str, int]] = MappingProxyType(
+    {
+        FIXED_WING: {
+            "local_position": 0x380000,
+            "local_position_relaxed": 0x4400FC,
+            "global_position": 0,
+            "global_position_relaxed": 0x38,
+        },
+        ROVER: {"local_position": 0x780038},
+    }
+)
+"""The masks that differ from them, by the type of the vehicle."""
 
 
 class Senses(NamedTuple):
@@ -67,15 +80,16 @@ class Requirements:
 
     def __init__(
         self,
+        vehicle_type: int = ROTARY_WING,
         registered: Collection[int] = (),
         verdicts: Iterable[tuple[int, Reply | None]] = (),
         replaced: Mapping[int, int] = MappingProxyType({}),
     ) -> None:
-        """Take the modes of programs, their replies, and the internal modes that they replace.
+        """Take the type of the vehicle, the modes of programs, their replies, and the internal modes that they replace.
 
         The reply is None if a mode does not answer, and the mode -1 if a check belongs to none.
         """
-        self.masks = dict(OF_PX4)
+        self.masks = {**OF_PX4, **_OF_TYPES.get(vehicle_type, {})}
         self._needed: dict[tuple[int, bool], tuple[str, ...]] = {}
         """The requirements of modes that have been asked for."""
         self._missing: dict[tuple[int, bool], tuple[Senses, tuple[str, ...]]] = {}

@@ -22,6 +22,8 @@ class Rules(NamedTuple):
     Without that, it selects the mode that was selected last and allows arming."""
     configures_setpoints: bool = True
     """Whether SetpointConfig sets the type of a mode's setpoints. Otherwise, VehicleControlMode does."""
+    takes_both_of_vtol: bool = False
+    """Whether a VTOL accepts fixed-wing setpoints also while it hovers, as v1.18 has since September 2026."""
     api_version: int = 2
     """The version of the interface that replies carry: LATEST_PX4_ROS2_API_VERSION."""
 

@@ -1,0 +1,46 @@
+"""The kinds of vehicles that are simulated, as the airframes of PX4's own simulator (SIH)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Final, NamedTuple
+
+from msggen.base.diagnostics import suggestion
+from msggen.messages.vehicle_types import FIXED_WING, ROTARY_WING, ROVER
+
+
+class Airframe(NamedTuple):
+    """A kind of vehicle."""
+
+    vehicle_type: int
+    """That of VehicleStatus on the ground."""
+    system_type: int
+    """MAV_TYPE."""
+    parts: Sequence[str] = ()
+    """The parts that PX4's simulator has for it: those of `PARTS`."""
+    parameters: Mapping[str, float] = MappingProxyType({})
+    """The defaults that differ from those of a multicopter."""
+    is_vtol: bool = False
+    is_tailsitter: bool = False
+
+
+_WINGS: Final = {"COM_DISARM_PRFLT": -1.0, "MIS_TAKEOFF_ALT": 25.0, "RTL_TYPE": 1.0}
+AIRFRAMES: Mapping[str, Airframe] = MappingProxyType(
+    {
+        "multicopter": Airframe(ROTARY_WING, 2),
+        "plane": Airframe(FIXED_WING, 1, ("airspeed",), _WINGS),
+        "vtol": Airframe(ROTARY_WING, 22, ("airspeed", "vtol"), is_vtol=True),
+        "tailsitter": Airframe(ROTARY_WING, 20, ("vtol",), is_vtol=True, is_tailsitter=True),
+        "rover": Airframe(ROVER, 10),
+        "differential": Airframe(ROVER, 10),
+    }
+)
+"""Those of `msggen sim --vehicle`."""
+
+
+def airframe_of(name: str) -> Airframe:
+    """Return an airframe by its name. Raises ValueError for another one."""
+    if name not in AIRFRAMES:
+        raise ValueError(f"no vehicle '{name}'{suggestion(name, AIRFRAMES)}: there are {', '.join(AIRFRAMES)}")
+    return AIRFRAMES[name]
