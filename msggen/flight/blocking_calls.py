@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 
 from msggen.flight.answering import Check
 from msggen.flight.elsewhere import Hinted
+from msggen.flight.equipment import Airspeed, Sticks, VehicleKind, Vtol, Wind
 from msggen.flight.executor import Executor
 from msggen.flight.feeds import Condition
 from msggen.flight.flight import Flight
@@ -156,6 +157,26 @@ class TelemetryCalls(Waits):
     def land(self) -> Land:
         """See `Telemetry.land`."""
         return self._wait(self._own.land())
+
+    def sticks(self) -> Sticks:
+        """See `Telemetry.sticks`."""
+        return self._wait(self._own.sticks())
+
+    def airspeed(self) -> Airspeed:
+        """See `Telemetry.airspeed`."""
+        return self._wait(self._own.airspeed())
+
+    def wind(self) -> Wind:
+        """See `Telemetry.wind`."""
+        return self._wait(self._own.wind())
+
+    def vtol(self) -> Vtol:
+        """See `Telemetry.vtol`."""
+        return self._wait(self._own.vtol())
+
+    def vehicle(self) -> VehicleKind:
+        """See `Telemetry.vehicle`."""
+        return self._wait(self._own.vehicle())
 
 
 class OffboardCalls(Waits):

@@ -19,7 +19,7 @@ from msggen.flight.places import GlobalPlace, check_within, local_place
 from msggen.flight.requirements import Requirement, named
 from msggen.flight.setpoints import finite
 from msggen.flight.space import Frame, Vector, heading_of, turned, turned_heading, wrapped
-from msggen.flight.telemetry import is_estimate, is_landed, no_estimate, valid_estimate
+from msggen.flight.telemetry import Telemetry, is_estimate, is_landed, no_estimate, valid_estimate
 from msggen.flight.trajectory import Steered, Trajectory
 from msggen.flight.usage import LOCAL, explained
 from msggen.messages.setpoints import ATTITUDE, GOTO, RATES, TRAJECTORY, Kind
@@ -87,6 +87,11 @@ class Mode(Answering, Steered):
         raise NotImplementedError
 
     # Where the vehicle is
+
+    @property
+    def telemetry(self) -> Telemetry:
+        """The telemetry of the vehicle, such as `await self.telemetry.sticks()`. Its places are in NED."""
+        return Telemetry(self._own.feeds)
 
     async def position(self) -> Vector:
         """Return the place of the vehicle in m, relative to the origin of its local frame. Raises NoAnswerError."""

@@ -82,6 +82,8 @@ def test_what_people_type_is_told(px4_types: Any) -> None:
             ("return_to_launch", "in msggen, it is `return_home`"),
             ("telemetry.position", "`await global_position()` or `await local_position()`"),
             ("action.arm", "a method of the flight: `await flight.arm()`"),
+            ("telemetry.subscribe_battery", "for each message: `flight.feeds[topic].call(function)`"),
+            ("arm_async", "in msggen, it is `await arm(...)`"),
             ("takeof", "did you mean 'takeoff'"),
             ("telemetry.batery", "did you mean 'battery'"),
         ):
