@@ -47,7 +47,7 @@ class Problem:
 
     A ground station shows a text only if its event metadata contains the id of `event`.
 
-    Raises TypeError and ValueError for arguments that an event cannot have.
+    Raises TypeError and ValueError for what an event cannot have.
     """
 
     event: str
@@ -59,6 +59,11 @@ class Problem:
     component."""
 
     def __post_init__(self) -> None:
+        if not isinstance(self.event, str):
+            raise TypeError(f'expected the name of an event, such as "my_mode_no_target", got {self.event!r}')
+        if not isinstance(self.severity, Severity):
+            raise TypeError(f"expected a Severity, such as Severity.WARNING, got {self.severity!r}")
+        event_id(self.event)
         packed(self.arguments)
 
     @property
@@ -173,9 +178,9 @@ class Answers:
             request_id=number,
             registration_id=check,
             health_component_index=health.component,
-            health_component_is_present=health.is_present,
-            health_component_warning=health.has_warning,
-            health_component_error=health.has_error,
+            health_component_is_present=bool(health.is_present),
+            health_component_warning=bool(health.has_warning),
+            health_component_error=bool(health.has_error),
             can_arm_and_run=found.can_run and not found.problems,
             num_events=len(events),
             **dict.fromkeys(found.requires.fields, True),

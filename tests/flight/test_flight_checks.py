@@ -76,7 +76,7 @@ def test_after_it_was_added_a_check_that_has_no_problem_lets_the_vehicle_arm_at_
     doors.is_open = False
 
     async def program(flight: Flight, _: Flown) -> None:
-        await flight.add(doors, Short)
+        await flight.add(doors)
         await flight.arm()
 
     fly(types, program)
@@ -357,16 +357,15 @@ def test_a_check_cannot_be_flown(px4_types: Any) -> None:
     assert not doors.is_registered
 
 
-@pytest.mark.parametrize("base", [Doors, Short])
 @pytest.mark.parametrize(
-    ("method", "found"),
+    ("base", "method", "found"),
     [
-        ("problems", None),
-        ("problems", "doors_open"),
-        ("problems", Problem("doors_open")),
-        ("problems", ["doors_open"]),
-        ("health", "payload"),
-        ("health", Component.PAYLOAD),
+        (Doors, "problems", None),
+        (Short, "problems", "doors_open"),
+        (Doors, "problems", Problem("doors_open")),
+        (Short, "problems", ["doors_open"]),
+        (Doors, "health", "payload"),
+        (Short, "health", Component.PAYLOAD),
     ],
 )
 def test_an_answer_of_the_wrong_type_is_told_once_and_does_not_end_the_replies(
@@ -435,6 +434,20 @@ def test_a_reply_has_the_health_and_the_arguments(types: Any) -> None:
 def test_an_argument_that_an_event_cannot_have_is_an_error_where_it_is_written(arguments: Any, text: str) -> None:
     with pytest.raises((ValueError, TypeError), match=text):
         Problem("doors_open", Severity.ERROR, arguments)
+
+
+@pytest.mark.parametrize(
+    ("values", "text"),
+    [
+        ((3,), 'expected the name of an event, such as "my_mode_no_target", got 3'),
+        (("doors_open", "error"), "expected a Severity, such as Severity.WARNING, got 'error'"),
+        (("doors_open", 3), "expected a Severity"),
+        (("doors_\ud800",), "surrogates not allowed"),
+    ],
+)
+def test_a_problem_that_cannot_be_sent_is_an_error_where_it_is_written(values: Any, text: str) -> None:
+    with pytest.raises((ValueError, TypeError), match=text):
+        Problem(*values)
 
 
 def _ranged(kind: str) -> st.SearchStrategy[tuple[str, int]]:
